@@ -1,0 +1,1 @@
+"""NeNa demo: starts the whole stack on one machine and runs the main job."""

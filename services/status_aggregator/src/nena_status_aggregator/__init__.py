@@ -1,0 +1,1 @@
+"""NeNa status aggregator: fleet state, Prometheus metrics and control panel."""
