@@ -1,0 +1,197 @@
+"""Settings of every NeNa program: command line over environment over TOML file over defaults.
+
+Each program has one settings model, a subclass of :class:`ServiceSettings`. Environment variables are
+called ``NENA_<FIELD>``, with two underscores between the levels (``NENA_MQTT__HOST``); options are called
+like the fields (``--mqtt.host``). A setting that nobody knows is an error, so that a spelling mistake is
+found at the start and not at night.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, SecretStr, ValidationError
+from pydantic_settings import (
+    BaseSettings,
+    CliSettingsSource,
+    EnvSettingsSource,
+    PydanticBaseSettingsSource,
+    SettingsConfigDict,
+    SettingsError,
+)
+
+S = TypeVar("S", bound="ServiceSettings")
+
+
+class ConfigurationError(Exception):
+    """The settings do not make a program; ``problems`` says what to change, a line each."""
+
+    def __init__(self, problems: Sequence[str]) -> None:
+        super().__init__("; ".join(problems))
+        self.problems = tuple(problems)
+
+
+def _no_separator(prefix: str) -> str:
+    if prefix.startswith("/") or prefix.endswith("/") or any(sign in prefix for sign in "+#"):
+        message = "a topic prefix neither starts nor ends with '/', and holds no '+' or '#'"
+        raise ValueError(message)
+    return prefix
+
+
+TopicPrefix = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_no_separator)]
+
+
+class SettingsGroup(BaseModel):
+    """A table of settings; unknown names are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class MqttSettings(SettingsGroup):
+    """Where the broker is, and how much may wait on the way to it."""
+
+    host: str = Field("127.0.0.1", description="Name or address of the MQTT broker.")
+    port: int = Field(1883, ge=1, le=65535, description="TCP port of the MQTT broker.")
+    username: str | None = Field(None, description="User name for the broker; none: anonymous.")
+    password: SecretStr | None = Field(None, description="Password for the broker. Better by environment.")
+    password_file: Path | None = Field(None, description="File that holds the password for the broker.")
+    client_id: str | None = Field(None, description="MQTT client id; none: made from the program's role.")
+    keep_alive: int = Field(15, ge=2, le=600, description="Seconds between signs of life to the broker.")
+    reconnect_min: float = Field(0.2, gt=0, description="Seconds before the first new try to connect.")
+    reconnect_max: float = Field(10.0, gt=0, description="Longest pause between tries to connect, seconds.")
+    outgoing_limit: int = Field(
+        1000, ge=1, description="Messages that may wait for the broker; above that the oldest is dropped."
+    )
+    incoming_limit: int = Field(
+        10_000, ge=1, description="Messages that may wait for this program; above that new ones are dropped."
+    )
+
+    def secret(self) -> str | None:
+        """Give the password, from the file where one is named.
+
+        Raises:
+            ConfigurationError: the file cannot be read.
+
+        """
+        if self.password_file is None:
+            return self.password.get_secret_value() if self.password else None
+        try:
+            return self.password_file.read_text(encoding="utf-8").strip()
+        except OSError as error:
+            raise ConfigurationError([f"mqtt.password_file: {error}"]) from error
+
+
+class LogSettings(SettingsGroup):
+    """What is logged, and in which form."""
+
+    level: Literal["debug", "info", "warning", "error"] = Field("info", description="Least level logged.")
+    form: Literal["text", "json"] = Field("text", description="Lines for people, or JSON for machines.")
+
+
+class HttpSettings(SettingsGroup):
+    """Where an HTTP service listens."""
+
+    host: str = Field("127.0.0.1", description="Address to listen on; loopback unless you protect it.")
+    port: int = Field(ge=0, le=65535, description="TCP port to listen on; 0 takes a free one.")
+
+
+class ServiceSettings(BaseSettings):
+    """What every program can be told."""
+
+    model_config = SettingsConfigDict(
+        env_prefix="NENA_",
+        env_nested_delimiter="__",
+        nested_model_default_partial_update=True,
+        extra="forbid",
+        frozen=True,
+        validate_default=True,
+    )
+
+    mqtt: MqttSettings = Field(default_factory=MqttSettings, description="The MQTT broker.")
+    log: LogSettings = Field(default_factory=LogSettings, description="Logging.")
+
+    @classmethod
+    def settings_customise_sources(
+        cls,
+        settings_cls: type[BaseSettings],  # noqa: ARG003 - the name is the library's
+        init_settings: PydanticBaseSettingsSource,
+        env_settings: PydanticBaseSettingsSource,  # noqa: ARG003
+        dotenv_settings: PydanticBaseSettingsSource,  # noqa: ARG003
+        file_secret_settings: PydanticBaseSettingsSource,  # noqa: ARG003
+    ) -> tuple[PydanticBaseSettingsSource, ...]:
+        """Take only what is given: :func:`load` alone looks at the command line and the environment."""
+        return (init_settings,)
+
+
+def load(model: type[S], argv: Sequence[str], *, program: str, description: str) -> S:
+    """Read the settings of ``program`` from the command line, the environment and its file.
+
+    Ends the process with the usual status and text for ``--help`` and an unknown option, as argparse does.
+
+    Raises:
+        ConfigurationError: a file cannot be read or a value does not fit; names the setting and the reason.
+
+    """
+    parser = argparse.ArgumentParser(
+        prog=program,
+        description=description,
+        epilog="Every setting can also stand in the TOML file, or in the environment as NENA_<SETTING>, "
+        "with two underscores for each dot: NENA_MQTT__HOST=broker.example",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--config", metavar="FILE", type=Path, help="TOML file with settings")
+    chosen, _ = _config_only_parser().parse_known_args(list(argv))
+    from_file = _read_file(chosen.config) if chosen.config else {}
+    command_line = CliSettingsSource[argparse.ArgumentParser](
+        model,
+        root_parser=parser,
+        cli_parse_args=list(argv),
+        cli_hide_none_type=True,
+        cli_avoid_json=True,
+        cli_implicit_flags=True,
+    )
+    return _build(model, command_line, from_file)
+
+
+def _config_only_parser() -> argparse.ArgumentParser:
+    """Make a parser that sees nothing but ``--config``, so that the file can be read before the rest."""
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--config", type=Path)
+    return parser
+
+
+def _read_file(path: Path) -> dict[str, Any]:
+    try:
+        with path.open("rb") as file:
+            return tomllib.load(file)
+    except OSError as error:
+        raise ConfigurationError([f"cannot read the settings file {path}: {error.strerror}"]) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigurationError([f"{path} is not TOML: {error}"]) from error
+
+
+def _build(model: type[S], command_line: PydanticBaseSettingsSource, from_file: dict[str, Any]) -> S:
+    try:
+        return model(**_merged(_merged(from_file, EnvSettingsSource(model)()), command_line()))
+    except ValidationError as error:
+        raise ConfigurationError(_problems(error)) from error
+    except SettingsError as error:
+        raise ConfigurationError([str(error)]) from error
+
+
+def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """Lay ``above`` over ``below``, table by table."""
+    result = dict(below)
+    for name, value in above.items():
+        old = result.get(name)
+        result[name] = _merged(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
+    return result
+
+
+def _problems(error: ValidationError) -> list[str]:
+    return [f"{'.'.join(str(part) for part in item['loc'])}: {item['msg']}" for item in error.errors()]

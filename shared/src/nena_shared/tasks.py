@@ -1,0 +1,100 @@
+"""Supervised tasks: each has a name, and none of them ends unseen."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from collections.abc import Awaitable, Callable, Coroutine
+from types import TracebackType
+from typing import Any, Self
+
+from nena_shared.log import get_logger
+
+log = get_logger(__name__)
+
+
+class TaskFailedError(Exception):
+    """A task that the program cannot do without has ended."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"task '{name}' has ended")
+        self.name = name
+
+
+class Supervisor:
+    """Runs the tasks of one program and ends them together.
+
+    A *vital* task that fails or ends ends the program: :meth:`wait` then raises :class:`TaskFailedError`.
+    A task that is started again after a failure is the caller's choice, see :func:`forever`.
+    """
+
+    def __init__(self) -> None:
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._failed: asyncio.Future[str] | None = None
+
+    async def __aenter__(self) -> Self:
+        """Begin; tasks may be started from now on."""
+        self._failed = asyncio.get_running_loop().create_future()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Cancel what still runs and wait for its end."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def start(self, name: str, work: Coroutine[Any, Any, None], *, vital: bool = True) -> asyncio.Task[None]:
+        """Run ``work`` under ``name``."""
+        task = asyncio.create_task(work, name=name)
+        self._tasks.add(task)
+        task.add_done_callback(lambda ended: self._ended(ended, vital=vital))
+        return task
+
+    def _ended(self, task: asyncio.Task[None], *, vital: bool) -> None:
+        self._tasks.discard(task)
+        if task.cancelled():
+            return
+        error = task.exception()
+        if error is not None:
+            log.error("task failed", task=task.get_name(), exc_info=error)
+        if vital and self._failed is not None and not self._failed.done():
+            self._failed.set_result(task.get_name())
+
+    async def wait(self, stop: asyncio.Event) -> None:
+        """Wait until ``stop`` is set.
+
+        Raises:
+            TaskFailedError: a vital task ended before that.
+
+        """
+        failed = self._failed
+        if failed is None:
+            message = "enter the supervisor before waiting on it"
+            raise RuntimeError(message)
+        stopping = asyncio.create_task(stop.wait(), name="wait for stop")
+        both: set[asyncio.Future[Any]] = {stopping, failed}
+        try:
+            await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            stopping.cancel()
+        if failed.done():
+            raise TaskFailedError(failed.result())
+
+
+async def forever(name: str, work: Callable[[], Awaitable[None]], *, pause: float = 1.0) -> None:
+    """Do ``work`` again and again; a failure is logged and answered with a pause, in seconds."""
+    while True:
+        try:
+            await work()
+        except Exception:
+            log.exception("task goes on after a failure", task=name, pause=pause)
+            await asyncio.sleep(pause)
+
+
+def stop_on_signals(stop: asyncio.Event) -> None:
+    """Let SIGINT and SIGTERM set ``stop``, so that a program ends in order."""
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop.set)
