@@ -1,0 +1,255 @@
+"""A program's one connection to the broker: connects, subscribes, reconnects, and never blocks the caller."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import socket
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import aiomqtt
+
+from nena_shared.log import get_logger
+from nena_shared.mqtt.message import Inbound, Outbound
+from nena_shared.mqtt.topic_filter import matches
+from nena_shared.settings import MqttSettings
+
+log = get_logger(__name__)
+
+Handler = Callable[[Inbound], None]
+
+CONNECT_TIMEOUT = 10.0
+"""Seconds that a broker has to answer CONNECT or SUBSCRIBE."""
+
+REFUSED = 128
+"""Return code from which a SUBACK means refusal (MQTT 3.1.1 section 3.9.3)."""
+
+IN_FLIGHT_LIMIT = 200
+"""Messages of QoS 1 that may be without the broker's answer at the same time."""
+
+
+@dataclass(slots=True)
+class LinkState:
+    """What a program tells about its link, in health checks and metrics."""
+
+    connected: bool = False
+    connects: int = 0
+    received: int = 0
+    published: int = 0
+    dropped: int = 0
+    handler_failures: int = 0
+    last_error: str = ""
+
+
+@dataclass(slots=True)
+class _Subscription:
+    topic_filter: str
+    handler: Handler
+    qos: int
+
+
+@dataclass(slots=True)
+class _Session:
+    """What belongs to one connection and ends with it."""
+
+    client: aiomqtt.Client
+    deliveries: dict[asyncio.Task[None], Outbound] = field(default_factory=dict)
+
+
+class MqttLink:
+    """Publishes and receives for one program; every method is for the event loop's thread.
+
+    Sessions are clean on purpose: what was missed while the link was down is answered by the protocols above
+    (retained messages, states in full, orders resent until a state echoes them), never by a broker's queue of
+    old commands. Messages to publish wait in a bounded outbox while the link is down; when it is full the
+    oldest is dropped and counted. Those with ``keep=False`` do not wait at all.
+    """
+
+    def __init__(
+        self,
+        settings: MqttSettings,
+        *,
+        client_id: str,
+        will: Callable[[], Outbound] | None = None,
+        on_connected: Callable[[], Iterable[Outbound]] = tuple,
+        on_lost: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Prepare the link; nothing is connected before :meth:`run`.
+
+        Args:
+            settings: where the broker is, and limits.
+            client_id: MQTT client id unless the settings give one; unique per program at the broker.
+            will: makes the last will, at each connect.
+            on_connected: gives what is published first, before the subscriptions are made.
+            on_lost: is told when a connection that stood has gone.
+
+        """
+        self._settings = settings
+        self._client_id = settings.client_id or client_id
+        self._will = will
+        self._on_connected = on_connected
+        self._on_lost = on_lost
+        self._subscriptions: list[_Subscription] = []
+        self._outbox: deque[Outbound] = deque()
+        self._session: _Session | None = None
+        self._handlers = lru_cache(maxsize=10_000)(self._matching_handlers)
+        self.state = LinkState()
+
+    def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1) -> None:
+        """Have ``handler`` called for each message under ``topic_filter``, from the next connect on."""
+        self._subscriptions.append(_Subscription(topic_filter, handler, qos))
+        self._handlers.cache_clear()
+
+    def publish(self, message: Outbound) -> None:
+        """Send ``message`` now, or when the link stands again if it is to be kept."""
+        if self._session and len(self._session.deliveries) < IN_FLIGHT_LIMIT and not self._outbox:
+            self._deliver(self._session, message)
+        elif self._session or message.keep:
+            self._put_aside(message)
+        else:
+            self.state.dropped += 1
+
+    async def run(self) -> None:
+        """Keep the link up until cancelled; a refused or broken connection is tried again, with pauses."""
+        pause = self._settings.reconnect_min
+        while True:
+            connects = self.state.connects
+            try:
+                await self._serve()
+            except (aiomqtt.MqttError, OSError) as error:
+                self._tell_failure(error)
+            if self.state.connects > connects:
+                pause = self._settings.reconnect_min
+            await asyncio.sleep(pause)
+            pause = min(pause * 2, self._settings.reconnect_max)
+
+    async def drain(self, seconds: float) -> bool:
+        """Wait at most ``seconds`` until the broker has all that was published; tell whether it has."""
+        try:
+            async with asyncio.timeout(seconds):
+                while self._session and (self._outbox or self._session.deliveries):
+                    await asyncio.wait(set(self._session.deliveries), return_when=asyncio.FIRST_COMPLETED)
+        except TimeoutError:
+            return False
+        return self._session is not None
+
+    async def _serve(self) -> None:
+        async with self._make_client() as client:
+            session = _Session(client)
+            try:
+                await self._greet(session)
+                async for message in client.messages:
+                    self._receive(message)
+            finally:
+                self._leave(session)
+
+    def _make_client(self) -> aiomqtt.Client:
+        will = self._will() if self._will else None
+        client = aiomqtt.Client(
+            self._settings.host,
+            self._settings.port,
+            username=self._settings.username,
+            password=self._settings.secret(),
+            identifier=self._client_id,
+            keepalive=self._settings.keep_alive,
+            clean_session=True,
+            timeout=CONNECT_TIMEOUT,
+            will=aiomqtt.Will(will.topic, will.payload, will.qos, will.retain) if will else None,
+            max_queued_incoming_messages=self._settings.incoming_limit,
+            max_inflight_messages=IN_FLIGHT_LIMIT,
+            # without it, steady small messages wait up to 44 ms for each other
+            socket_options=[(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)],
+        )
+        client.pending_calls_threshold = IN_FLIGHT_LIMIT
+        return client
+
+    async def _greet(self, session: _Session) -> None:
+        """Publish what comes first, subscribe, then let the outbox go."""
+        for first in self._on_connected():
+            self._deliver(session, first)
+        await self._subscribe(session.client)
+        self._session = session
+        self.state.connected = True
+        self.state.connects += 1
+        log.info("broker connected", host=self._settings.host, port=self._settings.port)
+        self._refill()
+
+    async def _subscribe(self, client: aiomqtt.Client) -> None:
+        if not self._subscriptions:
+            return
+        granted = await client.subscribe([(each.topic_filter, each.qos) for each in self._subscriptions])
+        for each, code in zip(self._subscriptions, granted, strict=True):
+            if int(getattr(code, "value", code)) >= REFUSED:
+                log.error(
+                    "the broker refuses a subscription; look at its access list", topic=each.topic_filter
+                )
+
+    def _leave(self, session: _Session) -> None:
+        """Take back what the broker has not confirmed, in its old order, before what waits already."""
+        unsent = [message for message in session.deliveries.values() if message.keep]
+        for task in session.deliveries:
+            task.cancel()
+        session.deliveries.clear()
+        self._outbox.extendleft(reversed(unsent))
+        while len(self._outbox) > self._settings.outgoing_limit:
+            self._outbox.popleft()
+            self.state.dropped += 1
+        if self._session is session:
+            self._session = None
+            self.state.connected = False
+            self._on_lost()
+
+    def _receive(self, message: aiomqtt.Message) -> None:
+        self.state.received += 1
+        topic = message.topic.value
+        inbound = Inbound(topic, bytes(message.payload), message.retain)
+        for handler in self._handlers(topic):
+            try:
+                handler(inbound)
+            except Exception:
+                self.state.handler_failures += 1
+                log.exception("a message was not handled", topic=topic, size=len(inbound.payload))
+
+    def _matching_handlers(self, topic: str) -> tuple[Handler, ...]:
+        return tuple(each.handler for each in self._subscriptions if matches(each.topic_filter, topic))
+
+    def _put_aside(self, message: Outbound) -> None:
+        if len(self._outbox) >= self._settings.outgoing_limit:
+            self._outbox.popleft()
+            self.state.dropped += 1
+        self._outbox.append(message)
+
+    def _deliver(self, session: _Session, message: Outbound) -> None:
+        name = f"publish {message.topic}"
+        task = asyncio.create_task(self._publish(session.client, message), name=name)
+        session.deliveries[task] = message
+        task.add_done_callback(lambda done: self._delivered(session, done))
+
+    async def _publish(self, client: aiomqtt.Client, message: Outbound) -> None:
+        await client.publish(message.topic, message.payload, message.qos, message.retain, timeout=math.inf)
+
+    def _delivered(self, session: _Session, task: asyncio.Task[None]) -> None:
+        if task.cancelled() or task.exception() is not None:
+            return  # the connection is about to end: what stays in `deliveries` is taken back then
+        session.deliveries.pop(task, None)
+        self.state.published += 1
+        self._refill()
+
+    def _refill(self) -> None:
+        session = self._session
+        while session and self._outbox and len(session.deliveries) < IN_FLIGHT_LIMIT:
+            self._deliver(session, self._outbox.popleft())
+
+    def _tell_failure(self, error: Exception) -> None:
+        text = str(error) or type(error).__name__
+        if text != self.state.last_error or self.state.connects == 0:
+            log.warning(
+                "broker not reached, trying on",
+                host=self._settings.host,
+                port=self._settings.port,
+                reason=text,
+            )
+        self.state.last_error = text

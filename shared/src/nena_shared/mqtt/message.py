@@ -1,0 +1,27 @@
+"""What goes over an MQTT link."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Inbound:
+    """A message that the broker delivered."""
+
+    topic: str
+    payload: bytes
+    retained: bool
+    """True when the broker had kept it from before the subscription."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outbound:
+    """A message to publish."""
+
+    topic: str
+    payload: bytes
+    qos: int = 1
+    retain: bool = False
+    keep: bool = True
+    """Whether it waits for the link and is sent again after a break, or is only sent while the link stands."""
