@@ -1,0 +1,185 @@
+"""What tests need of ROS: a domain of their own, a node spun in a thread, waiting with a bound.
+
+Importing this module sets up the process for ROS tests: discovery stays on this machine, no shared memory
+(a killed process would leave zombies in it), and a number of the wrong type in a message is an error.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import random
+import shutil
+import socket
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Generic, Self, TypeVar
+
+ROS_ENVIRONMENT = {
+    "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
+    "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    "ROS_PYTHON_CHECK_FIELDS": "1",
+}
+"""For this process and for every process that a test starts (``os.environ`` already holds it)."""
+
+os.environ.update(ROS_ENVIRONMENT)
+if "ROS_LOG_DIR" not in os.environ:
+    _log_dir = tempfile.mkdtemp(prefix="nena-test-ros-log-")
+    os.environ["ROS_LOG_DIR"] = _log_dir
+    atexit.register(shutil.rmtree, _log_dir, ignore_errors=True)
+
+import rclpy  # noqa: E402 - the environment comes first
+from rclpy.context import Context  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
+from rclpy.signals import SignalHandlerOptions  # noqa: E402
+
+T = TypeVar("T")
+
+LATCHED = QoSProfile(
+    depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def wait_until(condition: Callable[[], bool], *, timeout: float = 10.0, what: str = "the condition") -> None:
+    """Look at ``condition`` every 10 ms until it holds; AssertionError after ``timeout`` seconds."""
+    never = threading.Event()
+    for _ in range(int(timeout * 100)):
+        if condition():
+            return
+        never.wait(0.01)
+    assert condition(), f"{what} did not come true in {timeout} s"
+
+
+@contextmanager
+def own_domain_id() -> Iterator[int]:
+    """Reserve a ROS domain id that no other test on this machine uses at the same time.
+
+    The reservation is an abstract socket name: it ends with the process, whatever happens to it.
+    The ids 1 to 101 stay clear of the ephemeral ports of Linux.
+    """
+    for domain_id in random.SystemRandom().sample(range(1, 102), 101):
+        lock = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        try:
+            lock.bind(f"\0nena-test-ros-domain-{domain_id}")
+        except OSError:
+            lock.close()
+            continue
+        with lock:
+            yield domain_id
+        return
+    message = "all ROS domain ids for tests are in use"
+    raise RuntimeError(message)
+
+
+class Inbox(Generic[T]):
+    """The messages of one topic in the order of arrival, filled by the ROS thread."""
+
+    def __init__(self) -> None:
+        self._messages: list[T] = []
+        self._changed = threading.Condition()
+
+    def add(self, message: T) -> None:
+        with self._changed:
+            self._messages.append(message)
+            self._changed.notify_all()
+
+    @property
+    def messages(self) -> list[T]:
+        with self._changed:
+            return list(self._messages)
+
+    def clear(self) -> None:
+        with self._changed:
+            self._messages.clear()
+
+    def wait_for(
+        self, accept: Callable[[T], bool] = lambda _: True, *, timeout: float = 10.0, what: str = ""
+    ) -> T:
+        """Give the first message (also an earlier one) that ``accept`` takes; AssertionError in the end."""
+        seen = 0
+
+        def found() -> list[T]:
+            nonlocal seen
+            fresh, seen = self._messages[seen:], len(self._messages)
+            return [message for message in fresh if accept(message)]
+
+        with self._changed:
+            matches = self._changed.wait_for(found, timeout)
+        assert matches, f"no {what or 'matching message'} in {timeout} s; came: {self.messages[-5:]}"
+        return matches[0]
+
+    def stays_silent(self, seconds: float) -> bool:
+        """Tell whether nothing new arrives for ``seconds``."""
+        with self._changed:
+            before = len(self._messages)
+            return not self._changed.wait_for(lambda: len(self._messages) > before, seconds)
+
+
+class RosPeer:
+    """A node of the test's own in a given domain, spun by a thread of its own; a context manager closes it."""
+
+    def __init__(self, domain_id: int, namespace: str = "", name: str = "test_peer") -> None:
+        self.context = Context()
+        rclpy.init(
+            args=[],
+            context=self.context,
+            domain_id=domain_id,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+        self.node = Node(name, namespace=namespace, context=self.context, enable_rosout=False)
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.node)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._spin, name=f"ros peer {name}", daemon=True)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        while not self._stop.is_set():
+            self._executor.spin_once()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._executor.create_task(self._stop.set)
+        self._thread.join(5.0)
+        assert not self._thread.is_alive(), "the test's ROS thread does not end"
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+    def subscribe(self, message_type: Any, topic: str, qos: Any = RELIABLE) -> Inbox[Any]:
+        inbox: Inbox[Any] = Inbox()
+        self.node.create_subscription(message_type, topic, inbox.add, qos)
+        return inbox
+
+    def publisher(self, message_type: Any, topic: str, qos: Any = RELIABLE, *, timeout: float = 10.0) -> Any:
+        """Make a publisher and wait until somebody listens."""
+        publisher = self.node.create_publisher(message_type, topic, qos)
+        wait_until(
+            lambda: publisher.get_subscription_count() > 0, timeout=timeout, what=f"a subscriber of {topic}"
+        )
+        return publisher
+
+    def client(self, service_type: Any, name: str, *, timeout: float = 10.0) -> Any:
+        """Make a service client and wait until the service is there."""
+        client = self.node.create_client(service_type, name)
+        wait_until(client.service_is_ready, timeout=timeout, what=f"service {name}")
+        return client
+
+    def call(self, client: Any, request: Any, *, timeout: float = 10.0) -> Any:
+        """Call a service and give its answer."""
+        done = threading.Event()
+        future = client.call_async(request)
+        future.add_done_callback(lambda _: done.set())
+        assert done.wait(timeout), f"service {client.srv_name} gave no answer in {timeout} s"
+        return future.result()
