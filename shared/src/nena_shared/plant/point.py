@@ -1,0 +1,47 @@
+"""Points: places where a vehicle can be and report being. A VDA 5050 node is made from each."""
+
+from collections.abc import Mapping
+from enum import StrEnum
+from math import pi, radians, remainder
+
+from pydantic import Field
+
+from nena_shared.plant.geometry import MM_PER_M, BoundingBox, Envelope, LabelLayout
+from nena_shared.plant.record import PlantRecord
+
+
+class PointType(StrEnum):
+    """What a vehicle may do at a point."""
+
+    HALT_POSITION = "HALT_POSITION"
+    PARK_POSITION = "PARK_POSITION"
+
+
+class Point(PlantRecord):
+    """A point of the plant; `orientation_deg` is None where any heading will do."""
+
+    name: str = Field(min_length=1)
+    x_mm: int
+    y_mm: int
+    z_mm: int = 0
+    orientation_deg: float | None = None
+    type: PointType = PointType.HALT_POSITION
+    max_vehicle_bounding_box: BoundingBox = BoundingBox()
+    envelopes: tuple[Envelope, ...] = ()
+    properties: Mapping[str, str] = Field(default_factory=dict)
+    layout: LabelLayout = LabelLayout()
+
+    @property
+    def x_m(self) -> float:
+        """The x coordinate in metres of the plant frame."""
+        return self.x_mm / MM_PER_M
+
+    @property
+    def y_m(self) -> float:
+        """The y coordinate in metres of the plant frame."""
+        return self.y_mm / MM_PER_M
+
+    @property
+    def heading_rad(self) -> float | None:
+        """The wanted heading in radians, -pi to pi, counter-clockwise from +x; None where any will do."""
+        return None if self.orientation_deg is None else remainder(radians(self.orientation_deg), 2 * pi)
