@@ -122,7 +122,7 @@ class Inbox(Generic[T]):
 
 
 class RosPeer:
-    """A node of the test's own in a given domain, spun by a thread of its own; a context manager closes it."""
+    """A node of the test's own in a given domain, spun by a thread of its own until it is closed."""
 
     def __init__(self, domain_id: int, namespace: str = "", name: str = "test_peer") -> None:
         self.context = Context()

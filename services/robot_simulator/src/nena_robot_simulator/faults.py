@@ -1,0 +1,168 @@
+"""Faults on request: what can go wrong with the simulated robot, and for how long.
+
+A fault is a small JSON object that names its ``kind``. It holds until it is sent again with
+``"active": false``, or until it has met the number of goals in ``goals``. A new kind is a class here, a
+name in :data:`Fault`, and a look at :meth:`Faults.get` where it takes effect.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from nena_robot_simulator.pose import Pose
+
+Metres = Annotated[float, Field(allow_inf_nan=False)]
+Radians = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class FaultRefusedError(Exception):
+    """A text on the fault topic is no fault; ``problems`` says what to change."""
+
+    def __init__(self, problems: list[str]) -> None:
+        super().__init__("; ".join(problems))
+        self.problems = problems
+
+
+class _Message(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Lasting(_Message):
+    """A fault that is switched on and off."""
+
+    active: bool = Field(default=True, description="Switch the fault on or off.")
+
+
+class PerGoal(Lasting):
+    """A fault that meets goals, for ever or for a number of them."""
+
+    goals: int | None = Field(
+        None, ge=1, description="How many goals it meets; none: all until switched off."
+    )
+
+
+class Circle(_Message):
+    """A round area of the map."""
+
+    x: Metres
+    y: Metres
+    radius: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+    def holds(self, pose: Pose) -> bool:
+        """Whether the pose lies in the circle."""
+        return Pose(self.x, self.y, 0.0).distance(pose) <= self.radius
+
+
+class Unreachable(PerGoal):
+    """No way to the goal is found: the goal ends ABORTED at once."""
+
+    kind: Literal["unreachable"] = "unreachable"
+    circles: tuple[Circle, ...] = Field((), description="Only goals inside one of these; none: every goal.")
+
+    def concerns(self, goal: Pose) -> bool:
+        """Whether the goal is one that cannot be reached."""
+        return not self.circles or any(circle.holds(goal) for circle in self.circles)
+
+
+class AbortHalfway(PerGoal):
+    """The drive ends ABORTED after a part of the way."""
+
+    kind: Literal["abort_halfway"] = "abort_halfway"
+    fraction: float = Field(0.5, ge=0, le=1, description="Part of the way after which the drive is aborted.")
+
+
+class RejectGoals(PerGoal):
+    """Goals vanish: no status, no movement."""
+
+    kind: Literal["reject_goals"] = "reject_goals"
+
+
+class Stuck(Lasting):
+    """The robot does not move, the goal stays EXECUTING."""
+
+    kind: Literal["stuck"] = "stuck"
+
+
+class Silence(Lasting):
+    """Nothing is published any more; services still answer."""
+
+    kind: Literal["silence"] = "silence"
+
+
+class AmclSilent(Lasting):
+    """No pose is published any more, the rest goes on."""
+
+    kind: Literal["amcl_silent"] = "amcl_silent"
+
+
+class Inactive(Lasting):
+    """The lifecycle nodes are inactive: a running goal ends ABORTED, new goals vanish."""
+
+    kind: Literal["inactive"] = "inactive"
+
+
+class ForeignGoal(_Message):
+    """Somebody else gives the robot a goal, once: RViz, a docking server."""
+
+    kind: Literal["foreign_goal"] = "foreign_goal"
+    x: Metres
+    y: Metres
+    yaw: Radians = 0.0
+
+
+AnyFault = Unreachable | AbortHalfway | RejectGoals | Stuck | Silence | AmclSilent | Inactive | ForeignGoal
+Fault = Annotated[AnyFault, Field(discriminator="kind")]
+
+F = TypeVar("F", bound=Lasting)
+
+_parser: TypeAdapter[AnyFault] = TypeAdapter(Fault)
+
+
+def parse(text: str) -> AnyFault:
+    """Read a fault from JSON.
+
+    Raises:
+        FaultRefusedError: the text is no JSON or no fault.
+
+    """
+    try:
+        return _parser.validate_json(text)
+    except ValidationError as error:
+        raise FaultRefusedError(
+            [f"{'.'.join(str(part) for part in item['loc'])}: {item['msg']}" for item in error.errors()]
+        ) from error
+
+
+class Faults:
+    """The faults that are switched on, one of each kind."""
+
+    def __init__(self) -> None:
+        self._on: dict[type[Lasting], Lasting] = {}
+
+    def apply(self, fault: Lasting) -> None:
+        """Switch a fault on or off; the newest word of a kind counts."""
+        if fault.active:
+            self._on[type(fault)] = fault
+        else:
+            self._on.pop(type(fault), None)
+
+    def get(self, kind: type[F]) -> F | None:
+        """Give the fault of this kind, where it is switched on."""
+        found = self._on.get(kind)
+        return found if isinstance(found, kind) else None
+
+    def on(self, kind: type[Lasting]) -> bool:
+        """Whether a fault of this kind is switched on."""
+        return kind in self._on
+
+    def spend(self, kind: type[PerGoal]) -> None:
+        """Count a goal that the fault has met; after the last one the fault is over."""
+        fault = self.get(kind)
+        if fault is None or fault.goals is None:
+            return
+        if fault.goals == 1:
+            self._on.pop(kind)
+        else:
+            self._on[kind] = fault.model_copy(update={"goals": fault.goals - 1})

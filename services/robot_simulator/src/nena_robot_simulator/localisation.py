@@ -1,0 +1,72 @@
+"""Where the robot believes to be, and when it says so: AMCL's habits."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass
+
+from nena_robot_simulator.pose import Pose, wrap
+
+UPDATE_DISTANCE = 0.25
+"""Metres of driving after which the filter runs (``update_min_d``)."""
+UPDATE_ANGLE = 0.2
+"""Radians of turning after which the filter runs (``update_min_a``)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A pose in the map frame with the variances of place (m²) and heading (rad²)."""
+
+    pose: Pose
+    xy_variance: float
+    yaw_variance: float
+
+
+class Localisation:
+    """Silent until a pose is known, and while the robot stands.
+
+    ``xy_deviation`` (m) and ``yaw_deviation`` (rad) are the standard deviations of each estimate.
+    """
+
+    def __init__(
+        self, *, known: bool, xy_deviation: float, yaw_deviation: float, noise: random.Random
+    ) -> None:
+        self._known = known
+        self._xy_deviation = xy_deviation
+        self._yaw_deviation = yaw_deviation
+        self._noise = noise
+        self._last: Pose | None = None
+        self._forced = known
+
+    @property
+    def known(self) -> bool:
+        """Whether the robot is localised."""
+        return self._known
+
+    def initialise(self) -> None:
+        """Take up an initial pose; the next scan gives an estimate."""
+        self._known = self._forced = True
+
+    def force(self) -> None:
+        """Let the filter run at the next scan although the robot stands (``request_nomotion_update``)."""
+        self._forced = True
+
+    def scan(self, true: Pose) -> Estimate | None:
+        """Give the estimate after a laser scan at the true pose; none when the filter does not run."""
+        if not self._known or not (self._forced or self._moved(true)):
+            return None
+        self._last, self._forced = true, False
+        return Estimate(self._blurred(true), self._xy_deviation**2, self._yaw_deviation**2)
+
+    def _moved(self, true: Pose) -> bool:
+        if self._last is None:
+            return True
+        turned = abs(wrap(true.yaw - self._last.yaw))
+        return true.distance(self._last) > UPDATE_DISTANCE or turned > UPDATE_ANGLE
+
+    def _blurred(self, true: Pose) -> Pose:
+        return Pose(
+            self._noise.gauss(true.x, self._xy_deviation),
+            self._noise.gauss(true.y, self._xy_deviation),
+            wrap(self._noise.gauss(true.yaw, self._yaw_deviation)),
+        )

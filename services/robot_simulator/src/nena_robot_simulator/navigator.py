@@ -1,0 +1,148 @@
+"""bt_navigator's action server without its behaviour tree: one current goal, one pending goal, one loop.
+
+The rules are those of Nav2's SimpleActionServer. A goal that comes while another one runs waits in the
+pending slot until the loop has ticked, then takes over without a stop; the old goal ends ABORTED. A cancel
+request is looked for on the pending goal only, while there is one: that is Nav2's own race, and an agent has
+to live with it. Cancelling halts the tree first, which takes a moment; then everything there is ends at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import NamedTuple
+from uuid import UUID
+
+from nena_robot_simulator.pose import Pose
+from nena_robot_simulator.status_array import GoalStatus, StatusArray
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """A NavigateToPose goal; the pose is in ``frame_id``."""
+
+    goal_id: UUID
+    pose: Pose
+    frame_id: str
+
+
+class Target(NamedTuple):
+    """Where the robot is to drive for a goal, in the map frame."""
+
+    goal_id: UUID
+    pose: Pose
+
+
+class Progress(Enum):
+    """What the robot tells the loop of the drive to the target."""
+
+    UNDERWAY = auto()
+    REACHED = auto()
+    FAILED = auto()
+
+
+class Navigator:
+    """Takes goals, decides when each one ends and with which status.
+
+    ``resolve`` turns a goal into a pose in the map frame, or gives None where its frame is unknown or the
+    robot not localised. ``halting`` gives the seconds that halting the behaviour tree takes. All times are
+    monotonic seconds.
+    """
+
+    def __init__(
+        self, *, goals: StatusArray, resolve: Callable[[Goal], Pose | None], halting: Callable[[], float]
+    ) -> None:
+        self._goals = goals
+        self._resolve = resolve
+        self._halting = halting
+        self._active = True
+        self._current: Goal | None = None
+        self._pending: Goal | None = None
+        self._way: Pose | None = None
+        self._halted_at: float | None = None
+
+    @property
+    def active(self) -> bool:
+        """Whether the lifecycle node is active and takes goals."""
+        return self._active
+
+    @property
+    def busy(self) -> bool:
+        """Whether a goal has not ended yet."""
+        return self._current is not None
+
+    @property
+    def target(self) -> Target | None:
+        """What the robot is to drive for now; None: it is to stand."""
+        if self._current is None or self._way is None or self._halted_at is not None:
+            return None
+        return Target(self._current.goal_id, self._way)
+
+    def set_active(self, *, active: bool) -> None:
+        """Activate or deactivate the lifecycle node; running goals end when the loop has halted the tree."""
+        self._active = active
+
+    def take(self, goal: Goal, accepted_ns: int, now: float) -> bool:
+        """Accept a goal; False when the server is inactive, and then nobody will hear of it."""
+        if not self._active:
+            return False
+        self._goals.accept(goal.goal_id, accepted_ns, now)
+        if self._current is None:
+            self._current = goal
+            return True
+        if self._pending is not None:
+            self._terminate(self._pending, now)
+        self._pending = goal
+        return True
+
+    def tick(self, now: float, progress: Progress) -> None:
+        """Go once round the loop; ``progress`` is that towards :attr:`target`."""
+        if self._current is None:
+            return
+        if self._halted_at is not None:
+            if now >= self._halted_at:
+                self._terminate_all(now)
+        elif self._way is None:
+            self._begin(self._current, now)
+        elif self._cancel_requested(self._pending or self._current):
+            self._halted_at = now + self._halting()
+        elif progress is Progress.UNDERWAY:
+            self._preempt(now)
+        else:
+            self._finish(self._current, progress, now)
+
+    def _cancel_requested(self, asked: Goal) -> bool:
+        return not self._active or self._goals[asked.goal_id] is GoalStatus.CANCELING
+
+    def _preempt(self, now: float) -> None:
+        """Let the pending goal take over; one with an unusable pose keeps the robot on its old way."""
+        if self._current is None or self._pending is None:
+            return
+        self._goals.end(self._current.goal_id, GoalStatus.ABORTED, now)
+        self._current, self._pending = self._pending, None
+        self._way = self._resolve(self._current) or self._way
+
+    def _begin(self, goal: Goal, now: float) -> None:
+        """Find the way from standstill; a goal without a usable pose ends at once."""
+        self._way = self._resolve(goal)
+        if self._way is None:
+            self._finish(goal, Progress.FAILED, now)
+
+    def _finish(self, goal: Goal, progress: Progress, now: float) -> None:
+        if progress is Progress.REACHED:
+            self._goals.end(goal.goal_id, GoalStatus.SUCCEEDED, now)
+        else:
+            self._terminate(goal, now)
+        self._current, self._pending, self._way = self._pending, None, None
+
+    def _terminate_all(self, now: float) -> None:
+        ending = [goal for goal in (self._current, self._pending) if goal is not None]
+        self._current = self._pending = self._way = self._halted_at = None
+        for goal in ending:
+            self._terminate(goal, now)
+
+    def _terminate(self, goal: Goal, now: float) -> None:
+        """End a goal without success: CANCELED where a client had asked for it, ABORTED otherwise."""
+        asked = self._goals[goal.goal_id] is GoalStatus.CANCELING
+        self._goals.end(goal.goal_id, GoalStatus.CANCELED if asked else GoalStatus.ABORTED, now)

@@ -1,0 +1,126 @@
+"""The goals that an action server remembers, as it shows them in its status array.
+
+Follows action_msgs/GoalStatusArray and the action server's rules: order of acceptance, a new array with each
+change and only then, an ended goal forgotten in silence once its retention time is over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import IntEnum
+from uuid import UUID
+
+
+class GoalStatus(IntEnum):
+    """action_msgs/GoalStatus."""
+
+    UNKNOWN = 0
+    ACCEPTED = 1
+    EXECUTING = 2
+    CANCELING = 3
+    SUCCEEDED = 4
+    CANCELED = 5
+    ABORTED = 6
+
+
+_NEXT: dict[GoalStatus, frozenset[GoalStatus]] = {
+    GoalStatus.EXECUTING: frozenset(
+        (GoalStatus.CANCELING, GoalStatus.SUCCEEDED, GoalStatus.ABORTED),
+    ),
+    GoalStatus.CANCELING: frozenset(
+        (GoalStatus.SUCCEEDED, GoalStatus.CANCELED, GoalStatus.ABORTED),
+    ),
+}
+"""The action server's state machine from acceptance on; what is missing here is an end."""
+
+
+class GoalTransitionError(Exception):
+    """A goal cannot go from its status to another one; a fault of this program."""
+
+    def __init__(self, goal_id: UUID, old: GoalStatus, new: GoalStatus) -> None:
+        super().__init__(f"goal {goal_id} cannot go from {old.name} to {new.name}")
+        self.goal_id = goal_id
+        self.old = old
+        self.new = new
+
+
+@dataclass(frozen=True, slots=True)
+class GoalEntry:
+    """One goal of the array; ``accepted_ns`` is UTC in nanoseconds, by the robot's clock."""
+
+    goal_id: UUID
+    accepted_ns: int
+    status: GoalStatus
+
+    @property
+    def ended(self) -> bool:
+        """Whether the goal has reached a terminal status."""
+        return self.status not in _NEXT
+
+    @property
+    def cancelable(self) -> bool:
+        """Whether a cancel request can still change the goal; one that is canceling already cannot."""
+        return self.status is GoalStatus.EXECUTING
+
+
+Snapshot = tuple[GoalEntry, ...]
+
+
+class StatusArray:
+    """The goals in order of acceptance, and the arrays that are still to be published.
+
+    ``retention`` is in seconds from the terminal status (``action_server_result_timeout``).
+    """
+
+    def __init__(self, retention: float) -> None:
+        self._retention = retention
+        self._goals: dict[UUID, GoalEntry] = {}
+        self._ended_at: dict[UUID, float] = {}
+        self._unpublished: list[Snapshot] = []
+
+    def __getitem__(self, goal_id: UUID) -> GoalStatus:
+        """Give the status of a goal; KeyError when it is unknown or forgotten."""
+        return self._goals[goal_id].status
+
+    def entries(self, now: float) -> Snapshot:
+        """Give the goals that are remembered at ``now`` (monotonic seconds)."""
+        for goal_id in [known for known, ended in self._ended_at.items() if now - ended >= self._retention]:
+            del self._goals[goal_id], self._ended_at[goal_id]
+        return tuple(self._goals.values())
+
+    def accept(self, goal_id: UUID, accepted_ns: int, now: float) -> None:
+        """Take a goal in; accept-and-execute shows it as EXECUTING at once."""
+        self._goals[goal_id] = GoalEntry(goal_id, accepted_ns, GoalStatus.EXECUTING)
+        self._changed(now)
+
+    def cancel(self, goal_ids: Iterable[UUID], now: float) -> None:
+        """Make the goals CANCELING, shown in one array however many they are."""
+        for goal_id in goal_ids:
+            self._change(goal_id, GoalStatus.CANCELING)
+        self._changed(now)
+
+    def end(self, goal_id: UUID, status: GoalStatus, now: float) -> None:
+        """Bring a goal to a terminal status.
+
+        Raises:
+            GoalTransitionError: the goal's state machine has no such step.
+
+        """
+        self._change(goal_id, status)
+        self._ended_at[goal_id] = now
+        self._changed(now)
+
+    def take_unpublished(self) -> list[Snapshot]:
+        """Give the arrays that came about since the last call, oldest first."""
+        taken, self._unpublished = self._unpublished, []
+        return taken
+
+    def _change(self, goal_id: UUID, status: GoalStatus) -> None:
+        old = self._goals[goal_id]
+        if status not in _NEXT.get(old.status, ()):
+            raise GoalTransitionError(goal_id, old.status, status)
+        self._goals[goal_id] = GoalEntry(goal_id, old.accepted_ns, status)
+
+    def _changed(self, now: float) -> None:
+        self._unpublished.append(self.entries(now))
