@@ -132,6 +132,7 @@ class MqttLink:
             async with asyncio.timeout(seconds):
                 while self._session and (self._outbox or self._session.deliveries):
                     await asyncio.wait(set(self._session.deliveries), return_when=asyncio.FIRST_COMPLETED)
+                    await asyncio.sleep(0)  # lets the callbacks of finished deliveries run
         except TimeoutError:
             return False
         return self._session is not None
@@ -182,7 +183,7 @@ class MqttLink:
             return
         granted = await client.subscribe([(each.topic_filter, each.qos) for each in self._subscriptions])
         for each, code in zip(self._subscriptions, granted, strict=True):
-            if int(getattr(code, "value", code)) >= REFUSED:
+            if isinstance(code, int) and code >= REFUSED:
                 log.error(
                     "the broker refuses a subscription; look at its access list", topic=each.topic_filter
                 )

@@ -1,0 +1,162 @@
+"""The port between the protocol core and whatever drives the robot.
+
+Commands go in as method calls that return at once; everything that happens comes out as events, through the
+callback that a driver is made with, in the event loop's thread. Poses are in the plant's frame: m, rad,
+anti-clockwise, with the id of the map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """A place and heading: m and rad in the plant's frame of the map ``map_id``."""
+
+    x: float
+    y: float
+    theta: float
+    map_id: str
+
+
+@dataclass(frozen=True, slots=True)
+class DriveGoal:
+    """Where to drive next.
+
+    ``generation`` rises with each goal that the core gives; events of a goal carry it, so that a late result
+    never finishes a newer goal. ``deviation_xy`` (m) and ``deviation_theta`` (rad, None: any heading will do)
+    say when the robot counts as there. ``maximum_speed`` is in m/s, None: the robot's own.
+    """
+
+    generation: int
+    pose: Pose
+    deviation_xy: float
+    deviation_theta: float | None = None
+    maximum_speed: float | None = None
+
+
+class DriveFailure(StrEnum):
+    """Why a drive did not get there."""
+
+    ABORTED = "ABORTED"
+    """Navigation gave up: unreachable, blocked, outside of the map."""
+    CANCELED_FROM_OUTSIDE = "CANCELED_FROM_OUTSIDE"
+    """Somebody else cancelled the goal."""
+    NOT_TAKEN_UP = "NOT_TAKEN_UP"
+    """Navigation never took the goal, in spite of its being given several times."""
+    OUTSIDE_TOLERANCE = "OUTSIDE_TOLERANCE"
+    """Navigation says that it has arrived, but the pose is not within the allowed deviation."""
+    NAVIGATION_GONE = "NAVIGATION_GONE"
+    """Navigation vanished or was started anew while it was driving."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arrived:
+    """The goal of ``generation`` is reached, and the pose agrees."""
+
+    generation: int
+
+
+@dataclass(frozen=True, slots=True)
+class DriveFailed:
+    """The goal of ``generation`` will not be reached; the robot does not drive for it any more."""
+
+    generation: int
+    failure: DriveFailure
+    description: str
+
+
+@dataclass(frozen=True, slots=True)
+class Halted:
+    """The robot stands and no goal is left, as :meth:`Driver.halt` has asked."""
+
+
+@dataclass(frozen=True, slots=True)
+class PoseReport:
+    """Where the robot is; velocity in its own frame (m/s, rad/s), None where it is not known."""
+
+    pose: Pose
+    localized: bool
+    vx: float | None = None
+    omega: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryReport:
+    """State of the battery: percent 0 to 100, V, A (negative: discharging)."""
+
+    state_of_charge: float
+    charging: bool
+    voltage: float | None = None
+    current: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationReport:
+    """Whether goals can be given now; ``reason`` says in words what is missing."""
+
+    available: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class PositionInitialized:
+    """The pose asked for by :meth:`Driver.initialize_position` is taken over, or why it is not."""
+
+    succeeded: bool
+    description: str
+
+
+@dataclass(frozen=True, slots=True)
+class GoalReport:
+    """A goal that navigation knows of, for information; ``external``: given by somebody else."""
+
+    goal_id: str
+    external: bool
+    status: str
+
+
+DriverEvent = (
+    Arrived
+    | DriveFailed
+    | Halted
+    | PoseReport
+    | BatteryReport
+    | NavigationReport
+    | PositionInitialized
+    | GoalReport
+)
+Emit = Callable[[DriverEvent], None]
+
+
+class Driver(Protocol):
+    """What moves a robot."""
+
+    async def start(self) -> None:
+        """Begin to work; events may come from now on.
+
+        Raises:
+            nena_shared.program.StartError: it cannot work here, with what to do about it.
+
+        """
+        ...
+
+    async def stop(self) -> None:
+        """End in order: cancel what is driven, give everything back. Bounded in time."""
+        ...
+
+    def go_to(self, goal: DriveGoal) -> None:
+        """Drive to ``goal``. A goal still driven is replaced without a stop and without an event of its own."""
+        ...
+
+    def halt(self) -> None:
+        """Stop as soon as possible and drop the goal; answered by :class:`Halted`, also when it stood already."""
+        ...
+
+    def initialize_position(self, pose: Pose) -> None:
+        """Tell the localisation where the robot is; answered by :class:`PositionInitialized`."""
+        ...

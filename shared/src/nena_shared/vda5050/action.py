@@ -1,0 +1,73 @@
+"""Actions and their states (VDA 5050 3.0 sections 6.2, 6.6.9 and 7.3)."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from pydantic import JsonValue
+
+from nena_shared.vda5050.base import Header, Identifier, WireObject
+
+
+class BlockingType(StrEnum):
+    """What may go on while an action runs (section 6.2.2)."""
+
+    NONE = "NONE"
+    SINGLE = "SINGLE"
+    SOFT = "SOFT"
+    HARD = "HARD"
+
+
+class ActionStatus(StrEnum):
+    """Where an action stands (section 6.6.9)."""
+
+    WAITING = "WAITING"
+    INITIALIZING = "INITIALIZING"
+    RUNNING = "RUNNING"
+    PAUSED = "PAUSED"
+    RETRIABLE = "RETRIABLE"
+    FINISHED = "FINISHED"
+    FAILED = "FAILED"
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more comes of the action."""
+        return self in (ActionStatus.FINISHED, ActionStatus.FAILED)
+
+
+class ActionParameter(WireObject):
+    """One value that an action is given."""
+
+    key: str
+    value: JsonValue
+
+
+class Action(WireObject):
+    """Something that a robot shall do besides driving."""
+
+    action_type: Identifier
+    action_id: Identifier
+    blocking_type: BlockingType
+    action_descriptor: str | None = None
+    action_parameters: tuple[ActionParameter, ...] = ()
+    retriable: bool | None = None
+
+    def parameter(self, key: str) -> JsonValue:
+        """Give the value under ``key``, or None."""
+        return next((each.value for each in self.action_parameters if each.key == key), None)
+
+
+class ActionState(WireObject):
+    """Where one action stands, as the robot reports it."""
+
+    action_id: Identifier
+    action_type: Identifier | None = None
+    action_descriptor: str | None = None
+    action_status: ActionStatus
+    action_result: str | None = None
+
+
+class InstantActions(Header):
+    """Actions to run at once, beside the order (section 7.4)."""
+
+    actions: tuple[Action, ...]

@@ -1,0 +1,65 @@
+"""What all VDA 5050 objects have in common (VDA 5050 3.0 section 7.1)."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from math import pi
+from typing import Annotated, Self
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer
+from pydantic.alias_generators import to_camel
+
+
+class WireObject(BaseModel):
+    """An immutable JSON object; unknown fields are passed over, no value is guessed from another type."""
+
+    model_config = ConfigDict(
+        frozen=True,
+        strict=True,
+        extra="ignore",
+        alias_generator=to_camel,
+        validate_by_name=True,
+        validate_by_alias=True,
+        from_attributes=True,
+        allow_inf_nan=False,
+        ser_json_inf_nan="strings",
+    )
+
+    @classmethod
+    def from_neutral(cls, neutral: WireObject) -> Self:
+        """Make this version's form of a version-neutral object."""
+        return cls.model_validate(neutral, by_name=True, by_alias=False)
+
+
+def in_utc(value: datetime) -> datetime:
+    """Give the same moment in UTC; a time without a zone is taken as UTC."""
+    return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+
+
+def _milliseconds(value: datetime) -> str:
+    return f"{value:%Y-%m-%dT%H:%M:%S}.{value.microsecond // 1000:03d}Z"
+
+
+Timestamp = Annotated[
+    datetime, AfterValidator(in_utc), PlainSerializer(_milliseconds, return_type=str, when_used="json")
+]
+"""ISO 8601 in UTC with milliseconds; read with 0 to 9 decimals, and as UTC where no zone is given."""
+
+UInt32 = Annotated[int, Field(ge=0, le=2**32 - 1)]
+Angle = Annotated[float, Field(ge=-pi - 1e-6, le=pi + 1e-6)]
+"""Radians in [-π, π], a rounding error allowed."""
+
+NotNegative = Annotated[float, Field(ge=0)]
+Percent = Annotated[float, Field(ge=0, le=100)]
+Identifier = Annotated[str, Field(max_length=1024)]
+
+
+class Header(WireObject):
+    """The five fields at the top of each message (section 7.2)."""
+
+    header_id: UInt32
+    """Counted per topic, one more for each message sent."""
+    timestamp: Timestamp
+    version: Annotated[str, Field(pattern=r"^\d+\.\d+\.\d+$")]
+    manufacturer: str
+    serial_number: str

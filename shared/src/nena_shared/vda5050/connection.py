@@ -1,0 +1,22 @@
+"""The connection message (VDA 5050 3.0 sections 6.5 and 7.7)."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from nena_shared.vda5050.base import Header
+
+
+class ConnectionState(StrEnum):
+    """What is known of a robot's MQTT link; nothing about its health."""
+
+    ONLINE = "ONLINE"
+    OFFLINE = "OFFLINE"
+    HIBERNATING = "HIBERNATING"
+    CONNECTION_BROKEN = "CONNECTION_BROKEN"
+
+
+class Connection(Header):
+    """Retained, with quality of service 1; the broken one is the robot's last will."""
+
+    connection_state: ConnectionState

@@ -1,0 +1,98 @@
+"""Errors as robots report them (VDA 5050 3.0 section 6.6.5)."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from nena_shared.vda5050.base import WireObject
+
+
+class ErrorLevel(StrEnum):
+    """How bad an error is (section 6.6.5.1); 2.x knows only WARNING and FATAL."""
+
+    WARNING = "WARNING"
+    """The robot goes on with its order and takes new ones."""
+    URGENT = "URGENT"
+    """As WARNING, but somebody should look soon."""
+    CRITICAL = "CRITICAL"
+    """The robot cannot go on with its order, but takes new ones."""
+    FATAL = "FATAL"
+    """A person is needed."""
+
+
+class ErrorType(StrEnum):
+    """The error types that the standard names, and those that this robot adds to its open list."""
+
+    UNSUPPORTED_PARAMETER = "UNSUPPORTED_PARAMETER"
+    NO_ORDER_TO_CANCEL = "NO_ORDER_TO_CANCEL"
+    VALIDATION_FAILURE = "VALIDATION_FAILURE"
+    INVALID_ORDER_ACTION = "INVALID_ORDER_ACTION"
+    INVALID_INSTANT_ACTION = "INVALID_INSTANT_ACTION"
+    OUTDATED_ORDER_UPDATE = "OUTDATED_ORDER_UPDATE"
+    SAME_ORDER_UPDATE_ID = "SAME_ORDER_UPDATE_ID"
+    ORDER_UPDATE_FOLLOWING_CANCEL = "ORDER_UPDATE_FOLLOWING_CANCEL"
+    OTHER_ORDER_ACTIVE = "OTHER_ORDER_ACTIVE"
+    START_NODE_OUT_OF_RANGE = "START_NODE_OUT_OF_RANGE"
+    NO_ROUTE_TO_TARGET = "NO_ROUTE_TO_TARGET"
+    MOBILE_ROBOT_NOT_AVAILABLE = "MOBILE_ROBOT_NOT_AVAILABLE"
+    UNKNOWN_MAP_ID = "UNKNOWN_MAP_ID"
+    INSUFFICIENT_MEMORY = "INSUFFICIENT_MEMORY"
+    OUTSIDE_OF_CORRIDOR = "OUTSIDE_OF_CORRIDOR"
+    NODE_UNREACHABLE = "NODE_UNREACHABLE"
+    LOCALIZATION_ERROR = "LOCALIZATION_ERROR"
+    ACTION_FAILED = "ACTION_FAILED"
+    NAVIGATION_NOT_AVAILABLE = "NAVIGATION_NOT_AVAILABLE"
+
+
+class ErrorReference(WireObject):
+    """What an error is about, e.g. ``orderId`` and its value."""
+
+    reference_key: str
+    reference_value: str
+
+
+class ErrorEntry(WireObject):
+    """One active error; ``error_type`` is an open list, judge an unknown one by its level."""
+
+    error_type: str
+    error_level: ErrorLevel
+    error_references: tuple[ErrorReference, ...] = ()
+    error_description: str | None = None
+    error_hint: str | None = None
+
+
+LEVELS: dict[ErrorType, ErrorLevel] = {
+    ErrorType.UNSUPPORTED_PARAMETER: ErrorLevel.CRITICAL,
+    ErrorType.INSUFFICIENT_MEMORY: ErrorLevel.URGENT,
+    ErrorType.OUTSIDE_OF_CORRIDOR: ErrorLevel.CRITICAL,
+    ErrorType.NODE_UNREACHABLE: ErrorLevel.CRITICAL,
+    ErrorType.LOCALIZATION_ERROR: ErrorLevel.FATAL,
+    ErrorType.ACTION_FAILED: ErrorLevel.CRITICAL,
+    ErrorType.NAVIGATION_NOT_AVAILABLE: ErrorLevel.CRITICAL,
+}
+"""Levels by the table of section 6.6.5.4; every type that is not here is a WARNING."""
+
+
+def error(
+    kind: ErrorType, description: str, *, hint: str | None = None, **references: str | int | None
+) -> ErrorEntry:
+    """Make an error of the level that its type has; references that are None are left out.
+
+    The keys are given in snake case and sent in camel case: ``order_id="o1"`` becomes ``orderId``.
+    """
+    return ErrorEntry(
+        error_type=kind.value,
+        error_level=LEVELS.get(kind, ErrorLevel.WARNING),
+        error_description=description,
+        error_hint=hint,
+        error_references=tuple(
+            ErrorReference(reference_key=_camel(key), reference_value=str(value))
+            for key, value in references.items()
+            if value is not None
+        ),
+    )
+
+
+def _camel(name: str) -> str:
+    first, *rest = name.split("_")
+    return first + "".join(part.capitalize() for part in rest)

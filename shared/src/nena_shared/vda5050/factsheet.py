@@ -1,0 +1,231 @@
+"""The factsheet message (VDA 5050 3.0 sections 6.10 and 7.10): what a robot is and can do."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated
+
+from pydantic import ConfigDict, Field
+
+from nena_shared.vda5050.action import BlockingType
+from nena_shared.vda5050.base import Angle, Header, NotNegative, UInt32, WireObject
+
+
+class Support(StrEnum):
+    """How a robot treats an optional field of the order."""
+
+    SUPPORTED = "SUPPORTED"
+    REQUIRED = "REQUIRED"
+
+
+class ActionScope(StrEnum):
+    """Where an action may stand."""
+
+    INSTANT = "INSTANT"
+    NODE = "NODE"
+    EDGE = "EDGE"
+    ZONE = "ZONE"
+
+
+class ValueDataType(StrEnum):
+    """What kind of value a parameter takes."""
+
+    BOOL = "BOOL"
+    NUMBER = "NUMBER"
+    INTEGER = "INTEGER"
+    STRING = "STRING"
+    OBJECT = "OBJECT"
+    ARRAY = "ARRAY"
+
+
+class TypeSpecification(WireObject):
+    """The robot's class and how it finds its way; load in kg. The lists are open."""
+
+    series_name: str
+    series_description: str | None = None
+    mobile_robot_kinematics: str
+    mobile_robot_class: str
+    maximum_load_mass: NotNegative
+    localization_types: tuple[str, ...]
+    navigation_types: tuple[str, ...]
+    supported_zones: tuple[str, ...] | None = None
+
+
+class PhysicalParameters(WireObject):
+    """Speeds in m/s and rad/s, accelerations in m/s², sizes in m."""
+
+    minimum_speed: NotNegative
+    maximum_speed: NotNegative
+    minimum_angular_speed: NotNegative | None = None
+    maximum_angular_speed: NotNegative | None = None
+    maximum_acceleration: NotNegative
+    maximum_deceleration: NotNegative
+    minimum_height: NotNegative
+    maximum_height: NotNegative
+    width: NotNegative
+    length: NotNegative
+
+
+class MaximumStringLengths(WireObject):
+    """Most characters; absent or 0 is no limit."""
+
+    maximum_message_length: UInt32 | None = None
+    maximum_topic_serial_length: UInt32 | None = None
+    maximum_topic_element_length: UInt32 | None = None
+    maximum_id_length: UInt32 | None = None
+    id_numerical_only: bool | None = None
+    maximum_load_id_length: UInt32 | None = None
+
+
+class MaximumArrayLengths(WireObject):
+    """Most entries per array; absent or 0 is no limit. The names on the wire hold a dot."""
+
+    model_config = ConfigDict(alias_generator=None)
+
+    order_nodes: Annotated[UInt32 | None, Field(alias="order.nodes")] = None
+    order_edges: Annotated[UInt32 | None, Field(alias="order.edges")] = None
+    node_actions: Annotated[UInt32 | None, Field(alias="node.actions")] = None
+    edge_actions: Annotated[UInt32 | None, Field(alias="edge.actions")] = None
+    action_parameters: Annotated[UInt32 | None, Field(alias="actions.actionsParameters")] = None
+    instant_actions: Annotated[UInt32 | None, Field(alias="instantActions")] = None
+
+
+class Timing(WireObject):
+    """Seconds between messages."""
+
+    minimum_order_interval: NotNegative
+    minimum_state_interval: NotNegative
+    default_state_interval: NotNegative | None = None
+    visualization_interval: NotNegative | None = None
+
+
+class ProtocolLimits(WireObject):
+    """What messages must keep to."""
+
+    maximum_string_lengths: MaximumStringLengths
+    maximum_array_lengths: MaximumArrayLengths
+    timing: Timing
+
+
+class OptionalParameter(WireObject):
+    """An optional field of the order, by its full dotted path, that the robot understands."""
+
+    parameter: str
+    support: Support
+    description: str | None = None
+
+
+class ActionParameterDescription(WireObject):
+    """A parameter that an action takes."""
+
+    key: str
+    value_data_type: ValueDataType
+    description: str | None = None
+    is_optional: bool | None = None
+
+
+class MobileRobotAction(WireObject):
+    """An action that the robot can do."""
+
+    action_type: str
+    action_description: str | None = None
+    action_scopes: tuple[ActionScope, ...]
+    action_parameters: tuple[ActionParameterDescription, ...] | None = None
+    action_result: str | None = None
+    blocking_types: tuple[BlockingType, ...] | None = None
+    pause_allowed: bool
+    cancel_allowed: bool
+
+
+class ProtocolFeatures(WireObject):
+    """Optional fields and actions; what is not listed is not supported."""
+
+    optional_parameters: tuple[OptionalParameter, ...]
+    mobile_robot_actions: tuple[MobileRobotAction, ...]
+
+
+class Envelope2dPoint(WireObject):
+    """A corner of the footprint, m in the robot's frame."""
+
+    x: float
+    y: float
+
+
+class Envelope2d(WireObject):
+    """A footprint."""
+
+    envelope2d_id: Annotated[str, Field(alias="envelope2dId")]
+    vertices: tuple[Envelope2dPoint, ...]
+    description: str | None = None
+
+
+class WheelPosition(WireObject):
+    """Where a wheel is, m and rad in the robot's frame."""
+
+    x: float
+    y: float
+    theta: Angle | None = None
+
+
+class WheelDefinition(WireObject):
+    """A wheel; m."""
+
+    type: str
+    is_active_driven: bool
+    is_active_steered: bool
+    position: WheelPosition
+    diameter: NotNegative
+    width: NotNegative
+    center_displacement: float | None = None
+    constraints: str | None = None
+
+
+class MobileRobotGeometry(WireObject):
+    """The robot's outline and wheels."""
+
+    wheel_definitions: tuple[WheelDefinition, ...] | None = None
+    envelopes2d: Annotated[tuple[Envelope2d, ...] | None, Field(alias="envelopes2d")] = None
+
+
+class LoadSet(WireObject):
+    """A kind of load that the robot handles; kg, m, s."""
+
+    set_name: str
+    load_type: str
+    load_positions: tuple[str, ...] | None = None
+    maximum_weight: NotNegative | None = None
+    pick_time: NotNegative | None = None
+    drop_time: NotNegative | None = None
+    description: str | None = None
+
+
+class LoadSpecification(WireObject):
+    """What the robot can carry; no load positions: nothing."""
+
+    load_positions: tuple[str, ...] | None = None
+    load_sets: tuple[LoadSet, ...] | None = None
+
+
+class VersionEntry(WireObject):
+    """Version of one part of the robot."""
+
+    key: str
+    value: str
+
+
+class MobileRobotConfiguration(WireObject):
+    """How this very robot is set up."""
+
+    versions: tuple[VersionEntry, ...] | None = None
+
+
+class Factsheet(Header):
+    """Retained; sent at each connect and on factsheetRequest."""
+
+    type_specification: TypeSpecification
+    physical_parameters: PhysicalParameters
+    protocol_limits: ProtocolLimits
+    protocol_features: ProtocolFeatures
+    mobile_robot_geometry: MobileRobotGeometry
+    load_specification: LoadSpecification
+    mobile_robot_configuration: MobileRobotConfiguration | None = None

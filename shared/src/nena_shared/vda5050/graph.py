@@ -1,0 +1,58 @@
+"""Rules of a valid order graph, which a schema cannot say (VDA 5050 3.0 section 6.1.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import chain, pairwise
+
+from nena_shared.vda5050.order import Order
+
+
+def violations(order: Order) -> tuple[str, ...]:
+    """Name every rule that ``order`` breaks, a sentence each; empty for a valid graph."""
+    return tuple(_violations(order))
+
+
+def _violations(order: Order) -> Iterator[str]:
+    nodes, edges = order.nodes, order.edges
+    if not nodes:
+        yield "an order has at least one node"
+        return
+    if len(edges) != len(nodes) - 1:
+        yield f"{len(nodes)} nodes need {len(nodes) - 1} edges, there are {len(edges)}"
+        return
+    yield from _sequence_violations(order)
+    yield from _release_violations(order)
+    yield from _action_violations(order)
+
+
+def _sequence_violations(order: Order) -> Iterator[str]:
+    first = order.nodes[0].sequence_id
+    if first % 2:
+        yield f"node {order.nodes[0].node_id!r} has the odd sequenceId {first}; nodes have even ones"
+    for index, node in enumerate(order.nodes):
+        if node.sequence_id != first + 2 * index:
+            yield f"node {node.node_id!r} has sequenceId {node.sequence_id}, not {first + 2 * index}"
+    for index, edge in enumerate(order.edges):
+        if edge.sequence_id != first + 2 * index + 1:
+            yield f"edge {edge.edge_id!r} has sequenceId {edge.sequence_id}, not {first + 2 * index + 1}"
+
+
+def _release_violations(order: Order) -> Iterator[str]:
+    if not order.nodes[0].released:
+        yield f"the first node {order.nodes[0].node_id!r} is not released"
+    for (before, after), edge in zip(pairwise(order.nodes), order.edges, strict=True):
+        if edge.released and not (before.released and after.released):
+            yield f"edge {edge.edge_id!r} is released, but not both of its nodes are"
+        if after.released and not edge.released:
+            yield f"node {after.node_id!r} is released behind the end of the base"
+
+
+def _action_violations(order: Order) -> Iterator[str]:
+    seen: set[str] = set()
+    on_nodes = (action for node in order.nodes for action in node.actions)
+    on_edges = (action for edge in order.edges for action in edge.actions)
+    for action in chain(on_nodes, on_edges):
+        if action.action_id in seen:
+            yield f"actionId {action.action_id!r} stands twice in the order"
+        seen.add(action.action_id)

@@ -1,0 +1,48 @@
+"""What is wrong with a message that cannot be taken."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pydantic import ValidationError
+from pydantic_core import from_json
+
+REFERENCE_KEYS = ("headerId", "orderId", "orderUpdateId")
+PROBLEMS_SHOWN = 5
+
+
+class MalformedMessageError(Exception):
+    """A payload that is no message of its topic and version.
+
+    ``problems`` says what is wrong, a sentence each; ``references`` holds what could still be read of
+    headerId, orderId and orderUpdateId, so that the answer can name the message (section 6.6.5.2).
+    """
+
+    def __init__(self, kind: str, problems: Sequence[str], payload: bytes = b"") -> None:
+        self.kind = kind
+        self.problems = tuple(problems[:PROBLEMS_SHOWN])
+        self.references = _readable_references(payload)
+        super().__init__(f"not a valid {kind}: {'; '.join(self.problems)}")
+
+
+def problems_of(error: ValidationError) -> list[str]:
+    """Put pydantic's findings into sentences with the path of the field."""
+    return [
+        f"{'.'.join(str(part) for part in item['loc']) or 'message'}: {item['msg']}"
+        for item in error.errors(include_url=False, include_context=False, include_input=False)
+    ]
+
+
+def _readable_references(payload: bytes) -> dict[str, str]:
+    try:
+        content = from_json(payload)
+    except ValueError:
+        return {}
+    if not isinstance(content, dict):
+        return {}
+    found = {key: content.get(key) for key in REFERENCE_KEYS}
+    return {
+        key: str(value)
+        for key, value in found.items()
+        if isinstance(value, str | int) and not isinstance(value, bool)
+    }

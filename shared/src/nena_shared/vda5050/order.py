@@ -1,0 +1,120 @@
+"""The order message (VDA 5050 3.0 section 7.3)."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from math import pi
+from typing import Annotated
+
+from pydantic import Field
+
+from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.base import Angle, Header, Identifier, NotNegative, UInt32, WireObject
+
+
+class OrientationType(StrEnum):
+    """What the heading on an edge refers to."""
+
+    GLOBAL = "GLOBAL"
+    TANGENTIAL = "TANGENTIAL"
+
+
+class CorridorReferencePoint(StrEnum):
+    """Which part of the robot must stay inside a corridor."""
+
+    KINEMATIC_CENTER = "KINEMATIC_CENTER"
+    CONTOUR = "CONTOUR"
+
+
+class ReleaseLossBehavior(StrEnum):
+    """What a robot does when the release of a corridor is taken back."""
+
+    STOP = "STOP"
+    RETURN = "RETURN"
+
+
+class AllowedDeviationXY(WireObject):
+    """An ellipse around a node: semi-axes ``a`` and ``b`` in m, ``theta`` the turn of a from x, in rad."""
+
+    a: NotNegative
+    b: NotNegative
+    theta: Angle = 0.0
+
+
+class NodePosition(WireObject):
+    """Where a node is: m and rad in the project-wide frame of the map."""
+
+    x: float
+    y: float
+    theta: Angle | None = None
+    map_id: Identifier
+    allowed_deviation_xy: Annotated[AllowedDeviationXY | None, Field(alias="allowedDeviationXY")] = None
+    allowed_deviation_theta: Annotated[float, Field(ge=0, le=pi + 1e-6)] | None = None
+
+
+class Node(WireObject):
+    """A place that the order passes; even sequence ids."""
+
+    node_id: Identifier
+    sequence_id: UInt32
+    node_descriptor: str | None = None
+    released: bool
+    node_position: NodePosition | None = None
+    actions: tuple[Action, ...]
+
+
+class ControlPoint(WireObject):
+    """A point that shapes a trajectory, m."""
+
+    x: float
+    y: float
+    weight: Annotated[float, Field(ge=0)] | None = None
+
+
+class Trajectory(WireObject):
+    """A NURBS from the start to the end of an edge."""
+
+    degree: Annotated[int, Field(ge=1)] | None = None
+    knot_vector: tuple[Annotated[float, Field(ge=0, le=1)], ...] | None = None
+    control_points: tuple[ControlPoint, ...]
+
+
+class Corridor(WireObject):
+    """How far a robot may leave a trajectory, m to each side."""
+
+    left_width: NotNegative
+    right_width: NotNegative
+    corridor_reference_point: CorridorReferencePoint | None = None
+    release_required: bool | None = None
+    release_loss_behavior: ReleaseLossBehavior | None = None
+
+
+class Edge(WireObject):
+    """The way between two nodes; odd sequence ids; m, m/s, rad, rad/s."""
+
+    edge_id: Identifier
+    sequence_id: UInt32
+    edge_descriptor: str | None = None
+    released: bool
+    maximum_speed: NotNegative | None = None
+    maximum_mobile_robot_height: NotNegative | None = None
+    minimum_load_handling_device_height: NotNegative | None = None
+    orientation: Angle | None = None
+    orientation_type: OrientationType | None = None
+    direction: str | None = None
+    reach_orientation_before_entering: bool | None = None
+    maximum_rotation_speed: NotNegative | None = None
+    trajectory: Trajectory | None = None
+    length: NotNegative | None = None
+    corridor: Corridor | None = None
+    actions: tuple[Action, ...]
+
+
+class Order(Header):
+    """A graph of nodes and edges to drive: the released base, then the horizon."""
+
+    order_id: Identifier
+    order_update_id: UInt32
+    order_description: str | None = None
+    nodes: tuple[Node, ...]
+    edges: tuple[Edge, ...]

@@ -1,0 +1,207 @@
+"""The state message (VDA 5050 3.0 sections 6.6 and 7.8)."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated
+
+from pydantic import Field
+
+from nena_shared.vda5050.action import ActionState
+from nena_shared.vda5050.base import Angle, Header, Identifier, NotNegative, Percent, UInt32, WireObject
+from nena_shared.vda5050.error import ErrorEntry, ErrorReference
+from nena_shared.vda5050.order import NodePosition, Trajectory
+
+
+class OperatingMode(StrEnum):
+    """Who is in control of a robot (section 6.6.6)."""
+
+    STARTUP = "STARTUP"
+    AUTOMATIC = "AUTOMATIC"
+    SEMIAUTOMATIC = "SEMIAUTOMATIC"
+    INTERVENED = "INTERVENED"
+    MANUAL = "MANUAL"
+    SERVICE = "SERVICE"
+    TEACH_IN = "TEACH_IN"
+
+    @property
+    def takes_orders(self) -> bool:
+        """Whether fleet control may send orders in this mode."""
+        return self in (OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC, OperatingMode.INTERVENED)
+
+
+class EmergencyStop(StrEnum):
+    """Whether an emergency stop is active, and how it is acknowledged."""
+
+    MANUAL = "MANUAL"
+    REMOTE = "REMOTE"
+    NONE = "NONE"
+
+
+class InfoLevel(StrEnum):
+    """Whom an information is for."""
+
+    DEBUG = "DEBUG"
+    INFO = "INFO"
+
+
+class MapStatus(StrEnum):
+    """Whether a map is in use."""
+
+    ENABLED = "ENABLED"
+    DISABLED = "DISABLED"
+
+
+class Map(WireObject):
+    """A map that the robot holds."""
+
+    map_id: Identifier
+    map_version: str
+    map_descriptor: str | None = None
+    map_status: MapStatus
+
+
+class NodeState(WireObject):
+    """A node that is still to be traversed."""
+
+    node_id: Identifier
+    sequence_id: UInt32
+    node_descriptor: str | None = None
+    released: bool
+    node_position: NodePosition | None = None
+
+
+class EdgeState(WireObject):
+    """An edge that is still to be driven to its end."""
+
+    edge_id: Identifier
+    sequence_id: UInt32
+    edge_descriptor: str | None = None
+    released: bool
+    trajectory: Trajectory | None = None
+
+
+class MobileRobotPosition(WireObject):
+    """Where the robot is: m and rad in the frame of the map; ``localized`` False means do not trust it."""
+
+    x: float
+    y: float
+    theta: Angle
+    map_id: Identifier
+    localized: bool
+    localization_score: Annotated[float, Field(ge=0, le=1)] | None = None
+    deviation_range: NotNegative | None = None
+
+
+class Velocity(WireObject):
+    """Speed in the robot's frame: m/s, m/s, rad/s."""
+
+    vx: float | None = None
+    vy: float | None = None
+    omega: float | None = None
+
+
+class BoundingBoxReference(WireObject):
+    """Where a load's box stands, m and rad in the robot's frame."""
+
+    x: float
+    y: float
+    z: float
+    theta: Angle | None = None
+
+
+class LoadDimensions(WireObject):
+    """Size of a load, m."""
+
+    length: NotNegative
+    width: NotNegative
+    height: NotNegative | None = None
+
+
+class Load(WireObject):
+    """Something that the robot carries; weight in kg."""
+
+    load_id: str | None = None
+    load_type: str | None = None
+    load_position: str | None = None
+    bounding_box_reference: BoundingBoxReference | None = None
+    load_dimensions: LoadDimensions | None = None
+    weight: NotNegative | None = None
+
+
+class PowerSupply(WireObject):
+    """The battery: percent, V, A, percent, m."""
+
+    state_of_charge: Percent
+    battery_voltage: float | None = None
+    battery_current: float | None = None
+    battery_health: Percent | None = None
+    charging: bool
+    range: NotNegative | None = None
+
+
+class SafetyState(WireObject):
+    """Emergency stop and protective field."""
+
+    active_emergency_stop: EmergencyStop
+    field_violation: bool
+
+
+class Information(WireObject):
+    """A remark for people; no logic hangs on it."""
+
+    info_type: str
+    info_level: InfoLevel
+    info_references: tuple[ErrorReference, ...] = ()
+    info_descriptor: str | None = None
+
+
+class PathPoint(WireObject):
+    """A point of a polyline: m, rad, and the seconds until the robot is there."""
+
+    x: float
+    y: float
+    theta: Angle | None = None
+    eta: NotNegative
+
+
+class IntermediatePath(WireObject):
+    """The way that the robot means to drive next."""
+
+    polyline: tuple[PathPoint, ...]
+
+
+class PlannedPath(WireObject):
+    """The way that the robot means to drive at least to the end of its base."""
+
+    trajectory: Trajectory
+    traversed_nodes: tuple[str, ...] | None = None
+
+
+class State(Header):
+    """Everything about the robot, in full, never as a difference."""
+
+    maps: tuple[Map, ...] | None = None
+    order_id: Identifier
+    order_update_id: UInt32
+    last_node_id: Identifier
+    last_node_sequence_id: UInt32
+    node_states: tuple[NodeState, ...]
+    edge_states: tuple[EdgeState, ...]
+    planned_path: PlannedPath | None = None
+    intermediate_path: IntermediatePath | None = None
+    mobile_robot_position: MobileRobotPosition | None = None
+    velocity: Velocity | None = None
+    loads: tuple[Load, ...] | None = None
+    """None: the robot cannot tell; empty: it carries nothing."""
+    driving: bool
+    paused: bool | None = None
+    new_base_request: bool | None = None
+    distance_since_last_node: NotNegative | None = None
+    action_states: tuple[ActionState, ...]
+    instant_action_states: tuple[ActionState, ...]
+    power_supply: PowerSupply
+    operating_mode: OperatingMode
+    errors: tuple[ErrorEntry, ...]
+    information: tuple[Information, ...] | None = None
+    safety_state: SafetyState

@@ -1,0 +1,53 @@
+"""MQTT topics (VDA 5050 3.0 section 4.2): ``interfaceName/majorVersion/manufacturer/serialNumber/topic``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+LEVELS_BEHIND_INTERFACE = 4
+
+
+class Topic(StrEnum):
+    """Last level of a topic."""
+
+    ORDER = "order"
+    INSTANT_ACTIONS = "instantActions"
+    STATE = "state"
+    VISUALIZATION = "visualization"
+    CONNECTION = "connection"
+    FACTSHEET = "factsheet"
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class RobotKey:
+    """Which robot a topic is about."""
+
+    manufacturer: str
+    serial_number: str
+
+    def __str__(self) -> str:
+        return f"{self.manufacturer}/{self.serial_number}"
+
+
+@dataclass(frozen=True, slots=True)
+class TopicScheme:
+    """Builds and reads the topics of one interface and major version; the interface name may have levels."""
+
+    interface_name: str
+    major_version: str = "v2"
+
+    def of(self, robot: RobotKey, topic: Topic) -> str:
+        """Give the topic of one robot."""
+        return f"{self.interface_name}/{self.major_version}/{robot}/{topic}"
+
+    def for_all(self, topic: Topic) -> str:
+        """Give the filter for ``topic`` of all robots."""
+        return f"{self.interface_name}/{self.major_version}/+/+/{topic}"
+
+    def robot_of(self, topic: str) -> RobotKey | None:
+        """Tell which robot ``topic`` is about; None for a topic of another form."""
+        levels = topic.rsplit("/", LEVELS_BEHIND_INTERFACE)
+        if len(levels) != LEVELS_BEHIND_INTERFACE + 1 or levels[0] != self.interface_name:
+            return None
+        return RobotKey(levels[2], levels[3])

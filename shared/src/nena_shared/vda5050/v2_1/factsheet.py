@@ -1,0 +1,153 @@
+"""The factsheet message of 2.1 (section 6.15)."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from nena_shared.vda5050.base import NotNegative, UInt32
+from nena_shared.vda5050.factsheet import (
+    ActionParameterDescription,
+    Envelope2d,
+    Envelope2dPoint,
+    Factsheet,
+    LoadSet,
+    LoadSpecification,
+    MaximumArrayLengths,
+    MaximumStringLengths,
+    MobileRobotAction,
+    MobileRobotConfiguration,
+    MobileRobotGeometry,
+    PhysicalParameters,
+    ProtocolFeatures,
+    ProtocolLimits,
+    Timing,
+    TypeSpecification,
+    ValueDataType,
+)
+from nena_shared.vda5050.v2_1.action import ActionTypeV21, BlockingTypeV21
+from nena_shared.vda5050.v2_1.base import TimestampV2, reads, writes
+
+KINEMATICS = {"DIFF": "DIFFERENTIAL", "OMNI": "OMNIDIRECTIONAL", "THREEWHEEL": "THREE_WHEEL"}
+
+
+class TypeSpecificationV21(TypeSpecification):
+    """The robot's class."""
+
+    mobile_robot_kinematics: Annotated[
+        str,
+        reads(KINEMATICS),
+        writes({neutral: name for name, neutral in KINEMATICS.items()}),
+        Field(alias="agvKinematic"),
+    ]
+    mobile_robot_class: Annotated[str, Field(alias="agvClass")]
+    maximum_load_mass: Annotated[NotNegative, Field(alias="maxLoadMass")]
+    navigation_types: tuple[
+        Annotated[
+            str, reads({"AUTONOMOUS": "FREELY_NAVIGATING"}), writes({"FREELY_NAVIGATING": "AUTONOMOUS"})
+        ],
+        ...,
+    ]
+    supported_zones: Annotated[None, Field(exclude=True)] = None
+
+
+class PhysicalParametersV21(PhysicalParameters):
+    """Speeds, accelerations and sizes."""
+
+    minimum_speed: Annotated[NotNegative, Field(alias="speedMin")]
+    maximum_speed: Annotated[NotNegative, Field(alias="speedMax")]
+    minimum_angular_speed: Annotated[NotNegative | None, Field(alias="angularSpeedMin")] = None
+    maximum_angular_speed: Annotated[NotNegative | None, Field(alias="angularSpeedMax")] = None
+    maximum_acceleration: Annotated[NotNegative, Field(alias="accelerationMax")]
+    maximum_deceleration: Annotated[NotNegative, Field(alias="decelerationMax")]
+    minimum_height: Annotated[NotNegative, Field(alias="heightMin")] = 0.0
+    maximum_height: Annotated[NotNegative, Field(alias="heightMax")]
+
+
+class MaximumStringLengthsV21(MaximumStringLengths):
+    """Most characters."""
+
+    maximum_message_length: Annotated[UInt32 | None, Field(alias="msgLen")] = None
+    maximum_topic_serial_length: Annotated[UInt32 | None, Field(alias="topicSerialLen")] = None
+    maximum_topic_element_length: Annotated[UInt32 | None, Field(alias="topicElemLen")] = None
+    maximum_id_length: Annotated[UInt32 | None, Field(alias="idLen")] = None
+    maximum_load_id_length: Annotated[UInt32 | None, Field(alias="loadIdLen")] = None
+
+
+class TimingV21(Timing):
+    """Seconds between messages."""
+
+    minimum_order_interval: Annotated[NotNegative, Field(alias="minOrderInterval")]
+    minimum_state_interval: Annotated[NotNegative, Field(alias="minStateInterval")]
+
+
+class ProtocolLimitsV21(ProtocolLimits):
+    """What messages must keep to."""
+
+    maximum_string_lengths: Annotated[MaximumStringLengthsV21, Field(alias="maxStringLens")]
+    maximum_array_lengths: Annotated[MaximumArrayLengths, Field(alias="maxArrayLens")]
+    timing: TimingV21
+
+
+class ActionParameterDescriptionV21(ActionParameterDescription):
+    """A parameter that an action takes; FLOAT is a number like any other."""
+
+    value_data_type: Annotated[ValueDataType, reads({"FLOAT": "NUMBER"})]
+
+
+class MobileRobotActionV21(MobileRobotAction):
+    """An action that the robot can do; 2.1 does not say whether it can be paused or cancelled."""
+
+    action_type: ActionTypeV21
+    action_parameters: tuple[ActionParameterDescriptionV21, ...] | None = None
+    action_result: Annotated[str | None, Field(alias="resultDescription")] = None
+    blocking_types: tuple[BlockingTypeV21, ...] | None = None
+    pause_allowed: Annotated[bool, Field(exclude=True)] = False
+    cancel_allowed: Annotated[bool, Field(exclude=True)] = False
+
+
+class ProtocolFeaturesV21(ProtocolFeatures):
+    """Optional fields and actions."""
+
+    mobile_robot_actions: Annotated[tuple[MobileRobotActionV21, ...], Field(alias="agvActions")]
+
+
+class Envelope2dV21(Envelope2d):
+    """A footprint."""
+
+    envelope2d_id: Annotated[str, Field(alias="set")]
+    vertices: Annotated[tuple[Envelope2dPoint, ...], Field(alias="polygonPoints")]
+
+
+class MobileRobotGeometryV21(MobileRobotGeometry):
+    """The robot's outline and wheels."""
+
+    envelopes2d: Annotated[tuple[Envelope2dV21, ...] | None, Field(alias="envelopes2d")] = None
+
+
+class LoadSetV21(LoadSet):
+    """A kind of load that the robot handles."""
+
+    maximum_weight: Annotated[NotNegative | None, Field(alias="maxWeight")] = None
+
+
+class LoadSpecificationV21(LoadSpecification):
+    """What the robot can carry."""
+
+    load_sets: tuple[LoadSetV21, ...] | None = None
+
+
+class FactsheetV21(Factsheet):
+    """What a robot is and can do."""
+
+    timestamp: TimestampV2
+    type_specification: TypeSpecificationV21
+    physical_parameters: PhysicalParametersV21
+    protocol_limits: ProtocolLimitsV21
+    protocol_features: ProtocolFeaturesV21
+    mobile_robot_geometry: Annotated[MobileRobotGeometryV21, Field(alias="agvGeometry")]
+    load_specification: LoadSpecificationV21
+    mobile_robot_configuration: Annotated[MobileRobotConfiguration | None, Field(alias="vehicleConfig")] = (
+        None
+    )

@@ -1,0 +1,147 @@
+"""The state message of 2.1 (section 6.10)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
+
+from nena_shared.vda5050.base import NotNegative, Percent, WireObject
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
+from nena_shared.vda5050.state import (
+    EdgeState,
+    EmergencyStop,
+    Information,
+    Map,
+    MobileRobotPosition,
+    NodeState,
+    OperatingMode,
+    PowerSupply,
+    SafetyState,
+    State,
+)
+from nena_shared.vda5050.v2_1.action import ActionStateV21
+from nena_shared.vda5050.v2_1.base import TimestampV2, reads, writes
+from nena_shared.vda5050.v2_1.error_type import REJECTIONS, WRITTEN
+from nena_shared.vda5050.v2_1.order import NodePositionV21
+
+OperatingModeV21 = Annotated[
+    OperatingMode,
+    reads({"TEACHIN": "TEACH_IN"}),
+    writes({"TEACH_IN": "TEACHIN", "STARTUP": "SERVICE", "INTERVENED": "AUTOMATIC"}),
+]
+
+
+class MapV21(Map):
+    """A map that the robot holds."""
+
+    map_descriptor: Annotated[str | None, Field(alias="mapDescription")] = None
+
+
+class NodeStateV21(NodeState):
+    """A node that is still to be traversed."""
+
+    node_descriptor: Annotated[str | None, Field(alias="nodeDescription")] = None
+    node_position: NodePositionV21 | None = None
+
+
+class EdgeStateV21(EdgeState):
+    """An edge that is still to be driven to its end."""
+
+    edge_descriptor: Annotated[str | None, Field(alias="edgeDescription")] = None
+
+
+class MobileRobotPositionV21(MobileRobotPosition):
+    """Where the robot is."""
+
+    localized: Annotated[bool, Field(alias="positionInitialized")]
+
+
+class PowerSupplyV21(PowerSupply):
+    """The battery."""
+
+    state_of_charge: Annotated[Percent, Field(alias="batteryCharge")]
+    battery_current: Annotated[float | None, Field(exclude=True)] = None
+    range: Annotated[NotNegative | None, Field(alias="reach")] = None
+
+
+class SafetyStateV21(SafetyState):
+    """Emergency stop and protective field; a stop that acknowledges itself is a field violation in 3.0."""
+
+    active_emergency_stop: Annotated[EmergencyStop, reads({"AUTOACK": "NONE"}), Field(alias="eStop")]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _self_acknowledged(cls, data: object) -> object:
+        if isinstance(data, dict) and data.get("eStop") == "AUTOACK":
+            return {**data, "fieldViolation": True}
+        return data
+
+
+class ErrorEntryV21(ErrorEntry):
+    """An error; 2.1 knows the levels WARNING and FATAL, and names of its own."""
+
+    @classmethod
+    def from_neutral(cls, neutral: WireObject) -> Self:
+        """Make the 2.1 form: a rejection is always a warning, what stops the robot is fatal."""
+        error = ErrorEntry.model_validate(neutral, by_name=True, by_alias=False)
+        mild = error.error_level in (ErrorLevel.WARNING, ErrorLevel.URGENT) or error.error_type in REJECTIONS
+        return cls.model_validate(
+            error.model_copy(
+                update={
+                    "error_type": WRITTEN.get(error.error_type, error.error_type),
+                    "error_level": ErrorLevel.WARNING if mild else ErrorLevel.FATAL,
+                }
+            ),
+            by_name=True,
+            by_alias=False,
+        )
+
+
+class InformationV21(Information):
+    """A remark for people."""
+
+    info_references: tuple[ErrorReference, ...] = ()
+    info_descriptor: Annotated[str | None, Field(alias="infoDescription")] = None
+
+
+def _merged_away(value: object, info: ValidationInfo) -> object:
+    return () if info.mode == "json" else value
+
+
+class StateV21(State):
+    """Everything about the robot; the states of instant actions stand among those of the order's actions."""
+
+    timestamp: TimestampV2
+    maps: tuple[MapV21, ...] | None = None
+    node_states: tuple[NodeStateV21, ...]
+    edge_states: tuple[EdgeStateV21, ...]
+    planned_path: Annotated[None, Field(exclude=True)] = None
+    intermediate_path: Annotated[None, Field(exclude=True)] = None
+    mobile_robot_position: Annotated[MobileRobotPositionV21 | None, Field(alias="agvPosition")] = None
+    action_states: tuple[ActionStateV21, ...]
+    instant_action_states: Annotated[
+        tuple[ActionStateV21, ...], BeforeValidator(_merged_away), Field(exclude=True)
+    ] = ()
+    power_supply: Annotated[PowerSupplyV21, Field(alias="batteryState")]
+    operating_mode: OperatingModeV21
+    errors: tuple[ErrorEntryV21, ...]
+    information: tuple[InformationV21, ...] | None = None
+    safety_state: SafetyStateV21
+
+    @classmethod
+    def from_neutral(cls, neutral: WireObject) -> Self:
+        """Make the 2.1 form of a state."""
+        state = State.model_validate(neutral, by_name=True, by_alias=False)
+        return cls.model_validate(
+            state.model_copy(
+                update={
+                    "action_states": (*state.action_states, *state.instant_action_states),
+                    "errors": tuple(ErrorEntryV21.from_neutral(each) for each in state.errors),
+                    "planned_path": None,
+                    "intermediate_path": None,
+                }
+            ),
+            by_name=True,
+            by_alias=False,
+        )
