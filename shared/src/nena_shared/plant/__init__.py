@@ -4,7 +4,7 @@ from nena_shared.plant.block import Block, BlockType
 from nena_shared.plant.errors import ObjectKind, PlantModelError, Problem, UnknownObjectError
 from nena_shared.plant.geometry import BoundingBox, Envelope, LabelLayout, Vertex
 from nena_shared.plant.location import Link, Location, LocationLayout, LocationType
-from nena_shared.plant.model import NO_OPERATION, PlantModel
+from nena_shared.plant.model import NO_OPERATION, RECHARGE_OPERATION, PlantModel
 from nena_shared.plant.path import (
     BACKWARD_SUFFIX,
     ConnectionType,
@@ -23,6 +23,7 @@ from nena_shared.plant.visual_layout import Layer, LayerGroup, VisualLayout
 __all__ = [
     "BACKWARD_SUFFIX",
     "NO_OPERATION",
+    "RECHARGE_OPERATION",
     "Block",
     "BlockType",
     "BoundingBox",

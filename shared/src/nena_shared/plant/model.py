@@ -18,6 +18,9 @@ from nena_shared.plant.visual_layout import VisualLayout
 NO_OPERATION = "NOP"
 """The operation that is allowed at each link of each location."""
 
+RECHARGE_OPERATION = "Charge"
+"""The operation by which a vehicle charges at a location."""
+
 T = TypeVar("T")
 
 
@@ -45,7 +48,7 @@ class PlantModel(PlantRecord):
     def to_json(self) -> str:
         """Return the whole model as JSON with camelCase names; `from_json` gives an equal model.
 
-        Defaults are written out, so that a reader in another language needs to know none; only None is left out.
+        Defaults are written out, so that readers in other languages need to know none; only None is left out.
         """
         return self.model_dump_json(by_alias=True, exclude_none=True)
 

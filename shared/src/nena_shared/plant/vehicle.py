@@ -81,7 +81,7 @@ class Vehicle(PlantRecord):
 
     @property
     def deviation_theta_rad(self) -> float | None:
-        """The allowed deviation from a node's heading in radians (the property has degrees); None as above."""
+        """The allowed deviation from a node's heading in radians (the property: degrees); None as above."""
         degrees = self._non_negative(keys.VDA5050_DEVIATION_THETA)
         return None if degrees is None else radians(degrees)
 
