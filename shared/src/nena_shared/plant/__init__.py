@@ -17,6 +17,7 @@ from nena_shared.plant.path import (
     PeripheralOperation,
 )
 from nena_shared.plant.point import Point, PointType
+from nena_shared.plant.transform import MapTransform, Pose
 from nena_shared.plant.vehicle import EnergyThresholds, Vehicle
 from nena_shared.plant.visual_layout import Layer, LayerGroup, VisualLayout
 
@@ -40,6 +41,7 @@ __all__ = [
     "Location",
     "LocationLayout",
     "LocationType",
+    "MapTransform",
     "ObjectKind",
     "Orientation",
     "Path",
@@ -49,6 +51,7 @@ __all__ = [
     "PlantModelError",
     "Point",
     "PointType",
+    "Pose",
     "Problem",
     "UnknownObjectError",
     "Vehicle",

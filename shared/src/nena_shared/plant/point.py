@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping
 from enum import StrEnum
-from math import pi, radians, remainder
+from math import radians
 
 from pydantic import Field
 
 from nena_shared.plant.geometry import MM_PER_M, BoundingBox, Envelope, LabelLayout
 from nena_shared.plant.record import PlantRecord
+from nena_shared.plant.transform import normalized
 
 
 class PointType(StrEnum):
@@ -44,4 +45,4 @@ class Point(PlantRecord):
     @property
     def heading_rad(self) -> float | None:
         """The wanted heading in radians, -pi to pi, counter-clockwise from +x; None where any will do."""
-        return None if self.orientation_deg is None else remainder(radians(self.orientation_deg), 2 * pi)
+        return None if self.orientation_deg is None else normalized(radians(self.orientation_deg))

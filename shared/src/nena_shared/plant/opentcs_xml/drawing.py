@@ -1,4 +1,4 @@
-"""How the objects are drawn. Up to format 0.0.3 the visual layout holds it all, later each object its part."""
+"""How objects are drawn. Up to format 0.0.3 the visual layout holds it all, later each object its part."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
