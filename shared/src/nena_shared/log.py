@@ -14,7 +14,7 @@ from nena_shared.settings import LogSettings
 
 def get_logger(name: str) -> FilteringBoundLogger:
     """Give the logger of a module; bind ids to it with ``.bind(robot=..., order=...)``."""
-    return cast("FilteringBoundLogger", structlog.get_logger(logger=name))
+    return cast("FilteringBoundLogger", structlog.get_logger(module=name))
 
 
 def configure(settings: LogSettings, stream: TextIO | None = None) -> None:
