@@ -1,0 +1,32 @@
+"""Fixtures for all tests."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from uuid import uuid4
+
+import pytest
+
+from support.broker import Broker
+
+
+@pytest.fixture(scope="session")
+def broker() -> Iterator[Broker]:
+    """Give a Mosquitto that many tests share: take topics of your own, see ``interface_name``."""
+    broker = Broker()
+    yield broker
+    broker.close()
+
+
+@pytest.fixture
+def own_broker() -> Iterator[Broker]:
+    """Give a Mosquitto that the test may kill, restart, freeze and thaw."""
+    broker = Broker()
+    yield broker
+    broker.close()
+
+
+@pytest.fixture
+def interface_name() -> str:
+    """Give a first topic level that no other test uses."""
+    return f"test-{uuid4().hex[:12]}"

@@ -1,0 +1,35 @@
+from __future__ import annotations
+
+import pytest
+
+from support.broker import Broker, MqttPeer
+
+pytestmark = pytest.mark.broker
+
+
+async def test_peer_records_by_topic_in_order(broker: Broker, interface_name: str) -> None:
+    with MqttPeer(broker, f"{interface_name}/#") as peer:
+        for number in range(3):
+            peer.publish(f"{interface_name}/a", str(number))
+        peer.publish(f"{interface_name}/b", "last")
+
+        assert (await peer.wait_for(f"{interface_name}/b")).payload == b"last"
+        assert peer.payloads(f"{interface_name}/a") == [b"0", b"1", b"2"]
+
+
+async def test_restart_forgets_what_was_retained(own_broker: Broker) -> None:
+    with MqttPeer(own_broker) as peer:
+        peer.publish("kept", "x", retain=True)
+    own_broker.restart()
+    with MqttPeer(own_broker, "#") as peer:
+        peer.publish("fresh", "y")
+        await peer.wait_for("fresh")
+        assert peer.payloads("kept") == []
+
+
+async def test_frozen_broker_answers_again_when_thawed(own_broker: Broker) -> None:
+    with MqttPeer(own_broker, "#") as peer:
+        own_broker.freeze()
+        own_broker.thaw()
+        peer.publish("after", "z")
+        assert (await peer.wait_for("after")).payload == b"z"

@@ -1,0 +1,228 @@
+"""A real Mosquitto for tests, on a free loopback port, and a client that records what it delivers."""
+
+from __future__ import annotations
+
+import getpass
+import itertools
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import tempfile
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Self
+
+import pytest
+from paho.mqtt.client import Client, MQTTMessage, topic_matches_sub
+from paho.mqtt.enums import CallbackAPIVersion
+
+from nena_shared.mqtt import Inbound
+from nena_shared.settings import MqttSettings
+from support.waiting import until
+
+CONFIGURATION = """\
+listener {port} 127.0.0.1
+allow_anonymous {anonymous}
+user {user}
+persistence false
+set_tcp_nodelay true
+max_queued_messages 20000
+max_inflight_messages 200
+log_dest file {folder}/mosquitto.log
+log_type all
+"""
+
+CONNECTED_WITHIN = 10.0
+"""Seconds that broker and clients have to be ready."""
+
+_client_numbers = itertools.count()
+
+
+def free_port() -> int:
+    """Give a TCP port of 127.0.0.1 that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def mosquitto() -> str:
+    """Give the path of Mosquitto; the test fails with what to do where there is none."""
+    path = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin:/usr/local/sbin")
+    if path is None:
+        pytest.fail("these tests need a real MQTT broker: apt-get install mosquitto", pytrace=False)
+    return path
+
+
+class Broker:
+    """A Mosquitto process; keeps its port over :meth:`restart`, forgets everything else.
+
+    With ``users`` (name to password) it lets nobody else in.
+    """
+
+    host = "127.0.0.1"
+
+    def __init__(self, *, users: dict[str, str] | None = None) -> None:
+        self.port = free_port()
+        self._users = users or {}
+        self._folder = Path(tempfile.mkdtemp(prefix="nena-test-broker-"))
+        self._process: subprocess.Popen[bytes] | None = None
+        self._configure()
+        self.start()
+
+    @property
+    def settings(self) -> MqttSettings:
+        """What a link needs to reach this broker; quick to come back after a break."""
+        return MqttSettings(host=self.host, port=self.port, reconnect_min=0.02, reconnect_max=0.1)
+
+    @property
+    def log(self) -> str:
+        """What the broker has logged."""
+        file = self._folder / "mosquitto.log"
+        return file.read_text(encoding="utf-8") if file.exists() else ""
+
+    def start(self) -> None:
+        """Start the process and wait until it takes connections."""
+        self._process = subprocess.Popen(
+            [mosquitto(), "-c", str(self._folder / "mosquitto.conf")],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        pause = threading.Event()
+        for _ in range(int(CONNECTED_WITHIN * 100)):
+            if self._accepts():
+                return
+            assert self._process.poll() is None, f"mosquitto has ended:\n{self.log}"
+            pause.wait(0.01)
+        pytest.fail(f"mosquitto does not listen on port {self.port}:\n{self.log}")
+
+    def kill(self) -> None:
+        """End the process as a power cut would."""
+        self._signal(signal.SIGKILL)
+        self._running.wait()
+
+    def restart(self) -> None:
+        """Kill the process if it still runs, and start it on the same port, with nothing retained."""
+        if self._running.poll() is None:
+            self.kill()
+        self.start()
+
+    def freeze(self) -> None:
+        """Let the process hang: connections stay open, nothing is answered."""
+        self._signal(signal.SIGSTOP)
+
+    def thaw(self) -> None:
+        """End :meth:`freeze`."""
+        self._signal(signal.SIGCONT)
+
+    def close(self) -> None:
+        """End the process and remove its files."""
+        if self._running.poll() is None:
+            self.kill()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    @property
+    def _running(self) -> subprocess.Popen[bytes]:
+        assert self._process is not None
+        return self._process
+
+    def _signal(self, number: signal.Signals) -> None:
+        self._running.send_signal(number)
+
+    def _accepts(self) -> bool:
+        with socket.socket() as probe:
+            return probe.connect_ex((self.host, self.port)) == 0
+
+    def _configure(self) -> None:
+        text = CONFIGURATION.format(
+            port=self.port,
+            folder=self._folder,
+            user=getpass.getuser(),
+            anonymous="false" if self._users else "true",
+        )
+        if self._users:
+            passwords = self._folder / "passwords"
+            passwords.write_text("".join(f"{name}:{word}\n" for name, word in self._users.items()))
+            subprocess.run(["mosquitto_passwd", "-U", str(passwords)], check=True, timeout=30)
+            text += f"password_file {passwords}\n"
+        (self._folder / "mosquitto.conf").write_text(text)
+
+
+class MqttPeer:
+    """A plain MQTT client of the test's own, with its own thread: publishes, and records by topic.
+
+    Use it as a context manager: ``with MqttPeer(broker, "robots/#") as peer: ...``. It stands subscribed
+    when the block begins.
+    """
+
+    def __init__(self, broker: Broker, *topic_filters: str) -> None:
+        self._order: list[Inbound] = []
+        self._lock = threading.Lock()
+        self._subscribed = threading.Event()
+        self._topic_filters = topic_filters
+        self._client = Client(
+            CallbackAPIVersion.VERSION2, client_id=f"peer-{next(_client_numbers)}-{os.getpid()}"
+        )
+        self._client.on_socket_open = self._no_delay
+        self._client.on_connect = self._subscribe
+        self._client.on_subscribe = lambda *_: self._subscribed.set()
+        self._client.on_message = self._record
+        self._client.connect(broker.host, broker.port, keepalive=30)
+
+    def __enter__(self) -> Self:
+        self._client.loop_start()
+        assert self._subscribed.wait(CONNECTED_WITHIN), "the test's MQTT client was not let in"
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._client.disconnect()
+        self._client.loop_stop()
+
+    def publish(self, topic: str, payload: bytes | str, *, qos: int = 1, retain: bool = False) -> None:
+        """Publish and wait until it is on its way."""
+        self._client.publish(topic, payload, qos, retain).wait_for_publish(CONNECTED_WITHIN)
+
+    def received(self, topic_filter: str = "#") -> list[Inbound]:
+        """Give what came under ``topic_filter`` so far, in the order of arrival."""
+        with self._lock:
+            return [each for each in self._order if topic_matches_sub(topic_filter, each.topic)]
+
+    def payloads(self, topic_filter: str = "#") -> list[bytes]:
+        """Give the payloads that came under ``topic_filter`` so far."""
+        return [each.payload for each in self.received(topic_filter)]
+
+    def clear(self) -> None:
+        """Forget what came so far."""
+        with self._lock:
+            self._order.clear()
+
+    async def wait_for(
+        self,
+        topic_filter: str = "#",
+        accept: Callable[[Inbound], bool] = lambda _: True,
+        *,
+        timeout: float = 10.0,  # noqa: ASYNC109 - the bound is the point
+    ) -> Inbound:
+        """Give the first message (also an earlier one) under ``topic_filter`` that ``accept`` takes."""
+        return await until(
+            lambda: next((each for each in self.received(topic_filter) if accept(each)), None),
+            timeout=timeout,
+            what=f"a message under {topic_filter}",
+        )
+
+    def _no_delay(self, _client: Client, _userdata: Any, sock: Any) -> None:
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def _subscribe(self, client: Client, *_: Any) -> None:
+        if self._topic_filters:
+            client.subscribe([(each, 1) for each in self._topic_filters])
+        else:
+            self._subscribed.set()
+
+    def _record(self, _client: Client, _userdata: Any, message: MQTTMessage) -> None:
+        with self._lock:
+            self._order.append(Inbound(message.topic, bytes(message.payload), message.retain))
