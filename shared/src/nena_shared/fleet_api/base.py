@@ -1,0 +1,55 @@
+"""What the bodies have in common."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Annotated
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer
+from pydantic.alias_generators import to_camel
+
+
+class Resource(BaseModel):
+    """A JSON object that NeNa sends; immutable; readers pass over fields that they do not know."""
+
+    model_config = ConfigDict(
+        frozen=True,
+        extra="ignore",
+        alias_generator=to_camel,
+        validate_by_name=True,
+        validate_by_alias=True,
+        allow_inf_nan=False,
+    )
+
+
+class Request(BaseModel):
+    """A JSON object that NeNa is sent; a field that nobody knows is an error, not a wish ignored."""
+
+    model_config = ConfigDict(
+        frozen=True,
+        extra="forbid",
+        alias_generator=to_camel,
+        validate_by_name=True,
+        validate_by_alias=True,
+        allow_inf_nan=False,
+    )
+
+
+def _milliseconds(value: datetime) -> str:
+    return f"{value:%Y-%m-%dT%H:%M:%S}.{value.microsecond // 1000:03d}Z"
+
+
+def _in_utc(value: datetime) -> datetime:
+    return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+
+
+Moment = Annotated[
+    datetime, AfterValidator(_in_utc), PlainSerializer(_milliseconds, return_type=str, when_used="json")
+]
+"""ISO 8601 in UTC with milliseconds."""
+
+ObjectName = Annotated[str, Field(min_length=1, max_length=200)]
+"""Name of an object of the plant model, kept to the letter."""
+
+OrderName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.:\-]{1,100}$")]
+"""Name of a transport order; it also stands in MQTT topics."""

@@ -1,0 +1,55 @@
+"""MQTT topics of the order service's own door."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class FleetTopics:
+    """Topics below one prefix, e.g. ``nena/v1``; a fleet of its own has a prefix of its own."""
+
+    prefix: str = "nena/v1"
+
+    @property
+    def creation_requests(self) -> str:
+        """Filter of the topics on which hosts ask for transport orders."""
+        return f"{self.prefix}/hosts/+/transportOrders/create"
+
+    def creation_request(self, host: str) -> str:
+        """Where ``host`` publishes a :class:`TransportOrderRequest`."""
+        return f"{self.prefix}/hosts/{host}/transportOrders/create"
+
+    def creation_answer(self, host: str) -> str:
+        """Where ``host`` gets its :class:`CreationAnswer`."""
+        return f"{self.prefix}/hosts/{host}/transportOrders/answer"
+
+    def host_of(self, topic: str) -> str:
+        """Tell which host asked on ``topic``."""
+        return topic.removeprefix(f"{self.prefix}/hosts/").split("/", 1)[0]
+
+    def order_status(self, name: str) -> str:
+        """Where each change of an order is told, as :class:`TransportOrderStatus`.
+
+        Retained while the order lives; an empty message follows the final one and clears it.
+        """
+        return f"{self.prefix}/transportOrders/{name}/status"
+
+    def vehicle_status(self, serial_number: str) -> str:
+        """Where each change of a vehicle is told, as :class:`VehicleStatus`, retained."""
+        return f"{self.prefix}/vehicles/{serial_number}/status"
+
+    @property
+    def all_order_statuses(self) -> str:
+        """Filter of all orders' changes."""
+        return self.order_status("+")
+
+    @property
+    def all_vehicle_statuses(self) -> str:
+        """Filter of all vehicles' changes."""
+        return self.vehicle_status("+")
+
+    @property
+    def plant_model(self) -> str:
+        """Where the plant model is, as JSON, retained."""
+        return f"{self.prefix}/plantModel"

@@ -1,0 +1,158 @@
+"""Transport orders: what a host asks for, and what it is told."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from math import pi
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from nena_shared.fleet_api.base import Moment, ObjectName, OrderName, Request, Resource
+
+
+class TransportOrderState(StrEnum):
+    """Life cycle of a transport order, in openTCS's words."""
+
+    RAW = "RAW"
+    ACTIVE = "ACTIVE"
+    DISPATCHABLE = "DISPATCHABLE"
+    BEING_PROCESSED = "BEING_PROCESSED"
+    WITHDRAWN = "WITHDRAWN"
+    FINISHED = "FINISHED"
+    FAILED = "FAILED"
+    UNROUTABLE = "UNROUTABLE"
+
+    @property
+    def final(self) -> bool:
+        """Whether nothing more comes of the order."""
+        return self in (
+            TransportOrderState.FINISHED,
+            TransportOrderState.FAILED,
+            TransportOrderState.UNROUTABLE,
+        )
+
+
+class DriveOrderState(StrEnum):
+    """Where one destination of a transport order stands."""
+
+    PRISTINE = "PRISTINE"
+    TRAVELLING = "TRAVELLING"
+    OPERATING = "OPERATING"
+    FINISHED = "FINISHED"
+    FAILED = "FAILED"
+
+
+class Property(Request):
+    """A free key and value."""
+
+    key: Annotated[str, Field(min_length=1, max_length=200)]
+    value: Annotated[str, Field(max_length=2000)]
+
+
+class Coordinate(Request):
+    """A place off the points: m and rad in the plant's frame; ``theta`` None: any heading."""
+
+    x: float
+    y: float
+    theta: Annotated[float, Field(ge=-pi, le=pi)] | None = None
+
+
+class Destination(Request):
+    """One stop of a transport order: a location or point by name, or a coordinate; and what to do there."""
+
+    location_name: ObjectName | None = None
+    """A location, or a point (then the operation is MOVE or PARK)."""
+    coordinate: Coordinate | None = None
+    operation: Annotated[str, Field(min_length=1, max_length=200)] = "MOVE"
+    properties: Annotated[tuple[Property, ...], Field(max_length=100)] = ()
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Self:
+        if (self.location_name is None) == (self.coordinate is None):
+            message = "give either locationName or coordinate"
+            raise ValueError(message)
+        return self
+
+
+class TransportOrderRequest(Request):
+    """Asks for a transport order; the same body over REST and over MQTT."""
+
+    name: OrderName | None = None
+    """None: the order service makes one."""
+    incomplete_name: bool = False
+    """Whether the order service completes ``name`` to a unique one."""
+    idempotency_key: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+    """The same key again gives the order that the first request made, and no second one."""
+    destinations: Annotated[tuple[Destination, ...], Field(min_length=1, max_length=100)]
+    intended_vehicle: ObjectName | None = None
+    type: Annotated[str, Field(min_length=1, max_length=100)] = "-"
+    priority: Annotated[int, Field(ge=-1000, le=1000)] = 0
+    """Greater is more urgent."""
+    deadline: Moment | None = None
+    properties: Annotated[tuple[Property, ...], Field(max_length=100)] = ()
+
+
+class DriveOrderStatus(Resource):
+    """Where one destination stands."""
+
+    destination: Destination
+    state: DriveOrderState
+    route: tuple[str, ...] | None = None
+    """Names of the points to pass, the first is where the vehicle starts; None before the assignment."""
+
+
+class HistoryEntry(Resource):
+    """Something that happened to an order, and why."""
+
+    timestamp: Moment
+    event_code: str
+    """E.g. ``nena:orderCreated``; documented in the operator guide."""
+    supplements: tuple[str, ...] = ()
+    """In words."""
+
+
+class TransportOrderStatus(Resource):
+    """A transport order as it stands."""
+
+    name: str
+    version: int
+    """Counts the changes; 1 at first."""
+    state: TransportOrderState
+    reason: str
+    """Why it is in this state, or what it waits for, in words."""
+    type: str
+    priority: int
+    intended_vehicle: str | None
+    processing_vehicle: str | None
+    drive_orders: tuple[DriveOrderStatus, ...]
+    current_drive_order_index: int
+    """-1 before the first."""
+    properties: tuple[Property, ...] = ()
+    deadline: Moment | None = None
+    created: Moment
+    finished: Moment | None = None
+    history: tuple[HistoryEntry, ...] = ()
+
+
+class Problem(Resource):
+    """What went wrong with a request (RFC 9457), over REST and over MQTT."""
+
+    type: str = "about:blank"
+    title: str
+    status: int
+    detail: str
+    """Says what to do."""
+    errors: tuple[str, ...] = ()
+
+
+class CreationAnswer(Resource):
+    """Answer over MQTT to a request for a transport order."""
+
+    status: int
+    """As in HTTP: 201 made, 200 was there already under the same key, 4xx refused, 5xx failed."""
+    name: str | None
+    """Of the request or of the order made."""
+    idempotency_key: str | None
+    transport_order: TransportOrderStatus | None = None
+    problem: Problem | None = None
