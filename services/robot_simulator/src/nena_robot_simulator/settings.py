@@ -101,11 +101,16 @@ class MapSettings(SettingsGroup):
         return self
 
 
+def one_robot() -> tuple[RobotSettings, ...]:
+    """Give the robots of a simulator that was told of none."""
+    return (RobotSettings(),)
+
+
 class SimulatorSettings(ServiceSettings):
     """The simulator."""
 
     robots: tuple[RobotSettings, ...] = Field(
-        (RobotSettings(),), min_length=1, description="The robots: [[robots]] tables of the file."
+        default_factory=one_robot, description="The robots: [[robots]] tables of the file."
     )
     map: MapSettings = Field(default_factory=MapSettings, description="The hall that the robots drive in.")
     time_factor: float = Field(
@@ -121,6 +126,9 @@ class SimulatorSettings(ServiceSettings):
 
     @model_validator(mode="after")
     def _robots_differ(self) -> Self:
+        if not self.robots:
+            message = "there is no robot to simulate; leave the setting out for one with default settings"
+            raise ValueError(message)
         names = Counter(robot.name for robot in self.robots)
         places = Counter((robot.domain_id, robot.namespace) for robot in self.robots)
         for name in (name for name, count in names.items() if count > 1):

@@ -1,0 +1,267 @@
+"""The robot as a ROS node: the topics and services of Nav2, AMCL, the map server and the robot's base.
+
+All names are relative, so that the namespace counts. Everything here runs in the session's thread.
+"""
+
+from __future__ import annotations
+
+import random
+import uuid
+from collections import deque
+from uuid import UUID
+
+from action_msgs.msg import GoalStatusArray
+from action_msgs.srv import CancelGoal
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from lifecycle_msgs.msg import State
+from lifecycle_msgs.srv import GetState
+from nav_msgs.msg import OccupancyGrid, Odometry, Path
+from nav_msgs.srv import GetMap
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_system_default
+from sensor_msgs.msg import BatteryState
+from std_msgs.msg import String
+from std_srvs.srv import Empty, Trigger
+
+from nena_robot_simulator import faults, messages
+from nena_robot_simulator.grid_map import GridMap
+from nena_robot_simulator.pose import Pose
+from nena_robot_simulator.robot import Robot
+from nena_robot_simulator.session import RosSession
+from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
+from nena_robot_simulator.status_array import Snapshot
+from nena_shared.clock import Clock
+from nena_shared.log import get_logger
+
+log = get_logger(__name__)
+
+LATCHED = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+FAULTS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+
+GOAL_DELAY = 0.003
+"""Seconds that a goal takes from the topic through bt_navigator's own action client to its server."""
+LOOP_PERIOD = 0.01
+"""Seconds of one round of the behaviour tree (``bt_loop_duration``)."""
+BASE_PERIOD = 0.05
+"""Seconds between two odometry messages, and between two laser scans."""
+PLAN_PERIOD = 1.0
+BATTERY_PERIOD = 1.0
+GOALS_ON_THE_WAY = 10
+"""Goals that may wait for the delay to pass; the oldest is lost above that."""
+
+
+class RobotNode:
+    """One simulated robot in its domain and namespace; ``start`` it, ``close`` it."""
+
+    def __init__(
+        self, settings: RobotSettings, *, simulator: SimulatorSettings, hall: GridMap, clock: Clock
+    ) -> None:
+        self._settings = settings
+        self._hall = hall
+        self._clock = clock
+        self._log = log.bind(robot=settings.name)
+        self._robot = Robot(
+            settings,
+            hall=hall,
+            time_factor=simulator.time_factor,
+            retention=simulator.result_timeout,
+            now=clock.monotonic(),
+            noise=random.Random(settings.name),  # noqa: S311 - noise of a simulation that can be repeated
+        )
+        self._goals_on_the_way: deque[tuple[Pose, str]] = deque(maxlen=GOALS_ON_THE_WAY)
+        self._held_back: Snapshot | None = None
+        self._planned_for: object = None
+        self._session = RosSession(
+            settings.name,
+            node_name="robot_simulator",
+            namespace=settings.namespace,
+            domain_id=settings.domain_id,
+        )
+        self._make_publishers()
+        self._make_subscriptions()
+        self._make_services()
+        self._make_timers()
+        for fault in (*simulator.faults, *settings.faults):
+            self._apply(fault)
+
+    @property
+    def alive(self) -> bool:
+        """Whether the robot's thread still runs."""
+        return self._session.alive
+
+    def start(self) -> None:
+        """Publish the map and answer from now on."""
+        self._publish_map()
+        self._session.start()
+        self._log.info("robot ready", namespace=self._session.namespace, domain_id=self._settings.domain_id)
+
+    def close(self) -> None:
+        """Leave the ROS graph in order, within two seconds."""
+        self._session.close()
+
+    def _make_publishers(self) -> None:
+        publisher = self._session.publisher
+        self._status = publisher(GoalStatusArray, "navigate_to_pose/_action/status", LATCHED)
+        self._amcl_pose = publisher(PoseWithCovarianceStamped, "amcl_pose", LATCHED)
+        self._map = publisher(OccupancyGrid, "map", LATCHED)
+        self._plan = publisher(Path, "plan", RELIABLE)
+        self._battery = publisher(BatteryState, "battery_state", BEST_EFFORT)
+        self._odom = publisher(Odometry, "odom", BEST_EFFORT)
+
+    def _make_subscriptions(self) -> None:
+        self._session.subscribe(PoseStamped, "goal_pose", self._on_goal_pose, qos_profile_system_default)
+        self._session.subscribe(
+            PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, qos_profile_system_default
+        )
+        self._session.subscribe(String, "simulator/fault", self._on_fault, FAULTS)
+
+    def _make_services(self) -> None:
+        self._session.serve(CancelGoal, "navigate_to_pose/_action/cancel_goal", self._on_cancel)
+        self._session.serve(GetState, "bt_navigator/get_state", self._on_get_state)
+        self._session.serve(Trigger, "lifecycle_manager_navigation/is_active", self._on_is_active)
+        self._session.serve(Empty, "request_nomotion_update", self._on_nomotion_update)
+        self._session.serve(GetMap, "map_server/map", self._on_get_map)
+
+    def _make_timers(self) -> None:
+        self._delivery = self._session.every(GOAL_DELAY, self._deliver_goals)
+        self._delivery.cancel()
+        self._loop = self._session.every(LOOP_PERIOD, self._go_round)
+        self._session.every(BASE_PERIOD, self._on_base)
+        self._replanning = self._session.every(PLAN_PERIOD, self._publish_plan)
+        self._session.every(BATTERY_PERIOD, self._publish_battery)
+
+    def _stamp(self) -> int:
+        """UTC in nanoseconds."""
+        return int(self._clock.now().timestamp() * 1_000_000) * 1000
+
+    def _on_goal_pose(self, message: PoseStamped) -> None:
+        pose = messages.goal_pose_of(message.pose)
+        self._goals_on_the_way.append((pose, message.header.frame_id))
+        self._delivery.reset()
+
+    def _deliver_goals(self) -> None:
+        self._delivery.cancel()
+        while self._goals_on_the_way:
+            pose, frame_id = self._goals_on_the_way.popleft()
+            goal_id = uuid.uuid4()
+            taken = self._robot.take_goal(goal_id, pose, frame_id, self._stamp(), self._clock.monotonic())
+            self._log.info("goal", goal=str(goal_id), x=pose.x, y=pose.y, frame=frame_id, taken=taken)
+        self._publish_statuses()
+        self._loop.reset()
+
+    def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
+        pose = messages.pose_of(message.pose.pose)
+        if pose is None or message.header.frame_id != self._settings.map_frame:
+            self._log.warning("initial pose dropped: bad numbers or frame", frame=message.header.frame_id)
+            return
+        self._robot.take_initial_pose(pose)
+        self._log.info("initial pose", x=pose.x, y=pose.y, yaw=pose.yaw)
+
+    def _on_cancel(self, request: CancelGoal.Request, response: CancelGoal.Response) -> None:
+        goal_id = messages.goal_id_of(request.goal_info)
+        stamp = messages.nanoseconds_of(request.goal_info.stamp)
+        answer = self._robot.cancel(goal_id, stamp, self._clock.monotonic())
+        self._publish_statuses()
+        response.return_code = int(answer.code)
+        response.goals_canceling = [messages.goal_info(goal) for goal in answer.goals]
+        self._log.info("cancel", goal=str(goal_id), code=answer.code.name, goals=len(answer.goals))
+
+    def _on_get_state(self, _request: GetState.Request, response: GetState.Response) -> None:
+        active = self._robot.active
+        response.current_state.id = State.PRIMARY_STATE_ACTIVE if active else State.PRIMARY_STATE_INACTIVE
+        response.current_state.label = "active" if active else "inactive"
+
+    def _on_is_active(self, _request: Trigger.Request, response: Trigger.Response) -> None:
+        response.success = self._robot.active
+
+    def _on_nomotion_update(self, _request: Empty.Request, _response: Empty.Response) -> None:
+        self._robot.force_estimate()
+
+    def _on_get_map(self, _request: GetMap.Request, response: GetMap.Response) -> None:
+        response.map = messages.map_message(self._hall, self._settings.map_frame, self._stamp())
+
+    def _on_fault(self, message: String) -> None:
+        try:
+            fault = faults.parse(message.data)
+        except faults.FaultRefusedError as error:
+            self._log.warning("fault refused", problems=error.problems)
+            return
+        self._apply(fault)
+        self._publish_statuses()
+        self._loop.reset()
+
+    def _apply(self, fault: faults.AnyFault) -> None:
+        was_silent = self._silent
+        goal_id: UUID = uuid.uuid4()
+        self._robot.apply(fault, goal_id=goal_id, accepted_ns=self._stamp(), now=self._clock.monotonic())
+        self._log.info("fault", **fault.model_dump())
+        if was_silent and not self._silent:
+            self._publish_map()
+
+    @property
+    def _silent(self) -> bool:
+        return self._robot.faults.on(faults.Silence)
+
+    def _go_round(self) -> None:
+        """Let the robot live; while it rests, only the slower round of the base goes on."""
+        self._robot.advance(self._clock.monotonic())
+        self._publish_statuses()
+        if self._robot.drive is not None and self._robot.drive is not self._planned_for:
+            self._publish_plan()
+            self._replanning.reset()
+        if self._robot.resting:
+            self._loop.cancel()
+
+    def _on_base(self) -> None:
+        if self._robot.resting:
+            self._robot.advance(self._clock.monotonic())
+        stamp = self._stamp()
+        self._publish(
+            self._odom,
+            messages.odometry_message(
+                self._robot.odometry,
+                self._robot.velocity,
+                frame_id=self._settings.odom_frame,
+                child_frame_id=self._settings.base_frame,
+                nanoseconds=stamp,
+            ),
+        )
+        estimate = self._robot.scan()
+        if estimate is not None:
+            message = messages.estimate_message(estimate, self._settings.map_frame, stamp)
+            self._publish(self._amcl_pose, message)
+
+    def _publish_plan(self) -> None:
+        drive = self._planned_for = self._robot.drive
+        if drive is None:
+            return
+        poses = drive.plan(self._robot.pose)
+        if poses:
+            self._publish(self._plan, messages.path_message(poses, self._settings.map_frame, self._stamp()))
+
+    def _publish_battery(self) -> None:
+        scale = self._settings.battery.scale
+        self._publish(self._battery, messages.battery_message(self._robot.battery, scale, self._stamp()))
+
+    def _publish_map(self) -> None:
+        self._publish(self._map, messages.map_message(self._hall, self._settings.map_frame, self._stamp()))
+
+    def _publish_statuses(self) -> None:
+        """Publish each new array; of those that a silence held back only the last one, after it."""
+        snapshots = self._robot.take_unpublished()
+        if self._silent:
+            self._held_back = snapshots[-1] if snapshots else self._held_back
+            return
+        if self._held_back is not None and not snapshots:
+            snapshots = [self._held_back]
+        self._held_back = None
+        for snapshot in snapshots:
+            self._status.publish(messages.status_array(snapshot))
+
+    def _publish(self, publisher: Publisher, message: object) -> None:
+        if not self._silent:
+            publisher.publish(message)
