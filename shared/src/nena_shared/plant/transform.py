@@ -1,8 +1,8 @@
 """The transform between the plant frame and the frame of a robot's map, one for each map.
 
-Plant models and maps are made by different people with different tools: a drawing may be 1:10, turned, and have
-its origin in another corner. A position p of the plant, in metres, lies at `scale * R(rotation) * p + offset` on
-the map. Headings turn with the rotation; lengths, such as allowed deviations, grow with the scale.
+Plant models and maps are made by different people with different tools: a drawing may be 1:10, turned, and
+have its origin in another corner. A position p of the plant, in metres, lies at `scale * R(rotation) * p +
+offset` on the map. Headings turn with the rotation; lengths, such as allowed deviations, grow with the scale.
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,8 @@
 """The graph that is searched: what one kind of vehicle may drive, and what each edge costs it."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import inf, isfinite
 from operator import attrgetter
 
@@ -35,8 +36,8 @@ class Avoided:
 class RoutingGraph:
     """The drivable edges of a plant for one routing profile; built once, then only read.
 
-    Locked paths have no edge, nor have directions in which the path or the vehicle has no speed; an infinite or
-    NaN cost excludes an edge too. Raises ValueError for a cost below 0, which no evaluator may return.
+    Locked paths have no edge, nor have directions in which the path or the vehicle has no speed. A cost that is
+    infinite or NaN excludes an edge too. Raises ValueError for a cost below 0, which no evaluator may return.
     """
 
     def __init__(self, plant: PlantModel, costs: Sequence[CostEvaluator], profile: RoutingProfile) -> None:
@@ -65,18 +66,14 @@ class RoutingGraph:
         steps = tuple(min(self._graph.get_all_edge_data(a, b), key=weight) for a, b in pairwise(way))
         return steps if all(isfinite(weight(step)) for step in steps) else None
 
-    def costs_from(self, source: str, destinations: Iterable[str], avoided: Avoided) -> dict[str, float]:
+    def costs_from(self, source: str, destinations: Collection[str], avoided: Avoided) -> dict[str, float]:
         """Return what it costs to reach those of the destinations that can be reached."""
         start = self._indices[source]
         lengths = rx.digraph_dijkstra_shortest_path_lengths(self._graph, start, avoided.weight())
-        reached = {
-            name: 0.0 if name == source else _get(lengths, self._indices[name]) for name in destinations
-        }
+        reached = {name: lengths.get(self._indices[name], inf) for name in destinations if name != source}
+        if source in destinations:
+            reached[source] = 0.0
         return {name: cost for name, cost in reached.items() if isfinite(cost)}
-
-
-def _get(lengths: rx.PathLengthMapping, index: int) -> float:
-    return lengths[index] if index in lengths else inf
 
 
 def _steps(

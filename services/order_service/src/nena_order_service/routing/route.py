@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from nena_shared.plant import DirectedEdge, Orientation, Path
+from nena_shared.plant.geometry import MM_PER_M
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,12 +50,12 @@ class Route:
     @property
     def cost(self) -> float:
         """The sum of the steps' costs."""
-        return sum(step.cost for step in self.steps)
+        return sum((step.cost for step in self.steps), start=0.0)
 
     @property
     def length_m(self) -> float:
         """The length of the way in metres, whatever the costs are."""
-        return sum(step.path.length_m for step in self.steps)
+        return sum(step.path.length_mm for step in self.steps) / MM_PER_M
 
     @property
     def points(self) -> tuple[str, ...]:

@@ -1,6 +1,8 @@
 """The router: the cheapest ways through a plant. Other vehicles, blocks and queues do not influence it."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from itertools import chain, pairwise
+from typing import NamedTuple
 
 from nena_order_service.routing.costs import CostEvaluator, distance
 from nena_order_service.routing.errors import NoRouteError
@@ -38,7 +40,7 @@ class Router:
         self._check_points((source, destination))
         steps = self._graph(vehicle).shortest(source, destination, self._avoided(avoid))
         if steps is None:
-            raise NoRouteError(source, (destination,), vehicle=vehicle and vehicle.name, avoid=avoid)
+            raise NoRouteError(source, (destination,), vehicle, avoid)
         return Route(source, destination, steps)
 
     def route_through(
@@ -55,24 +57,16 @@ class Router:
         cheapest for the whole way is taken, even if another point would have been nearer at first. Raises as
         `route` does; NoRouteError names the first destination that cannot be reached.
         """
-        self._check_points([source, *(point for choice in destinations for point in choice)])
+        self._check_points([source, *chain.from_iterable(destinations)])
         graph, avoided = self._graph(vehicle), self._avoided(avoid)
-        # For each end point of the way so far: what it costs and the points chosen.
-        ways: dict[str, tuple[float, tuple[str, ...]]] = {source: (0.0, (source,))}
+        ways = {source: _Way(0.0, (source,))}
         for choice in destinations:
-            longer: dict[str, tuple[float, tuple[str, ...]]] = {}
-            for start, (cost, chosen) in ways.items():
-                for point, more in graph.costs_from(start, choice, avoided).items():
-                    if point not in longer or cost + more < longer[point][0]:
-                        longer[point] = (cost + more, (*chosen, point))
+            longer = _longer(graph, ways, choice, avoided)
             if not longer:
-                raise NoRouteError(next(iter(ways)), choice, vehicle=vehicle and vehicle.name, avoid=avoid)
+                raise NoRouteError(next(iter(ways)), choice, vehicle, avoid)
             ways = longer
-        _, chosen = min(ways.values(), key=lambda way: way[0])
-        return tuple(
-            self.route(start, end, vehicle=vehicle, avoid=avoid)
-            for start, end in zip(chosen, chosen[1:], strict=False)
-        )
+        points = min(ways.values()).points
+        return tuple(self.route(start, end, vehicle=vehicle, avoid=avoid) for start, end in pairwise(points))
 
     def _graph(self, vehicle: Vehicle | None) -> RoutingGraph:
         profile = RoutingProfile.of(vehicle)
@@ -97,3 +91,22 @@ class Router:
             else:
                 raise UnknownObjectError(ObjectKind.POINT, name, self._plant.points_by_name)
         return Avoided(frozenset(points), frozenset(paths))
+
+
+class _Way(NamedTuple):
+    """The points chosen so far, one for each destination, and the least cost of driving through them."""
+
+    cost: float
+    points: tuple[str, ...]
+
+
+def _longer(
+    graph: RoutingGraph, ways: Mapping[str, _Way], choice: Collection[str], avoided: Avoided
+) -> dict[str, _Way]:
+    """Return the cheapest way to each reachable point of the choice, given the cheapest ways so far."""
+    longer: dict[str, _Way] = {}
+    for start, way in ways.items():
+        for point, cost in graph.costs_from(start, choice, avoided).items():
+            candidate = _Way(way.cost + cost, (*way.points, point))
+            longer[point] = min(candidate, longer.get(point, candidate))
+    return longer
