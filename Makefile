@@ -10,7 +10,7 @@ DISTRIBUTIONS := shared services/edge_agent services/order_service services/stat
 STAMP := $(VENV)/.set-up
 
 .DEFAULT_GOAL := help
-.PHONY: help setup lock format lint test smoke demo bench clean mosquitto
+.PHONY: help setup lock format lint test smoke demo bench hooks clean broker browser
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -36,6 +36,36 @@ lint: $(STAMP) ## style, types, import rules
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+test: $(STAMP) broker browser ## every test, with branch coverage
+	$(BIN)/pytest --cov --cov-report=term --cov-report=xml --cov-fail-under=85 $(TESTS)
+
+smoke: $(STAMP) broker ## the demo without a person: two robots, two orders, then the end state is checked
+	$(BIN)/nena-demo smoke
+
+demo: $(STAMP) broker ## start everything on this machine, run the main job, and keep it running until Ctrl-C
+	$(BIN)/nena-demo run
+
+bench: $(STAMP) broker ## measure latencies, CPU per message and memory; writes bench.json
+	$(BIN)/python tests/bench/run.py --output bench.json
+
+# Real parts that come from the system's packages. Where they cannot be installed, the demo takes the Python
+# broker, and tests say what is missing.
+broker:
+	@PATH=$$PATH:/usr/sbin; command -v mosquitto >/dev/null || $(call install,mosquitto)
+
+browser:
+	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null || $(call install,chromium)
+
+define install
+{ root=""; [ "$$(id -u)" = 0 ] || root="sudo -n"; \
+  { command -v apt-get && { [ -z "$$root" ] || $$root true; } && $$root apt-get update -qq && \
+    DEBIAN_FRONTEND=noninteractive $$root apt-get install -y -qq --no-install-recommends $(1); } >/dev/null 2>&1 \
+  || echo "$(1) is not on this machine and could not be installed; by hand: apt-get install $(1)" >&2; }
+endef
+
+hooks: $(STAMP) ## check each commit before it is made
+	$(BIN)/pre-commit install
 
 clean: ## remove what make setup made
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis htmlcov .coverage*

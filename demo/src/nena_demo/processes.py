@@ -1,0 +1,121 @@
+"""The demo's child processes: started with a log file each, watched, and ended whatever happens."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import shutil
+import signal
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+STOP_SECONDS = 8.0
+"""How long a child has to end in order before it is killed."""
+
+TAIL_LINES = 12
+
+
+class ChildFailedError(Exception):
+    """A child process ended, or never became ready; the text holds the end of its log."""
+
+    def __init__(self, name: str, what: str, log_tail: str) -> None:
+        super().__init__(f"{name} {what}; the end of its log:\n{log_tail}")
+        self.name = name
+
+
+@dataclass
+class Child:
+    """One running process."""
+
+    name: str
+    process: asyncio.subprocess.Process
+    log: Path
+
+    def tail(self) -> str:
+        """Give the last lines of its log."""
+        text = self.log.read_text(encoding="utf-8", errors="replace") if self.log.exists() else ""
+        return "\n".join("    " + line for line in text.splitlines()[-TAIL_LINES:])
+
+    def check(self) -> None:
+        """Complain when it has ended.
+
+        Raises:
+            ChildFailedError: it runs no more.
+
+        """
+        if self.process.returncode is not None:
+            raise ChildFailedError(self.name, f"ended with status {self.process.returncode}", self.tail())
+
+
+@dataclass
+class Processes:
+    """All children; leaving the context ends them, the newest first."""
+
+    folder: Path
+    children: list[Child] = field(default_factory=list)
+
+    async def __aenter__(self) -> Self:
+        """Begin with no child."""
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End every child: asked first, then killed."""
+        for child in reversed(self.children):
+            await self._stop(child)
+
+    async def start(
+        self, name: str, command: Sequence[str], *, environment: Mapping[str, str] | None = None
+    ) -> Child:
+        """Start ``command`` with its output in a log file named after it."""
+        log = self.folder / f"{name}.log"
+        with log.open("wb") as output:
+            process = await asyncio.create_subprocess_exec(
+                *_dies_with_us(),
+                *command,
+                stdin=asyncio.subprocess.DEVNULL,
+                stdout=output,
+                stderr=asyncio.subprocess.STDOUT,
+                env={**os.environ, **(environment or {})},
+                start_new_session=True,  # Ctrl-C reaches the demo alone, which then ends them in order
+            )
+        child = Child(name, process, log)
+        self.children.append(child)
+        return child
+
+    def check(self) -> None:
+        """Complain when any child has ended.
+
+        Raises:
+            ChildFailedError: the first that runs no more.
+
+        """
+        for child in self.children:
+            child.check()
+
+    async def _stop(self, child: Child) -> None:
+        if child.process.returncode is not None:
+            return
+        child.process.send_signal(signal.SIGTERM)
+        try:
+            async with asyncio.timeout(STOP_SECONDS):
+                await child.process.wait()
+        except TimeoutError:
+            child.process.kill()
+            await child.process.wait()
+
+
+def console_script(name: str) -> str:
+    """Give the path of a console script of this environment."""
+    return str(Path(sys.executable).with_name(name))
+
+
+def _dies_with_us() -> list[str]:
+    """Have the kernel end a child when the demo itself is killed, where the machine has setpriv."""
+    setpriv = shutil.which("setpriv")
+    return [setpriv, "--pdeathsig", "TERM"] if setpriv else []
