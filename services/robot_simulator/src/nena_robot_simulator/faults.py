@@ -131,7 +131,7 @@ def parse(text: str) -> AnyFault:
         return _parser.validate_json(text)
     except ValidationError as error:
         raise FaultRefusedError(
-            [f"{'.'.join(str(part) for part in item['loc'])}: {item['msg']}" for item in error.errors()]
+            [f"{'.'.join(map(str, item['loc'])) or 'fault'}: {item['msg']}" for item in error.errors()]
         ) from error
 
 

@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nena_robot_simulator.kinematics import Limits, Motion, step
+from nena_robot_simulator.pose import Pose, wrap
+
+LIMITS = Limits(speed=1.0, acceleration=1.0, yaw_rate=1.5, yaw_acceleration=3.0)
+DT = 0.02
+
+poses = st.builds(Pose, st.floats(-20, 20), st.floats(-20, 20), st.floats(-3.1, 3.1))
+
+
+def drive(motion: Motion, target: Pose | None, seconds: float) -> list[Motion]:
+    track = [motion]
+    for _ in range(round(seconds / DT)):
+        track.append(step(track[-1], target, LIMITS, DT))
+    return track
+
+
+@settings(max_examples=50)
+@given(poses, poses)
+def test_every_pose_is_reached_in_the_time_that_the_way_takes(start: Pose, target: Pose) -> None:
+    seconds = 15.0 + 1.3 * start.distance(target)
+    end = drive(Motion(start), target, seconds)[-1]
+    assert end.pose.distance(target) < 0.1
+    assert abs(wrap(end.pose.yaw - target.yaw)) < 0.05
+
+
+@settings(max_examples=50)
+@given(poses, st.lists(poses, min_size=1, max_size=4))
+def test_no_limit_is_ever_exceeded(start: Pose, targets: list[Pose]) -> None:
+    motion = Motion(start)
+    for target in targets:
+        for after in drive(motion, target, 2.0)[1:]:
+            assert 0.0 <= after.speed <= LIMITS.speed
+            assert abs(after.yaw_rate) <= LIMITS.yaw_rate + 1e-9
+            assert abs(after.speed - motion.speed) <= LIMITS.acceleration * DT + 1e-9
+            assert abs(after.yaw_rate - motion.yaw_rate) <= LIMITS.yaw_acceleration * DT + 1e-9
+            assert after.pose.distance(motion.pose) <= LIMITS.speed * DT + 1e-9
+            motion = after
+
+
+def test_without_a_target_the_robot_brakes_over_its_braking_distance() -> None:
+    track = drive(Motion(Pose(0, 0, 0), speed=1.0), None, 2.0)
+    assert not track[40].standing
+    assert track[-1].standing
+    assert track[-1].pose.x == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_goal_behind_is_turned_to_before_driving() -> None:
+    track = drive(Motion(Pose(0, 0, 0)), Pose(-5, 0.1, math.pi), 1.0)
+    assert track[-1].pose.distance(Pose(0, 0, 0)) < 0.1
+    assert track[-1].yaw_rate > 1.0
+
+
+def test_a_new_goal_straight_ahead_keeps_the_speed() -> None:
+    cruising = drive(Motion(Pose(0, 0, 0)), Pose(10, 0, 0), 5.0)[-1]
+    track = drive(cruising, Pose(20, 0, 0), 8.0)
+    assert min(motion.speed for motion in track) == pytest.approx(1.0)

@@ -1,0 +1,266 @@
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable
+from typing import Any
+from uuid import UUID
+
+import pytest
+
+from nena_robot_simulator import faults
+from nena_robot_simulator.grid_map import hall
+from nena_robot_simulator.pose import Pose
+from nena_robot_simulator.robot import Robot
+from nena_robot_simulator.settings import RobotSettings
+
+A, B = UUID(int=1), UUID(int=2)
+HALL = hall(min_x=-20, min_y=-20, max_x=30, max_y=20, resolution=0.1)
+
+
+class Bench:
+    """A robot whose time is moved by the test."""
+
+    def __init__(self, *, time_factor: float = 1.0, **settings: Any) -> None:
+        self.now = 100.0
+        self.robot = Robot(
+            RobotSettings(**settings),
+            hall=HALL,
+            time_factor=time_factor,
+            retention=900.0,
+            now=self.now,
+            noise=random.Random(7),
+        )
+
+    def take(self, goal_id: UUID, x: float, y: float, yaw: float = 0.0, frame: str = "map") -> bool:
+        return self.robot.take_goal(goal_id, Pose(x, y, yaw), frame, 1, self.now)
+
+    def apply(self, fault: faults.AnyFault, goal_id: UUID = B) -> None:
+        self.robot.apply(fault, goal_id=goal_id, accepted_ns=1, now=self.now)
+
+    def run(self, seconds: float, until: Callable[[], bool] = lambda: False) -> float:
+        """Run for ``seconds`` or until the condition holds; gives the seconds that passed."""
+        start = self.now
+        while self.now - start < seconds and not until():
+            self.now += 0.01
+            self.robot.advance(self.now)
+        return self.now - start
+
+    def until_ended(self, goal_id: UUID = A, seconds: float = 60.0) -> int:
+        self.run(seconds, lambda: int(self.robot.goals[goal_id]) >= 4)
+        return int(self.robot.goals[goal_id])
+
+
+def test_a_drive_ends_at_the_goal_within_the_tolerance() -> None:
+    bench = Bench()
+    assert bench.take(A, 4.0, 3.0, 1.0)
+    assert bench.until_ended() == 4
+    assert bench.robot.pose.distance(Pose(4, 3, 1)) <= 0.25
+    assert abs(bench.robot.pose.yaw - 1.0) <= 0.25
+
+
+def test_the_robot_rests_only_after_it_has_braked() -> None:
+    bench = Bench()
+    bench.take(A, 5.0, 0.0)
+    assert not bench.robot.resting
+    bench.until_ended()
+    assert bench.robot.velocity[0] > 0.1
+    assert not bench.robot.resting
+    bench.run(2.0)
+    assert bench.robot.resting
+    assert bench.robot.velocity == (0.0, 0.0)
+
+
+def test_a_cancelled_drive_ends_before_standstill() -> None:
+    bench = Bench()
+    bench.take(A, 10.0, 0.0)
+    bench.run(3.0)
+    assert bench.robot.cancel(A, 0, bench.now).code == 0
+    assert 0.02 <= bench.run(1.0, lambda: int(bench.robot.goals[A]) == 5) <= 0.08
+    assert bench.robot.velocity[0] > 0.8
+    bench.run(2.0)
+    assert bench.robot.resting
+
+
+def test_a_new_goal_ahead_takes_over_at_full_speed() -> None:
+    bench = Bench()
+    bench.take(A, 5.0, 0.0)
+    bench.run(3.5)
+    bench.take(B, 10.0, 0.0)
+    slowest = 1.0
+    for _ in range(300):
+        bench.run(0.01)
+        slowest = min(slowest, bench.robot.velocity[0])
+    assert slowest == pytest.approx(1.0)
+    assert int(bench.robot.goals[A]) == 6
+    assert bench.until_ended(B) == 4
+
+
+def test_the_time_factor_shortens_drives_and_shows_in_the_velocity() -> None:
+    slow, fast = Bench(), Bench(time_factor=10.0)
+    slow.take(A, 10.0, 0.0)
+    fast.take(A, 10.0, 0.0)
+    seconds = slow.run(60.0, lambda: int(slow.robot.goals[A]) == 4)
+    assert fast.run(60.0, lambda: fast.robot.velocity[0] > 9.0) < 1.0
+    assert fast.until_ended() == 4
+    assert fast.now - 100.0 == pytest.approx(seconds / 10.0, rel=0.2)
+
+
+def test_the_robot_does_not_jump_after_the_program_was_frozen() -> None:
+    bench = Bench()
+    bench.take(A, 10.0, 0.0)
+    bench.run(2.0)
+    before = bench.robot.pose
+    bench.now += 5.0
+    bench.robot.advance(bench.now)
+    assert bench.robot.pose.distance(before) <= 0.2 + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "frame"),
+    [(100.0, 0.0, "map"), (math.nan, 0.0, "map"), (1.0, 0.0, "moon"), (1.0, 0.0, "")],
+)
+def test_goals_that_no_way_leads_to_are_aborted_at_once(x: float, y: float, frame: str) -> None:
+    bench = Bench()
+    assert bench.take(A, x, y, frame=frame)
+    assert bench.until_ended(seconds=0.1) == 6
+    assert bench.robot.pose == Pose(0, 0, 0)
+
+
+def test_a_goal_in_the_wall_ends_beside_it_and_succeeds() -> None:
+    bench = Bench()
+    bench.take(A, 30.15, 0.0)
+    assert bench.until_ended() == 4
+    assert bench.robot.pose.x < 30.0
+
+
+def test_a_goal_in_the_odometry_frame_counts_from_the_start() -> None:
+    bench = Bench(start={"x": 2.0, "y": 1.0, "yaw": math.pi / 2})
+    bench.take(A, 3.0, 0.0, frame="odom")
+    assert bench.until_ended() == 4
+    assert bench.robot.pose.distance(Pose(2, 4, 0)) <= 0.3
+
+
+def test_without_an_initial_pose_goals_are_aborted_and_with_one_they_are_driven() -> None:
+    bench = Bench(localisation={"known_at_start": False})
+    assert bench.robot.scan() is None
+    bench.take(A, 1.0, 0.0)
+    assert bench.until_ended(seconds=0.1) == 6
+    bench.robot.take_initial_pose(Pose(5.0, 5.0, 0.0))
+    estimate = bench.robot.scan()
+    assert estimate is not None
+    assert estimate.pose.distance(Pose(5, 5, 0)) < 0.2
+    bench.take(B, 6.0, 5.0)
+    assert bench.until_ended(B) == 4
+
+
+def test_the_odometry_does_not_jump_with_an_initial_pose() -> None:
+    bench = Bench(start={"x": 2.0, "y": 1.0, "yaw": 1.0})
+    assert bench.robot.odometry == pytest.approx((0, 0, 0))
+    bench.take(A, 5.0, 1.0)
+    bench.until_ended()
+    before = bench.robot.odometry
+    bench.robot.take_initial_pose(Pose(-4.0, 3.0, -2.0))
+    assert bench.robot.pose == Pose(-4.0, 3.0, -2.0)
+    assert bench.robot.odometry == pytest.approx(before)
+
+
+def test_an_estimate_is_given_while_standing_only_when_it_is_forced() -> None:
+    bench = Bench()
+    assert bench.robot.scan() is not None
+    assert bench.robot.scan() is None
+    bench.robot.force_estimate()
+    assert bench.robot.scan() is not None
+
+
+def test_driving_empties_the_battery() -> None:
+    bench = Bench(battery={"charge": 0.8, "drain_per_km": 10.0, "drain_per_hour": 0.0})
+    bench.take(A, 10.0, 0.0)
+    bench.until_ended()
+    bench.run(2.0)
+    assert bench.robot.battery.charge == pytest.approx(0.7, abs=0.005)
+
+
+def test_unreachable_goals_by_area_and_number() -> None:
+    bench = Bench()
+    bench.apply(faults.Unreachable(circles=(faults.Circle(x=3, y=0, radius=1),), goals=1))
+    bench.take(A, 1.0, 0.0)
+    assert bench.until_ended() == 4
+    bench.take(B, 3.0, 0.0)
+    assert bench.until_ended(B, seconds=0.1) == 6
+    bench.take(UUID(int=3), 3.0, 0.0)
+    assert bench.until_ended(UUID(int=3)) == 4
+
+
+def test_unreachable_goals_elsewhere_are_not_counted() -> None:
+    bench = Bench()
+    bench.apply(faults.Unreachable(circles=(faults.Circle(x=3, y=0, radius=1),), goals=1))
+    bench.take(A, -1.0, 0.0)
+    bench.until_ended()
+    assert bench.robot.faults.on(faults.Unreachable)
+
+
+def test_abort_halfway() -> None:
+    bench = Bench()
+    bench.apply(faults.AbortHalfway(fraction=0.5, goals=1))
+    bench.take(A, 8.0, 0.0)
+    assert bench.until_ended() == 6
+    assert bench.robot.pose.x == pytest.approx(4.0, abs=0.1)
+    bench.take(B, 8.0, 0.0)
+    assert bench.until_ended(B) == 4
+
+
+def test_rejected_goals_leave_no_trace() -> None:
+    bench = Bench()
+    bench.apply(faults.RejectGoals(goals=1))
+    assert not bench.take(A, 1.0, 0.0)
+    bench.run(1.0)
+    assert bench.robot.take_unpublished() == []
+    assert bench.robot.resting
+    assert bench.take(B, 1.0, 0.0)
+
+
+def test_a_stuck_robot_stands_with_its_goal_executing_and_drives_on_afterwards() -> None:
+    bench = Bench()
+    bench.take(A, 5.0, 0.0)
+    bench.run(2.0)
+    bench.apply(faults.Stuck())
+    bench.run(2.0)
+    stands_at = bench.robot.pose
+    bench.run(20.0)
+    assert bench.robot.pose == stands_at
+    assert int(bench.robot.goals[A]) == 2
+    bench.apply(faults.Stuck(active=False))
+    assert bench.until_ended() == 4
+
+
+def test_an_inactive_navigator_aborts_and_swallows() -> None:
+    bench = Bench()
+    bench.take(A, 5.0, 0.0)
+    bench.run(1.0)
+    bench.apply(faults.Inactive())
+    assert not bench.robot.active
+    assert bench.until_ended(seconds=0.2) == 6
+    assert not bench.take(B, 1.0, 0.0)
+    bench.apply(faults.Inactive(active=False))
+    assert bench.take(B, 1.0, 0.0)
+
+
+def test_a_foreign_goal_pre_empts_the_own_one() -> None:
+    bench = Bench()
+    bench.take(A, 8.0, 0.0)
+    bench.run(1.0)
+    bench.apply(faults.ForeignGoal(x=0.0, y=4.0), goal_id=B)
+    bench.run(0.05)
+    assert (int(bench.robot.goals[A]), int(bench.robot.goals[B])) == (6, 2)
+    assert bench.until_ended(B) == 4
+
+
+def test_a_silent_amcl_while_the_robot_drives_well() -> None:
+    bench = Bench()
+    bench.apply(faults.AmclSilent())
+    bench.take(A, 5.0, 0.0)
+    assert bench.until_ended() == 4
+    assert bench.robot.scan() is None
+    bench.apply(faults.AmclSilent(active=False))
+    assert bench.robot.scan() is not None
