@@ -1,0 +1,138 @@
+"""Settings of the ROS side: where the robot is in the ROS graph, and how patient the driver is with it."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from nena_edge_agent.ros.battery import BatteryScale
+from nena_shared.settings import SettingsGroup
+
+_TOKEN = "[A-Za-z_][A-Za-z0-9_]*"  # noqa: S105 - a pattern, no secret
+_NAMESPACE = re.compile(rf"(/?{_TOKEN}(/{_TOKEN})*)?")
+_NAME = re.compile(rf"/?{_TOKEN}(/{_TOKEN})*")
+_NODE_NAME = re.compile(_TOKEN)
+
+
+def _ros_namespace(namespace: str) -> str:
+    if not _NAMESPACE.fullmatch(namespace):
+        message = (
+            "a ROS namespace is made of letters, digits and underscores, with '/' between its parts, "
+            "and no part starts with a digit: r1 or hall_2/r1"
+        )
+        raise ValueError(message)
+    return "/" + namespace.removeprefix("/")
+
+
+def _ros_name(name: str) -> str:
+    if not _NAME.fullmatch(name):
+        message = (
+            "a ROS name is made of letters, digits and underscores, with '/' between its parts: amcl_pose, "
+            "or /sensors/battery for one outside of the robot's namespace"
+        )
+        raise ValueError(message)
+    return name
+
+
+def _ros_node_name(name: str) -> str:
+    if not _NODE_NAME.fullmatch(name):
+        message = "the name of a ROS node is made of letters, digits and underscores: nena_edge_agent"
+        raise ValueError(message)
+    return name
+
+
+Namespace = Annotated[str, Field(max_length=200), AfterValidator(_ros_namespace)]
+"""A ROS namespace; read back with a leading slash."""
+RosName = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_ros_name)]
+NodeName = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_ros_node_name)]
+Seconds = Annotated[float, Field(gt=0, le=600, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Radians = Annotated[float, Field(gt=0, le=math.pi)]
+
+
+class RosNames(SettingsGroup):
+    """Names of topics and services; without a leading slash they are in the robot's namespace."""
+
+    goal_pose: RosName = Field("goal_pose", description="Topic on which Nav2 takes goals.")
+    action: RosName = Field(
+        "navigate_to_pose", description="Nav2's action; its status and its cancel service are used."
+    )
+    pose: RosName = Field("amcl_pose", description="Topic of the localisation's pose.")
+    initial_pose: RosName = Field("initialpose", description="Topic on which the localisation is told.")
+    fresh_pose: RosName = Field(
+        "request_nomotion_update", description="Service that has the localisation send a pose at standstill."
+    )
+    battery: RosName = Field("battery_state", description="Topic of the battery's state.")
+    odometry: RosName = Field("odom", description="Topic of the odometry.")
+    lifecycle: RosName = Field(
+        "lifecycle_manager_navigation/is_active",
+        description="Service that tells whether Nav2 is active; not asked where it does not exist.",
+    )
+
+    @property
+    def status(self) -> str:
+        """Topic of the action's goal statuses."""
+        return f"{self.action}/_action/status"
+
+    @property
+    def cancel(self) -> str:
+        """Service that cancels goals of the action."""
+        return f"{self.action}/_action/cancel_goal"
+
+
+class GoalSettings(SettingsGroup):
+    """How goals are given and followed."""
+
+    confirmation_time: Seconds = Field(
+        3.5,
+        description="Seconds until a goal that Nav2 does not list is given again; under 3 s a goal whose "
+        "status was lost on the way would be given twice.",
+    )
+    resends: int = Field(3, ge=0, le=20, description="How often a goal is given again before it fails.")
+    settle_time: Seconds = Field(
+        2.0,
+        description="Seconds after Nav2 was found until it counts as having no goals of before.",
+    )
+    cancel_time: Seconds = Field(2.0, description="Seconds until a cancel without effect is asked again.")
+    pose_wait: Seconds = Field(2.0, description="Seconds to wait for a pose that confirms an arrival.")
+    standstill_timeout: Seconds = Field(
+        3.0, description="Seconds after a cancelled goal until the robot counts as standing anyway."
+    )
+
+
+class LocalisationSettings(SettingsGroup):
+    """The initial position, and when the robot counts as knowing where it is."""
+
+    initial_xy_variance: Positive = Field(0.25, description="Variance of an initial position, m².")
+    initial_theta_variance: Positive = Field(0.068, description="Variance of an initial heading, rad².")
+    initial_attempts: int = Field(4, ge=1, le=20, description="How often an initial position is given.")
+    initial_wait: Seconds = Field(2.5, description="Seconds to wait for its confirmation each time.")
+    initial_xy_tolerance: Positive = Field(0.5, description="Metres that the confirming pose may be off.")
+    initial_theta_tolerance: Radians = Field(0.5, description="Radians that the confirming pose may be off.")
+    xy_spread_limit: Positive = Field(0.75, description="Largest standard deviation of a sure place, m.")
+    theta_spread_limit: Radians = Field(0.5, description="Largest standard deviation of a sure heading, rad.")
+
+
+class RosSettings(SettingsGroup):
+    """The robot's ROS side."""
+
+    namespace: Namespace = Field("/", description="The robot's ROS namespace; none: '/'.")
+    domain_id: int = Field(0, ge=0, le=232, description="The robot's ROS domain id.")
+    node_name: NodeName = Field("nena_edge_agent", description="Name of this program's ROS node.")
+    frame: str = Field(
+        "map", min_length=1, max_length=200, description="Frame of goals and poses: Nav2's global frame."
+    )
+    names: RosNames = Field(default_factory=RosNames, description="Topics and services.")
+    battery_scale: BatteryScale = Field(
+        "fraction", description="Whether the battery's percentage is sent as 0 to 1 or as 0 to 100."
+    )
+    goals: GoalSettings = Field(default_factory=GoalSettings, description="Giving and following goals.")
+    localisation: LocalisationSettings = Field(
+        default_factory=LocalisationSettings, description="Initial position and sureness of the pose."
+    )
+    watch_period: Seconds = Field(1.0, description="Seconds between two looks at Nav2's presence.")
+    call_timeout: Seconds = Field(1.0, description="Seconds that a ROS service has to answer.")
+    stop_timeout: Seconds = Field(5.0, description="Seconds to stop the robot before the program ends.")
