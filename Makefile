@@ -37,8 +37,8 @@ lint: $(STAMP) ## style, types, import rules
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-test: $(STAMP) broker browser ## every test, with branch coverage
-	$(BIN)/pytest --cov --cov-report=term --cov-report=xml --cov-fail-under=85 $(TESTS)
+test: $(STAMP) broker browser ## every test, with branch coverage; TESTS=path for a part of them
+	$(BIN)/pytest $(if $(TESTS),$(TESTS),--cov --cov-report=term --cov-report=xml --cov-fail-under=85)
 
 smoke: $(STAMP) broker ## the demo without a person: two robots, two orders, then the end state is checked
 	$(BIN)/nena-demo smoke
