@@ -1,0 +1,247 @@
+"""A transport order as the order service holds it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, Self
+
+from nena_order_service.orders.event_code import EventCode
+from nena_shared.fleet_api.transport_order import (
+    DriveOrderState,
+    DriveOrderStatus,
+    HistoryEntry,
+    TransportOrderRequest,
+    TransportOrderState,
+    TransportOrderStatus,
+)
+
+S = TransportOrderState
+
+SUCCESSORS: dict[TransportOrderState, frozenset[TransportOrderState]] = {
+    S.RAW: frozenset({S.ACTIVE, S.UNROUTABLE}),
+    S.ACTIVE: frozenset({S.DISPATCHABLE, S.FAILED}),
+    S.DISPATCHABLE: frozenset({S.BEING_PROCESSED, S.FAILED}),
+    S.BEING_PROCESSED: frozenset({S.FINISHED, S.FAILED, S.WITHDRAWN}),
+    S.WITHDRAWN: frozenset({S.FAILED}),
+    S.FINISHED: frozenset(),
+    S.FAILED: frozenset(),
+    S.UNROUTABLE: frozenset(),
+}
+"""Which states may follow which, in openTCS's life cycle."""
+
+RESOURCES_TO_AVOID = "tcs:resourcesToAvoid"
+"""Property of an order: names of points, paths and locations that its routes must not use, with commas."""
+
+
+class IllegalTransitionError(Exception):
+    """A change that the life cycle does not have: a fault of the caller, never of a host."""
+
+    def __init__(self, name: str, state: TransportOrderState, change: str) -> None:
+        super().__init__(f"transport order {name!r} is {state}: {change} is not possible")
+        self.name = name
+        self.state = state
+
+
+@dataclass(frozen=True, slots=True)
+class TransportOrder:
+    """An immutable transport order; each change gives a new one with the next version.
+
+    ``status`` is what hosts see of it. Every method that changes it raises IllegalTransitionError where the
+    life cycle forbids the change.
+    """
+
+    number: int
+    """Counts the orders of a store: the order of their creation, also within one millisecond."""
+    status: TransportOrderStatus
+    idempotency_key: str | None = None
+
+    @classmethod
+    def created(cls, request: TransportOrderRequest, *, number: int, name: str, now: datetime) -> Self:
+        """Make a RAW order."""
+        status = TransportOrderStatus(
+            name=name,
+            version=1,
+            state=S.RAW,
+            reason="has just been created",
+            type=request.type,
+            priority=request.priority,
+            intended_vehicle=request.intended_vehicle,
+            processing_vehicle=None,
+            drive_orders=tuple(
+                DriveOrderStatus(destination=destination, state=DriveOrderState.PRISTINE)
+                for destination in request.destinations
+            ),
+            current_drive_order_index=-1,
+            properties=request.properties,
+            deadline=request.deadline,
+            created=now,
+            history=(HistoryEntry(timestamp=now, event_code=EventCode.ORDER_CREATED),),
+        )
+        return cls(number, status, request.idempotency_key)
+
+    @property
+    def name(self) -> str:
+        """Its name, unique in the store."""
+        return self.status.name
+
+    @property
+    def state(self) -> TransportOrderState:
+        """Where it stands in its life cycle."""
+        return self.status.state
+
+    @property
+    def vehicle(self) -> str | None:
+        """Name of the vehicle that works on it, or did."""
+        return self.status.processing_vehicle
+
+    @property
+    def resources_to_avoid(self) -> frozenset[str]:
+        """Names of points, paths and locations that its routes must not use."""
+        listed = next((each.value for each in self.status.properties if each.key == RESOURCES_TO_AVOID), "")
+        return frozenset(name for part in listed.split(",") if (name := part.strip()))
+
+    @property
+    def urgency(self) -> tuple[int, datetime | float, int]:
+        """Sort key of dispatching: greater priority, then earlier deadline, then age."""
+        deadline = self.status.deadline
+        return (-self.status.priority, deadline.timestamp() if deadline else float("inf"), self.number)
+
+    def activated(self) -> Self:
+        """Accept a RAW order; it is ACTIVE while it waits for its conditions."""
+        return self._moved(S.ACTIVE, "waits for its conditions")
+
+    def dispatchable(self) -> Self:
+        """Let an ACTIVE order be assigned."""
+        return self._moved(S.DISPATCHABLE, "waits for its turn")
+
+    def unroutable(self, reason: str, now: datetime) -> Self:
+        """Refuse a RAW order for which the plant has no way."""
+        return self._ended(S.UNROUTABLE, reason, now)
+
+    def deferred(self, reason: str, now: datetime) -> Self:
+        """Say why a DISPATCHABLE order is not assigned yet; the same reason again changes nothing."""
+        self._require("deferring", S.DISPATCHABLE)
+        if reason == self.status.reason:
+            return self
+        history = self.status.history
+        if history[-1].event_code == EventCode.DISPATCHING_DEFERRED:
+            history = history[:-1]
+        entry = HistoryEntry(timestamp=now, event_code=EventCode.DISPATCHING_DEFERRED, supplements=(reason,))
+        return self._changed(reason=reason, history=(*history, entry))
+
+    def assigned(self, vehicle: str, routes: Iterable[tuple[str, ...]], why: str, now: datetime) -> Self:
+        """Give it to a vehicle, with the names of the points of each drive order's route."""
+        drive_orders = tuple(
+            each.model_copy(update={"route": route})
+            for each, route in zip(self.status.drive_orders, routes, strict=True)
+        )
+        first = drive_orders[0].model_copy(update={"state": DriveOrderState.TRAVELLING})
+        return self._moved(
+            S.BEING_PROCESSED,
+            f"vehicle {vehicle} travels to destination 1 of {len(drive_orders)}",
+            self._entry(now, EventCode.ASSIGNED_TO_VEHICLE, vehicle, why),
+            processing_vehicle=vehicle,
+            current_drive_order_index=0,
+            drive_orders=(first, *drive_orders[1:]),
+        )
+
+    def operating(self, index: int, now: datetime) -> Self:
+        """Note that the operation at the destination of drive order ``index`` has started."""
+        self._require("starting an operation", S.BEING_PROCESSED, S.WITHDRAWN)
+        if self.status.drive_orders[index].state is not DriveOrderState.TRAVELLING:
+            return self
+        operation = self.status.drive_orders[index].destination.operation
+        reason = f"vehicle {self.vehicle} does {operation!r} at destination {index + 1}"
+        return self._changed(
+            reason=reason if self.state is S.BEING_PROCESSED else self.status.reason,
+            drive_orders=self._with_drive_order(index, DriveOrderState.OPERATING),
+            history=(*self.status.history, self._entry(now, EventCode.OPERATION_STARTED, operation)),
+        )
+
+    def drive_order_finished(self, index: int, now: datetime) -> Self:
+        """Note that drive order ``index`` is done; where there is a next one, the vehicle travels on.
+
+        A drive order that is not the current one changes nothing.
+        """
+        self._require("finishing a drive order", S.BEING_PROCESSED, S.WITHDRAWN)
+        if index != self.status.current_drive_order_index:
+            return self
+        done = self._with_drive_order(index, DriveOrderState.FINISHED)
+        entry = self._entry(now, EventCode.DRIVE_ORDER_FINISHED, f"destination {index + 1} of {len(done)}")
+        changes: dict[str, Any] = {"drive_orders": done, "history": (*self.status.history, entry)}
+        if index + 1 < len(done):
+            travelling = done[index + 1].model_copy(update={"state": DriveOrderState.TRAVELLING})
+            changes["drive_orders"] = (*done[: index + 1], travelling, *done[index + 2 :])
+            changes["current_drive_order_index"] = index + 1
+            if self.state is S.BEING_PROCESSED:
+                changes["reason"] = (
+                    f"vehicle {self.vehicle} travels to destination {index + 2} of {len(done)}"
+                )
+        return self._changed(**changes)
+
+    def finished(self, now: datetime) -> Self:
+        """End it well: every drive order is done."""
+        drive_orders = tuple(
+            each.model_copy(update={"state": DriveOrderState.FINISHED}) for each in self.status.drive_orders
+        )
+        return self._ended(
+            S.FINISHED,
+            f"done by vehicle {self.vehicle}",
+            now,
+            drive_orders=drive_orders,
+            current_drive_order_index=len(drive_orders) - 1,
+        )
+
+    def failed(self, reason: str, now: datetime) -> Self:
+        """End it badly; drive orders that are not done have failed."""
+        drive_orders = tuple(
+            each
+            if each.state is DriveOrderState.FINISHED
+            else each.model_copy(update={"state": DriveOrderState.FAILED})
+            for each in self.status.drive_orders
+        )
+        return self._ended(S.FAILED, reason, now, drive_orders=drive_orders)
+
+    def withdrawn(self, reason: str, now: datetime) -> Self:
+        """Withdraw it: it fails at once where no vehicle works on it, else once the vehicle has let it go."""
+        if self.state in (S.ACTIVE, S.DISPATCHABLE):
+            return self.failed(reason, now)
+        entry = self._entry(now, EventCode.WITHDRAWAL_REQUESTED, reason)
+        return self._moved(S.WITHDRAWN, f"{reason}; waits until vehicle {self.vehicle} lets it go", entry)
+
+    def adopted(self, now: datetime) -> Self:
+        """Note that it has been taken up again after a restart of the order service."""
+        self._require("adopting", S.BEING_PROCESSED, S.WITHDRAWN)
+        entry = self._entry(now, EventCode.ADOPTED_AFTER_RESTART, f"vehicle {self.vehicle}")
+        return self._changed(history=(*self.status.history, entry))
+
+    def _with_drive_order(self, index: int, state: DriveOrderState) -> tuple[DriveOrderStatus, ...]:
+        drive_orders = self.status.drive_orders
+        changed = drive_orders[index].model_copy(update={"state": state})
+        return (*drive_orders[:index], changed, *drive_orders[index + 1 :])
+
+    def _ended(self, state: TransportOrderState, reason: str, now: datetime, **changes: object) -> Self:
+        entry = self._entry(now, EventCode.FINAL_STATE_REACHED, state, reason)
+        return self._moved(state, reason, entry, finished=now, **changes)
+
+    def _moved(
+        self, state: TransportOrderState, reason: str, entry: HistoryEntry | None = None, **changes: object
+    ) -> Self:
+        if state not in SUCCESSORS[self.state]:
+            raise IllegalTransitionError(self.name, self.state, f"the change to {state}")
+        history = (*self.status.history, entry) if entry else self.status.history
+        return self._changed(state=state, reason=reason, history=history, **changes)
+
+    def _changed(self, **changes: object) -> Self:
+        status = self.status.model_copy(update={**changes, "version": self.status.version + 1})
+        return type(self)(self.number, status, self.idempotency_key)
+
+    def _require(self, change: str, *states: TransportOrderState) -> None:
+        if self.state not in states:
+            raise IllegalTransitionError(self.name, self.state, change)
+
+    @staticmethod
+    def _entry(now: datetime, code: EventCode, *supplements: str) -> HistoryEntry:
+        return HistoryEntry(timestamp=now, event_code=code, supplements=tuple(map(str, supplements)))

@@ -1,0 +1,108 @@
+"""Checks a request for a transport order against the plant: all that is wrong with it at once, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from nena_order_service.orders.transport_order import RESOURCES_TO_AVOID
+from nena_shared.fleet_api.transport_order import Destination, TransportOrderRequest
+from nena_shared.plant import NO_OPERATION, Link, Location, PlantModel
+
+MOVE = "MOVE"
+PARK = "PARK"
+POINT_OPERATIONS = (MOVE, PARK)
+"""What can be done at a point or coordinate."""
+
+NAMES_SHOWN = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that is wrong with a request; ``unknown``: it names something that there is not."""
+
+    text: str
+    unknown: bool = False
+
+
+class InvalidRequestError(Exception):
+    """A request that makes no sense in this plant."""
+
+    def __init__(self, findings: Iterable[Finding]) -> None:
+        self.findings = tuple(findings)
+        super().__init__(" ".join(finding.text for finding in self.findings))
+
+    @property
+    def only_unknown(self) -> bool:
+        """Whether nothing is wrong but names of things that there are not."""
+        return all(finding.unknown for finding in self.findings)
+
+
+def check_request(request: TransportOrderRequest, plant: PlantModel, vehicles: Collection[str]) -> None:
+    """Raise InvalidRequestError with all that is wrong with ``request``; ``vehicles`` are those known."""
+    findings = [
+        *(
+            Finding(f"Destination {number}: {finding.text}", finding.unknown)
+            for number, destination in enumerate(request.destinations, start=1)
+            for finding in _check_destination(destination, plant)
+        ),
+        *_check_vehicle(request.intended_vehicle, vehicles),
+        *_check_resources_to_avoid(request, plant),
+    ]
+    if findings:
+        raise InvalidRequestError(findings)
+
+
+def _check_destination(destination: Destination, plant: PlantModel) -> Iterator[Finding]:
+    name = destination.location_name
+    if name is not None and name in plant.locations_by_name:
+        yield from _check_operation(destination.operation, plant.location(name), plant)
+    elif name is not None and name not in plant.points_by_name:
+        known = [*plant.locations_by_name, *plant.points_by_name]
+        yield Finding(f"there is no location or point {name!r}.{_like(name, known)}", unknown=True)
+    elif destination.operation not in POINT_OPERATIONS:
+        place = f"point {name!r}" if name is not None else "a coordinate"
+        yield Finding(f"operation {destination.operation!r} is not possible at {place}; MOVE or PARK is.")
+
+
+def _check_operation(operation: str, location: Location, plant: PlantModel) -> Iterator[Finding]:
+    if location.locked:
+        yield Finding(f"location {location.name!r} is locked; unlock it or choose another one.")
+    if not location.links:
+        yield Finding(f"location {location.name!r} is linked to no point, so no vehicle can serve it.")
+    elif not plant.access_points(location.name, operation):
+        possible = {NO_OPERATION, *_operations(location.links, location, plant)}
+        yield Finding(
+            f"operation {operation!r} is not possible at location {location.name!r}; "
+            f"possible are: {', '.join(sorted(possible))}."
+        )
+
+
+def _operations(links: Iterable[Link], location: Location, plant: PlantModel) -> Iterator[str]:
+    for link in links:
+        yield from plant.link_operations(location, link)
+
+
+def _check_vehicle(name: str | None, vehicles: Collection[str]) -> Iterator[Finding]:
+    if name is not None and name not in vehicles:
+        yield Finding(f"There is no vehicle {name!r}.{_like(name, vehicles)}", unknown=True)
+
+
+def _check_resources_to_avoid(request: TransportOrderRequest, plant: PlantModel) -> Iterator[Finding]:
+    listed = next((each.value for each in request.properties if each.key == RESOURCES_TO_AVOID), "")
+    known = (plant.points_by_name, plant.paths_by_name, plant.locations_by_name)
+    for name in filter(None, map(str.strip, listed.split(","))):
+        if not any(name in names for names in known):
+            yield Finding(
+                f"Property {RESOURCES_TO_AVOID}: there is no point, path or location {name!r}.", unknown=True
+            )
+
+
+def _like(name: str, known: Collection[str]) -> str:
+    alike = get_close_matches(name, list(known), n=3)
+    if alike:
+        return f" Did you mean {' or '.join(map(repr, alike))}?"
+    if len(known) <= NAMES_SHOWN:
+        return f" There are: {', '.join(map(repr, sorted(known))) or 'none'}."
+    return ""

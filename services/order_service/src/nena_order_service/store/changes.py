@@ -1,0 +1,62 @@
+"""What is to be written: the changes of one step, or of many steps that are committed together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from nena_order_service.orders.transport_order import TransportOrder
+
+
+@dataclass(frozen=True, slots=True)
+class OrderChange:
+    """One order's new version; entries of its history before ``unchanged_history`` are stored already."""
+
+    order: TransportOrder
+    new: bool
+    unchanged_history: int
+
+
+@dataclass(slots=True)
+class Changes:
+    """Changes to commit together; the latest of each order counts."""
+
+    orders: dict[int, OrderChange] = field(default_factory=dict)
+    """By the orders' numbers."""
+    missions: dict[int, str | None] = field(default_factory=dict)
+    """Mission documents by the orders' numbers; None: it is at its end."""
+
+    def __bool__(self) -> bool:
+        return bool(self.orders or self.missions)
+
+    def put_order(self, order: TransportOrder, before: TransportOrder | None) -> None:
+        """Add an order's new version; ``before`` is the last one, None for an order that is new."""
+        unchanged = _equal_entries(order, before) if before else 0
+        earlier = self.orders.get(order.number)
+        if earlier:
+            change = OrderChange(order, earlier.new, min(earlier.unchanged_history, unchanged))
+        else:
+            change = OrderChange(order, before is None, unchanged)
+        self.orders[order.number] = change
+
+    def put_mission(self, order_number: int, document: str | None) -> None:
+        """Add what is sent for an order, or None where nothing is any more."""
+        self.missions[order_number] = document
+
+    def merge(self, later: Changes) -> None:
+        """Take in changes that were made after these."""
+        for number, change in later.orders.items():
+            earlier = self.orders.get(number)
+            if earlier:
+                unchanged = min(earlier.unchanged_history, change.unchanged_history)
+                change = OrderChange(change.order, earlier.new, unchanged)  # noqa: PLW2901 - merged
+            self.orders[number] = change
+        self.missions.update(later.missions)
+
+
+def _equal_entries(order: TransportOrder, before: TransportOrder) -> int:
+    """Count the first entries that both have; an entry is never changed, at most the last is replaced."""
+    new, old = order.status.history, before.status.history
+    if not old:
+        return 0
+    last = len(old) - 1
+    return len(old) if len(new) > last and new[last] is old[last] else last

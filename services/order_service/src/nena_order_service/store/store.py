@@ -1,0 +1,151 @@
+"""The store as the event loop sees it: changes go to one writer thread, reads to another one."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+from sqlalchemy import Engine
+from sqlalchemy.exc import InterfaceError, OperationalError
+
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.store import database
+from nena_order_service.store.changes import Changes
+from nena_order_service.store.database import OrderFilter, Unfinished
+from nena_shared.log import get_logger
+
+log = get_logger(__name__)
+
+T = TypeVar("T")
+
+RETRY_PAUSE = 0.5
+"""Seconds between tries to write while the database takes nothing."""
+
+WAITING_LIMIT = 10_000
+"""Steps that may wait for the writer; above that the store is not ready and new orders are refused."""
+
+
+class Store:
+    """Commits changes in the order in which they come; all that wait are committed together.
+
+    A database that takes nothing is tried again for ever, with pauses: until it does, nothing that hangs on
+    the changes is told to anybody. Every method is for the event loop's thread.
+    """
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._writer = ThreadPoolExecutor(1, thread_name_prefix="store writer")
+        self._reader = ThreadPoolExecutor(1, thread_name_prefix="store reader")
+        self._changes = Changes()
+        self._then: list[Callable[[], None]] = []
+        self._wake = asyncio.Event()
+        self._writing = False
+        self.problem = ""
+        """Why the last try to write failed; empty when it did not."""
+        self.commits = 0
+
+    @property
+    def ready(self) -> bool:
+        """Whether new orders may be taken."""
+        return not self.problem and len(self._then) < WAITING_LIMIT
+
+    def commit(self, changes: Changes, then: Callable[[], None]) -> None:
+        """Call ``then`` once ``changes`` and all that came before them are committed.
+
+        Without changes, and with nothing before them, it is called at once.
+        """
+        if not changes and not self._writing and not self._then:
+            then()
+            return
+        self._changes.merge(changes)
+        self._then.append(then)
+        self._wake.set()
+
+    async def run(self) -> None:
+        """Write until cancelled.
+
+        Raises:
+            SQLAlchemyError: the database refuses the changes as such; going on would lose them.
+
+        """
+        while True:
+            await self._wake.wait()
+            await self._write_waiting()
+
+    async def drain(self, seconds: float) -> bool:
+        """Wait at most ``seconds`` until all that waits is committed and told; tell whether it is."""
+        done = asyncio.Event()
+        self.commit(Changes(), done.set)
+        try:
+            async with asyncio.timeout(seconds):
+                await done.wait()
+        except TimeoutError:
+            return False
+        return True
+
+    def close(self) -> None:
+        """End the threads and close the database."""
+        self._writer.shutdown()
+        self._reader.shutdown()
+        self._engine.dispose()
+
+    async def unfinished(self) -> Unfinished:
+        """Read all that a restart takes up."""
+        return await self._read(lambda: database.read_unfinished(self._engine))
+
+    async def order(
+        self, *, name: str | None = None, idempotency_key: str | None = None
+    ) -> TransportOrder | None:
+        """Read the order of this key, else of this name."""
+        return await self._read(
+            lambda: database.read_order(self._engine, name=name, idempotency_key=idempotency_key)
+        )
+
+    async def orders(self, wanted: OrderFilter) -> tuple[TransportOrder, ...]:
+        """Read a page of orders, newest first."""
+        return await self._read(lambda: database.read_orders(self._engine, wanted))
+
+    async def _read(self, work: Callable[[], T]) -> T:
+        return await asyncio.get_running_loop().run_in_executor(self._reader, work)
+
+    async def _write_waiting(self) -> None:
+        changes, then = self._changes, self._then
+        self._changes, self._then = Changes(), []
+        self._wake.clear()
+        self._writing = True
+        try:
+            if changes:
+                await self._write(changes)
+            for each in then:
+                self._tell(each)
+        finally:
+            self._writing = False
+
+    async def _write(self, changes: Changes) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            try:
+                await loop.run_in_executor(self._writer, database.write, self._engine, changes)
+            except (OperationalError, InterfaceError) as error:
+                self._set_problem(str(error.orig))
+                await asyncio.sleep(RETRY_PAUSE)
+            else:
+                self.commits += 1
+                self._set_problem("")
+                return
+
+    def _set_problem(self, problem: str) -> None:
+        if problem and problem != self.problem:
+            log.error("the store takes nothing, trying on; look at its disk or server", reason=problem)
+        if self.problem and not problem:
+            log.info("the store takes changes again")
+        self.problem = problem
+
+    @staticmethod
+    def _tell(then: Callable[[], None]) -> None:
+        try:
+            then()
+        except Exception:
+            log.exception("a committed change was not told")
