@@ -1,0 +1,84 @@
+"""From the operations of a plant model to the actions of VDA 5050 (3.0 section 6.2.3, 2.1 section 6.8)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Final
+from uuid import uuid4
+
+from nena_shared.plant import Location
+from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
+
+NO_ACTION: Final = ""
+"""What an operation is mapped to that is nothing but the drive."""
+
+STATION_ACTIONS: Final = frozenset({"pick", "drop"})
+"""Actions that hand a load over at a station."""
+
+DEFAULT_ACTION_TYPES: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "Load cargo": "pick",
+        "Load": "pick",
+        "Unload cargo": "drop",
+        "Unload": "drop",
+        "Charge": "startCharging",
+        "CHARGE": "startCharging",
+        "MOVE": NO_ACTION,
+        "PARK": NO_ACTION,
+        "NOP": NO_ACTION,
+    }
+)
+
+UNSPECIFIED_LOAD: Final = "unspecified"
+"""The loadType where nobody says one; 2.1 demands the parameter of pick and drop."""
+
+
+def fresh_id() -> str:
+    """Give an id that nothing else has."""
+    return str(uuid4())
+
+
+@dataclass(frozen=True, slots=True)
+class OperationMap:
+    """Which action an operation stands for; an unknown operation is an action of the same name.
+
+    ``action_types`` is laid over the defaults; an empty action type means that there is nothing to do but to
+    be there.
+    """
+
+    action_types: Mapping[str, str] = field(default_factory=dict)
+    new_id: Callable[[], str] = fresh_id
+
+    def actions(
+        self, operation: str, properties: Mapping[str, str], location: Location | None = None
+    ) -> tuple[Action, ...]:
+        """Give the actions of ``operation`` with fresh ids; ``properties`` become parameters.
+
+        For pick and drop the location's name and type become stationName and stationType, unless the
+        properties say something else.
+        """
+        action_type = {**DEFAULT_ACTION_TYPES, **self.action_types}.get(operation, operation)
+        if action_type == NO_ACTION:
+            return ()
+        parameters = {**_station(action_type, location), **properties}
+        action = Action(
+            action_type=action_type,
+            action_id=self.new_id(),
+            action_descriptor=operation,
+            blocking_type=BlockingType.HARD,
+            action_parameters=tuple(_parameters(parameters.items())),
+        )
+        return (action,)
+
+
+def _station(action_type: str, location: Location | None) -> dict[str, str]:
+    if action_type not in STATION_ACTIONS:
+        return {}
+    station = {"stationType": location.type, "stationName": location.name} if location else {}
+    return {"stationType": "point", **station, "loadType": UNSPECIFIED_LOAD}
+
+
+def _parameters(values: Iterable[tuple[str, str]]) -> Iterable[ActionParameter]:
+    return (ActionParameter(key=key, value=value) for key, value in values)
