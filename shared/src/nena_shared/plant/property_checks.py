@@ -35,6 +35,7 @@ _TEXTS: Final = frozenset(
 )
 _COSTS: Final = (keys.ROUTING_COST_FORWARD, keys.ROUTING_COST_REVERSE)
 _KNOWN: Final = _NUMBERS | _TEXTS | frozenset(_COSTS)
+_FOLDED: Final = MappingProxyType({key.casefold(): key for key in _KNOWN})
 _SIMILARITY: Final = 0.9
 
 _References = Mapping[str, Callable[[PlantModel], Mapping[str, object]]]
@@ -94,9 +95,10 @@ def _meant(key: str) -> str | None:
         return None
     if key != key.strip():
         return key.strip()
-    if not key.lower().startswith(_PREFIXES):
+    if not key.casefold().startswith(_PREFIXES):
         return None
-    return next(iter(get_close_matches(key, _KNOWN, n=1, cutoff=_SIMILARITY)), None)
+    similar = get_close_matches(key.casefold(), _FOLDED, n=1, cutoff=_SIMILARITY)
+    return _FOLDED[similar[0]] if similar else None
 
 
 def _is_number(value: str) -> bool:

@@ -36,7 +36,7 @@ class Avoided:
 class RoutingGraph:
     """The drivable edges of a plant for one routing profile; built once, then only read.
 
-    Locked paths have no edge, nor have directions in which the path or the vehicle has no speed. A cost that is
+    Locked paths have no edge, nor have directions in which path or vehicle have no speed. A cost that is
     infinite or NaN excludes an edge too. Raises ValueError for a cost below 0, which no evaluator may return.
     """
 
@@ -70,10 +70,11 @@ class RoutingGraph:
         """Return what it costs to reach those of the destinations that can be reached."""
         start = self._indices[source]
         lengths = rx.digraph_dijkstra_shortest_path_lengths(self._graph, start, avoided.weight())
-        reached = {name: lengths.get(self._indices[name], inf) for name in destinations if name != source}
+        indices = {name: self._indices[name] for name in destinations}
+        costs = {name: lengths[index] for name, index in indices.items() if index in lengths}
         if source in destinations:
-            reached[source] = 0.0
-        return {name: cost for name, cost in reached.items() if isfinite(cost)}
+            costs[source] = 0.0
+        return {name: cost for name, cost in costs.items() if isfinite(cost)}
 
 
 def _steps(

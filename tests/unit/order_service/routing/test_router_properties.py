@@ -1,0 +1,103 @@
+"""What holds for every plant: checked against a slow search that tries everything."""
+
+from collections.abc import Mapping
+from itertools import pairwise, product
+from math import inf
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_order_service.routing import NoRouteError, Router
+from nena_shared.plant import PlantModel
+from support.plants import path, point
+
+NAMES = "ABCDEF"
+
+
+@st.composite
+def plants(draw: st.DrawFn) -> PlantModel:
+    """Draw up to 6 points and up to 14 paths, also parallel ones, loops, locked and reversible ones."""
+    count = draw(st.integers(0, 14))
+    paths = [
+        path(
+            f"{draw(st.sampled_from(NAMES))} {draw(st.sampled_from(NAMES))}",
+            draw(st.integers(1, 50)),
+            name=f"path {number}",
+            max_velocity_mm_s=draw(st.sampled_from([0, 1000])),
+            max_reverse_velocity_mm_s=draw(st.sampled_from([0, 300])),
+            locked=draw(st.booleans()),
+        )
+        for number in range(count)
+    ]
+    return PlantModel(name="drawn", points=tuple(point(name) for name in NAMES), paths=tuple(paths))
+
+
+def all_costs(
+    plant: PlantModel, avoid: frozenset[str] = frozenset()
+) -> Mapping[tuple[str, str], int | float]:
+    """Return the least cost between all points by relaxing every pair over every point."""
+    costs: dict[tuple[str, str], float] = {(a, b): 0 if a == b else inf for a, b in product(NAMES, NAMES)}
+    for edge in plant.edges():
+        if not edge.path.locked and avoid.isdisjoint((edge.path.name, edge.destination)):
+            ends = (edge.source, edge.destination)
+            costs[ends] = min(costs[ends], edge.path.length_mm)
+    for via, a, b in product(NAMES, NAMES, NAMES):
+        costs[a, b] = min(costs[a, b], costs[a, via] + costs[via, b])
+    return costs
+
+
+def cost(router: Router, source: str, destination: str, avoid: frozenset[str] = frozenset()) -> float:
+    try:
+        return router.route(source, destination, avoid=avoid).cost
+    except NoRouteError:
+        return inf
+
+
+AVOID = st.frozensets(st.sampled_from([*NAMES, "path 0", "path 1", "path 2"]), max_size=3)
+
+
+@given(plants(), AVOID)
+def test_costs_are_those_of_the_slow_search(plant: PlantModel, avoid: frozenset[str]) -> None:
+    avoid &= {*NAMES, *plant.paths_by_name}
+    router, expected = Router(plant), all_costs(plant, avoid)
+    assert {pair: cost(router, *pair, avoid) for pair in expected} == expected
+
+
+@given(plants())
+def test_a_way_over_a_third_point_is_never_cheaper(plant: PlantModel) -> None:
+    router = Router(plant)
+    for a, b, c in product(NAMES, NAMES, NAMES):
+        assert cost(router, a, c) <= cost(router, a, b) + cost(router, b, c)
+
+
+@given(plants(), st.sampled_from(NAMES), st.sampled_from(NAMES))
+def test_steps_join_and_may_be_driven(plant: PlantModel, source: str, destination: str) -> None:
+    try:
+        route = Router(plant).route(source, destination)
+    except NoRouteError:
+        return
+    assert route.points[0] == source
+    assert route.points[-1] == destination
+    assert all(a.destination == b.source for a, b in pairwise(route.steps))
+    assert route.cost == sum(step.path.length_mm for step in route.steps)
+    assert all(step.edge in plant.edges_by_id.values() for step in route.steps)
+    assert not any(step.path.locked for step in route.steps)
+
+
+CHOICES = st.lists(st.lists(st.sampled_from(NAMES), min_size=1, max_size=3), min_size=1, max_size=3)
+
+
+@given(plants(), st.sampled_from(NAMES), CHOICES)
+def test_no_other_choice_of_access_points_is_cheaper(
+    plant: PlantModel, source: str, choices: list[list[str]]
+) -> None:
+    costs = all_costs(plant)
+    cheapest = min(sum(costs[leg] for leg in pairwise((source, *chosen))) for chosen in product(*choices))
+    try:
+        routes = Router(plant).route_through(source, choices)
+    except NoRouteError:
+        assert cheapest == inf
+        return
+    assert sum(route.cost for route in routes) == cheapest
+    assert [route.source for route in routes] == [source, *(route.destination for route in routes[:-1])]
+    assert all(route.destination in choice for route, choice in zip(routes, choices, strict=True))
