@@ -17,6 +17,8 @@ class ObjectKind(StrEnum):
     BLOCK = "block"
     VEHICLE = "vehicle"
     VISUAL_LAYOUT = "visual layout"
+    RESOURCE = "point, path or location"
+    """Of which of these kinds an unknown name was meant to be is open."""
 
 
 @dataclass(frozen=True, slots=True)

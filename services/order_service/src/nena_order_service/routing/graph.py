@@ -1,36 +1,21 @@
 """The graph that is searched: what one kind of vehicle may drive, and what each edge costs it."""
 
-from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
-from math import inf, isfinite
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from copy import copy
+from itertools import chain, pairwise
+from math import isfinite
 from operator import attrgetter
+from typing import Final
 
 import rustworkx as rx
 
 from nena_order_service.routing.costs import CostEvaluator
 from nena_order_service.routing.profile import RoutingProfile
 from nena_order_service.routing.route import Step
-from nena_shared.plant import DirectedEdge, PlantModel
+from nena_shared.plant import DirectedEdge, Path, PlantModel
 
-_cost: Callable[[Step], float] = attrgetter("cost")
-"""A function in C: it is called for every edge that a search meets."""
-
-
-@dataclass(frozen=True, slots=True)
-class Avoided:
-    """Points and paths that must not be used; a point may still be left, for a vehicle can stand on it."""
-
-    points: frozenset[str] = frozenset()
-    paths: frozenset[str] = frozenset()
-
-    def weight(self) -> Callable[[Step], float]:
-        """Return what the search asks for the cost of a step."""
-        return self._cost if self.points or self.paths else _cost
-
-    def _cost(self, step: Step) -> float:
-        avoided = step.path.name in self.paths or step.destination in self.points
-        return inf if avoided else step.cost
+_COST: Final[Callable[[Step], float]] = attrgetter("cost")
+"""A function in C, for it is called for every edge that a search meets."""
 
 
 class RoutingGraph:
@@ -41,10 +26,9 @@ class RoutingGraph:
     """
 
     def __init__(self, plant: PlantModel, costs: Sequence[CostEvaluator], profile: RoutingProfile) -> None:
-        self._names = tuple(point.name for point in plant.points)
-        self._indices = {name: index for index, name in enumerate(self._names)}
+        self._indices = {point.name: index for index, point in enumerate(plant.points)}
         self._graph: rx.PyDiGraph[str, Step] = rx.PyDiGraph()
-        self._graph.add_nodes_from(self._names)
+        self._graph.add_nodes_from(list(self._indices))
         self._graph.add_edges_from(
             [
                 (self._indices[step.source], self._indices[step.destination], step)
@@ -52,34 +36,50 @@ class RoutingGraph:
             ]
         )
 
-    def shortest(self, source: str, destination: str, avoided: Avoided) -> tuple[Step, ...] | None:
+    def without(self, points: Iterable[str], paths: Iterable[Path]) -> "RoutingGraph":
+        """Return a copy in which no edge leads to these points or along these paths.
+
+        A point that is to be avoided may still be left: a vehicle can stand on it.
+        """
+        to_points = (self._graph.in_edge_indices(self._indices[point]) for point in points)
+        along_paths = (self._path_indices(path) for path in paths)
+        pruned = copy(self)
+        pruned._graph = self._graph.copy()  # noqa: SLF001 - an object of this class
+        for index in {*chain.from_iterable(to_points), *chain.from_iterable(along_paths)}:
+            pruned._graph.remove_edge_from_index(index)  # noqa: SLF001 - an object of this class
+        return pruned
+
+    def shortest(self, source: str, destination: str) -> tuple[Step, ...] | None:
         """Return the cheapest steps between two points, or None if there is no way."""
         start, goal = self._indices[source], self._indices[destination]
         if start == goal:
             return ()
-        weight = avoided.weight()
-        ways = rx.digraph_dijkstra_shortest_paths(self._graph, start, target=goal, weight_fn=weight)
+        ways = rx.digraph_dijkstra_shortest_paths(self._graph, start, target=goal, weight_fn=_COST)
         if goal not in ways:
             return None
-        way = ways[goal]
-        # Two points may be joined by several paths: the search used the cheapest.
-        steps = tuple(min(self._graph.get_all_edge_data(a, b), key=weight) for a, b in pairwise(way))
-        return steps if all(isfinite(weight(step)) for step in steps) else None
+        # Two points may be joined by several paths: the search went by the cheapest.
+        return tuple(min(self._graph.get_all_edge_data(a, b), key=_COST) for a, b in pairwise(ways[goal]))
 
-    def costs_from(self, source: str, destinations: Collection[str], avoided: Avoided) -> dict[str, float]:
+    def costs_from(self, source: str, destinations: Iterable[str]) -> dict[str, float]:
         """Return what it costs to reach those of the destinations that can be reached."""
-        start = self._indices[source]
-        lengths = rx.digraph_dijkstra_shortest_path_lengths(self._graph, start, avoided.weight())
+        lengths = rx.digraph_dijkstra_shortest_path_lengths(self._graph, self._indices[source], _COST)
         indices = {name: self._indices[name] for name in destinations}
         costs = {name: lengths[index] for name, index in indices.items() if index in lengths}
-        if source in destinations:
-            costs[source] = 0.0
-        return {name: cost for name, cost in costs.items() if isfinite(cost)}
+        return {**costs, source: 0.0} if source in indices else costs
+
+    def _path_indices(self, path: Path) -> list[int]:
+        ends = (self._indices[path.source], self._indices[path.destination])
+        return [
+            index
+            for a, b in (ends, reversed(ends))
+            for index in self._graph.edge_indices_from_endpoints(a, b)
+            if self._graph.get_edge_data_by_index(index).path == path
+        ]
 
 
 def _steps(
     edges: Iterable[DirectedEdge], costs: Sequence[CostEvaluator], profile: RoutingProfile
-) -> Iterable[Step]:
+) -> Iterator[Step]:
     for edge in edges:
         if edge.path.locked or not profile.speed_mm_s(edge):
             continue

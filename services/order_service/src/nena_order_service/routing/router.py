@@ -1,15 +1,15 @@
 """The router: the cheapest ways through a plant. Other vehicles, blocks and queues do not influence it."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import chain, pairwise
 from typing import NamedTuple
 
 from nena_order_service.routing.costs import CostEvaluator, distance
 from nena_order_service.routing.errors import NoRouteError
-from nena_order_service.routing.graph import Avoided, RoutingGraph
+from nena_order_service.routing.graph import RoutingGraph
 from nena_order_service.routing.profile import RoutingProfile
 from nena_order_service.routing.route import Route
-from nena_shared.plant import ObjectKind, PlantModel, UnknownObjectError, Vehicle
+from nena_shared.plant import ObjectKind, Path, PlantModel, UnknownObjectError, Vehicle
 
 
 class Router:
@@ -38,7 +38,7 @@ class Router:
         Raises UnknownObjectError for a name that the plant does not have and NoRouteError if there is no way.
         """
         self._check_points((source, destination))
-        steps = self._graph(vehicle).shortest(source, destination, self._avoided(avoid))
+        steps = self._graph(vehicle, avoid).shortest(source, destination)
         if steps is None:
             raise NoRouteError(source, (destination,), vehicle, avoid)
         return Route(source, destination, steps)
@@ -58,39 +58,37 @@ class Router:
         `route` does; NoRouteError names the first destination that cannot be reached.
         """
         self._check_points([source, *chain.from_iterable(destinations)])
-        graph, avoided = self._graph(vehicle), self._avoided(avoid)
+        graph = self._graph(vehicle, avoid)
         ways = {source: _Way(0.0, (source,))}
         for choice in destinations:
-            longer = _longer(graph, ways, choice, avoided)
+            longer = _longer(graph, ways, choice)
             if not longer:
                 raise NoRouteError(next(iter(ways)), choice, vehicle, avoid)
             ways = longer
         points = min(ways.values()).points
-        return tuple(self.route(start, end, vehicle=vehicle, avoid=avoid) for start, end in pairwise(points))
+        return tuple(Route(start, end, graph.shortest(start, end) or ()) for start, end in pairwise(points))
 
-    def _graph(self, vehicle: Vehicle | None) -> RoutingGraph:
+    def _graph(self, vehicle: Vehicle | None, avoid: Collection[str]) -> RoutingGraph:
         profile = RoutingProfile.of(vehicle)
         if profile not in self._graphs:
             self._graphs[profile] = RoutingGraph(self._plant, self._costs, profile)
-        return self._graphs[profile]
+        graph = self._graphs[profile]
+        return graph.without(*self._resources(avoid)) if avoid else graph
 
-    def _check_points(self, names: Collection[str]) -> None:
+    def _check_points(self, names: Iterable[str]) -> None:
         for name in names:
             self._plant.point(name)
 
-    def _avoided(self, names: Collection[str]) -> Avoided:
-        points: set[str] = set()
-        paths: set[str] = set()
-        for name in names:
-            if name in self._plant.points_by_name:
-                points.add(name)
-            elif name in self._plant.paths_by_name:
-                paths.add(name)
-            elif name in self._plant.locations_by_name:
-                points.update(link.point for link in self._plant.location(name).links)
-            else:
-                raise UnknownObjectError(ObjectKind.POINT, name, self._plant.points_by_name)
-        return Avoided(frozenset(points), frozenset(paths))
+    def _resources(self, names: Collection[str]) -> tuple[list[str], list[Path]]:
+        """Return the points, also those that locations stand for, and the paths of these names."""
+        plant = self._plant
+        points = [name for name in names if name in plant.points_by_name]
+        paths = [plant.paths_by_name[name] for name in names if name in plant.paths_by_name]
+        locations = [plant.locations_by_name[name] for name in names if name in plant.locations_by_name]
+        if len(points) + len(paths) + len(locations) < len(names):
+            known = {**plant.points_by_name, **plant.paths_by_name, **plant.locations_by_name}
+            raise UnknownObjectError(ObjectKind.RESOURCE, min(set(names) - set(known)), known)
+        return [*points, *(link.point for location in locations for link in location.links)], paths
 
 
 class _Way(NamedTuple):
@@ -100,13 +98,11 @@ class _Way(NamedTuple):
     points: tuple[str, ...]
 
 
-def _longer(
-    graph: RoutingGraph, ways: Mapping[str, _Way], choice: Collection[str], avoided: Avoided
-) -> dict[str, _Way]:
+def _longer(graph: RoutingGraph, ways: Mapping[str, _Way], choice: Collection[str]) -> dict[str, _Way]:
     """Return the cheapest way to each reachable point of the choice, given the cheapest ways so far."""
     longer: dict[str, _Way] = {}
     for start, way in ways.items():
-        for point, cost in graph.costs_from(start, choice, avoided).items():
+        for point, cost in graph.costs_from(start, choice).items():
             candidate = _Way(way.cost + cost, (*way.points, point))
             longer[point] = min(candidate, longer.get(point, candidate))
     return longer

@@ -145,16 +145,14 @@ class XmlObject:
 
     def children(self, tag: str) -> Iterator["XmlObject"]:
         """Yield the child elements of this tag; notes on them carry this object's name."""
-        self._children_read.add(tag)
-        for element in self._element.iterfind(tag):
+        for element in self._elements(tag):
             child = XmlObject(element, self.kind, self.name, self.notes)
             yield child
             child.finish()
 
     def objects(self, tag: str, kind: ObjectKind) -> Iterator["XmlObject"]:
         """Yield the child elements that are plant objects of their own, each under its own name."""
-        self._children_read.add(tag)
-        for element in self._element.iterfind(tag):
+        for element in self._elements(tag):
             child = XmlObject(element, kind, element.get("name", ""), self.notes)
             if not child.text("name", default=""):
                 child.error("MISSING_ATTRIBUTE", "every object needs a name")
@@ -188,6 +186,11 @@ class XmlObject:
     def warn(self, code: str, text: str) -> None:
         """Note a warning on this object."""
         self.notes.warn(code, self.kind, self.name, text)
+
+    def _elements(self, tag: str) -> Iterator[Element]:
+        self._children_read.add(tag)
+        # Several times as fast as iterfind, which compiles each tag to a path first.
+        return (element for element in self._element if element.tag == tag)
 
     def _value(self, attribute: str) -> str | None:
         self._read.add(attribute)
