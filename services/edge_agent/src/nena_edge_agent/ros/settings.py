@@ -12,7 +12,7 @@ from nena_edge_agent.ros.battery import BatteryScale
 from nena_shared.settings import SettingsGroup
 
 _TOKEN = "[A-Za-z_][A-Za-z0-9_]*"  # noqa: S105 - a pattern, no secret
-_NAMESPACE = re.compile(rf"(/?{_TOKEN}(/{_TOKEN})*)?")
+_NAMESPACE = re.compile(rf"/?|/?{_TOKEN}(/{_TOKEN})*")
 _NAME = re.compile(rf"/?{_TOKEN}(/{_TOKEN})*")
 _NODE_NAME = re.compile(_TOKEN)
 

@@ -1,0 +1,36 @@
+"""What the goal tracker wants done."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from nena_edge_agent.driver.port import DriveGoal, DriverEvent
+
+
+@dataclass(frozen=True, slots=True)
+class PublishGoal:
+    """Publish the goal on the topic; it may be lost on the way."""
+
+    goal: DriveGoal
+
+
+@dataclass(frozen=True, slots=True)
+class CancelGoal:
+    """Call the cancel service for this goal alone (zero stamp)."""
+
+    goal_id: str
+
+
+@dataclass(frozen=True, slots=True)
+class RequestPose:
+    """Have the localisation send a pose although the robot stands."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Tell the protocol core."""
+
+    event: DriverEvent
+
+
+Command = PublishGoal | CancelGoal | RequestPose | Report

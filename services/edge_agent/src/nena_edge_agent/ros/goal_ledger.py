@@ -1,0 +1,156 @@
+"""Whose goals are in the status array: ours, or somebody else's.
+
+A goal given by topic carries no id, so ownership is worked out: with each goal that is given, one new id may
+turn up, and that is ours. Every other id is external. Ids that were listed before are never taken for a new
+goal, and a server that was started anew makes all of them void.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from nena_edge_agent.driver.port import GoalReport
+from nena_edge_agent.ros.goal_status import GoalEntry, GoalStatus
+
+
+@dataclass(frozen=True, slots=True)
+class News:
+    """What an array brings: ids that turn out to be ours, ids of ours that are lost, what to tell."""
+
+    claimed: tuple[str, ...]
+    lost: frozenset[str]
+    reports: tuple[GoalReport, ...]
+
+
+@dataclass(slots=True)
+class _Goal:
+    ours: bool
+    status: GoalStatus
+
+
+class GoalLedger:
+    """Keeps the goals of the last array. Times are monotonic seconds.
+
+    A given goal is awaited for ``confirmation_time``, and can claim an id for twice as long. A server that
+    has been there for ``settle_time`` without an array has no goals of before.
+    """
+
+    def __init__(self, *, confirmation_time: float, settle_time: float) -> None:
+        self._confirmation_time = confirmation_time
+        self._settle_time = settle_time
+        self._goals: dict[str, _Goal] = {}
+        self._orphans: frozenset[str] = frozenset()
+        self._servers: frozenset[str] = frozenset()
+        self._servers_since: float | None = None
+        self._array_seen = False
+        self._claims = 0
+        self._awaited = False
+        self._given_at = -float("inf")
+
+    @property
+    def live(self) -> tuple[str, ...]:
+        """Ids of ours that have not ended."""
+        return tuple(
+            goal_id for goal_id, goal in self._goals.items() if goal.ours and not goal.status.terminal
+        )
+
+    @property
+    def canceling(self) -> bool:
+        """Whether any goal is being cancelled; a goal given now would end with it."""
+        return any(goal.status is GoalStatus.CANCELING for goal in self._goals.values())
+
+    def status(self, goal_id: str) -> GoalStatus | None:
+        """Give the last status of a goal, None where it is not listed."""
+        goal = self._goals.get(goal_id)
+        return None if goal is None else goal.status
+
+    def taken_over(self, goal_id: str) -> str | None:
+        """Give the id of an external goal that runs and was accepted after ``goal_id``."""
+        ids = list(self._goals)
+        later = ids[ids.index(goal_id) + 1 :] if goal_id in self._goals else []
+        running = (other for other in later if not self._goals[other].status.terminal)
+        return next((other for other in running if not self._goals[other].ours), None)
+
+    def settled(self, now: float) -> bool:
+        """Whether the goals of before are known, so that a new id can be told from them."""
+        since = self._servers_since
+        return self._array_seen or (since is not None and now - since >= self._settle_time)
+
+    def set_servers(self, servers: frozenset[str], now: float) -> bool:
+        """Take the ids of the publishers of the array; True when one of before has gone: all ids are void."""
+        gone = self._servers - servers
+        if gone or not self._servers:
+            self._servers_since = now if servers else None
+        self._servers = servers
+        if gone:
+            # The same server may come back after a break of the network, and list what it still drives.
+            self._orphans = self._orphans | frozenset(self.live)
+            self._goals.clear()
+            self._array_seen = self._awaited = False
+            self._claims = 0
+        return bool(gone)
+
+    def given(self, now: float) -> None:
+        """Note that a goal is given at ``now``."""
+        self._expire(now)
+        self._claims += 1
+        self._awaited = True
+        self._given_at = now
+
+    def awaiting(self, now: float) -> bool:
+        """Whether the goal given last is still waited for."""
+        return self._awaited and now - self._given_at < self._confirmation_time
+
+    def forget(self, goal_id: str) -> None:
+        """Take the server's word that it does not know the goal."""
+        if goal_id in self._goals:
+            self._goals[goal_id].status = GoalStatus.ABORTED
+
+    def update(self, entries: Sequence[GoalEntry], now: float) -> News:
+        """Take an array."""
+        self._expire(now)
+        first, self._array_seen = not self._array_seen, True
+        before, self._goals = self._goals, {}
+        claimed = self._claim(
+            [entry.goal_id for entry in entries if entry.goal_id not in before], first=first
+        )
+        reports: list[GoalReport] = []
+        for entry in entries:
+            old = before.get(entry.goal_id)
+            goal = self._goals[entry.goal_id] = _merged(old, entry, ours=self._owns(entry.goal_id, claimed))
+            history = first and goal.status.terminal and not goal.ours
+            if not history and (old is None or old.status is not goal.status):
+                reports.append(GoalReport(entry.goal_id, not goal.ours, goal.status.name))
+        self._orphans = frozenset()
+        lost = frozenset(
+            goal_id
+            for goal_id, goal in before.items()
+            if goal.ours and not goal.status.terminal and goal_id not in self._goals
+        )
+        return News(claimed, lost, tuple(reports))
+
+    def _owns(self, goal_id: str, claimed: Sequence[str]) -> bool:
+        return goal_id in claimed or goal_id in self._orphans
+
+    def _claim(self, fresh: Sequence[str], *, first: bool) -> tuple[str, ...]:
+        """Give those of the new ids that are ours: of a first array, full of old goals, the last at most."""
+        strange = [goal_id for goal_id in fresh if goal_id not in self._orphans]
+        claimed = tuple((strange[-1:] if first else strange)[: self._claims])
+        self._claims -= len(claimed)
+        if claimed:
+            self._awaited = False
+        return claimed
+
+    def _expire(self, now: float) -> None:
+        if now - self._given_at >= 2 * self._confirmation_time:
+            self._claims = 0
+
+
+def _merged(old: _Goal | None, entry: GoalEntry, *, ours: bool) -> _Goal:
+    """Give the goal after ``entry``; an end stays an end, and an unknown status says nothing."""
+    if old is None:
+        return _Goal(ours, entry.status)
+    if old.status.terminal or entry.status is GoalStatus.UNKNOWN:
+        return old
+    return _Goal(old.ours, entry.status)

@@ -1,0 +1,284 @@
+"""Gives goals to Nav2 by topic and follows them: who owns which, what has become of them, what to do next.
+
+Events and the time (monotonic seconds) go in, commands come out. A goal that is to be driven runs through:
+waiting (for Nav2, for the end of a cancelled goal), given (until the status array confirms it, given again a
+bounded number of times), driven (followed by its id alone), reported reached (until a pose agrees).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from nena_edge_agent.driver.port import (
+    Arrived,
+    DriveFailed,
+    DriveFailure,
+    DriveGoal,
+    DriverEvent,
+    Halted,
+    NavigationReport,
+    Pose,
+)
+from nena_edge_agent.ros.commands import CancelGoal, Command, PublishGoal, Report, RequestPose
+from nena_edge_agent.ros.goal_ledger import GoalLedger
+from nena_edge_agent.ros.goal_status import GoalEntry, GoalStatus
+from nena_edge_agent.ros.pose import agrees
+from nena_edge_agent.ros.settings import GoalSettings
+from nena_edge_agent.ros.standstill import Standstill
+from nena_shared.log import get_logger
+
+log = get_logger(__name__)
+
+UNKNOWN_GOAL_ID = 2
+"""Answer of action_msgs/srv/CancelGoal for a goal that the server does not know."""
+STALE_XY = 0.25
+"""Metres that a robot may drive before AMCL sends a pose (``update_min_d``)."""
+STALE_THETA = 0.2
+"""Radians that a robot may turn before AMCL sends a pose (``update_min_a``)."""
+
+
+@dataclass(slots=True)
+class _Drive:
+    """The goal that the protocol core wants driven."""
+
+    goal: DriveGoal
+    times_given: int = 0
+    give_up_at: float | None = None
+    goal_id: str | None = None
+    reached_at: float | None = None
+    pose_asked_at: float | None = None
+
+
+@dataclass(slots=True)
+class _Halt:
+    """A stop that is to be answered; ``quiet_at``: when no goal of ours was left."""
+
+    stopped_something: bool = False
+    quiet_at: float | None = None
+
+
+class GoalTracker:
+    """The rules of driving by topics; every method returns what is to be done now."""
+
+    def __init__(self, settings: GoalSettings) -> None:
+        self._settings = settings
+        self._ledger = GoalLedger(
+            confirmation_time=settings.confirmation_time, settle_time=settings.settle_time
+        )
+        self._standstill = Standstill()
+        self._navigation = NavigationReport(available=False, reason="Nav2 has not been looked for yet")
+        self._drive: _Drive | None = None
+        self._halt: _Halt | None = None
+        self._cancels: dict[str, float] = {}
+        self._pose: Pose | None = None
+        self._pose_at = -float("inf")
+        self._out: list[Command] = []
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is waited for, so that :meth:`tick` is needed."""
+        drive = self._drive
+        waiting = drive is not None and (drive.goal_id is None or drive.reached_at is not None)
+        return waiting or self._halt is not None or bool(self._cancels)
+
+    def go_to(self, goal: DriveGoal, now: float) -> list[Command]:
+        """Drive to ``goal``; one that is driven is replaced, and not stopped for it."""
+        self._drive = _Drive(goal)
+        return self._advance(now)
+
+    def halt(self, now: float) -> list[Command]:
+        """Drop the goal and stop; answered by ``Halted``."""
+        self._drive = None
+        self._halt = self._halt or _Halt()
+        return self._advance(now)
+
+    def on_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
+        """Take a status array: all goals that the server remembers."""
+        news = self._ledger.update(entries, now)
+        for report in news.reports:
+            self._report(report)
+        drive = self._drive
+        if drive is not None and drive.times_given and news.claimed:
+            # Of a goal given twice, the server drives the one that it accepted last.
+            drive.goal_id, drive.reached_at = news.claimed[-1], None
+        if drive is not None and drive.goal_id is not None and drive.reached_at is None:
+            self._follow(drive, drive.goal_id, now, lost=drive.goal_id in news.lost)
+        return self._advance(now)
+
+    def on_cancel_answer(self, goal_id: str, code: int | None, now: float) -> list[Command]:
+        """Take the code of a cancel call, None where none came; the goal's status shows what it does."""
+        if code == UNKNOWN_GOAL_ID:
+            self._ledger.forget(goal_id)
+        elif code is None:
+            log.warning("no answer to the cancelling of a goal", goal=goal_id)
+        return self._advance(now)
+
+    def on_pose(self, pose: Pose, now: float) -> list[Command]:
+        """Take a pose that the localisation has sent."""
+        self._pose, self._pose_at = pose, now
+        return self._advance(now)
+
+    def on_velocity(self, speed: float, omega: float, now: float) -> None:
+        """Take a velocity of the odometry: m/s and rad/s."""
+        self._standstill.on_velocity(speed, omega, now)
+
+    def on_servers(self, servers: frozenset[str], now: float) -> list[Command]:
+        """Take the endpoint ids of those who publish the status array."""
+        gone = self._ledger.set_servers(servers, now)
+        drive = self._drive
+        if gone and drive is not None and drive.times_given and drive.reached_at is None:
+            self._fail(drive, DriveFailure.NAVIGATION_GONE, "Nav2 vanished or was started anew in mid-drive")
+        return self._advance(now)
+
+    def on_navigation(self, report: NavigationReport, now: float) -> list[Command]:
+        """Take whether goals can be given."""
+        self._navigation = report
+        return self._advance(now)
+
+    def tick(self, now: float) -> list[Command]:
+        """Let the time pass."""
+        return self._advance(now)
+
+    def _advance(self, now: float) -> list[Command]:
+        self._answer_halt(now)
+        self._judge_arrival(now)
+        self._give(now)
+        self._cancel_leftovers(now)
+        commands, self._out = self._out, []
+        return commands
+
+    def _follow(self, drive: _Drive, goal_id: str, now: float, *, lost: bool) -> None:
+        """Let the status of the goal's id take effect; 0 to 3 mean that it is still driven."""
+        status = self._ledger.status(goal_id)
+        if lost:
+            text = f"Nav2 does not list the goal {goal_id} any more: it was started anew"
+            self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
+        elif status is GoalStatus.SUCCEEDED:
+            drive.reached_at = now
+        elif status is GoalStatus.CANCELED:
+            text = f"the goal {goal_id} was cancelled, and not by this robot's agent"
+            self._fail(drive, DriveFailure.CANCELED_FROM_OUTSIDE, text)
+        elif status is GoalStatus.ABORTED:
+            self._fail_aborted(drive, goal_id)
+
+    def _fail_aborted(self, drive: _Drive, goal_id: str) -> None:
+        other = self._ledger.taken_over(goal_id)
+        if other is not None:
+            text = f"the goal {goal_id} was replaced by a goal of somebody else ({other})"
+            self._fail(drive, DriveFailure.CANCELED_FROM_OUTSIDE, text)
+        else:
+            text = (
+                f"Nav2 has aborted the goal {goal_id}: the place cannot be reached, the way is blocked, "
+                "or the robot does not know where it is; Nav2's log on the robot tells which"
+            )
+            self._fail(drive, DriveFailure.ABORTED, text)
+
+    def _answer_halt(self, now: float) -> None:
+        halt = self._halt
+        if halt is None:
+            return
+        if self._ledger.live or self._ledger.awaiting(now):
+            halt.stopped_something, halt.quiet_at = True, None
+            return
+        halt.quiet_at = now if halt.quiet_at is None else halt.quiet_at
+        if not self._stands(halt, now) and now - halt.quiet_at < self._settings.standstill_timeout:
+            return
+        self._halt = None
+        self._report(Halted())
+
+    def _stands(self, halt: _Halt, now: float) -> bool:
+        """Whether the robot stands; without odometry only one that drove nothing surely does."""
+        if self._standstill.known(now):
+            return self._standstill.stands(now)
+        return not halt.stopped_something
+
+    def _judge_arrival(self, now: float) -> None:
+        """Let success count only where the pose agrees; one that may be old is asked for anew."""
+        drive = self._drive
+        if drive is None or drive.reached_at is None:
+            return
+        if self._pose is not None and agrees(self._pose, drive.goal):
+            self._arrive(drive)
+        elif now - drive.reached_at < self._settings.pose_wait:
+            self._ask_for_pose(drive, now)
+        elif self._pose_at < drive.reached_at and self._may_agree(drive.goal):
+            self._arrive(drive)
+        else:
+            self._fail(drive, DriveFailure.OUTSIDE_TOLERANCE, self._disagreement(drive.goal))
+
+    def _ask_for_pose(self, drive: _Drive, now: float) -> None:
+        if drive.pose_asked_at is None or self._pose_at > drive.pose_asked_at:
+            drive.pose_asked_at = now
+            self._out.append(RequestPose())
+
+    def _may_agree(self, goal: DriveGoal) -> bool:
+        """Whether a pose from before the stop can belong to a robot at the goal."""
+        pose = self._pose
+        return pose is not None and agrees(pose, goal, xy_slack=STALE_XY, theta_slack=STALE_THETA)
+
+    def _disagreement(self, goal: DriveGoal) -> str:
+        if self._pose is None:
+            return "Nav2 reports the goal as reached, but the robot's pose is not known"
+        return (
+            f"Nav2 reports the goal as reached, but the robot is at x {self._pose.x:.2f} m, "
+            f"y {self._pose.y:.2f} m, heading {self._pose.theta:.2f} rad, and the goal at "
+            f"x {goal.pose.x:.2f} m, y {goal.pose.y:.2f} m, heading {goal.pose.theta:.2f} rad"
+        )
+
+    def _give(self, now: float) -> None:
+        """Publish the goal, or publish it again, or give it up."""
+        drive = self._drive
+        if drive is None or drive.goal_id is not None or self._halt is not None:
+            return
+        patience = self._settings.confirmation_time * (self._settings.resends + 1)
+        drive.give_up_at = now + patience if drive.give_up_at is None else drive.give_up_at
+        if self._ledger.awaiting(now):
+            return
+        if now >= drive.give_up_at or drive.times_given > self._settings.resends:
+            self._fail(drive, DriveFailure.NOT_TAKEN_UP, self._refusal(drive))
+        elif self._may_give(now):
+            drive.times_given += 1
+            self._ledger.given(now)
+            self._out.append(PublishGoal(drive.goal))
+
+    def _may_give(self, now: float) -> bool:
+        """Whether a goal given now has a chance: one given while another is cancelled would end with it."""
+        clear = not self._ledger.canceling and not any(
+            goal_id in self._cancels for goal_id in self._ledger.live
+        )
+        return clear and self._navigation.available and self._ledger.settled(now)
+
+    def _refusal(self, drive: _Drive) -> str:
+        if drive.times_given:
+            return (
+                f"Nav2 has not taken the goal, given {drive.times_given} times: "
+                "is bt_navigator active, and does it listen to this topic?"
+            )
+        if not self._navigation.available:
+            return f"no goal can be given: {self._navigation.reason}"
+        return "no goal can be given: Nav2 does not finish the cancelling of the goal before"
+
+    def _cancel_leftovers(self, now: float) -> None:
+        """Cancel goals of ours that nobody wants any more, again and again until they end.
+
+        While a drive is wanted, goals before it are left to be pre-empted: a cancel could meet the new one.
+        """
+        live = self._ledger.live
+        self._cancels = {goal_id: again for goal_id, again in self._cancels.items() if goal_id in live}
+        unwanted = live if self._drive is None or self._halt is not None else tuple(self._cancels)
+        for goal_id in unwanted:
+            if now >= self._cancels.get(goal_id, now):
+                self._cancels[goal_id] = now + self._settings.cancel_time
+                self._out.append(CancelGoal(goal_id))
+
+    def _arrive(self, drive: _Drive) -> None:
+        self._drive = None
+        self._report(Arrived(drive.goal.generation))
+
+    def _fail(self, drive: _Drive, failure: DriveFailure, description: str) -> None:
+        self._drive = None
+        self._report(DriveFailed(drive.goal.generation, failure, description))
+
+    def _report(self, event: DriverEvent) -> None:
+        self._out.append(Report(event))

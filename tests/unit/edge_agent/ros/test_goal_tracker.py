@@ -1,0 +1,568 @@
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import pytest
+
+from nena_edge_agent.driver.port import (
+    Arrived,
+    DriveFailed,
+    DriveFailure,
+    DriveGoal,
+    DriverEvent,
+    GoalReport,
+    Halted,
+    NavigationReport,
+    Pose,
+)
+from nena_edge_agent.ros.commands import CancelGoal, Command, PublishGoal, Report, RequestPose
+from nena_edge_agent.ros.goal_status import GoalEntry, GoalStatus
+from nena_edge_agent.ros.goal_tracker import GoalTracker
+from nena_edge_agent.ros.settings import GoalSettings
+
+READY = NavigationReport(available=True, reason="")
+
+
+def goal(generation: int, x: float = 5.0, *, xy: float = 0.5, theta: float | None = None) -> DriveGoal:
+    return DriveGoal(generation, Pose(x, 0.0, 0.0, "hall"), deviation_xy=xy, deviation_theta=theta)
+
+
+@dataclass
+class Conversation:
+    """A tracker, the time, and all that it has said."""
+
+    tracker: GoalTracker = field(default_factory=lambda: GoalTracker(GoalSettings()))
+    now: float = 0.0
+    said: list[Command] = field(default_factory=list)
+
+    def ready(self) -> Conversation:
+        """Nav2 is there, has no goals, and the robot is at x = 0."""
+        self.said += self.tracker.on_servers(frozenset({"gid"}), self.now)
+        self.said += self.tracker.on_navigation(READY, self.now)
+        self.at(0.0)
+        self.later(2.05)
+        return self
+
+    def go_to(self, wanted: DriveGoal) -> None:
+        self.said += self.tracker.go_to(wanted, self.now)
+
+    def halt(self) -> None:
+        self.said += self.tracker.halt(self.now)
+
+    def array(self, text: str) -> None:
+        """Hear an array written as ``A:2 B:6``."""
+        entries = [
+            GoalEntry(name, GoalStatus.of(int(status)))
+            for name, status in (x.split(":") for x in text.split())
+        ]
+        self.said += self.tracker.on_statuses(entries, self.now)
+
+    def at(self, x: float, *, theta: float = 0.0) -> None:
+        self.said += self.tracker.on_pose(Pose(x, 0.0, theta, "hall"), self.now)
+
+    def later(self, seconds: float) -> None:
+        for _ in range(round(seconds / 0.05)):
+            self.now += 0.05
+            self.said += self.tracker.tick(self.now)
+
+    @property
+    def events(self) -> list[DriverEvent]:
+        """What was reported, goals for information left out."""
+        reports = [command.event for command in self.said if isinstance(command, Report)]
+        return [event for event in reports if not isinstance(event, GoalReport)]
+
+    @property
+    def goal_reports(self) -> list[tuple[str, bool, str]]:
+        reports = [command.event for command in self.said if isinstance(command, Report)]
+        return [(e.goal_id, e.external, e.status) for e in reports if isinstance(e, GoalReport)]
+
+    @property
+    def given(self) -> list[int]:
+        return [command.goal.generation for command in self.said if isinstance(command, PublishGoal)]
+
+    @property
+    def cancelled(self) -> list[str]:
+        return [command.goal_id for command in self.said if isinstance(command, CancelGoal)]
+
+    @property
+    def poses_asked(self) -> int:
+        return sum(isinstance(command, RequestPose) for command in self.said)
+
+    def failure(self) -> DriveFailed:
+        (event,) = self.events
+        assert isinstance(event, DriveFailed)
+        return event
+
+
+@pytest.fixture
+def talk() -> Conversation:
+    return Conversation().ready()
+
+
+class TestGoldenTraces:
+    def test_plain_drive(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.at(4.9)
+        assert talk.events == []
+        talk.array("A:4")
+        assert talk.events == [Arrived(1)]
+        assert talk.given == [1]
+
+    def test_second_goal_while_driving(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.go_to(goal(2, 9.0))
+        for array in ("A:2 B:2", "A:6 B:2"):
+            talk.array(array)
+        assert talk.events == []
+        talk.at(9.1)
+        talk.array("A:6 B:4")
+        assert talk.events == [Arrived(2)]
+        assert talk.given == [1, 2]
+        assert talk.cancelled == []
+
+    def test_second_goal_in_one_array_with_the_end_of_the_first(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.go_to(goal(2, 9.0))
+        talk.at(9.0)
+        talk.array("A:6 B:4")
+        assert talk.events == [Arrived(2)]
+
+    def test_three_goals_at_once_give_the_last_after_the_first_is_confirmed(self, talk: Conversation) -> None:
+        for generation in (1, 2, 3):
+            talk.go_to(goal(generation))
+        assert talk.given == [1]
+        talk.array("A:2")
+        assert talk.given == [1, 3]
+        talk.at(5.0)
+        talk.array("A:6 B:4")
+        assert talk.events == [Arrived(3)]
+
+    def test_cancel_all_by_somebody_else(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        for array in ("E:2", "E:3"):
+            talk.array(array)
+        assert talk.events == []
+        talk.array("E:5")
+        assert talk.failure().failure is DriveFailure.CANCELED_FROM_OUTSIDE
+
+    def test_goal_that_cannot_start(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.array("A:6")
+        assert talk.failure().failure is DriveFailure.ABORTED
+        assert talk.failure().generation == 1
+
+    def test_cancel_and_a_new_goal_directly_after_waits_for_the_end(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("G:2")
+        talk.halt()
+        talk.go_to(goal(2))
+        talk.array("G:3")
+        assert talk.cancelled == ["G"]
+        assert talk.given == [1]
+        talk.array("G:5")
+        talk.later(3.1)
+        assert talk.events == [Halted()]
+        assert talk.given == [1, 2]
+
+    def test_deactivated_while_driving(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.said += talk.tracker.on_navigation(
+            NavigationReport(available=False, reason="inactive"), talk.now
+        )
+        assert talk.events == []
+        talk.array("A:6")
+        assert talk.failure().failure is DriveFailure.ABORTED
+
+    def test_old_entries_vanish_with_the_next_goal(self, talk: Conversation) -> None:
+        talk.at(5.0)
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.array("A:4")
+        talk.go_to(goal(2))
+        talk.array("B:2")
+        talk.array("B:4")
+        assert talk.events == [Arrived(1), Arrived(2)]
+
+    def test_server_restarted(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.array("X:2")
+        assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
+        assert talk.goal_reports[-1] == ("X", True, "EXECUTING")
+
+
+class TestConfirmation:
+    @pytest.mark.parametrize("status", [1, 2, 3, 4])
+    def test_whatever_is_seen_first_is_ours(self, talk: Conversation, status: int) -> None:
+        talk.at(5.0)
+        talk.go_to(goal(1))
+        talk.array(f"A:{status}")
+        talk.later(4.0)
+        assert talk.given == [1]
+        talk.array("A:4")
+        assert talk.events == [Arrived(1)]
+
+    def test_is_given_again_at_most_three_times_and_then_fails(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.later(3.4)
+        assert talk.given == [1]
+        talk.later(0.2)
+        assert talk.given == [1, 1]
+        talk.later(10.2)
+        assert talk.events == []
+        talk.later(0.3)
+        assert talk.given == [1] * 4
+        assert talk.failure().failure is DriveFailure.NOT_TAKEN_UP
+        assert "4 times" in talk.failure().description
+        assert not talk.tracker.busy
+
+    def test_given_again_although_taken_both_ids_are_ours(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.later(3.6)
+        talk.array("A:2")
+        talk.array("A:2 B:2")
+        talk.array("A:6 B:2")
+        assert talk.events == []
+        talk.at(5.0)
+        talk.array("A:6 B:4")
+        assert talk.events == [Arrived(1)]
+        assert all(not external for _, external, _ in talk.goal_reports)
+
+    def test_given_again_although_taken_shown_in_one_array(self, talk: Conversation) -> None:
+        talk.array("old:5")
+        talk.go_to(goal(1))
+        talk.later(3.6)
+        talk.array("old:5 A:6 B:2")
+        assert talk.events == []
+        talk.at(5.0)
+        talk.array("old:5 A:6 B:4")
+        assert talk.events == [Arrived(1)]
+
+    def test_a_newer_goal_is_given_instead_of_the_swallowed_one(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.later(1.0)
+        talk.go_to(goal(2))
+        assert talk.given == [1]
+        talk.later(2.6)
+        assert talk.given == [1, 2]
+        talk.array("B:2")
+        talk.at(5.0)
+        talk.array("B:4")
+        assert talk.events == [Arrived(2)]
+
+    def test_a_late_id_of_a_finished_drive_is_cancelled(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.later(3.6)
+        talk.at(5.0)
+        talk.array("A:4")
+        assert talk.events == [Arrived(1)]
+        talk.array("A:4 B:2")
+        assert talk.cancelled == ["B"]
+
+    def test_waits_for_navigation_and_fails_with_its_reason(self) -> None:
+        talk = Conversation()
+        nobody = NavigationReport(available=False, reason="no node publishes the status")
+        talk.said += talk.tracker.on_navigation(nobody, 0.0)
+        talk.go_to(goal(1))
+        talk.later(14.1)
+        assert talk.given == []
+        assert talk.failure().failure is DriveFailure.NOT_TAKEN_UP
+        assert "no node publishes the status" in talk.failure().description
+
+    def test_is_given_when_navigation_appears_and_has_settled(self) -> None:
+        talk = Conversation()
+        talk.go_to(goal(1))
+        talk.later(1.0)
+        talk.ready()
+        assert talk.given == [1]
+
+    def test_navigation_that_shows_its_goals_needs_no_time_to_settle(self) -> None:
+        talk = Conversation()
+        talk.said += talk.tracker.on_servers(frozenset({"gid"}), 0.0)
+        talk.said += talk.tracker.on_navigation(READY, 0.0)
+        talk.go_to(goal(1))
+        assert talk.given == []
+        talk.array("old:4")
+        assert talk.given == [1]
+
+
+class TestForeignGoals:
+    def test_stale_success_never_touches_a_new_goal(self) -> None:
+        talk = Conversation()
+        talk.array("old:6 older:4")
+        talk.ready()
+        talk.at(5.0)
+        talk.go_to(goal(1))
+        talk.array("old:6 older:4")
+        talk.later(1.0)
+        assert talk.events == []
+        assert talk.goal_reports == []
+
+    def test_first_array_of_a_late_subscription_gives_us_the_last_goal_only(self, talk: Conversation) -> None:
+        talk.at(5.0)
+        talk.go_to(goal(1))
+        talk.array("old:4 running:2 ours:2")
+        talk.array("old:4 running:6 ours:2")
+        assert talk.events == []
+        talk.array("old:4 running:6 ours:4")
+        assert talk.events == [Arrived(1)]
+
+    def test_external_goal_is_told_and_not_adopted(self, talk: Conversation) -> None:
+        talk.array("X:2")
+        talk.at(5.0)
+        talk.array("X:4")
+        assert talk.goal_reports == [("X", True, "EXECUTING"), ("X", True, "SUCCEEDED")]
+        assert talk.events == []
+        assert talk.cancelled == []
+
+    def test_external_goal_that_takes_over_ours_is_named(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.array("A:2 X:2")
+        talk.array("A:6 X:2")
+        assert talk.failure().failure is DriveFailure.CANCELED_FROM_OUTSIDE
+        assert "X" in talk.failure().description
+        assert talk.cancelled == []
+
+    def test_nothing_is_given_while_somebody_cancels(self, talk: Conversation) -> None:
+        talk.array("X:3")
+        talk.go_to(goal(1))
+        assert talk.given == []
+        talk.array("X:5")
+        assert talk.given == [1]
+
+
+class TestArrival:
+    def test_asks_for_a_fresh_pose_and_waits_for_it(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.at(4.2)
+        talk.array("A:4")
+        assert talk.events == []
+        assert talk.poses_asked == 1
+        talk.later(0.5)
+        talk.at(4.8)
+        assert talk.events == [Arrived(1)]
+
+    def test_fresh_pose_elsewhere_fails(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.array("A:4")
+        talk.later(0.1)
+        talk.at(4.3)
+        talk.later(1.8)
+        assert talk.events == []
+        talk.later(0.2)
+        assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
+        assert "4.30" in talk.failure().description
+
+    def test_heading_counts_where_it_is_asked_for(self, talk: Conversation) -> None:
+        talk.go_to(goal(1, theta=0.1))
+        talk.array("A:2")
+        talk.array("A:4")
+        talk.at(5.0, theta=0.3)
+        talk.later(2.1)
+        assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
+
+    def test_silent_localisation_is_given_the_slack_of_its_habits(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.later(1.0)
+        talk.at(4.3)
+        talk.later(0.1)
+        talk.array("A:4")
+        talk.later(2.1)
+        assert talk.events == [Arrived(1)]
+
+    def test_silent_localisation_far_away_fails(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:4")
+        talk.later(2.1)
+        assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
+
+
+class TestStatuses:
+    @pytest.mark.parametrize("status", [0, 1, 2, 3, 7, -1])
+    def test_no_end_without_a_terminal_status(self, talk: Conversation, status: int) -> None:
+        talk.at(5.0)
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.array(f"A:{status}")
+        talk.later(20.0)
+        assert talk.events == []
+        assert talk.given == [1]
+
+    def test_an_end_stays_an_end(self, talk: Conversation) -> None:
+        talk.at(5.0)
+        talk.go_to(goal(1))
+        talk.array("A:4")
+        talk.array("A:2")
+        assert talk.events == [Arrived(1)]
+        assert talk.cancelled == []
+
+    @pytest.mark.parametrize(("status", "failed"), [(4, False), (6, True)])
+    def test_a_cancelled_goal_may_still_end_otherwise(
+        self, talk: Conversation, status: int, *, failed: bool
+    ) -> None:
+        talk.at(5.0)
+        talk.go_to(goal(1))
+        talk.array("A:3")
+        talk.array(f"A:{status}")
+        assert isinstance(talk.events[0], DriveFailed) is failed
+
+    def test_late_end_of_an_older_goal_does_not_touch_the_newer(self, talk: Conversation) -> None:
+        talk.at(5.0)
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.go_to(goal(2))
+        talk.array("A:4")
+        assert talk.events == []
+        talk.array("A:4 B:2")
+        talk.array("A:4 B:6")
+        assert talk.failure().generation == 2
+
+
+class TestHalt:
+    def test_nothing_runs(self, talk: Conversation) -> None:
+        talk.halt()
+        assert talk.events == [Halted()]
+
+    def test_waits_for_the_end_and_for_standstill_by_odometry(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        assert talk.cancelled == ["A"]
+        talk.tracker.on_velocity(0.5, 0.0, talk.now)
+        talk.array("A:3")
+        talk.array("A:5")
+        talk.later(0.2)
+        assert talk.events == []
+        for _ in range(5):
+            talk.tracker.on_velocity(0.0, 0.005, talk.now)
+            talk.later(0.1)
+        assert talk.events == [Halted()]
+
+    def test_robot_that_rolls_on_counts_as_halted_after_a_time(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        talk.array("A:5")
+        for _ in range(29):
+            talk.tracker.on_velocity(0.5, 0.0, talk.now)
+            talk.later(0.1)
+        assert talk.events == []
+        talk.later(0.2)
+        assert talk.events == [Halted()]
+
+    def test_unconfirmed_goal_is_awaited_and_then_cancelled(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.halt()
+        talk.later(1.0)
+        assert talk.cancelled == []
+        assert talk.events == []
+        talk.array("A:2")
+        assert talk.cancelled == ["A"]
+        talk.array("A:5")
+        talk.later(3.1)
+        assert talk.events == [Halted()]
+
+    def test_swallowed_goal_is_not_given_again(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.halt()
+        talk.later(7.0)
+        assert talk.given == [1]
+        assert talk.events == [Halted()]
+
+    def test_cancel_without_effect_is_asked_again(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        talk.said += talk.tracker.on_cancel_answer("A", None, talk.now)
+        talk.later(2.1)
+        assert talk.cancelled == ["A", "A"]
+        assert talk.events == []
+
+    def test_goal_unknown_to_the_server_is_over(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        talk.said += talk.tracker.on_cancel_answer("A", 2, talk.now)
+        talk.later(3.1)
+        assert talk.events == [Halted()]
+
+    @pytest.mark.parametrize("status", [4, 5, 6])
+    def test_any_end_will_do(self, talk: Conversation, status: int) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        talk.array(f"A:{status}")
+        talk.later(3.1)
+        assert talk.events == [Halted()]
+
+    def test_both_goals_are_cancelled_in_the_middle_of_a_replacement(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.go_to(goal(2))
+        talk.halt()
+        talk.array("A:3 B:2")
+        assert talk.cancelled == ["A", "B"]
+        talk.array("A:5 B:6")
+        talk.later(3.1)
+        assert talk.events == [Halted()]
+
+    def test_external_goal_is_left_alone(self, talk: Conversation) -> None:
+        talk.array("X:2")
+        talk.halt()
+        assert talk.cancelled == []
+        assert talk.events == [Halted()]
+
+
+class TestNavigationGone:
+    def test_publisher_gone(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+        assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
+
+    def test_publisher_replaced_while_a_goal_is_unconfirmed(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.said += talk.tracker.on_servers(frozenset({"other"}), talk.now)
+        assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
+
+    def test_second_publisher_means_nothing(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.said += talk.tracker.on_servers(frozenset({"gid", "other"}), talk.now)
+        assert talk.events == []
+
+    def test_old_goal_that_still_runs_after_a_break_of_the_network_is_cancelled(
+        self, talk: Conversation
+    ) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+        talk.later(1.0)
+        talk.said += talk.tracker.on_servers(frozenset({"gid"}), talk.now)
+        talk.array("A:2")
+        assert talk.cancelled == ["A"]
+
+    def test_halt_is_answered_when_navigation_goes(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+        talk.later(3.1)
+        assert talk.events == [Halted()]
+
+    def test_goal_not_taken_up_ends_the_one_before_too(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.go_to(goal(2))
+        talk.later(14.2)
+        assert talk.failure().failure is DriveFailure.NOT_TAKEN_UP
+        assert talk.cancelled == ["A"]

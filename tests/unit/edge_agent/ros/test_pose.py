@@ -1,0 +1,80 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_edge_agent.driver.port import DriveGoal, Pose
+from nena_edge_agent.ros.pose import PoseReading, agrees, localized, quaternion_of, wrap, yaw_of
+from nena_edge_agent.ros.settings import LocalisationSettings
+
+ANGLES = st.floats(-20.0, 20.0)
+
+
+@given(ANGLES, st.sampled_from([1.0, -1.0]))
+def test_heading_comes_back_from_a_quaternion_of_either_sign(yaw: float, sign: float) -> None:
+    z, w = quaternion_of(yaw)
+    back = yaw_of(0.0, 0.0, sign * z, sign * w)
+    assert back is not None
+    assert math.isclose(math.cos(back - yaw), 1.0, abs_tol=1e-9)
+
+
+@given(ANGLES)
+def test_quaternion_is_of_unit_length(yaw: float) -> None:
+    assert math.isclose(math.hypot(*quaternion_of(yaw)), 1.0)
+
+
+@given(ANGLES)
+def test_wrap_stays_in_one_turn(angle: float) -> None:
+    assert -math.pi < wrap(angle) <= math.pi
+    assert math.isclose(math.cos(wrap(angle)), math.cos(angle), abs_tol=1e-9)
+
+
+def test_heading_of_a_robot_on_a_slope() -> None:
+    roll, yaw = 0.1, 1.2
+    half_roll, half_yaw = roll / 2, yaw / 2
+    quaternion = (
+        math.sin(half_roll) * math.cos(half_yaw),
+        math.sin(half_roll) * math.sin(half_yaw),
+        math.cos(half_roll) * math.sin(half_yaw),
+        math.cos(half_roll) * math.cos(half_yaw),
+    )
+    assert yaw_of(*quaternion) == pytest.approx(yaw)
+
+
+@pytest.mark.parametrize("quaternion", [(0, 0, 0, 0), (0, 0, 1, 1), (0, 0, math.nan, 1), (0, 0, math.inf, 0)])
+def test_no_heading_from_what_is_no_unit_quaternion(quaternion: tuple[float, float, float, float]) -> None:
+    assert yaw_of(*quaternion) is None
+
+
+@pytest.mark.parametrize(
+    ("variances", "sure"),
+    [
+        ((0.01, 0.01, 0.01), True),
+        ((0.25, 0.25, 0.068), True),
+        ((1.0, 0.01, 0.01), False),
+        ((0.01, 1.0, 0.01), False),
+        ((0.01, 0.01, 0.5), False),
+        ((math.nan, 0.01, 0.01), False),
+        ((-1.0, 0.01, 0.01), False),
+    ],
+)
+def test_sureness_by_spread(variances: tuple[float, float, float], *, sure: bool) -> None:
+    reading = PoseReading(0, 0, 0, "map", 0, *variances)
+    assert localized(reading, LocalisationSettings()) is sure
+
+
+@pytest.mark.parametrize(
+    ("pose", "deviation_theta", "there"),
+    [
+        (Pose(5.4, 0.0, 3.0, "hall"), None, True),
+        (Pose(5.6, 0.0, 0.0, "hall"), None, False),
+        (Pose(5.0, 0.0, -math.pi + 0.05, "hall"), 0.2, True),
+        (Pose(5.0, 0.0, math.pi - 0.4, "hall"), 0.2, False),
+    ],
+)
+def test_agreement_with_a_goal(pose: Pose, deviation_theta: float | None, *, there: bool) -> None:
+    goal = DriveGoal(1, Pose(5.0, 0.0, math.pi - 0.05, "hall"), 0.5, deviation_theta)
+    assert agrees(pose, goal) is there

@@ -1,0 +1,44 @@
+from __future__ import annotations
+
+import pytest
+from pydantic import ValidationError
+
+from nena_edge_agent.ros.settings import RosNames, RosSettings
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"), [("", "/"), ("/", "/"), ("r1", "/r1"), ("/r1", "/r1"), ("hall_2/r1", "/hall_2/r1")]
+)
+def test_namespace_has_one_form(given: str, kept: str) -> None:
+    assert RosSettings(namespace=given).namespace == kept
+
+
+@pytest.mark.parametrize("namespace", ["robot-1", "1r", "r1/", "a//b", "a b", "r.1", "//r1"])
+def test_namespace_that_ros_would_refuse(namespace: str) -> None:
+    with pytest.raises(ValidationError, match="letters, digits and underscores"):
+        RosSettings(namespace=namespace)
+
+
+@pytest.mark.parametrize("domain_id", [-1, 233])
+def test_domain_id_that_would_end_the_process(domain_id: int) -> None:
+    with pytest.raises(ValidationError):
+        RosSettings(domain_id=domain_id)
+
+
+def test_names_of_the_action() -> None:
+    names = RosNames(action="drive/navigate")
+    assert (names.status, names.cancel) == (
+        "drive/navigate/_action/status",
+        "drive/navigate/_action/cancel_goal",
+    )
+
+
+@pytest.mark.parametrize("name", ["battery-state", "", "a//b", "~/x"])
+def test_name_that_ros_would_refuse(name: str) -> None:
+    with pytest.raises(ValidationError):
+        RosNames(battery=name)
+
+
+def test_node_name_that_ros_would_refuse() -> None:
+    with pytest.raises(ValidationError):
+        RosSettings(node_name="agent/1")
