@@ -1,0 +1,260 @@
+"""The model of the fleet: messages and the time in, views and numbered changes out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.plant.model import PlantModel
+from nena_shared.vda5050.connection import Connection
+from nena_shared.vda5050.error import ErrorType
+from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.v2_1.error_type import WRITTEN
+from nena_shared.vda5050.visualization import Visualization
+from nena_status_aggregator.fleet_model.delta import Delta
+from nena_status_aggregator.fleet_model.instant import Instant, iso
+from nena_status_aggregator.fleet_model.message_kind import MessageKind
+from nena_status_aggregator.fleet_model.order_book import OrderBook
+from nena_status_aggregator.fleet_model.order_view import view_order
+from nena_status_aggregator.fleet_model.publication import Publication
+from nena_status_aggregator.fleet_model.robot import Robot
+from nena_status_aggregator.fleet_model.robot_register import RobotRegister
+from nena_status_aggregator.fleet_model.robot_view import short, view_robot
+from nena_status_aggregator.fleet_model.sequence import Verdict
+from nena_status_aggregator.fleet_model.statistics import BoundedLabels, Statistics
+from nena_status_aggregator.fleet_model.views import FleetView, OrderView, PlantView, RobotView
+
+ERROR_LABELS = 100
+"""Different error types that metrics tell apart; robots may invent their own."""
+
+
+@dataclass(frozen=True, slots=True)
+class ModelLimits:
+    """What the model keeps, and when it worries."""
+
+    robots: int = 2000
+    orders: int = 1000
+    silence: float | None = None
+    """Seconds without a state; None: by what the robot says of its interval, see ``Robot.silence_limit``."""
+    clock_skew: float = 2.0
+    """Seconds from which a robot's clock counts as wrong."""
+
+
+class FleetModel:
+    """Changed by the methods ``on_...``; :meth:`flush` tells what they changed, :meth:`snapshot` everything.
+
+    Owned by one task; nothing in it waits.
+    """
+
+    def __init__(self, limits: ModelLimits) -> None:
+        self.limits = limits
+        self.robots = RobotRegister(limits.robots, limits.silence)
+        self.orders = OrderBook(limits.orders)
+        self.statistics = Statistics()
+        self.plant: PlantModel | None = None
+        self._error_labels = BoundedLabels(ERROR_LABELS, {*ErrorType, *WRITTEN.values()})
+        self._key_of_vehicle: dict[str, RobotKey] = {}
+        self._plant_version = 0
+        self._public = Publication()
+
+    def on_connection(self, key: RobotKey, message: Connection, at: Instant) -> None:
+        """Take in a connection message; never judged late, for a will carries the header of its CONNECT."""
+        robot = self._meet(key, MessageKind.CONNECTION, at)
+        if robot is not None:
+            robot.on_connection(message, at)
+
+    def on_state(self, key: RobotKey, message: State, at: Instant, *, retained: bool = False) -> None:
+        """Take in a state; ``retained``: the broker had kept it."""
+        robot = self._meet(key, MessageKind.STATE, at)
+        if robot is None or not self._is_news(robot, MessageKind.STATE, message):
+            return
+        self._count_new_errors(robot.state, message)
+        robot.on_state(message, at, retained=retained)
+        self._touch_order_of(robot)
+
+    def on_visualization(self, key: RobotKey, message: Visualization, at: Instant) -> None:
+        """Take in where a robot is between two states."""
+        robot = self._meet(key, MessageKind.VISUALIZATION, at)
+        if robot is not None and self._is_news(robot, MessageKind.VISUALIZATION, message):
+            robot.on_visualization(message)
+
+    def on_factsheet(self, key: RobotKey, message: Factsheet, at: Instant) -> None:
+        """Take in what a robot is and can do."""
+        robot = self._meet(key, MessageKind.FACTSHEET, at)
+        if robot is not None and self._is_news(robot, MessageKind.FACTSHEET, message):
+            robot.factsheet = message
+
+    def on_malformed(
+        self, kind: MessageKind, topic: str, problem: str, at: Instant, *, key: RobotKey | None = None
+    ) -> None:
+        """Take in that a message could not be read, and why; also a robot never understood is seen.
+
+        Args:
+            kind: what the message should have been.
+            topic: where it came.
+            problem: what is wrong with it, a sentence.
+            at: when it came.
+            key: the robot that the topic names, if any.
+
+        """
+        self.statistics.received[kind] += key is None
+        self.statistics.malformed[kind] += 1
+        self._public.malformed = {
+            "counts": {each.value: count for each, count in self.statistics.malformed.items() if count},
+            "lastTopic": short(topic),
+            "lastProblem": short(problem),
+            "lastTime": iso(at.utc),
+        }
+        robot = self._meet(key, kind, at) if key else None
+        if robot is not None:
+            robot.malformed += 1
+            robot.problem = f"{kind}: {problem}"
+
+    def on_vehicle_status(self, status: VehicleStatus, at: Instant) -> None:
+        """Take in what the order service says of a vehicle."""
+        key = RobotKey(status.manufacturer, status.serial_number)
+        robot = self._meet(key, MessageKind.VEHICLE_STATUS, at)
+        if robot is None:
+            return
+        self._touch_order_of(robot)
+        robot.vehicle = status
+        self._key_of_vehicle[status.name] = key
+        self._touch_order_of(robot)
+
+    def on_order_status(self, status: TransportOrderStatus) -> None:
+        """Take in what the order service says of a transport order."""
+        self.statistics.received[MessageKind.ORDER_STATUS] += 1
+        known = self.orders.get(status.name)
+        if not self.orders.take(status):
+            self.statistics.repeated[MessageKind.ORDER_STATUS] += 1
+            return
+        if status.state.final and not (known and known.status.state.final):
+            self.statistics.count_end(status)
+        self._public.orders.touch(status.name)
+        for name in self.orders.shrink():
+            self.statistics.orders_forgotten += 1
+            self._public.orders.touch(name)
+
+    def on_order_cleared(self, name: str) -> None:
+        """Take in that the broker keeps no status of this order any more."""
+        self.statistics.received[MessageKind.ORDER_STATUS] += 1
+        if self.orders.clear(name):
+            self._public.orders.touch(name)
+
+    def on_plant_model(self, plant: PlantModel | None) -> None:
+        """Take in the plant model, or that there is none any more."""
+        self.statistics.received[MessageKind.PLANT_MODEL] += 1
+        if plant == self.plant:
+            return
+        self.plant = plant
+        self._plant_version += 1
+        self._public.plant = view_plant(plant, self._plant_version) if plant else None
+
+    def on_link(self, *, connected: bool, at: Instant) -> None:
+        """Take in that the link to the broker stands, or is lost."""
+        self._public.link = {"connected": connected, "since": iso(at.utc)}
+        for robot in self.robots:
+            self._public.robots.touch(robot.key)
+        if not connected:
+            self.orders.doubt()
+            for order in self.orders:
+                self._public.orders.touch(order.status.name)
+
+    @property
+    def link_up(self) -> bool:
+        """Whether the link to the broker stands."""
+        return self._public.link["connected"]
+
+    def flush(self, at: Instant) -> Delta | None:
+        """Bring all conditions up to date, and tell what changed since the last call; None: nothing."""
+        for robot in self.robots:
+            if robot.falls_silent(at, self.limits.silence):
+                self._public.robots.touch(robot.key)
+        return self._public.flush(lambda key: self._look_at_robot(key, at), self._look_at_order)
+
+    def snapshot(self) -> FleetView:
+        """Tell everything, as of the last :meth:`flush`."""
+        return self._public.snapshot()
+
+    def robot_view(self, key: RobotKey) -> RobotView | None:
+        """Tell of one robot, as of the last :meth:`flush`."""
+        return self._public.robots.views.get(key)
+
+    def order_view(self, name: str) -> OrderView | None:
+        """Tell of one order, as of the last :meth:`flush`."""
+        return self._public.orders.views.get(name)
+
+    def _meet(self, key: RobotKey, kind: MessageKind, at: Instant) -> Robot | None:
+        """Count the message, and give the robot that it is about; None: there is no room for it."""
+        self.statistics.received[kind] += 1
+        robot, gone = self.robots.meet(key, at)
+        if gone is not None:
+            self.statistics.robots_forgotten += 1
+            self._public.robots.touch(gone.key)
+            if gone.vehicle:
+                self._key_of_vehicle.pop(gone.vehicle.name, None)
+        if robot is None:
+            self.statistics.refused[kind] += 1
+        else:
+            self._public.robots.touch(key)
+        return robot
+
+    def _is_news(self, robot: Robot, kind: MessageKind, message: State | Visualization | Factsheet) -> bool:
+        sequence = robot.sequences[kind]
+        missed, restarts = sequence.missed, sequence.restarts
+        verdict = sequence.judge(message.header_id, message.timestamp)
+        self.statistics.missed[kind] += sequence.missed - missed
+        self.statistics.restarts += sequence.restarts - restarts
+        self.statistics.repeated[kind] += verdict is Verdict.REPEATED
+        self.statistics.late[kind] += verdict is Verdict.LATE
+        return verdict is Verdict.TAKEN
+
+    def _count_new_errors(self, before: State | None, now: State) -> None:
+        if not now.errors:
+            return
+        known = {(each.error_type, each.error_references) for each in before.errors} if before else set()
+        for each in now.errors:
+            if (each.error_type, each.error_references) not in known:
+                label = (self.error_label(each.error_type), each.error_level.value)
+                self.statistics.errors_raised[label] = self.statistics.errors_raised.get(label, 0) + 1
+
+    def error_label(self, error_type: str) -> str:
+        """Give the metrics' label for an error type that a robot reports: itself, or ``other``."""
+        return self._error_labels.of(error_type)
+
+    def _touch_order_of(self, robot: Robot) -> None:
+        if robot.vehicle and robot.vehicle.transport_order:
+            self._public.orders.touch(robot.vehicle.transport_order)
+
+    def _look_at_robot(self, key: RobotKey, at: Instant) -> RobotView | None:
+        robot = self.robots.get(key)
+        if robot is None:
+            return None
+        robot.judge(at, self.limits.silence, link_up=self.link_up)
+        return view_robot(
+            robot,
+            silence_limit=robot.silence_limit(self.limits.silence),
+            skew_limit=self.limits.clock_skew,
+        )
+
+    def _look_at_order(self, name: str) -> OrderView | None:
+        order = self.orders.get(name)
+        if order is None:
+            return None
+        key = self._key_of_vehicle.get(order.status.processing_vehicle or "")
+        robot = self.robots.get(key) if key else None
+        return view_order(order, robot.state.last_node_id if robot and robot.state else None)
+
+
+def view_plant(plant: PlantModel, version: int) -> PlantView:
+    """Tell which plant model there is."""
+    return {
+        "version": version,
+        "name": plant.name,
+        "points": len(plant.points),
+        "paths": len(plant.paths),
+        "locations": len(plant.locations),
+    }

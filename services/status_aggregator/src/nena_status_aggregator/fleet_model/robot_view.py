@@ -1,0 +1,199 @@
+"""From what is known of a robot to what is told of it."""
+
+from __future__ import annotations
+
+from nena_shared.vda5050.action import ActionState
+from nena_shared.vda5050.error import ErrorEntry
+from nena_shared.vda5050.state import NodeState, State
+from nena_status_aggregator.fleet_model.instant import iso
+from nena_status_aggregator.fleet_model.robot import Robot
+from nena_status_aggregator.fleet_model.views import (
+    ActionView,
+    AheadView,
+    BatteryView,
+    BodyView,
+    ErrorView,
+    LoadView,
+    PositionView,
+    RobotOrderView,
+    RobotView,
+    VehicleView,
+    VelocityView,
+)
+
+TEXT_LIMIT = 500
+"""Characters of a free text that are passed on."""
+
+LIST_LIMIT = 200
+"""Entries of a list that are passed on: errors, actions, loads, nodes ahead."""
+
+
+def short(text: str | None) -> str | None:
+    """Cut a free text to what people will read."""
+    return text if text is None or len(text) <= TEXT_LIMIT else f"{text[: TEXT_LIMIT - 1]}…"
+
+
+def view_robot(robot: Robot, *, silence_limit: float, skew_limit: float) -> RobotView:
+    """Tell everything about ``robot`` that does not change by waiting.
+
+    ``clockSkew`` is None while it is below ``skew_limit`` (s), so that noise makes no changes.
+    """
+    state, vehicle = robot.state, robot.vehicle
+    header = state or robot.connection or robot.factsheet
+    skew = robot.skew.seconds
+    return {
+        "id": robot.id,
+        "manufacturer": robot.key.manufacturer,
+        "serialNumber": robot.key.serial_number,
+        "name": vehicle.name if vehicle else robot.key.serial_number,
+        "protocolVersion": header.version if header else None,
+        "condition": robot.condition.value,
+        "conditionSince": iso(robot.condition_since),
+        "reason": short(robot.reason.text) or "",
+        "reasonCode": robot.reason.code,
+        "reasonValues": robot.reason.values,
+        "connection": robot.connection.connection_state.value if robot.connection else None,
+        "connectionSince": iso(robot.connection_since) if robot.connection else None,
+        "lastState": iso(robot.state_at.utc) if state else None,
+        "silenceLimit": silence_limit,
+        "clockSkew": None if skew is None or abs(skew) < skew_limit else float(round(skew)),
+        "operatingMode": state.operating_mode.value if state else None,
+        "driving": state.driving if state else None,
+        "paused": state.paused if state else None,
+        "position": _position(robot),
+        "velocity": _velocity(robot),
+        "battery": _battery(state) if state else None,
+        "loads": _loads(state) if state else None,
+        "errors": [_error(each) for each in state.errors[:LIST_LIMIT]] if state else [],
+        "actions": [_action(each) for each in _all_actions(state)[:LIST_LIMIT]] if state else [],
+        "order": _order(robot, state) if state and state.order_id else None,
+        "body": _body(robot),
+        "vehicle": _vehicle(robot),
+        "malformed": robot.malformed,
+        "problem": short(robot.problem) or None,
+    }
+
+
+def _position(robot: Robot) -> PositionView | None:
+    at = robot.position
+    if at is None:
+        return None
+    return {
+        "x": round(at.x, 3),
+        "y": round(at.y, 3),
+        "theta": round(at.theta, 4),
+        "mapId": at.map_id,
+        "localized": at.localized,
+    }
+
+
+def _velocity(robot: Robot) -> VelocityView | None:
+    speed = robot.velocity
+    return {"vx": speed.vx, "vy": speed.vy, "omega": speed.omega} if speed else None
+
+
+def _battery(state: State) -> BatteryView:
+    power = state.power_supply
+    return {
+        "charge": power.state_of_charge,
+        "charging": power.charging,
+        "voltage": power.battery_voltage,
+        "range": power.range,
+    }
+
+
+def _loads(state: State) -> list[LoadView] | None:
+    if state.loads is None:
+        return None
+    return [
+        {
+            "loadId": each.load_id,
+            "loadType": each.load_type,
+            "loadPosition": each.load_position,
+            "weight": each.weight,
+        }
+        for each in state.loads[:LIST_LIMIT]
+    ]
+
+
+def _error(entry: ErrorEntry) -> ErrorView:
+    return {
+        "errorType": short(entry.error_type) or "",
+        "errorLevel": entry.error_level.value,
+        "description": short(entry.error_description),
+        "hint": short(entry.error_hint),
+        "references": {
+            each.reference_key: each.reference_value for each in entry.error_references[:LIST_LIMIT]
+        },
+    }
+
+
+def _all_actions(state: State) -> tuple[ActionState, ...]:
+    return (*state.action_states, *state.instant_action_states)
+
+
+def _action(action: ActionState) -> ActionView:
+    return {
+        "actionId": action.action_id,
+        "actionType": action.action_type,
+        "status": action.action_status.value,
+        "result": short(action.action_result),
+    }
+
+
+def _order(robot: Robot, state: State) -> RobotOrderView:
+    return {
+        "orderId": state.order_id,
+        "orderUpdateId": state.order_update_id,
+        "active": is_active(state),
+        "lastNodeId": state.last_node_id,
+        "nodes": robot.progress.nodes,
+        "nodesLeft": robot.progress.nodes_left,
+        "progress": robot.progress.percent,
+        "ahead": [_ahead(each) for each in state.node_states[:LIST_LIMIT]],
+    }
+
+
+def is_active(state: State) -> bool:
+    """Tell whether the robot still has to do with its order (the reverse of idle, 3.0 section 6.6.8)."""
+    return bool(state.node_states or state.edge_states) or not all(
+        each.action_status.ended for each in state.action_states
+    )
+
+
+def _ahead(node: NodeState) -> AheadView:
+    at = node.node_position
+    return {
+        "nodeId": node.node_id,
+        "released": node.released,
+        "x": at.x if at else None,
+        "y": at.y if at else None,
+    }
+
+
+def _body(robot: Robot) -> BodyView | None:
+    sheet = robot.factsheet
+    if sheet is None:
+        return None
+    return {
+        "seriesName": sheet.type_specification.series_name,
+        "robotClass": sheet.type_specification.mobile_robot_class,
+        "kinematics": sheet.type_specification.mobile_robot_kinematics,
+        "length": sheet.physical_parameters.length,
+        "width": sheet.physical_parameters.width,
+        "maximumSpeed": sheet.physical_parameters.maximum_speed,
+    }
+
+
+def _vehicle(robot: Robot) -> VehicleView | None:
+    status = robot.vehicle
+    if status is None:
+        return None
+    return {
+        "name": status.name,
+        "state": status.state.value,
+        "processingState": status.processing_state.value,
+        "reason": short(status.reason) or "",
+        "transportOrder": status.transport_order,
+        "currentPosition": status.current_position,
+    }

@@ -1,0 +1,56 @@
+"""Settings of the status aggregator."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from nena_shared.settings import HttpSettings, ServiceSettings, SettingsGroup, TopicPrefix
+
+
+class AggregatorHttpSettings(HttpSettings):
+    """Where page, API and metrics are."""
+
+    port: int = Field(8080, ge=0, le=65535, description="TCP port to listen on; 0 takes a free one.")
+
+
+class EventSettings(SettingsGroup):
+    """The event stream."""
+
+    interval: float = Field(
+        0.05, gt=0, le=5, description="Seconds over which changes are gathered into one event."
+    )
+    history: int = Field(
+        1000, ge=1, description="Events kept, so that a client that lost its line can catch up."
+    )
+    backlog: int = Field(
+        200, ge=1, description="Events that a client may be behind; above that it gets a new snapshot."
+    )
+    clients: int = Field(100, ge=1, description="Clients that may follow the event stream at a time.")
+
+
+class AggregatorSettings(ServiceSettings):
+    """The status aggregator."""
+
+    http: AggregatorHttpSettings = Field(
+        default_factory=AggregatorHttpSettings, description="Page, API and metrics."
+    )
+    interface_name: TopicPrefix = Field("uagv", description="First level of the robots' VDA 5050 topics.")
+    prefix: TopicPrefix = Field("nena/v1", description="Topic prefix of the order service's statuses.")
+    silence_limit: float | None = Field(
+        None,
+        gt=0,
+        description="Seconds without a state after which a robot is silent; none: three of the intervals "
+        "that its factsheet names, at least 35.",
+    )
+    clock_skew_limit: float = Field(
+        2.0, gt=0, description="Seconds that a robot's clock may be off before it is shown."
+    )
+    robots_limit: int = Field(
+        2000,
+        ge=1,
+        description="Robots that are kept; above that a silent one makes room, else new ones are refused.",
+    )
+    orders_limit: int = Field(
+        1000, ge=1, description="Transport orders that are kept; the one that ended longest ago goes first."
+    )
+    events: EventSettings = Field(default_factory=EventSettings, description="The event stream.")
