@@ -56,7 +56,6 @@ class Bench:
     def reach(self) -> None:
         self.rounds(progress=Progress.REACHED)
 
-    @property
     def driving_for(self) -> UUID | None:
         target = self.navigator.target
         return None if target is None else target.goal_id
@@ -66,7 +65,7 @@ def driving(goal_id: UUID = A) -> Bench:
     bench = Bench()
     assert bench.take(goal_id)
     bench.rounds()
-    assert bench.driving_for == goal_id
+    assert bench.driving_for() == goal_id
     return bench
 
 
@@ -81,9 +80,9 @@ def test_plain_drive() -> None:
 def test_a_second_goal_while_driving_takes_over_without_a_stop() -> None:
     bench = driving()
     bench.take(B)
-    assert bench.driving_for == A
+    assert bench.driving_for() == A
     bench.rounds()
-    assert bench.driving_for == B
+    assert bench.driving_for() == B
     bench.rounds(10)
     bench.reach()
     assert bench.arrays == ["A:2", "A:2 B:2", "A:6 B:2", "A:6 B:4"]
@@ -96,7 +95,7 @@ def test_a_third_goal_pushes_the_pending_one_out() -> None:
     bench.rounds()
     bench.reach()
     assert bench.arrays[2:] == [
-        "A:2 B:6 C:2".replace("B:6", "B:2"),
+        "A:2 B:2 C:2",
         "A:2 B:6 C:2",
         "A:6 B:6 C:2",
         "A:6 B:6 C:4",
@@ -107,9 +106,9 @@ def test_cancel_all_while_driving_and_the_robot_stops_before_the_goal_ends() -> 
     bench = driving()
     assert bench.cancel() == 0
     assert bench.arrays == ["A:2", "A:3"]
-    assert bench.driving_for == A
+    assert bench.driving_for() == A
     bench.rounds()
-    assert bench.driving_for is None
+    assert bench.driving_for() is None
     assert bench.arrays == ["A:2", "A:3"]
     bench.rounds(3)
     assert bench.arrays == ["A:2", "A:3", "A:5"]
@@ -140,7 +139,7 @@ def test_cancel_and_a_new_goal_before_the_loop_looked_is_a_pre_emption() -> None
     bench.take(B)
     bench.rounds(5)
     assert bench.arrays == ["A:2", "A:3", "A:3 B:2", "A:6 B:2"]
-    assert bench.driving_for == B
+    assert bench.driving_for() == B
 
 
 def test_cancelling_the_pending_goal_ends_the_running_one_with_it() -> None:
@@ -180,7 +179,7 @@ def test_a_drive_that_fails_makes_room_for_the_pending_goal() -> None:
     bench.rounds(progress=Progress.FAILED)
     bench.rounds()
     assert bench.arrays[-1] == "A:6 B:2"
-    assert bench.driving_for == B
+    assert bench.driving_for() == B
 
 
 def test_a_cancel_that_comes_with_the_arrival_still_halts() -> None:

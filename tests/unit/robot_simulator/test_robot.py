@@ -62,12 +62,13 @@ def test_a_drive_ends_at_the_goal_within_the_tolerance() -> None:
 def test_the_robot_rests_only_after_it_has_braked() -> None:
     bench = Bench()
     bench.take(A, 5.0, 0.0)
-    assert not bench.robot.resting
+    resting = [bench.robot.resting]
     bench.until_ended()
     assert bench.robot.velocity[0] > 0.1
-    assert not bench.robot.resting
+    resting.append(bench.robot.resting)
     bench.run(2.0)
-    assert bench.robot.resting
+    resting.append(bench.robot.resting)
+    assert resting == [False, False, True]
     assert bench.robot.velocity == (0.0, 0.0)
 
 
