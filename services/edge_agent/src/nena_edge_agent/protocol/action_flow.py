@@ -1,0 +1,132 @@
+"""The life of the order's actions: queued, begun, held, ended (sections 6.2.2 and 6.6.9)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from nena_edge_agent.protocol.action_states import ActionRecord
+from nena_edge_agent.protocol.effects import CancelAction, PauseAction, ResumeAction, StartAction
+from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.events import ActionReport
+from nena_edge_agent.protocol.parts import RobotParts
+from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.error import ErrorLevel, ErrorType, error
+from nena_shared.vda5050.order import Edge
+
+
+class ActionFlow:
+    """Starts what may run, and takes in what the plug-ins report."""
+
+    def __init__(self, parts: RobotParts) -> None:
+        self._parts = parts
+
+    def enqueue(self, actions: Sequence[Action]) -> None:
+        """Queue the actions of a node that is reached or an edge that is entered, and start what may run."""
+        self._parts.queue.append(actions)
+        self.schedule()
+
+    def schedule(self) -> None:
+        """Start every queued action whose turn it is."""
+        parts = self._parts
+        if parts.paused or parts.cancelling:
+            return
+        for action_id in parts.queue.runnable():
+            if parts.actions.change(action_id, ActionStatus.INITIALIZING):
+                self._start(action_id)
+
+    def report(self, report: ActionReport) -> None:
+        """Take in what a plug-in says about an action of the order or an instant one."""
+        parts = self._parts
+        states = parts.actions if report.action_id in parts.actions else parts.instants
+        if not states.change(report.action_id, report.status, report.result):
+            return
+        parts.loads = parts.loads if report.loads is None else report.loads
+        parts.charging = parts.charging if report.charging is None else report.charging
+        record = states.get(report.action_id)
+        if record and report.status.ended:
+            parts.queue.remove(report.action_id)
+        if record and report.status is ActionStatus.FAILED and not parts.cancelling:
+            self._show_failure(record)
+
+    def end_with_edge(self, edge: Edge) -> None:
+        """End what belongs to ``edge``, which the robot has left.
+
+        What cannot be interrupted goes on beside the order, to its own end.
+        """
+        for action in edge.actions:
+            record = self._parts.actions.get(action.action_id)
+            if record and not record.status.ended:
+                self._end_edge_action(record)
+
+    def pause(self) -> None:
+        """Hold every running action that can be held."""
+        for record in self._parts.actions:
+            if record.status is ActionStatus.RUNNING and self._declares(record, "pause_allowed"):
+                self._parts.effects.append(PauseAction(record.action.action_id))
+
+    def resume(self) -> None:
+        """Let held actions go on."""
+        for record in self._parts.actions:
+            if record.status is ActionStatus.PAUSED:
+                self._parts.effects.append(ResumeAction(record.action.action_id))
+
+    def give_up(self) -> None:
+        """Fail what waits, and stop what runs where it can be stopped (section 6.1.3)."""
+        parts = self._parts
+        for record in list(parts.actions):
+            action_id = record.action.action_id
+            if record.status is ActionStatus.WAITING:
+                parts.actions.change(action_id, ActionStatus.FAILED, "the order was cancelled")
+                parts.queue.remove(action_id)
+            elif record.active and self._declares(record, "cancel_allowed"):
+                parts.effects.append(CancelAction(action_id))
+
+    def take_up_again(self) -> None:
+        """After a restart of the agent: begin anew what may be begun anew, fail what may not."""
+        for states in (self._parts.actions, self._parts.instants):
+            for record in [each for each in states if each.active]:
+                if self._parts.capabilities.actions.get(record.action.action_type) is None:
+                    continue  # the core's own instant actions go on by themselves
+                self._take_up(record)
+
+    def _take_up(self, record: ActionRecord) -> None:
+        action_id = record.action.action_id
+        if self._declares(record, "restartable") and not self._parts.cancelling:
+            record.status = ActionStatus.INITIALIZING
+            self._start(action_id)
+        else:
+            result = "the agent was interrupted while the action ran"
+            self.report(ActionReport(action_id, ActionStatus.FAILED, result))
+
+    def _start(self, action_id: str) -> None:
+        parts = self._parts
+        record = parts.actions.get(action_id) or parts.instants.get(action_id)
+        if record:
+            parts.effects.append(StartAction(record.action, parts.loads))
+
+    def _end_edge_action(self, record: ActionRecord) -> None:
+        parts, action_id = self._parts, record.action.action_id
+        if record.active and not self._declares(record, "cancel_allowed"):
+            return
+        if record.active:
+            parts.effects.append(CancelAction(action_id))
+        good = record.active and self._declares(record, "open_ended")
+        status = ActionStatus.FINISHED if good else ActionStatus.FAILED
+        self.report(ActionReport(action_id, status, None if good else "the edge ended before the action"))
+
+    def _declares(self, record: ActionRecord, trait: str) -> bool:
+        declaration = self._parts.capabilities.actions.get(record.action.action_type)
+        return declaration is not None and bool(getattr(declaration, trait))
+
+    def _show_failure(self, record: ActionRecord) -> None:
+        """Show the failure as a warning: the robot goes on, what becomes of the order is not its to say."""
+        entry = error(
+            ErrorType.ACTION_FAILED,
+            f"action '{record.action.action_type}' failed: {record.result or 'no reason given'}",
+            hint="the order goes on; cancel it, or send the action again in another order",
+            action_id=record.action.action_id,
+            order_id=self._parts.progress.order_id or None,
+        )
+        self._parts.errors.show(
+            entry.model_copy(update={"error_level": ErrorLevel.WARNING}), Until.ORDER_OVER
+        )

@@ -1,0 +1,111 @@
+"""Actions and where each of them stands (section 6.6.9)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+from nena_shared.vda5050.action import Action, ActionState, ActionStatus
+from nena_shared.vda5050.factsheet import ActionScope
+
+ACTIVE = frozenset(
+    {ActionStatus.INITIALIZING, ActionStatus.RUNNING, ActionStatus.PAUSED, ActionStatus.RETRIABLE}
+)
+"""Begun and not ended."""
+
+_BEFORE: dict[ActionStatus, frozenset[ActionStatus]] = {
+    ActionStatus.WAITING: frozenset(),
+    ActionStatus.INITIALIZING: frozenset({ActionStatus.WAITING, ActionStatus.PAUSED, ActionStatus.RETRIABLE}),
+    ActionStatus.RUNNING: ACTIVE | {ActionStatus.WAITING},
+    ActionStatus.PAUSED: frozenset({ActionStatus.INITIALIZING, ActionStatus.RUNNING}),
+    ActionStatus.RETRIABLE: frozenset({ActionStatus.RUNNING}),
+    ActionStatus.FINISHED: ACTIVE | {ActionStatus.WAITING},
+    ActionStatus.FAILED: ACTIVE | {ActionStatus.WAITING},
+}
+"""From which states each state may follow; FINISHED and FAILED are final."""
+
+
+@dataclass(slots=True)
+class ActionRecord:
+    """One action with its state; ``sequence_id`` is that of its node or edge, -1 for an instant action."""
+
+    action: Action
+    scope: ActionScope
+    sequence_id: int = -1
+    status: ActionStatus = ActionStatus.WAITING
+    result: str | None = None
+
+    @property
+    def active(self) -> bool:
+        """Whether it has begun and not ended."""
+        return self.status in ACTIVE
+
+
+class ActionStates:
+    """Actions in the order in which they came."""
+
+    def __init__(self) -> None:
+        self._records: dict[str, ActionRecord] = {}
+        self._states: tuple[ActionState, ...] | None = ()
+        self.revision = 0
+
+    def __iter__(self) -> Iterator[ActionRecord]:
+        return iter(self._records.values())
+
+    def __contains__(self, action_id: str) -> bool:
+        return action_id in self._records
+
+    def get(self, action_id: str) -> ActionRecord | None:
+        """Give the record of an action, if it is known."""
+        return self._records.get(action_id)
+
+    def add(self, records: Iterable[ActionRecord]) -> None:
+        """Append actions."""
+        for record in records:
+            self._records[record.action.action_id] = record
+        self._changed()
+
+    def remove(self, unwanted: Callable[[ActionRecord], bool]) -> None:
+        """Forget every action that ``unwanted`` says yes to."""
+        kept = {key: record for key, record in self._records.items() if not unwanted(record)}
+        if len(kept) != len(self._records):
+            self._records = kept
+            self._changed()
+
+    def change(self, action_id: str, status: ActionStatus, result: str | None = None) -> bool:
+        """Set a new status; tell whether that was allowed (section 6.6.9, figure 21) and changed anything."""
+        record = self._records.get(action_id)
+        if record is None or record.status not in _BEFORE[status]:
+            return False
+        if record.status is status and result in (None, record.result):
+            return False
+        record.status = status
+        record.result = result if result is not None else record.result
+        self._changed()
+        return True
+
+    @property
+    def all_ended(self) -> bool:
+        """Whether nothing waits or runs."""
+        return all(record.status.ended for record in self._records.values())
+
+    @property
+    def states(self) -> tuple[ActionState, ...]:
+        """As the state message shows them."""
+        if self._states is None:
+            self._states = tuple(_state(record) for record in self._records.values())
+        return self._states
+
+    def _changed(self) -> None:
+        self.revision += 1
+        self._states = None
+
+
+def _state(record: ActionRecord) -> ActionState:
+    return ActionState(
+        action_id=record.action.action_id,
+        action_type=record.action.action_type,
+        action_descriptor=record.action.action_descriptor,
+        action_status=record.status,
+        action_result=record.result,
+    )

@@ -1,0 +1,41 @@
+"""What a robot can do and how it is set up, as far as the protocol core needs to know."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from nena_edge_agent.protocol.declaration import ActionDeclaration
+from nena_edge_agent.protocol.rules import RULES, Rules
+
+
+class DriveStrategy(StrEnum):
+    """How nodes are driven to."""
+
+    STOP_AT_NODES = "stop_at_nodes"
+    """Each node is a goal that is driven to its end."""
+    PASS_THROUGH = "pass_through"  # noqa: S105 - a way to drive, no password
+    """The next goal is given in the range of a node that gives no reason to stop."""
+
+
+@dataclass(frozen=True, slots=True)
+class Capabilities:
+    """A robot's set-up; distances in m, angles in rad.
+
+    ``tolerated_parameters`` are optional fields of the order that are passed over instead of refused, by
+    their path, e.g. ``edges.trajectory``.
+    """
+
+    map_id: str
+    map_version: str = "1"
+    actions: Mapping[str, ActionDeclaration] = field(default_factory=dict)
+    default_deviation_xy: float = 0.3
+    default_deviation_theta: float = 0.3
+    strategy: DriveStrategy = DriveStrategy.STOP_AT_NODES
+    pass_radius: float = 0.5
+    base_request_distance: float = 2.0
+    maximum_nodes: int = 1000
+    maximum_actions: int = 1000
+    tolerated_parameters: frozenset[str] = frozenset()
+    rules: Rules = RULES["2.1.0"]

@@ -1,0 +1,51 @@
+"""Errors that last as long as their cause (sections 6.6.5 and 6.6.6)."""
+
+from __future__ import annotations
+
+from nena_edge_agent.protocol.parts import RobotParts
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
+
+JOURNAL_NOT_WRITTEN = "JOURNAL_NOT_WRITTEN"
+
+
+def check_conditions(parts: RobotParts) -> None:
+    """Show or take back what hinders the robot at the moment."""
+    parts.errors.condition(ErrorType.LOCALIZATION_ERROR, _localisation(parts))
+    parts.errors.condition(ErrorType.NAVIGATION_NOT_AVAILABLE, _navigation(parts))
+    parts.errors.condition(JOURNAL_NOT_WRITTEN, _journal(parts))
+
+
+def _localisation(parts: RobotParts) -> ErrorEntry | None:
+    pose = parts.senses.pose
+    unknown_in_order = pose is None and parts.progress.next_node is not None
+    if (pose is None or pose.localized) and not unknown_in_order:
+        return None
+    return error(
+        ErrorType.LOCALIZATION_ERROR,
+        "the robot does not know where it is, and does not drive",
+        hint="set its initial position",
+    )
+
+
+def _navigation(parts: RobotParts) -> ErrorEntry | None:
+    """Show that navigation is missing, once an order needs it."""
+    navigation = parts.senses.navigation
+    if navigation.available or parts.progress.next_node is None:
+        return None
+    return error(
+        ErrorType.NAVIGATION_NOT_AVAILABLE,
+        f"the robot cannot drive now: {navigation.reason}",
+        hint="the order goes on by itself when navigation is back",
+        order_id=parts.progress.order_id,
+    )
+
+
+def _journal(parts: RobotParts) -> ErrorEntry | None:
+    if not parts.journal_problem:
+        return None
+    return ErrorEntry(
+        error_type=JOURNAL_NOT_WRITTEN,
+        error_level=ErrorLevel.URGENT,
+        error_description=f"what the robot does is not kept on disk: {parts.journal_problem}",
+        error_hint="see to the agent's disk; an interruption now would lose the order",
+    )

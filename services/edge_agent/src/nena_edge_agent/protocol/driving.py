@@ -1,0 +1,71 @@
+"""The goal that the driver has, and how the next one is made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan2
+
+from nena_edge_agent.driver.port import DriveGoal, Pose
+from nena_edge_agent.protocol.capabilities import Capabilities
+from nena_edge_agent.protocol.tolerance import distance, radius
+from nena_shared.vda5050.order import NodePosition
+
+HALT_PATIENCE = 5.0
+"""Seconds after which a halt without an answer is asked for again."""
+
+
+@dataclass(slots=True)
+class GoalInFlight:
+    """What the driver was told last.
+
+    ``target`` is the sequenceId of the node that it drives to, None: it has no goal. ``halting_since`` is the
+    time in s when it was asked to stop and has not answered. ``failed_at`` is the sequenceId of a node that
+    was not reached; it is not tried again until the order changes.
+    """
+
+    generation: int = 0
+    target: int | None = None
+    halting_since: float | None = None
+    failed_at: int | None = None
+
+    @property
+    def moving(self) -> bool:
+        """Whether the robot drives or has not stopped yet."""
+        return self.target is not None or self.halting_since is not None
+
+    @property
+    def halting(self) -> bool:
+        """Whether a halt has not been answered."""
+        return self.halting_since is not None
+
+    def is_current(self, generation: int) -> bool:
+        """Tell whether an event of ``generation`` is about the goal that the driver has now."""
+        return self.target is not None and generation == self.generation
+
+
+def make_goal(
+    position: NodePosition,
+    pose: Pose,
+    capabilities: Capabilities,
+    *,
+    generation: int,
+    maximum_speed: float | None,
+) -> DriveGoal:
+    """Make the goal for ``position``; where no heading is demanded the robot arrives looking ahead."""
+    demanded = position.theta is not None
+    allowed = position.allowed_deviation_theta or capabilities.default_deviation_theta
+    theta = position.theta if position.theta is not None else heading(pose, position)
+    return DriveGoal(
+        generation=generation,
+        pose=Pose(position.x, position.y, theta, position.map_id),
+        deviation_xy=radius(position, capabilities.default_deviation_xy),
+        deviation_theta=allowed if demanded else None,
+        maximum_speed=maximum_speed,
+    )
+
+
+def heading(pose: Pose, position: NodePosition) -> float:
+    """Give the direction from ``pose`` to ``position``; on the spot that is the robot's own."""
+    if distance(pose, position) == 0:
+        return pose.theta
+    return atan2(position.y - pose.y, position.x - pose.x)

@@ -1,0 +1,133 @@
+"""Actions beside the order (sections 6.2.1 and 7.4): each is judged for itself, and none runs twice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from nena_edge_agent.protocol.action_states import ActionRecord
+from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
+from nena_edge_agent.protocol.effects import SendFactsheet, StartAction
+from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.order_cancel import OrderCancel
+from nena_edge_agent.protocol.parts import CANCEL_ORDER, RobotParts
+from nena_edge_agent.protocol.pause import START_PAUSE, STOP_PAUSE, Pause
+from nena_edge_agent.protocol.position_setting import INITIALIZE_POSITION, PositionSetting
+from nena_shared.vda5050.action import Action, ActionStatus, InstantActions
+from nena_shared.vda5050.error import ErrorType, error
+from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
+
+STATES_KEPT = 200
+"""States of instant actions shown at most; beyond it the oldest ended ones go."""
+IDS_KNOWN = 1000
+"""Ids of instant actions that are recognised when they come again."""
+
+_POSITION = (
+    Parameter("x", ValueDataType.NUMBER, description="m"),
+    Parameter("y", ValueDataType.NUMBER, description="m"),
+    Parameter("theta", ValueDataType.NUMBER, description="rad"),
+    Parameter("mapId", ValueDataType.STRING),
+    Parameter("lastNodeId", ValueDataType.STRING),
+)
+
+
+def _instant(action_type: str, description: str, parameters: tuple[Parameter, ...] = ()) -> ActionDeclaration:
+    return ActionDeclaration(
+        action_type, scopes=(ActionScope.INSTANT,), parameters=parameters, description=description
+    )
+
+
+PREDEFINED: dict[str, ActionDeclaration] = {
+    each.action_type: each
+    for each in (
+        _instant(
+            CANCEL_ORDER,
+            "Stops the robot where it is and ends the order.",
+            (Parameter("orderId", ValueDataType.STRING, required=False),),
+        ),
+        _instant(START_PAUSE, "Stops driving and holds actions that can be held."),
+        _instant(STOP_PAUSE, "Lets driving and held actions go on."),
+        _instant("stateRequest", "Has the robot send its state."),
+        _instant("factsheetRequest", "Has the robot send its factsheet."),
+        _instant(INITIALIZE_POSITION, "Tells the localisation where the robot is.", _POSITION),
+    )
+}
+"""The actions that the core itself does."""
+
+
+class InstantActionFlow:
+    """Takes in instant actions and hands each to what does it."""
+
+    def __init__(
+        self, parts: RobotParts, cancel: OrderCancel, pause: Pause, position: PositionSetting
+    ) -> None:
+        self._parts = parts
+        self._own: dict[str, Callable[[Action], None]] = {
+            CANCEL_ORDER: cancel.request,
+            START_PAUSE: pause.start,
+            STOP_PAUSE: pause.stop,
+            INITIALIZE_POSITION: position.request,
+            "stateRequest": self._finish,
+            "factsheetRequest": self._send_factsheet,
+        }
+
+    def take(self, message: InstantActions) -> None:
+        """Begin or refuse each action; one that came before is passed over."""
+        for action in message.actions:
+            if action.action_id in self._parts.known_instant_ids:
+                continue
+            self._remember(action)
+            problem = self._problem(action)
+            if problem:
+                self._refuse(action, problem, message)
+            else:
+                self._begin(action)
+
+    def _problem(self, action: Action) -> str | None:
+        if action.action_id in self._parts.actions:
+            return "the actionId is used by an action of the order"
+        declaration = self._parts.capabilities.actions.get(action.action_type)
+        if declaration is None:
+            return f"the robot knows no action '{action.action_type}'"
+        return declaration.problem(action, ActionScope.INSTANT)
+
+    def _begin(self, action: Action) -> None:
+        parts = self._parts
+        parts.errors.end(Until.INSTANT_ACTION_ACCEPTED)
+        own = self._own.get(action.action_type)
+        if own:
+            own(action)
+        else:
+            parts.instants.change(action.action_id, ActionStatus.INITIALIZING)
+            parts.effects.append(StartAction(action, parts.loads))
+
+    def _refuse(self, action: Action, problem: str, message: InstantActions) -> None:
+        parts = self._parts
+        parts.instants.change(action.action_id, ActionStatus.FAILED, problem)
+        entry = error(
+            ErrorType.INVALID_INSTANT_ACTION,
+            problem,
+            hint="the factsheet lists the robot's actions",
+            topic="instantActions",
+            header_id=message.header_id,
+            action_id=action.action_id,
+        )
+        parts.errors.show(entry, Until.INSTANT_ACTION_ACCEPTED)
+
+    def _remember(self, action: Action) -> None:
+        parts = self._parts
+        parts.known_instant_ids[action.action_id] = None
+        while len(parts.known_instant_ids) > IDS_KNOWN:
+            del parts.known_instant_ids[next(iter(parts.known_instant_ids))]
+        if action.action_id not in parts.actions:
+            parts.instants.add([ActionRecord(action, ActionScope.INSTANT)])
+        surplus = len(list(parts.instants)) - STATES_KEPT
+        if surplus > 0:
+            ended = [record for record in parts.instants if record.status.ended][:surplus]
+            parts.instants.remove(lambda record: record in ended)
+
+    def _finish(self, action: Action) -> None:
+        self._parts.instants.change(action.action_id, ActionStatus.FINISHED)
+
+    def _send_factsheet(self, action: Action) -> None:
+        self._parts.effects.append(SendFactsheet())
+        self._finish(action)

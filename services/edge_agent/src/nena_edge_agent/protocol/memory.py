@@ -1,0 +1,57 @@
+"""What a robot must still know after its agent was killed."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict
+
+from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.factsheet import ActionScope
+from nena_shared.vda5050.order import Edge, Node
+from nena_shared.vda5050.state import Load
+
+
+class ActionMemory(BaseModel):
+    """An action and where it stood."""
+
+    model_config = ConfigDict(frozen=True, from_attributes=True)
+
+    action: Action
+    scope: ActionScope
+    sequence_id: int
+    status: ActionStatus
+    result: str | None
+
+
+class ProgressMemory(BaseModel):
+    """The order and how far it was driven; the fields are those of ``OrderProgress``."""
+
+    model_config = ConfigDict(frozen=True, from_attributes=True)
+
+    order_id: str
+    order_update_id: int
+    last_node: Node | None
+    last_node_id: str
+    last_node_sequence_id: int
+    on_last_node: bool
+    edge_entered: bool
+    cancelled: bool
+    decision_point: tuple[str, int] | None
+    nodes: tuple[Node, ...]
+    edges: tuple[Edge, ...]
+
+
+class Memory(BaseModel):
+    """All that is durable of one robot."""
+
+    model_config = ConfigDict(frozen=True)
+
+    format: int = 1
+    progress: ProgressMemory
+    actions: tuple[ActionMemory, ...]
+    queue: tuple[str, ...]
+    instant_actions: tuple[ActionMemory, ...]
+    known_instant_ids: tuple[str, ...]
+    cancelling: bool
+    paused: bool
+    charging: bool
+    loads: tuple[Load, ...]

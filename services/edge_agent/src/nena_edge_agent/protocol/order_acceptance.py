@@ -1,0 +1,302 @@
+"""Whether an order is taken: the decision procedure of sections 6.1.2 and 6.1.4, check by check, in order.
+
+Nothing changes in the robot here; the verdict says what to do. Checks for well-formedness (schema and graph
+rules) come before, in the codec. The numbers at the checks are the project's own: 2 to 5 for every message, A
+for a new order, B for an update.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import chain
+
+from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.protocol.capabilities import Capabilities
+from nena_edge_agent.protocol.optional_parameters import unsupported
+from nena_edge_agent.protocol.tolerance import in_place
+from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
+from nena_shared.vda5050.factsheet import ActionScope
+from nena_shared.vda5050.order import Node, Order
+from nena_shared.vda5050.state import OperatingMode
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """The robot as an order meets it.
+
+    ``cancelled``: the held order was cancelled, or is being cancelled. ``pose`` is None unless it can be
+    trusted. ``stands_on`` is the node that the robot has reached and not left, or empty.
+    """
+
+    operating_mode: OperatingMode
+    idle: bool
+    cancelled: bool
+    order_id: str
+    order_update_id: int
+    decision_point: tuple[str, int] | None
+    pose: Pose | None
+    stands_on: str
+    instant_action_ids: frozenset[str]
+    base_action_ids: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True)
+class NewOrder:
+    """Take the order in place of the old one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Update:
+    """Put the order behind the base of the held one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Duplicate:
+    """The order was taken before: do nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rejected:
+    """Refuse the order with this error."""
+
+    error: ErrorEntry
+
+
+Verdict = NewOrder | Update | Duplicate | Rejected
+
+
+def judge(order: Order, situation: Situation, capabilities: Capabilities) -> Verdict:
+    """Decide about ``order``."""
+    fault = _general_fault(order, situation, capabilities)
+    if fault is not None:
+        return Rejected(fault)
+    if order.order_id != situation.order_id:
+        fault = _new_order_fault(order, situation, capabilities)
+        return Rejected(fault) if fault else NewOrder()
+    return _judge_update(order, situation, capabilities)
+
+
+def _general_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
+    return (
+        _mode_fault(order, situation)
+        or _size_fault(order, capabilities)
+        or _parameter_fault(order, capabilities)
+        or _action_fault(order, capabilities)
+    )
+
+
+def _mode_fault(order: Order, situation: Situation) -> ErrorEntry | None:
+    """Check 2."""
+    if situation.operating_mode.takes_orders:
+        return None
+    return _refusal(
+        ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
+        order,
+        f"the robot is in mode {situation.operating_mode} and takes no orders",
+        hint="switch the robot to AUTOMATIC",
+    )
+
+
+def _size_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
+    """Check 3."""
+    actions = sum(1 for _ in _scoped_actions(order))
+    for count, limit, what in (
+        (len(order.nodes), capabilities.maximum_nodes, "nodes"),
+        (actions, capabilities.maximum_actions, "actions"),
+    ):
+        if count > limit:
+            return _refusal(
+                ErrorType.INSUFFICIENT_MEMORY,
+                order,
+                f"the order has {count} {what}, the robot takes {limit}",
+                hint="send the order in parts",
+            )
+    return None
+
+
+def _parameter_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
+    """Check 4."""
+    found = unsupported(order, capabilities.tolerated_parameters)
+    if found is None:
+        return None
+    name, edge = found
+    return _refusal(
+        ErrorType.UNSUPPORTED_PARAMETER,
+        order,
+        f"the robot cannot act on {name} of edge '{edge.edge_id}'",
+        hint="leave it out, or have the agent tolerate it by its setting tolerated_parameters",
+        parameter=name,
+        edge_id=edge.edge_id,
+    )
+
+
+def _action_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
+    """Check 5, for the horizon as well."""
+    for scope, action in _scoped_actions(order):
+        declaration = capabilities.actions.get(action.action_type)
+        problem = (
+            declaration.problem(action, scope)
+            if declaration
+            else f"the robot knows no action '{action.action_type}'"
+        )
+        if problem:
+            return _refusal(
+                ErrorType.INVALID_ORDER_ACTION,
+                order,
+                problem,
+                hint="the factsheet lists the robot's actions",
+                action_id=action.action_id,
+            )
+    return None
+
+
+def _new_order_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
+    if not situation.idle:  # A1
+        return _refusal(
+            ErrorType.OTHER_ORDER_ACTIVE,
+            order,
+            f"order '{situation.order_id}' is not ended",
+            hint="wait for its end or cancel it",
+        )
+    return (
+        _repeated_action_fault(order, situation.instant_action_ids)
+        or _map_fault(order, capabilities)
+        or _start_fault(order.nodes[0], order, situation, capabilities)
+        or _route_fault(order)
+    )
+
+
+def _map_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
+    """Check A3."""
+    for node in order.nodes:
+        position = node.node_position
+        if position and position.map_id != capabilities.map_id:
+            return _refusal(
+                ErrorType.UNKNOWN_MAP_ID,
+                order,
+                f"node '{node.node_id}' is on map '{position.map_id}', the robot has '{capabilities.map_id}'",
+                hint="compare the mapId of the plant model with the setting map_id of the agent",
+                node_id=node.node_id,
+            )
+    return None
+
+
+def _start_fault(
+    first: Node, order: Order, situation: Situation, capabilities: Capabilities
+) -> ErrorEntry | None:
+    """Check A4."""
+    if situation.stands_on and situation.stands_on == first.node_id:
+        return None
+    pose, position = situation.pose, first.node_position
+    if pose and position and in_place(pose, position, capabilities.default_deviation_xy):
+        return None
+    place = f"it is at x {pose.x:.2f} m, y {pose.y:.2f} m" if pose else "its position is not known"
+    return _refusal(
+        ErrorType.START_NODE_OUT_OF_RANGE,
+        order,
+        f"the robot does not stand on the first node '{first.node_id}'; {place}",
+        hint="begin the order where the robot stands, or give the first node a larger allowedDeviationXY"
+        if pose
+        else "set the robot's initial position",
+        node_id=first.node_id,
+    )
+
+
+def _route_fault(order: Order) -> ErrorEntry | None:
+    """Check A5: a node without a position cannot be found. The first one is where the robot is."""
+    for node in order.nodes[1:]:
+        if node.node_position is None:
+            return _refusal(
+                ErrorType.NO_ROUTE_TO_TARGET,
+                order,
+                f"node '{node.node_id}' has no nodePosition",
+                hint="the robot drives to coordinates only; send nodePosition with every node",
+                node_id=node.node_id,
+            )
+    return None
+
+
+def _judge_update(order: Order, situation: Situation, capabilities: Capabilities) -> Verdict:
+    fault = _outdated_fault(order, situation)
+    if fault is None and order.order_update_id == situation.order_update_id:  # B3
+        return Duplicate()
+    fault = (
+        fault
+        or _stitching_fault(order, situation, capabilities)
+        or _repeated_action_fault(order, situation.instant_action_ids | situation.base_action_ids, skip=1)
+        or _map_fault(order, capabilities)
+        or _route_fault(order)
+    )
+    return Rejected(fault) if fault else Update()
+
+
+def _outdated_fault(order: Order, situation: Situation) -> ErrorEntry | None:
+    """Checks B1 and B2."""
+    if order.order_update_id < situation.order_update_id:
+        return _refusal(
+            ErrorType.OUTDATED_ORDER_UPDATE,
+            order,
+            f"update {order.order_update_id} is older than update {situation.order_update_id}, which is held",
+            hint="continue from the orderUpdateId in the robot's state",
+        )
+    if situation.cancelled:
+        return _refusal(
+            ErrorType.ORDER_UPDATE_FOLLOWING_CANCEL,
+            order,
+            "the order was cancelled",
+            hint="send a new order",
+        )
+    return None
+
+
+def _stitching_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
+    """Checks B4 and B5; after a normal end the decision point is the last node."""
+    first = order.nodes[0]
+    if (first.node_id, first.sequence_id) == situation.decision_point:
+        return None
+    expected = situation.decision_point or ("", 0)
+    return _refusal(
+        capabilities.rules.wrong_stitching_node,
+        order,
+        f"the update begins at node '{first.node_id}' with sequenceId {first.sequence_id}, "
+        f"the base ends at '{expected[0]}' with sequenceId {expected[1]}",
+        hint="begin the update with the last released node of the order",
+        node_id=first.node_id,
+    )
+
+
+def _repeated_action_fault(order: Order, used: frozenset[str], *, skip: int = 0) -> ErrorEntry | None:
+    """Check that no id of an action would stand for two; the first ``skip`` nodes do not count."""
+    for _, action in _scoped_actions(order, skip=skip):
+        if action.action_id in used:
+            return _refusal(
+                ErrorType.INVALID_ORDER_ACTION,
+                order,
+                f"the actionId '{action.action_id}' is used by another action",
+                hint="give each action an id of its own",
+                action_id=action.action_id,
+            )
+    return None
+
+
+def _scoped_actions(order: Order, *, skip: int = 0) -> Iterator[tuple[ActionScope, Action]]:
+    on_nodes = ((ActionScope.NODE, action) for node in order.nodes[skip:] for action in node.actions)
+    on_edges = ((ActionScope.EDGE, action) for edge in order.edges for action in edge.actions)
+    return chain(on_nodes, on_edges)
+
+
+def _refusal(
+    kind: ErrorType, order: Order, description: str, *, hint: str, **references: str | None
+) -> ErrorEntry:
+    return error(
+        kind,
+        description,
+        hint=hint,
+        topic="order",
+        header_id=order.header_id,
+        order_id=order.order_id,
+        order_update_id=order.order_update_id,
+        **references,
+    )

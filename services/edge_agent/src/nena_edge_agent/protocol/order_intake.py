@@ -1,0 +1,87 @@
+"""What an order changes in the robot once it is judged (section 6.1.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from nena_edge_agent.protocol.action_flow import ActionFlow
+from nena_edge_agent.protocol.action_states import ActionRecord
+from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.order_acceptance import NewOrder, Rejected, Situation, Update, Verdict, judge
+from nena_edge_agent.protocol.parts import RobotParts
+from nena_shared.vda5050.factsheet import ActionScope
+from nena_shared.vda5050.order import Edge, Node, Order
+
+
+class OrderIntake:
+    """Judges orders and takes those that pass; a refused one changes nothing but the errors."""
+
+    def __init__(self, parts: RobotParts, flow: ActionFlow) -> None:
+        self._parts = parts
+        self._flow = flow
+
+    def take(self, order: Order) -> Verdict:
+        """Judge ``order`` and do what follows."""
+        verdict = judge(order, self._situation(), self._parts.capabilities)
+        match verdict:
+            case NewOrder():
+                self._begin(order)
+            case Update():
+                self._extend(order)
+            case Rejected(error):
+                self._parts.errors.show(error, Until.ORDER_ACCEPTED)
+        return verdict
+
+    def _situation(self) -> Situation:
+        parts, progress = self._parts, self._parts.progress
+        return Situation(
+            operating_mode=parts.operating_mode,
+            idle=parts.idle and not parts.cancelling,
+            cancelled=progress.cancelled or parts.cancelling,
+            order_id=progress.order_id,
+            order_update_id=progress.order_update_id,
+            decision_point=progress.decision_point,
+            pose=parts.senses.trusted_pose,
+            stands_on=progress.last_node_id if progress.on_last_node else "",
+            instant_action_ids=frozenset(record.action.action_id for record in parts.instants),
+            base_action_ids=frozenset(
+                record.action.action_id for record in parts.actions if not self._in_horizon(record)
+            ),
+        )
+
+    def _begin(self, order: Order) -> None:
+        parts = self._parts
+        self._clear_errors()
+        parts.instants.remove(lambda record: record.status.ended)
+        parts.actions.remove(lambda _: True)
+        parts.queue.clear()
+        parts.progress.begin(order)
+        parts.actions.add(_records(order.nodes, order.edges))
+        self._flow.enqueue(order.nodes[0].actions)
+
+    def _extend(self, order: Order) -> None:
+        """Extend the base; the stitching node is known, and its actions do not run again."""
+        parts = self._parts
+        self._clear_errors()
+        parts.actions.remove(self._in_horizon)
+        parts.progress.extend(order)
+        parts.actions.add(_records(order.nodes[1:], order.edges))
+
+    def _clear_errors(self) -> None:
+        self._parts.errors.end(Until.ORDER_ACCEPTED, Until.ORDER_OVER)
+        self._parts.goal.failed_at = None
+
+    def _in_horizon(self, record: ActionRecord) -> bool:
+        decision_point = self._parts.progress.decision_point
+        return decision_point is not None and record.sequence_id > decision_point[1]
+
+
+def _records(nodes: Iterable[Node], edges: Iterable[Edge]) -> list[ActionRecord]:
+    """Make the records in driving order."""
+    on_nodes = (
+        ActionRecord(action, ActionScope.NODE, node.sequence_id) for node in nodes for action in node.actions
+    )
+    on_edges = (
+        ActionRecord(action, ActionScope.EDGE, edge.sequence_id) for edge in edges for action in edge.actions
+    )
+    return sorted((*on_nodes, *on_edges), key=lambda record: record.sequence_id)

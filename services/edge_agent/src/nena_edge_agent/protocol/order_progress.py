@@ -1,0 +1,152 @@
+"""The order that a robot holds, and how far it has been driven (sections 6.1.2 and 6.6.2)."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+
+from nena_edge_agent.protocol.memory import ProgressMemory
+from nena_shared.vda5050.order import Edge, Node, Order
+from nena_shared.vda5050.state import EdgeState, NodeState
+
+
+class OrderProgress:
+    """Nodes and edges that are still to be driven, and the node reached last.
+
+    ``nodes`` never holds the node where the robot stands. ``edges`` begins with the edge that the robot is on
+    (``edge_entered``) or will enter next. ``decision_point`` is the last released node, as nodeId and
+    sequenceId: there the base ends and an update begins. ``on_last_node``: the robot has not left it.
+    """
+
+    def __init__(self) -> None:
+        self.order_id = ""
+        self.order_update_id = 0
+        self.last_node: Node | None = None
+        self.last_node_id = ""
+        self.last_node_sequence_id = 0
+        self.on_last_node = False
+        self.edge_entered = False
+        self.cancelled = False
+        self.decision_point: tuple[str, int] | None = None
+        self.nodes: deque[Node] = deque()
+        self.edges: deque[Edge] = deque()
+        self.revision = 0
+        self._states: tuple[tuple[NodeState, ...], tuple[EdgeState, ...]] | None = None
+
+    @classmethod
+    def restored(cls, memory: ProgressMemory) -> OrderProgress:
+        """Make the progress that ``memory`` tells of."""
+        progress = cls()
+        for name in ProgressMemory.model_fields:
+            setattr(progress, name, getattr(memory, name))
+        progress.nodes, progress.edges = deque(memory.nodes), deque(memory.edges)
+        return progress
+
+    def begin(self, order: Order) -> None:
+        """Take a new order; its first node counts as reached."""
+        self.order_id, self.order_update_id = order.order_id, order.order_update_id
+        self.cancelled = False
+        self.nodes.clear()
+        self.edges.clear()
+        self._append(order)
+        self._reach(order.nodes[0])
+
+    def extend(self, order: Order) -> None:
+        """Take an update that begins at the decision point: a new way in place of the old horizon."""
+        self.order_update_id = order.order_update_id
+        while self.nodes and not self.nodes[-1].released:
+            self.nodes.pop()
+        while self.edges and not self.edges[-1].released:
+            self.edges.pop()
+        self._append(order)
+        self._changed()
+
+    @property
+    def next_node(self) -> Node | None:
+        """The node to drive to, if it is in the base."""
+        return self.nodes[0] if self.nodes and self.nodes[0].released else None
+
+    @property
+    def horizon_left(self) -> bool:
+        """Whether something is still to be released."""
+        return bool(self.nodes) and not self.nodes[-1].released
+
+    def enter_edge(self) -> Edge:
+        """Begin the next edge."""
+        self.edge_entered = True
+        self._changed()
+        return self.edges[0]
+
+    def leave_node(self) -> None:
+        """Note that the robot moves away from its last node."""
+        if self.on_last_node:
+            self.on_last_node = False
+            self._changed()
+
+    def traverse(self) -> tuple[Node, Edge]:
+        """Count the next node as traversed; gives it, and the edge that led there."""
+        node, edge = self.nodes.popleft(), self.edges.popleft()
+        self._reach(node)
+        return node, edge
+
+    def clear(self) -> None:
+        """End the order before its end; ids and the last node stay."""
+        self.nodes.clear()
+        self.edges.clear()
+        self.edge_entered = False
+        self.cancelled = True
+        self._changed()
+
+    def place_at(self, node_id: str) -> None:
+        """Note that the robot was told to be on ``node_id``, outside of any order."""
+        self.last_node_id, self.last_node_sequence_id, self.last_node = node_id, 0, None
+        self.on_last_node = bool(node_id)
+        self._changed()
+
+    @property
+    def states(self) -> tuple[tuple[NodeState, ...], tuple[EdgeState, ...]]:
+        """Node states and edge states as the state message shows them."""
+        if self._states is None:
+            self._states = (
+                tuple(_node_state(node) for node in self.nodes),
+                tuple(_edge_state(edge) for edge in self.edges),
+            )
+        return self._states
+
+    def _append(self, order: Order) -> None:
+        self.nodes.extend(order.nodes[1:])
+        self.edges.extend(order.edges)
+        self.decision_point = _decision_point(order.nodes)
+
+    def _reach(self, node: Node) -> None:
+        self.last_node, self.last_node_id = node, node.node_id
+        self.last_node_sequence_id = node.sequence_id
+        self.on_last_node, self.edge_entered = True, False
+        self._changed()
+
+    def _changed(self) -> None:
+        self.revision += 1
+        self._states = None
+
+
+def _decision_point(nodes: Iterable[Node]) -> tuple[str, int]:
+    return next((node.node_id, node.sequence_id) for node in reversed(tuple(nodes)) if node.released)
+
+
+def _node_state(node: Node) -> NodeState:
+    return NodeState(
+        node_id=node.node_id,
+        sequence_id=node.sequence_id,
+        node_descriptor=node.node_descriptor,
+        released=node.released,
+        node_position=node.node_position,
+    )
+
+
+def _edge_state(edge: Edge) -> EdgeState:
+    return EdgeState(
+        edge_id=edge.edge_id,
+        sequence_id=edge.sequence_id,
+        edge_descriptor=edge.edge_descriptor,
+        released=edge.released,
+    )

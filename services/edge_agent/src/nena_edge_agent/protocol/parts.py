@@ -1,0 +1,78 @@
+"""What a robot core is made of: each part owns one piece of its state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from nena_edge_agent.driver.port import BatteryReport, GoalReport, NavigationReport, Pose, PoseReport
+from nena_edge_agent.protocol.action_queue import ActionQueue
+from nena_edge_agent.protocol.action_states import ActionStates
+from nena_edge_agent.protocol.capabilities import Capabilities
+from nena_edge_agent.protocol.driving import GoalInFlight
+from nena_edge_agent.protocol.effects import Effect
+from nena_edge_agent.protocol.errors import ActiveErrors
+from nena_edge_agent.protocol.order_progress import OrderProgress
+from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.state import Load, OperatingMode
+
+CANCEL_ORDER = "cancelOrder"
+NOT_REPORTED = NavigationReport(available=False, reason="navigation has not reported yet")
+
+
+@dataclass(slots=True)
+class Senses:
+    """What the driver told last."""
+
+    pose: PoseReport | None = None
+    battery: BatteryReport | None = None
+    navigation: NavigationReport = NOT_REPORTED
+    external_goal: GoalReport | None = None
+
+    @property
+    def trusted_pose(self) -> Pose | None:
+        """Where the robot is, if it is sure of it."""
+        return self.pose.pose if self.pose and self.pose.localized else None
+
+
+@dataclass(slots=True)
+class RobotParts:
+    """The state of one robot, and the effects that the event at hand has had so far.
+
+    ``now`` is the monotonic time in s of the event at hand.
+    """
+
+    capabilities: Capabilities
+    progress: OrderProgress = field(default_factory=OrderProgress)
+    actions: ActionStates = field(default_factory=ActionStates)
+    queue: ActionQueue = field(default_factory=ActionQueue)
+    instants: ActionStates = field(default_factory=ActionStates)
+    known_instant_ids: dict[str, None] = field(default_factory=dict)
+    errors: ActiveErrors = field(default_factory=ActiveErrors)
+    goal: GoalInFlight = field(default_factory=GoalInFlight)
+    senses: Senses = field(default_factory=Senses)
+    operating_mode: OperatingMode = OperatingMode.AUTOMATIC
+    loads: tuple[Load, ...] = ()
+    charging: bool = False
+    paused: bool = False
+    cancelling: bool = False
+    journal_problem: str = ""
+    now: float = 0.0
+    effects: list[Effect] = field(default_factory=list)
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing of the order is left to do (section 6.6.8)."""
+        return not self.progress.nodes and not self.progress.edges and self.actions.all_ended
+
+    def instants_running(self, action_type: str) -> list[str]:
+        """Give the ids of the instant actions of one type that have not ended."""
+        return [
+            record.action.action_id
+            for record in self.instants
+            if record.action.action_type == action_type and not record.status.ended
+        ]
+
+    def end_instants(self, action_type: str, status: ActionStatus, result: str | None = None) -> None:
+        """End all instant actions of one type that have not ended."""
+        for action_id in self.instants_running(action_type):
+            self.instants.change(action_id, status, result)

@@ -1,0 +1,56 @@
+"""Between the parts of a running robot and what is kept of them on disk."""
+
+from __future__ import annotations
+
+from nena_edge_agent.protocol.action_states import ActionRecord
+from nena_edge_agent.protocol.capabilities import Capabilities
+from nena_edge_agent.protocol.memory import ActionMemory, Memory, ProgressMemory
+from nena_edge_agent.protocol.order_progress import OrderProgress
+from nena_edge_agent.protocol.parts import RobotParts
+
+
+def recall(parts: RobotParts) -> Memory:
+    """Give what is durable of ``parts``."""
+    return Memory(
+        progress=ProgressMemory.model_validate(parts.progress),
+        actions=tuple(_kept(record) for record in parts.actions),
+        queue=tuple(parts.queue),
+        instant_actions=tuple(_kept(record) for record in parts.instants),
+        known_instant_ids=tuple(parts.known_instant_ids),
+        cancelling=parts.cancelling,
+        paused=parts.paused,
+        charging=parts.charging,
+        loads=parts.loads,
+    )
+
+
+def recollect(memory: Memory, capabilities: Capabilities) -> RobotParts:
+    """Make the parts of a robot again from what was kept."""
+    parts = RobotParts(
+        capabilities,
+        progress=OrderProgress.restored(memory.progress),
+        known_instant_ids=dict.fromkeys(memory.known_instant_ids),
+        cancelling=memory.cancelling,
+        paused=memory.paused,
+        charging=memory.charging,
+        loads=memory.loads,
+    )
+    parts.actions.add(_record(kept) for kept in memory.actions)
+    parts.instants.add(_record(kept) for kept in memory.instant_actions)
+    queued = (parts.actions.get(action_id) for action_id in memory.queue)
+    parts.queue.append(record.action for record in queued if record)
+    return parts
+
+
+def _kept(record: ActionRecord) -> ActionMemory:
+    return ActionMemory(
+        action=record.action,
+        scope=record.scope,
+        sequence_id=record.sequence_id,
+        status=record.status,
+        result=record.result,
+    )
+
+
+def _record(kept: ActionMemory) -> ActionRecord:
+    return ActionRecord(kept.action, kept.scope, kept.sequence_id, kept.status, kept.result)

@@ -1,0 +1,176 @@
+"""The mobile robot's protocol core: joins the parts, one event at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from nena_edge_agent.driver.port import (
+    Arrived,
+    BatteryReport,
+    DriveFailed,
+    GoalReport,
+    Halted,
+    NavigationReport,
+    PoseReport,
+    PositionInitialized,
+)
+from nena_edge_agent.protocol.action_flow import ActionFlow
+from nena_edge_agent.protocol.capabilities import Capabilities
+from nena_edge_agent.protocol.conditions import check_conditions
+from nena_edge_agent.protocol.effects import Effect, ReportState
+from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.events import (
+    ActionReport,
+    Event,
+    InstantActionsReceived,
+    JournalReport,
+    MessageRefused,
+    OrderReceived,
+    Started,
+    TimePassed,
+)
+from nena_edge_agent.protocol.instant_actions import InstantActionFlow
+from nena_edge_agent.protocol.memory import Memory
+from nena_edge_agent.protocol.order_cancel import OrderCancel
+from nena_edge_agent.protocol.order_intake import OrderIntake
+from nena_edge_agent.protocol.parts import RobotParts
+from nena_edge_agent.protocol.pause import Pause
+from nena_edge_agent.protocol.position_setting import PositionSetting
+from nena_edge_agent.protocol.recollection import recall, recollect
+from nena_edge_agent.protocol.state_report import make_state
+from nena_edge_agent.protocol.travel import Travel
+from nena_shared.vda5050.state import State
+
+REQUESTS = (OrderReceived, InstantActionsReceived, MessageRefused)
+"""Events that are answered by a state even if nothing has changed: the sender waits for an echo."""
+
+
+class RobotCore:
+    """One robot as VDA 5050 sees it.
+
+    Each call of :meth:`handle` takes one event to its end and gives the effects, to be done in their order by
+    the shell, after it has made :meth:`memory` durable if :attr:`durable_version` has changed.
+    """
+
+    def __init__(self, capabilities: Capabilities, memory: Memory | None = None) -> None:
+        parts = recollect(memory, capabilities) if memory else RobotParts(capabilities)
+        self._parts = parts
+        self._flow = ActionFlow(parts)
+        self._travel = Travel(parts, self._flow)
+        self._cancel = OrderCancel(parts, self._flow, self._travel)
+        self._pause = Pause(parts, self._flow, self._travel)
+        self._position = PositionSetting(parts)
+        self._instants = InstantActionFlow(parts, self._cancel, self._pause, self._position)
+        self._intake = OrderIntake(parts, self._flow)
+        self._handlers = self._make_handlers()
+        self._shown = self._visible()
+
+    def handle(self, event: Event, now: float) -> tuple[Effect, ...]:
+        """Take in ``event`` at the monotonic time ``now`` in s; gives what is to be done."""
+        parts = self._parts
+        parts.now, parts.effects = now, []
+        self._handlers[type(event)](event)
+        self._travel.advance()
+        self._pause.advance()
+        self._cancel.advance()
+        self._position.advance()
+        check_conditions(parts)
+        shown = self._visible()
+        if shown != self._shown or isinstance(event, REQUESTS):
+            self._shown = shown
+            parts.effects.append(ReportState())
+        return tuple(parts.effects)
+
+    def state(self, header: dict[str, Any]) -> State:
+        """Make the state message under ``header``, its five header fields by their neutral names."""
+        return make_state(header, self._parts, new_base_request=self._travel.new_base_request)
+
+    @property
+    def parts(self) -> RobotParts:
+        """What the robot is made of, to be read."""
+        return self._parts
+
+    @property
+    def waits(self) -> bool:
+        """Whether an answer is outstanding that may be overdue; then :class:`TimePassed` is wanted."""
+        return self._parts.goal.halting or self._position.waits
+
+    @property
+    def durable_version(self) -> tuple[object, ...]:
+        """Something that differs when :meth:`memory` does."""
+        parts = self._parts
+        return (
+            parts.progress.revision,
+            parts.actions.revision,
+            parts.instants.revision,
+            parts.loads,
+            parts.charging,
+            parts.paused,
+            parts.cancelling,
+        )
+
+    def memory(self) -> Memory:
+        """Give what must survive the end of the process."""
+        return recall(self._parts)
+
+    def _visible(self) -> tuple[object, ...]:
+        """Give what a state is sent for when it changes (section 6.6, triggers)."""
+        parts = self._parts
+        pose, battery = parts.senses.pose, parts.senses.battery
+        return (
+            *self.durable_version,
+            parts.errors.revision,
+            parts.goal.moving,
+            parts.operating_mode,
+            self._travel.new_base_request,
+            pose is not None and pose.localized,
+            battery is not None and battery.charging,
+            parts.senses.external_goal,
+        )
+
+    def _make_handlers(self) -> dict[type, Callable[[Any], object]]:
+        return {
+            Started: self._started,
+            OrderReceived: lambda event: self._intake.take(event.order),
+            InstantActionsReceived: lambda event: self._instants.take(event.message),
+            MessageRefused: lambda event: self._parts.errors.show(event.error, Until.ORDER_ACCEPTED),
+            ActionReport: self._action_reported,
+            JournalReport: self._journal_reported,
+            TimePassed: lambda _: None,
+            Arrived: self._travel.arrived,
+            DriveFailed: self._travel.failed,
+            Halted: lambda _: self._travel.halted(),
+            NavigationReport: self._travel.navigation_changed,
+            PoseReport: self._pose_reported,
+            BatteryReport: self._battery_reported,
+            PositionInitialized: self._position.answered,
+            GoalReport: self._goal_reported,
+        }
+
+    def _started(self, _: Started) -> None:
+        """Go on with what was going on: nobody knows what the robot did meanwhile."""
+        parts = self._parts
+        self._position.interrupted()
+        self._flow.take_up_again()
+        self._flow.schedule()
+        if parts.cancelling or parts.paused:
+            self._travel.resume_halt()
+
+    def _action_reported(self, event: ActionReport) -> None:
+        self._flow.report(event)
+        self._flow.schedule()
+
+    def _journal_reported(self, event: JournalReport) -> None:
+        self._parts.journal_problem = event.problem
+
+    def _pose_reported(self, event: PoseReport) -> None:
+        self._parts.senses.pose = event
+        self._travel.pose_changed()
+
+    def _battery_reported(self, event: BatteryReport) -> None:
+        self._parts.senses.battery = event
+
+    def _goal_reported(self, event: GoalReport) -> None:
+        if event.external:
+            self._parts.senses.external_goal = event

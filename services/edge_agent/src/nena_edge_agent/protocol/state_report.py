@@ -1,0 +1,99 @@
+"""The neutral state message, made from the robot's parts (section 7.8)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nena_edge_agent.driver.port import GoalReport
+from nena_edge_agent.protocol.parts import RobotParts, Senses
+from nena_edge_agent.protocol.tolerance import turn
+from nena_shared.vda5050.state import (
+    EmergencyStop,
+    InfoLevel,
+    Information,
+    Map,
+    MapStatus,
+    MobileRobotPosition,
+    PowerSupply,
+    SafetyState,
+    State,
+    Velocity,
+)
+
+SAFE = SafetyState(active_emergency_stop=EmergencyStop.NONE, field_violation=False)
+PERMANENTLY_FED = 100.0
+"""State of charge of a robot that has not told of a battery."""
+
+
+def make_state(header: dict[str, Any], parts: RobotParts, *, new_base_request: bool) -> State:
+    """Make the state message; ``header`` holds its five header fields by their neutral names."""
+    progress = parts.progress
+    node_states, edge_states = progress.states
+    return State(
+        **header,
+        maps=(_map(parts),),
+        order_id=progress.order_id,
+        order_update_id=progress.order_update_id,
+        last_node_id=progress.last_node_id,
+        last_node_sequence_id=progress.last_node_sequence_id,
+        node_states=node_states,
+        edge_states=edge_states,
+        mobile_robot_position=position(parts.senses),
+        velocity=velocity(parts.senses),
+        loads=parts.loads,
+        driving=parts.goal.moving,
+        paused=parts.paused,
+        new_base_request=new_base_request,
+        action_states=parts.actions.states,
+        instant_action_states=parts.instants.states,
+        power_supply=_power_supply(parts),
+        operating_mode=parts.operating_mode,
+        errors=parts.errors.entries,
+        information=_information(parts.senses.external_goal),
+        safety_state=SAFE,
+    )
+
+
+def position(senses: Senses) -> MobileRobotPosition | None:
+    """Give where the robot is, None before it knows."""
+    if senses.pose is None:
+        return None
+    pose = senses.pose.pose
+    return MobileRobotPosition(
+        x=pose.x,
+        y=pose.y,
+        theta=turn(0.0, pose.theta),
+        map_id=pose.map_id,
+        localized=senses.pose.localized,
+    )
+
+
+def velocity(senses: Senses) -> Velocity | None:
+    """Give how fast the robot is, None where that is not known."""
+    if senses.pose is None or senses.pose.vx is None:
+        return None
+    return Velocity(vx=senses.pose.vx, vy=0.0, omega=senses.pose.omega)
+
+
+def _map(parts: RobotParts) -> Map:
+    capabilities = parts.capabilities
+    return Map(map_id=capabilities.map_id, map_version=capabilities.map_version, map_status=MapStatus.ENABLED)
+
+
+def _power_supply(parts: RobotParts) -> PowerSupply:
+    battery = parts.senses.battery
+    if battery is None:
+        return PowerSupply(state_of_charge=PERMANENTLY_FED, charging=parts.charging)
+    return PowerSupply(
+        state_of_charge=battery.state_of_charge,
+        battery_voltage=battery.voltage,
+        battery_current=battery.current,
+        charging=battery.charging or parts.charging,
+    )
+
+
+def _information(goal: GoalReport | None) -> tuple[Information, ...]:
+    if goal is None:
+        return ()
+    text = f"a goal that somebody else gave is {goal.status}"
+    return (Information(info_type="externalGoal", info_level=InfoLevel.INFO, info_descriptor=text),)

@@ -1,0 +1,192 @@
+"""Driving along the order: edges entered, nodes traversed, goals given (sections 6.6.1 and 6.6.2)."""
+
+from __future__ import annotations
+
+from itertools import islice, pairwise
+from math import dist
+
+from nena_edge_agent.driver.port import Arrived, DriveFailed, NavigationReport, Pose
+from nena_edge_agent.protocol.action_flow import ActionFlow
+from nena_edge_agent.protocol.action_queue import lets_drive
+from nena_edge_agent.protocol.capabilities import DriveStrategy
+from nena_edge_agent.protocol.driving import HALT_PATIENCE, make_goal
+from nena_edge_agent.protocol.effects import Drive, Halt
+from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.parts import RobotParts
+from nena_edge_agent.protocol.tolerance import distance, heading_fits, in_place, same_place
+from nena_shared.vda5050.error import ErrorType, error
+from nena_shared.vda5050.order import Node, NodePosition
+
+
+class Travel:
+    """Decides where the robot drives, and when a node is traversed."""
+
+    def __init__(self, parts: RobotParts, flow: ActionFlow) -> None:
+        self._parts = parts
+        self._flow = flow
+
+    def arrived(self, event: Arrived) -> None:
+        """Count the goal's node as traversed."""
+        if self._parts.goal.is_current(event.generation):
+            self._traverse()
+
+    def failed(self, event: DriveFailed) -> None:
+        """Stand, and show why; the order stays, and fleet control decides."""
+        parts = self._parts
+        if not parts.goal.is_current(event.generation):
+            return
+        parts.goal.failed_at, parts.goal.target = parts.goal.target, None
+        node = parts.progress.nodes[0]
+        parts.errors.show(
+            error(
+                ErrorType.NODE_UNREACHABLE,
+                f"node '{node.node_id}' was not reached: {event.description} ({event.failure})",
+                hint="remove the cause, then update the order or cancel it",
+                node_id=node.node_id,
+                order_id=parts.progress.order_id,
+                order_update_id=parts.progress.order_update_id,
+                failure=event.failure,
+            ),
+            Until.ORDER_OVER,
+        )
+
+    def halted(self) -> None:
+        """Note that the robot stands without a goal."""
+        self._parts.goal.halting_since = None
+        self._parts.goal.target = None
+
+    def navigation_changed(self, report: NavigationReport) -> None:
+        """Give the goal again once navigation is back: what it had before may be lost."""
+        senses, goal = self._parts.senses, self._parts.goal
+        if report.available and not senses.navigation.available:
+            goal.target = None
+        senses.navigation = report
+
+    def pose_changed(self) -> None:
+        """Pass the next node if the robot is in its range and has no reason to stop there."""
+        parts = self._parts
+        node = parts.progress.next_node
+        passing = parts.capabilities.strategy is DriveStrategy.PASS_THROUGH
+        if passing and node and parts.goal.target is not None and self._may_pass(node):
+            self._traverse()
+
+    def halt(self) -> None:
+        """Have the robot stop, unless it stands."""
+        goal = self._parts.goal
+        if goal.target is not None:
+            goal.target = None
+            goal.halting_since = self._parts.now
+            self._parts.effects.append(Halt())
+
+    def resume_halt(self) -> None:
+        """Have the robot stop whatever it does: after a restart nobody knows."""
+        self._parts.goal.halting_since = self._parts.now
+        self._parts.effects.append(Halt())
+
+    def advance(self) -> None:
+        """Do what the state of things allows: ask again for a halt, stop, or go on."""
+        self._repeat_halt()
+        if self._must_stand():
+            self.halt()
+            return
+        while self._may_move():
+            self._enter_edge()
+            if not self._parts.queue.driving_allowed or not self._go():
+                return
+
+    @property
+    def new_base_request(self) -> bool:
+        """Whether the end of the base comes near while a horizon is left (section 6.6.3)."""
+        parts = self._parts
+        if not parts.progress.horizon_left or parts.cancelling:
+            return False
+        return self._base_length_left() <= parts.capabilities.base_request_distance
+
+    def _repeat_halt(self) -> None:
+        since = self._parts.goal.halting_since
+        if since is not None and self._parts.now - since >= HALT_PATIENCE:
+            self.resume_halt()
+
+    def _must_stand(self) -> bool:
+        parts = self._parts
+        return parts.paused or parts.cancelling or parts.senses.trusted_pose is None
+
+    def _may_move(self) -> bool:
+        parts = self._parts
+        node = parts.progress.next_node
+        return (
+            node is not None
+            and parts.senses.navigation.available
+            and not parts.goal.halting
+            and parts.goal.failed_at != node.sequence_id
+            and parts.goal.target is None
+            and parts.queue.driving_allowed
+        )
+
+    def _enter_edge(self) -> None:
+        if not self._parts.progress.edge_entered:
+            edge = self._parts.progress.enter_edge()
+            self._flow.enqueue(edge.actions)
+
+    def _go(self) -> bool:
+        """Drive to the next node; tell whether it is traversed already, as it is where the robot stands."""
+        node, pose = self._parts.progress.next_node, self._parts.senses.trusted_pose
+        if node is None or node.node_position is None or pose is None:
+            return False  # cannot be: acceptance and the callers have looked
+        if self._stands_at(node.node_position):
+            self._traverse()
+            return True
+        self._give_goal(node, node.node_position, pose)
+        return False
+
+    def _stands_at(self, position: NodePosition) -> bool:
+        """Tell whether an edge of no length leads to ``position``."""
+        last = self._parts.progress.last_node if self._parts.progress.on_last_node else None
+        return bool(last and last.node_position and same_place(last.node_position, position))
+
+    def _give_goal(self, node: Node, position: NodePosition, pose: Pose) -> None:
+        parts, goal = self._parts, self._parts.goal
+        goal.generation += 1
+        goal.target = node.sequence_id
+        parts.progress.leave_node()
+        parts.charging = False
+        drive = make_goal(
+            position,
+            pose,
+            parts.capabilities,
+            generation=goal.generation,
+            maximum_speed=parts.progress.edges[0].maximum_speed,
+        )
+        parts.effects.append(Drive(drive))
+
+    def _traverse(self) -> None:
+        self._parts.goal.target = None
+        node, edge = self._parts.progress.traverse()
+        self._flow.end_with_edge(edge)
+        self._flow.enqueue(node.actions)
+
+    def _may_pass(self, node: Node) -> bool:
+        """Tell whether the robot is in range of ``node`` and can go on without a stop."""
+        parts = self._parts
+        pose, position = parts.senses.trusted_pose, node.node_position
+        following = next(islice(parts.progress.edges, 1, None), None)
+        if pose is None or position is None or following is None or not following.released:
+            return False
+        capabilities = parts.capabilities
+        return (
+            parts.queue.driving_allowed
+            and lets_drive(node.actions)
+            and lets_drive(following.actions)
+            and distance(pose, position) <= capabilities.pass_radius
+            and in_place(pose, position, capabilities.default_deviation_xy)
+            and heading_fits(pose, position, capabilities.default_deviation_theta)
+        )
+
+    def _base_length_left(self) -> float:
+        """Give the straight length in m from the robot over the base's nodes to its end."""
+        pose = self._parts.senses.trusted_pose
+        if pose is None:
+            return 0.0
+        base = (node.node_position for node in self._parts.progress.nodes if node.released)
+        way = [(pose.x, pose.y), *((position.x, position.y) for position in base if position)]
+        return sum(dist(start, end) for start, end in pairwise(way))
