@@ -1,3 +1,7 @@
+import random
+import statistics
+import time
+
 import pytest
 
 from nena_order_service.routing import NoRouteError, Router
@@ -144,7 +148,17 @@ def test_through_avoids_and_locks_as_a_single_route_does() -> None:
     assert route.points == ("A", "C", "B")
 
 
-def test_a_large_plant_is_routed_from_corner_to_corner() -> None:
-    route = Router(grid_plant(100, 100)).route(grid_name(0, 0), grid_name(99, 99))
-    assert len(route.steps) == 198
-    assert route.length_m == 396.0
+def test_a_plant_of_10_000_points_is_routed_in_time() -> None:
+    plant_model = grid_plant(100, 100)
+    router = Router(plant_model)
+    route = router.route(grid_name(0, 0), grid_name(99, 99))
+    assert (len(route.steps), route.length_m) == (198, 396.0)
+    names = [point.name for point in plant_model.points]
+    chance = random.Random(1)
+    durations_s = []
+    for _ in range(51):
+        source, destination = chance.choice(names), chance.choice(names)
+        start = time.perf_counter()
+        router.route(source, destination)
+        durations_s.append(time.perf_counter() - start)
+    assert statistics.median(durations_s) <= 0.02

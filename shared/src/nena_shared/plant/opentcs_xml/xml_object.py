@@ -15,7 +15,7 @@ from nena_shared.plant.opentcs_xml.notes import Notes
 T = TypeVar("T")
 E = TypeVar("E", bound=StrEnum)
 
-INTEGER: Final = re.compile(r"[+-]?\d{1,18}")
+INTEGER: Final = re.compile(r"[+-]?[0-9]{1,18}")
 MAX_SCALE: Final = 1_000_000
 COLOR: Final = re.compile(r"#[0-9A-Fa-f]{6}")
 NONE_RENAMED: Final[Mapping[str, Any]] = MappingProxyType({})
@@ -81,14 +81,14 @@ class XmlObject:
         return number
 
     def scale(self, attribute: str, default: float) -> float:
-        """Return a number above 0."""
+        """Return a number above 0 and up to MAX_SCALE, so that what is multiplied by it stays finite."""
         value = self._value(attribute)
         if value is None:
             return default
         number = _float(value)
-        return (
-            number if number is not None and number > 0 else self._bad(attribute, "a number above 0", default)
-        )
+        if number is None or not 0 < number <= MAX_SCALE:
+            return self._bad(attribute, f"a number above 0 and up to {MAX_SCALE}", default)
+        return number
 
     def angle(self, attribute: str) -> float | None:
         """Return an angle in degrees; a missing one and `NaN` give None."""
@@ -138,9 +138,7 @@ class XmlObject:
         value = self._value(attribute)
         if value is None or COLOR.fullmatch(value):
             return value
-        self.warn(
-            "DRAWING_DROPPED", f"{attribute} is {value!r} instead of #RRGGBB; the default colour is used"
-        )
+        self.warn("DRAWING_DROPPED", f"{attribute} {value!r} is no colour #RRGGBB; the default is used")
         return None
 
     def children(self, tag: str) -> Iterator["XmlObject"]:

@@ -143,6 +143,17 @@ def test_everything_odd_about_an_old_file_is_told() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [("#FF0000", "red"), ('"BEZIER"', '"SPIRAL"'), ("100,-20;", "100;"), ('"30"', '"1e3"')],
+)
+def test_an_object_with_an_odd_drawing_is_drawn_in_the_default_way(right: str, wrong: str) -> None:
+    data = drawn_in_layout("0.0.3").replace(right.encode(), wrong.encode())
+    dropped = [problem for problem in read(data).warnings if problem.code == "DRAWING_DROPPED"]
+    assert len(dropped) == 2
+    assert all(problem.name == "VL" for problem in dropped)
+
+
 def test_control_points_of_another_frame_are_dropped() -> None:
     data = drawn_in_layout("0.0.3", b_y=2)
     assert read(data).model.path("AB").layout.control_points == ()

@@ -137,6 +137,7 @@ def test_everything_else() -> None:
         ),
     )
     assert (location.x_mm, location.y_mm, location.z_mm, location.type) == (1, 2, 3, "T")
+    assert (location.x_m, location.y_m) == (0.001, 0.002)
     assert location.links == (Link(point="A", allowed_operations=("Charge",)), Link(point="B"))
     assert location.layout == LocationLayout(
         label_offset_x_px=1, label_offset_y_px=2, layer_id=0, representation="NONE"
@@ -254,6 +255,11 @@ def test_a_colour_that_is_none_is_dropped() -> None:
     body = POINTS + PATHS + REST.replace("#FF9900", "orange")
     assert model(body).vehicles[0].color is None
     assert warnings(body) == [("DRAWING_DROPPED", "V")]
+
+
+def test_a_scale_beyond_all_bounds_is_refused() -> None:
+    (problem,) = problems(POINTS + PATHS + REST.replace('scaleX="20.0"', 'scaleX="1e308"'))
+    assert (problem.code, problem.name) == ("BAD_VALUE", "Layout")
 
 
 def test_a_second_layout_is_passed_over() -> None:
