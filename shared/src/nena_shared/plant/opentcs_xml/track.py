@@ -87,8 +87,8 @@ class TrackReader:
                 text = f"its outgoingPath elements and the paths differ in {sorted(listed ^ expected)}"
                 model.notes.warn("OUTGOING_PATHS_DIFFER", ObjectKind.POINT, point, text)
         if self.displaced and model.notes.version is not FormatVersion.V7_0_0:
-            text = f"{len(self.displaced)} of {len(self._positions_mm)} points are drawn elsewhere"
-            model.warn("FRAMES_DIFFER", f"{text} than the model has them; the model counts")
+            text = f"{len(self.displaced)} of {len(self._positions_mm)} points are not drawn where they are"
+            model.warn("FRAMES_DIFFER", f"{text}, or not at all; the model's positions count")
 
     def _length_mm(self, obj: XmlObject, source: str, destination: str) -> int:
         ends = (self._positions_mm.get(source), self._positions_mm.get(destination))

@@ -145,7 +145,12 @@ def test_everything_odd_about_an_old_file_is_told() -> None:
 
 @pytest.mark.parametrize(
     ("right", "wrong"),
-    [("#FF0000", "red"), ('"BEZIER"', '"SPIRAL"'), ("100,-20;", "100;"), ('"30"', '"1e3"')],
+    [
+        ("#FF0000", "red"),
+        ('"BEZIER"', '"SPIRAL"'),
+        ("100,-20;", "100;"),
+        ('_X" value="30"', '_X" value="1e3"'),
+    ],
 )
 def test_an_object_with_an_odd_drawing_is_drawn_in_the_default_way(right: str, wrong: str) -> None:
     data = drawn_in_layout("0.0.3").replace(right.encode(), wrong.encode())
