@@ -36,7 +36,7 @@ class Localisation:
         self._yaw_deviation = yaw_deviation
         self._noise = noise
         self._last: Pose | None = None
-        self._forced = known
+        self._forced = False
 
     @property
     def known(self) -> bool:
@@ -45,7 +45,7 @@ class Localisation:
 
     def initialise(self) -> None:
         """Take up an initial pose; the next scan gives an estimate."""
-        self._known = self._forced = True
+        self._known, self._last = True, None
 
     def force(self) -> None:
         """Let the filter run at the next scan although the robot stands (``request_nomotion_update``)."""
@@ -53,16 +53,10 @@ class Localisation:
 
     def scan(self, true: Pose) -> Estimate | None:
         """Give the estimate after a laser scan at the true pose; none when the filter does not run."""
-        if not self._known or not (self._forced or self._moved(true)):
+        if not self._known or not (self._forced or self._last is None or _moved(self._last, true)):
             return None
         self._last, self._forced = true, False
         return Estimate(self._blurred(true), self._xy_deviation**2, self._yaw_deviation**2)
-
-    def _moved(self, true: Pose) -> bool:
-        if self._last is None:
-            return True
-        turned = abs(wrap(true.yaw - self._last.yaw))
-        return true.distance(self._last) > UPDATE_DISTANCE or turned > UPDATE_ANGLE
 
     def _blurred(self, true: Pose) -> Pose:
         return Pose(
@@ -70,3 +64,8 @@ class Localisation:
             self._noise.gauss(true.y, self._xy_deviation),
             wrap(self._noise.gauss(true.yaw, self._yaw_deviation)),
         )
+
+
+def _moved(last: Pose, true: Pose) -> bool:
+    """Whether the robot has moved far enough for the filter to run."""
+    return last.distance(true) > UPDATE_DISTANCE or abs(wrap(true.yaw - last.yaw)) > UPDATE_ANGLE
