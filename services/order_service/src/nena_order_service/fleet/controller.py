@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import chain
 
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.operations import fresh_id
 from nena_order_service.fleet.outputs import Outputs
+from nena_order_service.fleet.robot_control import RobotControl
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.view import RobotView
 from nena_shared.vda5050.action import Action
@@ -24,27 +26,34 @@ class FleetController:
     """
 
     def __init__(self, settings: FleetSettings, *, new_id: Callable[[], str] = fresh_id) -> None:
-        raise NotImplementedError
+        self._settings = settings
+        self._new_id = new_id
+        self._broker = False
+        self._robots: dict[RobotKey, RobotControl] = {}
 
     def on_connection(self, robot: RobotKey, message: Connection, now: float) -> Outputs:
         """Take in a connection message."""
-        raise NotImplementedError
+        return tuple(self._control(robot).on_connection(message, now))
 
     def on_state(self, robot: RobotKey, message: State, now: float) -> Outputs:
         """Take in a state message; one that is repeated or out of order changes nothing."""
-        raise NotImplementedError
+        return tuple(self._control(robot).on_state(message, now))
 
     def on_factsheet(self, robot: RobotKey, message: Factsheet, now: float) -> Outputs:
         """Take in a factsheet."""
-        raise NotImplementedError
+        return tuple(self._control(robot).on_factsheet(message, now))
 
-    def on_malformed(self, robot: RobotKey, problems: tuple[str, ...], now: float) -> Outputs:
-        """Take notice of a message that could not be read; it changes nothing but the view."""
-        raise NotImplementedError
+    def on_malformed(self, robot: RobotKey) -> int:
+        """Count a message that could not be read, which changes nothing else; give the robot's count."""
+        known = self._control(robot).robot
+        known.malformed += 1
+        return known.malformed
 
     def on_broker(self, *, connected: bool, now: float) -> Outputs:
         """Take notice that our own link to the broker stands or has gone; at first it counts as gone."""
-        raise NotImplementedError
+        self._broker = connected
+        controls = self._robots.values()
+        return tuple(chain.from_iterable(each.on_broker(connected=connected, now=now) for each in controls))
 
     def start_mission(self, robot: RobotKey, mission: Mission, now: float) -> Outputs:
         """Send a mission, now or as soon as the robot can be sent one; the view tells what it waits for.
@@ -53,7 +62,8 @@ class FleetController:
             RobotBusyError: the robot has a mission.
 
         """
-        raise NotImplementedError
+        control = self._control(robot)
+        return tuple(control.start(control.new_run(mission), now))
 
     def adopt_mission(self, robot: RobotKey, mission: Mission, now: float, *, accepted: bool) -> Outputs:
         """Take up a mission from before a restart of this program: what the robot's next state says decides.
@@ -65,24 +75,39 @@ class FleetController:
             RobotBusyError: the robot has a mission.
 
         """
-        raise NotImplementedError
+        control = self._control(robot)
+        return tuple(control.start(control.new_run(mission, adopted=True, accepted=accepted), now))
 
     def cancel_mission(self, robot: RobotKey, now: float) -> Outputs:
         """End the robot's mission early: cancelOrder, awaited to its end. Without one nothing happens."""
-        raise NotImplementedError
+        return tuple(self._control(robot).cancel(now))
 
     def instant_action(self, robot: RobotKey, action: Action, now: float) -> Outputs:
-        """Send an instant action and follow it to InstantActionEnded; it does not wait for an absent robot."""
-        raise NotImplementedError
+        """Send an instant action and follow it to InstantActionEnded; it waits for no absent robot."""
+        return tuple(self._control(robot).instruct(action, now))
 
     def tick(self, now: float) -> Outputs:
         """Do what is overdue: send again, give up, notice silence. Call it a few times each second."""
-        raise NotImplementedError
+        return tuple(chain.from_iterable(control.tick(now) for control in self._robots.values()))
 
     def view(self, robot: RobotKey, now: float) -> RobotView:
         """Tell what is known of a robot; of one that was never heard of, that."""
-        raise NotImplementedError
+        known = self._robots.get(robot)
+        return (known or self._new_control(robot)).view(now)
 
     def robots(self) -> tuple[RobotKey, ...]:
-        """Name all robots that have been heard of."""
-        raise NotImplementedError
+        """Name all robots that have been heard of or given something to do."""
+        return tuple(self._robots)
+
+    def has_room_for(self, robot: RobotKey) -> bool:
+        """Tell whether messages of this robot can be taken in: it is known, or there are not too many yet."""
+        return robot in self._robots or len(self._robots) < self._settings.robots_limit
+
+    def _control(self, robot: RobotKey) -> RobotControl:
+        known = self._robots.get(robot)
+        if known is None:
+            known = self._robots[robot] = self._new_control(robot)
+        return known
+
+    def _new_control(self, robot: RobotKey) -> RobotControl:
+        return RobotControl(robot, self._settings, self._new_id, broker=self._broker)

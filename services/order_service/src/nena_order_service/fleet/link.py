@@ -1,24 +1,49 @@
-"""Fleet control's shell over MQTT."""
+"""Fleet control's shell over MQTT: reads what robots say, sends what the core decides, hands its news on."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import asyncio
+from collections import defaultdict
+from collections.abc import Callable, Iterable
+from typing import Final, TypeVar
 
+from pydantic import ValidationError
+
+from nena_order_service.fleet.codecs import codec_of
+from nena_order_service.fleet.controller import FleetController
 from nena_order_service.fleet.mission import Mission
-from nena_order_service.fleet.outputs import FleetOutput
+from nena_order_service.fleet.outputs import FleetOutput, Publish, PublishInstantActions, PublishOrder
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.view import RobotView
 from nena_shared.clock import Clock
-from nena_shared.mqtt import MqttLink
-from nena_shared.vda5050.action import Action
-from nena_shared.vda5050.topics import RobotKey, TopicScheme
+from nena_shared.log import get_logger
+from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.tasks import forever
+from nena_shared.vda5050.action import Action, InstantActions
+from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.connection import Connection
+from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.malformed import MalformedMessageError
+from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
+
+log = get_logger(__name__)
+
+M = TypeVar("M", bound=Header)
+
+HEADER_ID_COUNT: Final = 2**32
+
+MALFORMED_LOGGED_EACH: Final = 100
+"""Of a robot's malformed messages the first and then each of so many is logged."""
 
 
 class FleetLink:
-    """Subscribes to what robots say, sends what the core decides, and hands its news on.
+    """Couples a :class:`FleetController` with the broker; every method is for the event loop's thread.
 
-    The program that owns the MQTT link calls :meth:`connected` and :meth:`lost` from the link's own hooks.
-    ``on_news`` gets each output but the messages to send, in order, within the call that caused it.
+    ``on_news`` gets each output of the core but the messages to send, in order, within the call that caused
+    it; it may call this object again. Orders and instant actions go out with quality of service 1 and never
+    wait for the broker: the core sends again what no state echoes.
     """
 
     def __init__(
@@ -30,36 +55,148 @@ class FleetLink:
         clock: Clock,
         on_news: Callable[[FleetOutput], None],
     ) -> None:
-        raise NotImplementedError
-
-    def connected(self) -> None:
-        """Take notice that the link to the broker stands (from MqttLink's ``on_connected``)."""
-        raise NotImplementedError
-
-    def lost(self) -> None:
-        """Take notice that the link to the broker has gone (from MqttLink's ``on_lost``)."""
-        raise NotImplementedError
+        self._mqtt = mqtt
+        self._scheme = scheme
+        self._settings = settings
+        self._clock = clock
+        self._on_news = on_news
+        self._controller = FleetController(settings)
+        self._header_ids: dict[tuple[RobotKey, Topic], int] = defaultdict(int)
+        self._connected = False
+        self.malformed = 0
+        """How many messages could not be read."""
+        self.ignored = 0
+        """How many messages came from robots beyond the limit of robots."""
+        for topic, handler in (
+            (Topic.CONNECTION, self._take_connection),
+            (Topic.FACTSHEET, self._take_factsheet),
+            (Topic.STATE, self._take_state),
+        ):
+            mqtt.subscribe(scheme.for_all(topic), handler)
 
     async def run(self) -> None:
         """Look after what is overdue, until cancelled."""
-        raise NotImplementedError
+        await forever("fleet control", self._look)
 
     def start_mission(self, robot: RobotKey, mission: Mission) -> None:
-        """See :meth:`FleetController.start_mission`; also for the following ones."""
-        raise NotImplementedError
+        """See :meth:`FleetController.start_mission`; the same holds for the following methods."""
+        self._hand_out(self._controller.start_mission(robot, mission, self._now()))
 
     def adopt_mission(self, robot: RobotKey, mission: Mission, *, accepted: bool) -> None:
         """See :meth:`FleetController.adopt_mission`."""
-        raise NotImplementedError
+        self._hand_out(self._controller.adopt_mission(robot, mission, self._now(), accepted=accepted))
 
     def cancel_mission(self, robot: RobotKey) -> None:
         """See :meth:`FleetController.cancel_mission`."""
-        raise NotImplementedError
+        self._hand_out(self._controller.cancel_mission(robot, self._now()))
 
     def instant_action(self, robot: RobotKey, action: Action) -> None:
         """See :meth:`FleetController.instant_action`."""
-        raise NotImplementedError
+        self._hand_out(self._controller.instant_action(robot, action, self._now()))
 
     def view(self, robot: RobotKey) -> RobotView:
         """See :meth:`FleetController.view`."""
-        raise NotImplementedError
+        return self._controller.view(robot, self._now())
+
+    def robots(self) -> tuple[RobotKey, ...]:
+        """See :meth:`FleetController.robots`."""
+        return self._controller.robots()
+
+    async def _look(self) -> None:
+        await asyncio.sleep(self._settings.tick_interval)
+        self._notice_broker()
+        self._hand_out(self._controller.tick(self._now()))
+
+    def _notice_broker(self) -> None:
+        """Tell the core when our own link has come or gone; a message that comes shows it, too."""
+        connected = self._mqtt.state.connected
+        if connected is not self._connected:
+            self._connected = connected
+            self._hand_out(self._controller.on_broker(connected=connected, now=self._now()))
+
+    def _take_connection(self, inbound: Inbound) -> None:
+        read = self._read(Connection, inbound)
+        if read:
+            self._hand_out(self._controller.on_connection(*read, self._now()))
+
+    def _take_factsheet(self, inbound: Inbound) -> None:
+        read = self._read(Factsheet, inbound)
+        if read:
+            self._hand_out(self._controller.on_factsheet(*read, self._now()))
+
+    def _take_state(self, inbound: Inbound) -> None:
+        read = self._read(State, inbound)
+        if read:
+            self._hand_out(self._controller.on_state(*read, self._now()))
+
+    def _read(self, kind: type[M], inbound: Inbound) -> tuple[RobotKey, M] | None:
+        """Read a message; one that is malformed or from a robot too many is counted and passed over."""
+        self._notice_broker()
+        robot = self._scheme.robot_of(inbound.topic)
+        if robot is None:
+            return None
+        if not self._controller.has_room_for(robot):
+            self.ignored += 1
+            return None
+        try:
+            return robot, codec_of(robot).decode(kind, inbound.payload)
+        except MalformedMessageError as error:
+            self._note_malformed(robot, inbound.topic, error)
+            return None
+
+    def _note_malformed(self, robot: RobotKey, topic: str, error: MalformedMessageError) -> None:
+        self.malformed += 1
+        count = self._controller.on_malformed(robot)
+        if count % MALFORMED_LOGGED_EACH == 1:
+            log.warning(
+                "a robot's message is not valid and changes nothing",
+                robot=str(robot),
+                topic=topic,
+                problems=error.problems,
+                so_far=count,
+            )
+
+    def _hand_out(self, outputs: Iterable[FleetOutput]) -> None:
+        for output in outputs:
+            if isinstance(output, Publish):
+                self._publish(output)
+            else:
+                self._on_news(output)
+
+    def _publish(self, output: Publish) -> None:
+        topic = Topic.ORDER if isinstance(output, PublishOrder) else Topic.INSTANT_ACTIONS
+        try:
+            payload = codec_of(output.robot).encode(self._message(output, topic))
+        except (MalformedMessageError, ValidationError):
+            log.exception("a message cannot be said to this robot", robot=str(output.robot), topic=topic)
+            return
+        self._mqtt.publish(Outbound(self._scheme.of(output.robot, topic), payload, qos=1, keep=False))
+
+    def _message(self, output: Publish, topic: Topic) -> Order | InstantActions:
+        header_id = self._header_ids[output.robot, topic]
+        self._header_ids[output.robot, topic] = (header_id + 1) % HEADER_ID_COUNT
+        timestamp, version = self._clock.now(), codec_of(output.robot).version
+        manufacturer, serial_number = output.robot.manufacturer, output.robot.serial_number
+        if isinstance(output, PublishInstantActions):
+            return InstantActions(
+                header_id=header_id,
+                timestamp=timestamp,
+                version=version,
+                manufacturer=manufacturer,
+                serial_number=serial_number,
+                actions=output.actions,
+            )
+        return Order(
+            header_id=header_id,
+            timestamp=timestamp,
+            version=version,
+            manufacturer=manufacturer,
+            serial_number=serial_number,
+            order_id=output.mission.mission_id,
+            order_update_id=output.order_update_id,
+            nodes=output.mission.nodes,
+            edges=output.mission.edges,
+        )
+
+    def _now(self) -> float:
+        return self._clock.monotonic()

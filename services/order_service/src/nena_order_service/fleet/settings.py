@@ -31,4 +31,7 @@ class FleetSettings(SettingsGroup):
     instant_action_limit: float = Field(
         300.0, gt=0, description="Seconds that an instant action, cancelOrder too, may take at a robot."
     )
+    robots_limit: int = Field(
+        10_000, ge=1, description="Robots that are listened to; messages of further ones are passed over."
+    )
     tick_interval: float = Field(0.2, gt=0, le=5, description="Seconds between looks at what is overdue.")

@@ -58,6 +58,8 @@ class RobotView:
     state_at: float | None
     """When that came, in monotonic seconds."""
     factsheet: Factsheet | None
+    malformed: int
+    """How many of its messages could not be read."""
     mission_id: str | None
     mission_phase: MissionPhase | None
     mission_note: str

@@ -1,0 +1,38 @@
+"""Sending a message again until a state echoes it: with growing pauses, a bounded number of times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from nena_order_service.fleet.settings import FleetSettings
+
+
+@dataclass(slots=True)
+class Delivery:
+    """When a message is to be sent (again), in monotonic seconds; made when it is ready to be sent."""
+
+    settings: FleetSettings
+    sendings: int = 0
+    """How often it has been sent since the robot could last be reached."""
+    ever_sent: bool = False
+    _due_at: float = 0.0
+
+    def due(self, now: float) -> bool:
+        """Tell whether the message is to be sent now."""
+        return now >= self._due_at and self.sendings < self.settings.sendings
+
+    def failed(self, now: float) -> bool:
+        """Tell whether the last sending has been given its time, too."""
+        return now >= self._due_at and self.sendings >= self.settings.sendings
+
+    def sent(self, now: float) -> None:
+        """Note that the message was sent."""
+        pause = self.settings.resend_after * 2.0**self.sendings
+        self._due_at = now + min(pause, self.settings.resend_at_most_after)
+        self.sendings += 1
+        self.ever_sent = True
+
+    def hold(self) -> None:
+        """Begin anew, at once, when the message may be sent again: the robot was out of reach."""
+        self.sendings = 0
+        self._due_at = 0.0

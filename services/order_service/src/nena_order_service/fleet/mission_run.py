@@ -1,0 +1,258 @@
+"""One mission at one robot, from the first sending to its one end (VDA 5050 3.0 sections 6.1 and 6.6)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from nena_order_service.fleet import progress as progresses
+from nena_order_service.fleet import reported_errors
+from nena_order_service.fleet.delivery import Delivery
+from nena_order_service.fleet.instant_run import InstantRun
+from nena_order_service.fleet.mission import Mission
+from nena_order_service.fleet.outputs import (
+    FleetOutput,
+    MissionAccepted,
+    MissionCancelled,
+    MissionFailed,
+    MissionFinished,
+    NodePassed,
+    OperationStarted,
+    PublishOrder,
+)
+from nena_order_service.fleet.progress import Progress
+from nena_order_service.fleet.reported_errors import ErrorIdentity
+from nena_order_service.fleet.settings import FleetSettings
+from nena_order_service.fleet.view import MissionPhase
+from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.error import ErrorEntry
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.topics import RobotKey
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """Why a mission fails: a sentence, and the robot's own words."""
+
+    reason: str
+    details: tuple[str, ...] = ()
+
+
+class MissionRun:
+    """Follows one mission. When ``ended`` is true its end has been told, and nothing more comes of it.
+
+    One that is ``adopted`` may have been sent before; ``accepted`` tells whether the robot is known to have
+    it. The ``cancel`` is made and sent by the owner once :meth:`wants_cancel` asks for it.
+    """
+
+    def __init__(
+        self,
+        robot: RobotKey,
+        mission: Mission,
+        settings: FleetSettings,
+        *,
+        adopted: bool = False,
+        accepted: bool = False,
+    ) -> None:
+        self.mission = mission
+        self.phase = MissionPhase.WAITING
+        self.cancel: InstantRun | None = None
+        self.ended = False
+        self._robot = robot
+        self._settings = settings
+        self._delivery = Delivery(settings)
+        self._adopted = adopted
+        self._accepted = accepted
+        self._told = -2
+        """SequenceId of the last node whose passing was told; -2: not even the acceptance."""
+        self._operating = False
+        self._failure: Failure | None = None
+        self._before: frozenset[ErrorIdentity] = frozenset()
+        self._standing_since: float | None = None
+
+    def wants_sending(self, now: float) -> bool:
+        """Tell whether the order is to be sent (again) now, if the robot can be sent one."""
+        return self.phase in (MissionPhase.WAITING, MissionPhase.SENT) and self._delivery.due(now)
+
+    def send(self, errors: Iterable[ErrorEntry], now: float) -> PublishOrder:
+        """Send the order; ``errors`` are those that the robot reports already."""
+        if self.phase is MissionPhase.WAITING:
+            self.phase = MissionPhase.SENT
+            self._before = frozenset(map(reported_errors.identity, errors))
+        self._delivery.sent(now)
+        return PublishOrder(self._robot, self.mission)
+
+    def hold(self) -> None:
+        """Let no time pass for the delivery: the robot cannot be sent the order now."""
+        self._delivery.hold()
+
+    def begin_cancel(self) -> Iterator[FleetOutput]:
+        """End the mission early because somebody wants it; at once if the robot cannot have it."""
+        if self.phase is MissionPhase.WAITING and not self._adopted:
+            yield from self._end_early()
+        else:
+            self.phase = MissionPhase.CANCELLING
+
+    def wants_cancel(self, state: State | None) -> bool:
+        """Tell whether cancelOrder must be sent to end the mission."""
+        waiting = self.phase is MissionPhase.CANCELLING and self.cancel is None
+        return waiting and state is not None and self._may_be_at_robot(state)
+
+    def on_state(self, state: State, now: float) -> Iterator[FleetOutput]:
+        """Follow a new state of the robot."""
+        if progresses.knows(state, self.mission):
+            yield from self._follow(state, now)
+        elif self._accepted and self.phase is not MissionPhase.CANCELLING:
+            yield self._fail(Failure(_lost(state)))
+        elif self.phase is MissionPhase.SENT:
+            yield from self._look_for_refusal(state)
+        if self.phase is MissionPhase.CANCELLING and not self.ended:
+            yield from self._settle_cancel(state)
+
+    def on_tick(self, state: State | None, now: float) -> Iterator[FleetOutput]:
+        """Give up what takes too long."""
+        if self.phase is MissionPhase.SENT and self._delivery.failed(now):
+            times = self._settings.sendings
+            yield self._fail(Failure(f"the order was sent {times} times, but the robot never took it up"))
+        elif state is None:
+            return
+        elif self.phase is MissionPhase.RUNNING:
+            self._look_for_standstill(state, now)
+        elif self.phase is MissionPhase.CANCELLING:
+            yield from self._settle_cancel(state)
+
+    def _follow(self, state: State, now: float) -> Iterator[FleetOutput]:
+        """Tell what a state that knows the mission says of it."""
+        progress = progresses.read(state, self.mission)
+        yield from self._tell(progress)
+        if progress.done:
+            yield self._end(MissionFinished(self._robot, self.mission.mission_id))
+        elif self.phase is MissionPhase.RUNNING:
+            yield from self._judge(state, progress, now)
+
+    def _tell(self, progress: Progress) -> Iterator[FleetOutput]:
+        name = self.mission.mission_id
+        if self._told < -1:
+            self._accepted, self._told = True, -1
+            if self.phase is not MissionPhase.CANCELLING:
+                self.phase = MissionPhase.RUNNING
+            yield MissionAccepted(self._robot, name)
+        if progress.passed > self._told:
+            for node in self.mission.nodes:
+                if self._told < node.sequence_id <= progress.passed:
+                    yield NodePassed(self._robot, name, node.node_id, node.sequence_id)
+            self._told = progress.passed
+        if progress.operating and not self._operating:
+            self._operating = True
+            yield OperationStarted(self._robot, name)
+
+    def _judge(self, state: State, progress: Progress, now: float) -> Iterator[FleetOutput]:
+        """Look for what went wrong with a mission that is neither done nor to be cancelled."""
+        failure = self._failed_actions(state, progress)
+        if progress.idle and failure:
+            yield self._fail(failure)
+        elif progress.idle and not (progress.at_end and progress.unreported):
+            yield self._fail(Failure(_given_up(state), _words(state.errors)))
+        elif failure:
+            self._cancel_for(failure)
+        elif errors := reported_errors.about(state.errors, self.mission, self._before):
+            self._cancel_for(Failure("the robot cannot go on with it", _words(errors)))
+        else:
+            self._look_for_standstill(state, now)
+
+    def _failed_actions(self, state: State, progress: Progress) -> Failure | None:
+        if not progress.failed:
+            return None
+        first = progress.failed[0]
+        own = (each.action_result for each in progress.failed)
+        said = (
+            text
+            for each in progress.failed
+            for text in reported_errors.of_action(state.errors, each.action_id)
+        )
+        name = next(each.action_type for each in self.mission.actions if each.action_id == first.action_id)
+        return Failure(f"the action {name!r} has failed", (*filter(None, own), *said))
+
+    def _look_for_standstill(self, state: State, now: float) -> None:
+        """Lose patience with a robot that stands and has the mission, but not what it takes to end it."""
+        reason = self._standstill(state)
+        if reason is None:
+            self._standing_since = None
+        elif self._standing_since is None:
+            self._standing_since = now
+        elif now - self._standing_since >= self._settings.standstill_patience:
+            self._cancel_for(Failure(reason, _words(state.errors)))
+
+    def _standstill(self, state: State) -> str | None:
+        if state.driving or not progresses.knows(state, self.mission):
+            return None
+        if reported_errors.unexplained(state.errors, self.mission, self._before):
+            return "the robot stands with an error that it cannot go on with"
+        if self.mission.actions and not state.node_states:
+            unreported = progresses.read(state, self.mission).unreported
+            return "the robot does not report the actions of the order" if unreported else None
+        return None
+
+    def _cancel_for(self, failure: Failure) -> None:
+        self._failure = failure
+        self.phase = MissionPhase.CANCELLING
+
+    def _look_for_refusal(self, state: State) -> Iterator[FleetOutput]:
+        if errors := reported_errors.refusals(state.errors, self.mission, self._before):
+            yield self._fail(Failure("the robot refuses the order", _words(errors)))
+
+    def _settle_cancel(self, state: State) -> Iterator[FleetOutput]:
+        """End the mission when the robot has confirmed the cancel, or can be seen not to have the mission."""
+        active = self._active_at_robot(state)
+        if self.cancel is None:
+            if not self._may_be_at_robot(state):
+                yield from self._end_early()
+            return
+        outcome = self.cancel.outcome
+        if outcome is None:
+            return
+        if outcome.status is ActionStatus.FINISHED or not (active or self._may_be_unseen(outcome.status)):
+            yield from self._end_early()
+        else:
+            why = self._failure.reason if self._failure else "it was to be cancelled"
+            reason = f"{why}, but the robot does not confirm cancelOrder: {outcome.reason}"
+            yield self._fail(Failure(reason, _words(state.errors)))
+
+    def _may_be_unseen(self, cancelled: ActionStatus | None) -> bool:
+        """Tell whether the order may yet come to the robot, though no state knows it."""
+        return cancelled is None and not self._accepted
+
+    def _may_be_at_robot(self, state: State) -> bool:
+        sent_unseen = self._delivery.ever_sent and not self._accepted
+        return sent_unseen or self._active_at_robot(state)
+
+    def _active_at_robot(self, state: State) -> bool:
+        return progresses.knows(state, self.mission) and not progresses.read(state, self.mission).idle
+
+    def _end_early(self) -> Iterator[FleetOutput]:
+        if self._failure:
+            yield self._fail(self._failure)
+        else:
+            yield self._end(MissionCancelled(self._robot, self.mission.mission_id))
+
+    def _fail(self, failure: Failure) -> FleetOutput:
+        return self._end(MissionFailed(self._robot, self.mission.mission_id, failure.reason, failure.details))
+
+    def _end(self, output: FleetOutput) -> FleetOutput:
+        self.ended = True
+        return output
+
+
+def _words(errors: Iterable[ErrorEntry]) -> tuple[str, ...]:
+    return tuple(map(reported_errors.in_words, errors))
+
+
+def _lost(state: State) -> str:
+    now = f"it is at the order {state.order_id!r}" if state.order_id else "it knows no order"
+    return f"the robot no longer has the order: {now}; it may have started anew"
+
+
+def _given_up(state: State) -> str:
+    if not state.operating_mode.takes_orders:
+        return f"the robot gave the order up when it went to operating mode {state.operating_mode}"
+    return "the robot gave the order up before its end"

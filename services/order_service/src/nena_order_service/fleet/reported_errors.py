@@ -1,0 +1,106 @@
+"""What the errors in a robot's state mean for the order that it was sent (VDA 5050 3.0 section 6.6.5)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Final
+
+from nena_order_service.fleet.mission import Mission
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
+from nena_shared.vda5050.v2_1.error_type import REJECTIONS, WRITTEN
+
+NO_ORDER_REFUSALS: Final = frozenset({ErrorType.NO_ORDER_TO_CANCEL, ErrorType.INVALID_INSTANT_ACTION})
+
+ORDER_REFUSALS: Final[frozenset[str]] = frozenset(
+    name for kind in REJECTIONS - NO_ORDER_REFUSALS for name in (kind, WRITTEN[kind])
+)
+"""Types by which a robot refuses an order, under the names of all versions."""
+
+UNREACHABLE: Final[frozenset[str]] = frozenset(
+    {ErrorType.NODE_UNREACHABLE, WRITTEN[ErrorType.NODE_UNREACHABLE]}
+)
+
+STOPPING: Final = frozenset({ErrorLevel.CRITICAL, ErrorLevel.FATAL})
+"""Levels with which a robot does not go on."""
+
+
+ErrorIdentity = tuple[str, frozenset[tuple[str, str]]]
+
+
+def identity(error: ErrorEntry) -> ErrorIdentity:
+    """Give what makes an error the same one in the next state; its words may change."""
+    return error.error_type, frozenset(
+        (each.reference_key, each.reference_value) for each in error.error_references
+    )
+
+
+def in_words(error: ErrorEntry) -> str:
+    """Give the robot's own words."""
+    text = f"{error.error_type}: {error.error_description}" if error.error_description else error.error_type
+    return f"{text} ({error.error_hint})" if error.error_hint else text
+
+
+def fatal(errors: Iterable[ErrorEntry]) -> ErrorEntry | None:
+    """Give the first error that needs a person, if there is one."""
+    return next((error for error in errors if error.error_level is ErrorLevel.FATAL), None)
+
+
+def refusals(
+    errors: Iterable[ErrorEntry], mission: Mission, before: frozenset[ErrorIdentity]
+) -> tuple[ErrorEntry, ...]:
+    """Give the errors by which the robot refuses the mission.
+
+    They name its orderId; or they have the type of a refusal, name no order at all, and were not there
+    ``before`` the mission was sent (2.x has no duty to name anything).
+    """
+    return tuple(error for error in errors if _refuses(error, mission, before))
+
+
+def _refuses(error: ErrorEntry, mission: Mission, before: frozenset[ErrorIdentity]) -> bool:
+    named = _referenced(error, "orderId")
+    if named:
+        return mission.mission_id in named
+    return error.error_type in ORDER_REFUSALS and identity(error) not in before
+
+
+def about(
+    errors: Iterable[ErrorEntry], mission: Mission, before: frozenset[ErrorIdentity]
+) -> tuple[ErrorEntry, ...]:
+    """Give the errors that say that the robot, which has the mission, cannot go on with it."""
+    return tuple(error for error in _new_stops(errors, before) if _is_about(error, mission) is True)
+
+
+def unexplained(
+    errors: Iterable[ErrorEntry], mission: Mission, before: frozenset[ErrorIdentity]
+) -> tuple[ErrorEntry, ...]:
+    """Give the errors that stop a robot and leave open whether they are about the mission."""
+    return tuple(error for error in _new_stops(errors, before) if _is_about(error, mission) is None)
+
+
+def of_action(errors: Iterable[ErrorEntry], action_id: str) -> Iterator[str]:
+    """Give the robot's words about an action."""
+    return (in_words(error) for error in errors if action_id in _referenced(error, "actionId"))
+
+
+def _new_stops(errors: Iterable[ErrorEntry], before: frozenset[ErrorIdentity]) -> Iterator[ErrorEntry]:
+    for error in errors:
+        stops = error.error_level in STOPPING or error.error_type in UNREACHABLE
+        if stops and error.error_type not in ORDER_REFUSALS and identity(error) not in before:
+            yield error
+
+
+def _is_about(error: ErrorEntry, mission: Mission) -> bool | None:
+    """Tell whether the error names the mission or a part of it; None where it names none at all."""
+    orders = _referenced(error, "orderId")
+    if orders:
+        return mission.mission_id in orders
+    parts = (
+        _referenced(error, "nodeId") & {node.node_id for node in mission.nodes},
+        _referenced(error, "edgeId") & {edge.edge_id for edge in mission.edges},
+        _referenced(error, "actionId") & mission.action_ids,
+    )
+    return True if any(parts) else None
+
+
+def _referenced(error: ErrorEntry, key: str) -> set[str]:
+    return {each.reference_value for each in error.error_references if each.reference_key == key}

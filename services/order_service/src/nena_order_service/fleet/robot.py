@@ -1,0 +1,86 @@
+"""What is known of one robot from its own messages alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+from nena_order_service.fleet.message_order import MessageOrder
+from nena_order_service.fleet.settings import FleetSettings
+from nena_order_service.fleet.view import LinkStatus
+from nena_shared.vda5050.connection import Connection, ConnectionState
+from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.topics import RobotKey
+
+AWAY: Final = {
+    ConnectionState.OFFLINE: LinkStatus.OFFLINE,
+    ConnectionState.HIBERNATING: LinkStatus.HIBERNATING,
+    ConnectionState.CONNECTION_BROKEN: LinkStatus.CONNECTION_BROKEN,
+}
+"""Links over which nothing reaches a robot."""
+
+
+@dataclass(slots=True)
+class Robot:
+    """The last messages of a robot, and when they came (monotonic seconds)."""
+
+    key: RobotKey
+    settings: FleetSettings
+    connection: ConnectionState | None = None
+    state: State | None = None
+    state_at: float | None = None
+    factsheet: Factsheet | None = None
+    malformed: int = 0
+    """How many of its messages could not be read."""
+    _heard_at: float | None = None
+    _silent_after: float = 0.0
+    _order: MessageOrder = field(default_factory=MessageOrder)
+
+    def __post_init__(self) -> None:
+        self._silent_after = self.settings.silent_after
+
+    def take_connection(self, message: Connection, now: float) -> None:
+        """Note what is known of the link; a will has an old header, so headers do not count here."""
+        self.connection = message.connection_state
+        self._heard_at = now
+        self._order.restart()
+
+    def take_state(self, message: State, now: float) -> bool:
+        """Note a state and tell whether it is a new one.
+
+        A state that comes after OFFLINE or a last will shows that the robot is there again: the broker may
+        tell the will of an old connection only after the new connection stands.
+        """
+        if not self._order.is_new(message.header_id, message.timestamp):
+            return False
+        self.state = message
+        self.state_at = self._heard_at = now
+        if self.connection is not ConnectionState.ONLINE:
+            self.connection = ConnectionState.ONLINE
+        return True
+
+    def take_factsheet(self, message: Factsheet) -> None:
+        """Note what the robot can do, and how often it reports."""
+        self.factsheet = message
+        interval = message.protocol_limits.timing.default_state_interval or 0.0
+        self._silent_after = max(self.settings.silent_after, self.settings.silent_intervals * interval)
+
+    def link(self, now: float) -> LinkStatus:
+        """Tell what is known of the way to the robot."""
+        if self.connection is None or self._heard_at is None:
+            return LinkStatus.UNKNOWN
+        if self.connection in AWAY:
+            return AWAY[self.connection]
+        silent = now - self._heard_at > self._silent_after
+        return LinkStatus.SILENT if silent else LinkStatus.ONLINE
+
+    @property
+    def reachable(self) -> bool:
+        """Whether it is worth sending anything: nothing says that the robot is away."""
+        return self.connection is not None and self.connection not in AWAY
+
+    @property
+    def least_order_interval(self) -> float:
+        """Seconds that must lie between two orders, by the factsheet."""
+        return self.factsheet.protocol_limits.timing.minimum_order_interval if self.factsheet else 0.0

@@ -1,0 +1,308 @@
+"""Fleet control over one robot: its mission, its instant actions, and what may be sent to it when."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from nena_order_service.fleet import availability
+from nena_order_service.fleet.errors import RobotBusyError
+from nena_order_service.fleet.instant_run import InstantRun, cancel_order
+from nena_order_service.fleet.mission import Mission
+from nena_order_service.fleet.mission_run import MissionRun
+from nena_order_service.fleet.outputs import (
+    FleetOutput,
+    InstantActionEnded,
+    PublishInstantActions,
+    RobotChanged,
+)
+from nena_order_service.fleet.progress import is_idle
+from nena_order_service.fleet.robot import Robot
+from nena_order_service.fleet.settings import FleetSettings
+from nena_order_service.fleet.view import Availability, LinkStatus, MissionPhase, RobotView
+from nena_shared.vda5050.action import Action, ActionState
+from nena_shared.vda5050.connection import Connection
+from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.topics import RobotKey
+
+INSTANT_ACTIONS_LIMIT: Final = 50
+"""Instant actions that may be under way at one robot; more are refused."""
+
+INSTANT_IDS_KEPT: Final = 200
+"""Ids of instant actions that are remembered, so that their states are not taken for the order's."""
+
+ENDED_MISSIONS_KEPT: Final = 50
+"""Ids of missions that are remembered, so that a robot that takes one up too late is stopped."""
+
+STRAY_PAUSE: Final = 30.0
+"""Seconds between tries to stop a robot that works on a mission that has ended for us."""
+
+ALWAYS_ALLOWED: Final = frozenset({"stateRequest", "factsheetRequest"})
+"""Instant actions that harm nobody in any operating mode."""
+
+
+class RobotControl:
+    """Everything about one robot. The methods give what is to be sent and told, lazily: take all of it."""
+
+    def __init__(
+        self, key: RobotKey, settings: FleetSettings, new_id: Callable[[], str], *, broker: bool
+    ) -> None:
+        self.robot = Robot(key, settings)
+        self._settings = settings
+        self._new_id = new_id
+        self._broker = broker
+        self._run: MissionRun | None = None
+        self._instants: dict[str, InstantRun] = {}
+        self._instant_ids: deque[str] = deque(maxlen=INSTANT_IDS_KEPT)
+        self._ended: deque[str] = deque(maxlen=ENDED_MISSIONS_KEPT)
+        self._last_order_at: float | None = None
+        self._next_stray_cancel = 0.0
+        self._told: tuple[object, ...] = ()
+        self._told_link = LinkStatus.UNKNOWN
+
+    def on_broker(self, *, connected: bool, now: float) -> Iterator[FleetOutput]:
+        """Take notice of our own link."""
+        self._broker = connected
+        yield from self._advance(now)
+
+    def on_connection(self, message: Connection, now: float) -> Iterator[FleetOutput]:
+        """Take in a connection message."""
+        self.robot.take_connection(message, now)
+        yield from self._advance(now)
+
+    def on_factsheet(self, message: Factsheet, now: float) -> Iterator[FleetOutput]:
+        """Take in a factsheet."""
+        self.robot.take_factsheet(message)
+        yield from self._advance(now)
+
+    def on_state(self, message: State, now: float) -> Iterator[FleetOutput]:
+        """Take in a state; instant actions first, for a mission may end by one."""
+        if not self.robot.take_state(message, now):
+            return
+        if self._instants:
+            yield from self._follow_instants(message, now)
+        if self._run:
+            yield from self._run.on_state(message, now)
+        yield from self._advance(now)
+
+    def start(self, run: MissionRun, now: float) -> Iterator[FleetOutput]:
+        """Begin a mission. Raises RobotBusyError, before anything is taken from the iterator."""
+        if self._run:
+            raise RobotBusyError(self.robot.key, self._run.mission.mission_id)
+        self._run = run
+        return self._advance(now)
+
+    def new_run(self, mission: Mission, *, adopted: bool = False, accepted: bool = False) -> MissionRun:
+        """Make the run of a mission at this robot."""
+        return MissionRun(self.robot.key, mission, self._settings, adopted=adopted, accepted=accepted)
+
+    def cancel(self, now: float) -> Iterator[FleetOutput]:
+        """End the mission early."""
+        if self._run:
+            yield from self._run.begin_cancel()
+            yield from self._advance(now)
+
+    def instruct(self, action: Action, now: float) -> Iterator[FleetOutput]:
+        """Send an instant action, unless it is known already that the robot would not get or take it."""
+        refusal = self._refusal(action, now)
+        if refusal:
+            yield InstantActionEnded(self.robot.key, action, None, f"not sent: {refusal}")
+            return
+        self._begin_instant(action, requested=True)
+        yield from self._advance(now)
+
+    def tick(self, now: float) -> Iterator[FleetOutput]:
+        """Do what is overdue; most robots have nothing, so that is found out first."""
+        if not self._run and not self._instants and self.robot.link(now) is self._told_link:
+            return
+        if self._instants:
+            yield from self._tick_instants(now)
+        if self._run:
+            if self._run.phase in (MissionPhase.WAITING, MissionPhase.SENT) and self._obstacle(now):
+                self._run.hold()
+            yield from self._run.on_tick(self.robot.state, now)
+        yield from self._advance(now)
+
+    def view(self, now: float) -> RobotView:
+        """Tell what is known."""
+        robot, run = self.robot, self._run
+        link = robot.link(now)
+        return RobotView(
+            key=robot.key,
+            link=link,
+            vehicle_state=availability.vehicle_state(robot.state, link, self._instant_ids),
+            availability=self._availability(now),
+            state=robot.state,
+            state_at=robot.state_at,
+            factsheet=robot.factsheet,
+            malformed=robot.malformed,
+            mission_id=run.mission.mission_id if run else None,
+            mission_phase=run.phase if run else None,
+            mission_note=self._mission_note(now),
+        )
+
+    def _advance(self, now: float) -> Iterator[FleetOutput]:
+        """Send what is due, let go of what has ended, tell what has changed."""
+        run = self._run
+        if run and run.ended:
+            self._ended.append(run.mission.mission_id)
+            self._run = None
+        elif run:
+            yield from self._send_order(run, now)
+            if run.wants_cancel(self.robot.state) and self._may_instruct(now):
+                run.cancel = self._begin_instant(cancel_order(self._new_id()), requested=False)
+        self._stop_stray(now)
+        if self._instants:
+            yield from self._send_instants(now)
+        yield from self._tell_change(now)
+
+    def _send_order(self, run: MissionRun, now: float) -> Iterator[FleetOutput]:
+        if not run.wants_sending(now):
+            return
+        since = self._last_order_at
+        if since is not None and now - since < self.robot.least_order_interval:
+            return
+        state = self.robot.state
+        if state is None or self._obstacle(now):
+            run.hold()
+            return
+        self._last_order_at = now
+        yield run.send(state.errors, now)
+
+    def _obstacle(self, now: float) -> str | None:
+        """Say why the robot must not be sent an order now; None if it may."""
+        link = self.robot.link(now)
+        if link is LinkStatus.SILENT and self._run and self._run.phase is MissionPhase.SENT:
+            link = LinkStatus.ONLINE  # the sendings count, so that an order to a dead robot fails in the end
+        reason = availability.away(link, broker=self._broker)
+        state = self.robot.state
+        if reason or state is None:
+            return reason or "has not reported its state yet"
+        if any(each.cancels for each in self._instants.values()):
+            return "has not yet confirmed a cancelOrder"
+        return availability.occupied(state, self._instant_ids) or availability.unfit(state)
+
+    def _availability(self, now: float) -> Availability:
+        state = self.robot.state
+        reason = availability.away(self.robot.link(now), broker=self._broker)
+        if reason is None and self._run:
+            reason = f"works on the mission {self._run.mission.mission_id!r}"
+        reason = reason or self._obstacle(now) or (availability.hindered(state) if state else None)
+        return Availability(reason is None, reason or "is free")
+
+    def _mission_note(self, now: float) -> str:
+        run = self._run
+        if run is None:
+            return ""
+        away = availability.away(self.robot.link(now), broker=self._broker)
+        if run.phase in (MissionPhase.WAITING, MissionPhase.SENT):
+            reason = self._obstacle(now)
+            unconfirmed = "has not yet confirmed the order" if run.phase is MissionPhase.SENT else ""
+            return f"the robot {reason or unconfirmed}" if reason or unconfirmed else ""
+        if run.phase is MissionPhase.CANCELLING:
+            return f"the robot {away or 'has not yet confirmed the end of the order'}"
+        state = self.robot.state
+        reason = away or (availability.hindered(state) if state else None)
+        return f"the robot {reason}" if reason else ""
+
+    def _may_instruct(self, now: float) -> bool:
+        return self._uninstructable(now) is None
+
+    def _uninstructable(self, now: float) -> str | None:
+        """Say why the robot must not be sent instant actions now; None if it may."""
+        link = self.robot.link(now)
+        away = availability.away(
+            LinkStatus.ONLINE if link is LinkStatus.SILENT else link, broker=self._broker
+        )
+        if away:
+            return away
+        state = self.robot.state
+        if state is not None and not state.operating_mode.takes_orders:
+            return f"is in operating mode {state.operating_mode}, which takes no instant actions"
+        return None
+
+    def _refusal(self, action: Action, now: float) -> str | None:
+        if len(self._instants) >= INSTANT_ACTIONS_LIMIT:
+            return f"{INSTANT_ACTIONS_LIMIT} instant actions are under way at the robot"
+        if action.action_id in self._instant_ids:
+            return f"the actionId {action.action_id!r} has been used before"
+        reason = self._uninstructable(now)
+        if reason is None or (action.action_type in ALWAYS_ALLOWED and self.robot.reachable and self._broker):
+            return None
+        return f"the robot {reason}"
+
+    def _begin_instant(self, action: Action, *, requested: bool) -> InstantRun:
+        run = InstantRun(action, self._settings, requested=requested)
+        self._instants[action.action_id] = run
+        self._instant_ids.append(action.action_id)
+        return run
+
+    def _send_instants(self, now: float) -> Iterator[FleetOutput]:
+        if not (self._broker and self.robot.reachable):
+            return
+        due = tuple(each.action for each in self._instants.values() if each.wants_sending(now))
+        if due:
+            yield PublishInstantActions(self.robot.key, due)
+
+    def _follow_instants(self, state: State, now: float) -> Iterator[FleetOutput]:
+        reported: dict[str, ActionState] = {
+            each.action_id: each for each in (*state.action_states, *state.instant_action_states)
+        }
+        for run in self._instants.values():
+            run.on_states(reported, now)
+        yield from self._drop_ended_instants()
+
+    def _tick_instants(self, now: float) -> Iterator[FleetOutput]:
+        reachable = self._broker and self.robot.reachable
+        for run in self._instants.values():
+            if reachable:
+                run.on_tick(now)
+            else:
+                run.hold(now)
+        yield from self._drop_ended_instants()
+
+    def _drop_ended_instants(self) -> Iterator[FleetOutput]:
+        for run in [each for each in self._instants.values() if each.outcome]:
+            del self._instants[run.action.action_id]
+            if run.requested and run.outcome:
+                ended = run.outcome
+                yield InstantActionEnded(self.robot.key, run.action, ended.status, ended.reason, ended.result)
+
+    def _stop_stray(self, now: float) -> None:
+        """Cancel an order that the robot works on though its mission has ended for us."""
+        state = self.robot.state
+        if state is None or state.order_id not in self._ended or now < self._next_stray_cancel:
+            return
+        cancelling = any(each.cancels for each in self._instants.values())
+        if cancelling or is_idle(state, self._instant_ids) or not self._may_instruct(now):
+            return
+        self._next_stray_cancel = now + STRAY_PAUSE
+        self._begin_instant(cancel_order(self._new_id()), requested=False)
+
+    def _tell_change(self, now: float) -> Iterator[FleetOutput]:
+        self._told_link = self.robot.link(now)
+        signature = self._signature(now)
+        if signature != self._told:
+            self._told = signature
+            yield RobotChanged(self.robot.key)
+
+    def _signature(self, now: float) -> tuple[object, ...]:
+        """Give what makes a change worth telling: all but poses, speeds and fractions of a percent."""
+        state, run = self.robot.state, self._run
+        mission = (run.mission.mission_id, run.phase, self._mission_note(now)) if run else None
+        common = (self.robot.link(now), self._availability(now), mission)
+        if state is None:
+            return common
+        power = state.power_supply
+        return (
+            *common,
+            state.operating_mode,
+            state.last_node_id,
+            state.errors,
+            int(power.state_of_charge),
+            power.charging,
+            is_idle(state, self._instant_ids),
+            availability.hindered(state),
+        )
