@@ -1,0 +1,273 @@
+"""One robot's agent: joins MQTT link, protocol core, driver, actions and journal in one task."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator
+
+from nena_edge_agent.actions.registry import ActionRegistry
+from nena_edge_agent.actions.runner import ActionRunner
+from nena_edge_agent.driver.port import Driver, Emit
+from nena_edge_agent.factsheet import make_factsheet
+from nena_edge_agent.header import HeaderMaker
+from nena_edge_agent.inbox import Inbox
+from nena_edge_agent.journal import Journal
+from nena_edge_agent.mailbox import Mailbox
+from nena_edge_agent.protocol.capabilities import Capabilities
+from nena_edge_agent.protocol.effects import (
+    CancelAction,
+    Drive,
+    Effect,
+    Halt,
+    PauseAction,
+    ReportState,
+    ResumeAction,
+    SendFactsheet,
+    SetPosition,
+    StartAction,
+)
+from nena_edge_agent.protocol.events import Event, JournalReport, Started, TimePassed
+from nena_edge_agent.protocol.robot import RobotCore
+from nena_edge_agent.protocol.rules import RULES
+from nena_edge_agent.protocol.state_report import position, velocity
+from nena_edge_agent.schedule import StateSchedule, VisualizationSchedule
+from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.clock import Clock
+from nena_shared.log import get_logger
+from nena_shared.mqtt import MqttLink, Outbound
+from nena_shared.tasks import Supervisor
+from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.connection import Connection, ConnectionState
+from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
+from nena_shared.vda5050.v2_1 import CODEC
+from nena_shared.vda5050.visualization import Visualization
+
+log = get_logger(__name__)
+
+FAREWELL = 2.0
+"""Seconds for the last messages to reach the broker."""
+LOOK_AT_TIME = 1.0
+"""Seconds between two looks at what may be overdue, while something is."""
+LONGEST_GATHERING = 0.2
+"""Seconds that a state waits for further events that are there already."""
+JOURNAL_TIMEOUT = 30.0
+"""Seconds that the disk has to take a record."""
+
+DriverMaker = Callable[[Emit], Driver]
+
+
+class RobotAgent:
+    """One robot. Everything of it is changed by its one task only; all others put events into its mailbox.
+
+    The rule *durable before visible*: what events have changed is in the journal before any of their effects,
+    also the state that tells of it.
+    """
+
+    def __init__(
+        self,
+        settings: EdgeAgentSettings,
+        serial_number: str,
+        *,
+        make_driver: DriverMaker,
+        registry: ActionRegistry,
+        clock: Clock,
+    ) -> None:
+        self._settings = settings
+        self._clock = clock
+        self.robot = RobotKey(settings.manufacturer, serial_number)
+        self._log = log.bind(robot=str(self.robot))
+        self._topics = TopicScheme(settings.interface_name, CODEC.major_version)
+        self._headers = HeaderMaker(self.robot, version=settings.version, clock=clock)
+        self._registry = registry
+        self._capabilities = make_capabilities(settings, registry)
+        self._journal = Journal(settings.journal.folder, self.robot) if settings.journal.enabled else None
+        self._core = RobotCore(self._capabilities, self._journal.read() if self._journal else None)
+        self._durable_version = self._core.durable_version
+        self._mailbox = Mailbox()
+        self._inbox = Inbox(CODEC, self.robot, self._mailbox.put)
+        self._driver = make_driver(self._mailbox.put)
+        self._runner = ActionRunner(registry, self._mailbox.put)
+        self._states = StateSchedule(
+            minimum=settings.interval.state_minimum, maximum=settings.interval.state_maximum
+        )
+        self._visualizations = VisualizationSchedule(
+            interval=settings.interval.visualization, now=clock.monotonic()
+        )
+        self._greeting = False
+        self._link = self._make_link()
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Serve until ``stop`` is set, then leave in order.
+
+        Raises:
+            StartError: the driver cannot work here.
+            TaskFailedError: a task of the robot has failed.
+
+        """
+        await self._driver.start()
+        self._mailbox.put(Started())
+        try:
+            async with Supervisor() as supervisor:
+                supervisor.start(f"link {self.robot}", self._link.run())
+                supervisor.start(f"robot {self.robot}", self._serve())
+                await supervisor.wait(stop)
+                await self._say_farewell()
+        finally:
+            self._runner.close()
+            await self._driver.stop()
+
+    async def _serve(self) -> None:
+        while True:
+            await self._mailbox.wait(self._next_due() - self._clock.monotonic())
+            effects = self._handle(self._mailbox.take())
+            await self._keep()
+            for effect in effects:
+                self._perform(effect)
+            self._publish_due()
+
+    def _handle(self, events: list[Event]) -> list[Effect]:
+        now = self._clock.monotonic()
+        if not events and self._core.waits:
+            events = [TimePassed()]
+        effects: list[Effect] = []
+        for event in events:
+            try:
+                effects.extend(self._core.handle(event, now))
+            except Exception:  # noqa: BLE001 - logged with its trace; the next event shall be handled
+                self._log.exception("an event was not handled", happened=type(event).__name__)
+        return effects
+
+    async def _keep(self) -> None:
+        """Make durable what has changed; a disk that fails is told in the state, and the robot goes on."""
+        version = self._core.durable_version
+        if self._journal is None or version == self._durable_version:
+            return
+        memory = self._core.memory()
+        try:
+            async with asyncio.timeout(JOURNAL_TIMEOUT):
+                await asyncio.to_thread(self._journal.write, memory)
+        except (OSError, TimeoutError) as error:
+            self._log.exception("journal not written")
+            problem = getattr(error, "strerror", None) or type(error).__name__
+        else:
+            self._durable_version = version
+            problem = ""
+        if problem != self._core.parts.journal_problem:
+            self._mailbox.put(JournalReport(problem))
+
+    def _perform(self, effect: Effect) -> None:
+        match effect:
+            case ReportState():
+                self._states.request()
+            case Drive(goal):
+                self._driver.go_to(goal)
+            case Halt():
+                self._driver.halt()
+            case SetPosition(pose):
+                self._driver.initialize_position(pose)
+            case SendFactsheet():
+                self._link.publish(self._factsheet())
+            case StartAction() | PauseAction() | ResumeAction() | CancelAction():
+                self._perform_action(effect)
+
+    def _perform_action(self, effect: StartAction | PauseAction | ResumeAction | CancelAction) -> None:
+        match effect:
+            case StartAction():
+                self._runner.start(effect)
+            case PauseAction():
+                self._runner.pause(effect)
+            case ResumeAction():
+                self._runner.resume(effect)
+            case CancelAction():
+                self._runner.cancel(effect)
+
+    def _next_due(self) -> float:
+        due = min(self._states.due, self._visualizations.due)
+        return min(due, self._clock.monotonic() + LOOK_AT_TIME) if self._core.waits else due
+
+    def _publish_due(self) -> None:
+        now = self._clock.monotonic()
+        if not self._mailbox.empty and now - self._states.due < LONGEST_GATHERING:
+            return  # what comes next belongs into the same message
+        if self._greeting or self._states.due <= now:
+            self._publish_state()
+            self._states.sent(now)
+        if self._visualizations.due <= now:
+            if self._link.state.connected:
+                self._link.publish(self._outbound(Topic.VISUALIZATION, self._visualization(), qos=0))
+            self._visualizations.sent(now)
+
+    def _publish_state(self) -> None:
+        """Send the state; the first one after a connect waits until the link lets it through."""
+        if self._greeting or self._link.state.connected:
+            state = self._core.state(self._headers.make(Topic.STATE))
+            self._link.publish(self._outbound(Topic.STATE, state, keep=self._greeting))
+            self._greeting = False
+
+    def _visualization(self) -> Visualization:
+        senses = self._core.parts.senses
+        return Visualization(
+            **self._headers.make(Topic.VISUALIZATION),
+            reference_state_header_id=self._headers.last_id(Topic.STATE),
+            mobile_robot_position=position(senses),
+            velocity=velocity(senses),
+        )
+
+    def _outbound(
+        self, topic: Topic, message: Header, *, qos: int = 1, retain: bool = False, keep: bool = False
+    ) -> Outbound:
+        payload = CODEC.encode(message)
+        return Outbound(self._topics.of(self.robot, topic), payload, qos=qos, retain=retain, keep=keep)
+
+    def _make_link(self) -> MqttLink:
+        link = MqttLink(
+            self._settings.mqtt,
+            client_id=f"nena-edge-agent-{self.robot.manufacturer}-{self.robot.serial_number}",
+            will=lambda: self._connection(ConnectionState.CONNECTION_BROKEN),
+            on_connected=self._greet,
+        )
+        link.subscribe(self._topics.of(self.robot, Topic.ORDER), self._inbox.take_order)
+        link.subscribe(self._topics.of(self.robot, Topic.INSTANT_ACTIONS), self._inbox.take_instant_actions)
+        return link
+
+    def _greet(self) -> Iterator[Outbound]:
+        """Give what is published first on each connection; the robot's task sends the full state."""
+        yield self._connection(ConnectionState.ONLINE)
+        yield self._factsheet()
+        self._greeting = True
+        self._mailbox.wake()
+
+    def _connection(self, state: ConnectionState) -> Outbound:
+        message = Connection(**self._headers.make(Topic.CONNECTION), connection_state=state)
+        return self._outbound(Topic.CONNECTION, message, retain=True)
+
+    def _factsheet(self) -> Outbound:
+        message = make_factsheet(
+            self._headers.make(Topic.FACTSHEET),
+            self._settings,
+            self._registry.declarations.values(),
+            maximum_nodes=self._capabilities.maximum_nodes,
+        )
+        return self._outbound(Topic.FACTSHEET, message, retain=True)
+
+    async def _say_farewell(self) -> None:
+        self._link.publish(self._connection(ConnectionState.OFFLINE))
+        if not await self._link.drain(FAREWELL):
+            self._log.warning("the broker was not told that the robot leaves")
+
+
+def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> Capabilities:
+    """Give the core what it needs to know of the settings."""
+    drive = settings.drive
+    return Capabilities(
+        map_id=settings.map_id,
+        map_version=settings.map_version,
+        actions=registry.declarations,
+        default_deviation_xy=drive.deviation_xy,
+        default_deviation_theta=drive.deviation_theta,
+        strategy=drive.strategy,
+        pass_radius=drive.pass_radius,
+        base_request_distance=drive.base_request_distance,
+        tolerated_parameters=frozenset(settings.tolerated_parameters),
+        rules=RULES[settings.version],
+    )

@@ -1,0 +1,45 @@
+"""Which driver a robot gets."""
+
+from __future__ import annotations
+
+from nena_edge_agent.agent import DriverMaker
+from nena_edge_agent.driver.port import Driver, Emit
+from nena_edge_agent.loopback.driver import LoopbackDriver
+from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.clock import Clock
+from nena_shared.program import StartError
+
+
+def driver_maker(settings: EdgeAgentSettings, index: int, clock: Clock) -> DriverMaker:
+    """Give what makes the driver of robot ``index``, from 0.
+
+    Raises:
+        StartError: ROS 2 for Python is wanted and missing.
+
+    """
+    return _nav2(settings, clock) if settings.driver == "nav2" else _loopback(settings, index, clock)
+
+
+def _loopback(settings: EdgeAgentSettings, index: int, clock: Clock) -> DriverMaker:
+    def make(emit: Emit) -> Driver:
+        return LoopbackDriver(
+            settings.loopback, settings.loopback.start(index), map_id=settings.map_id, emit=emit, clock=clock
+        )
+
+    return make
+
+
+def _nav2(settings: EdgeAgentSettings, clock: Clock) -> DriverMaker:
+    try:
+        from nena_edge_agent.ros.driver import make_driver  # noqa: PLC0415 - the loopback needs no ROS
+    except ImportError as error:
+        message = (
+            f"ROS 2 for Python is missing ({error.name}); install nena-edge-agent[ros], or source the "
+            "robot's ROS 2 Jazzy, or try without a robot: --driver loopback"
+        )
+        raise StartError(message) from error
+
+    def make(emit: Emit) -> Driver:
+        return make_driver(settings.ros, settings.map_id, emit, clock)
+
+    return make

@@ -1,0 +1,127 @@
+"""The factsheet, true to the settings and the plug-ins (section 7.10)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
+from nena_edge_agent.protocol.optional_parameters import SUPPORTED
+from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.vda5050.action import BlockingType
+from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD
+from nena_shared.vda5050.factsheet import (
+    ActionParameterDescription,
+    ActionScope,
+    Envelope2d,
+    Envelope2dPoint,
+    Factsheet,
+    LoadSpecification,
+    MaximumArrayLengths,
+    MaximumStringLengths,
+    MobileRobotAction,
+    MobileRobotGeometry,
+    PhysicalParameters,
+    ProtocolFeatures,
+    ProtocolLimits,
+    Timing,
+    TypeSpecification,
+)
+
+
+def make_factsheet(
+    header: dict[str, Any],
+    settings: EdgeAgentSettings,
+    declarations: Iterable[ActionDeclaration],
+    *,
+    maximum_nodes: int,
+) -> Factsheet:
+    """Make the factsheet message under ``header``."""
+    return Factsheet(
+        **header,
+        type_specification=_type(settings),
+        physical_parameters=_physical(settings),
+        protocol_limits=_limits(settings, maximum_nodes),
+        protocol_features=ProtocolFeatures(
+            optional_parameters=SUPPORTED,
+            mobile_robot_actions=tuple(_action(each) for each in declarations),
+        ),
+        mobile_robot_geometry=_geometry(settings),
+        load_specification=_loads(settings),
+    )
+
+
+def _type(settings: EdgeAgentSettings) -> TypeSpecification:
+    description = settings.description
+    return TypeSpecification(
+        series_name=description.series_name,
+        mobile_robot_kinematics=description.kinematics,
+        mobile_robot_class=description.robot_class,
+        maximum_load_mass=description.maximum_load_mass,
+        localization_types=description.localization_types,
+        navigation_types=("FREELY_NAVIGATING",),
+    )
+
+
+def _physical(settings: EdgeAgentSettings) -> PhysicalParameters:
+    description = settings.description
+    return PhysicalParameters(
+        minimum_speed=0.0,
+        maximum_speed=description.maximum_speed,
+        minimum_angular_speed=0.0,
+        maximum_angular_speed=description.maximum_angular_speed,
+        maximum_acceleration=description.maximum_acceleration,
+        maximum_deceleration=description.maximum_deceleration,
+        minimum_height=description.height,
+        maximum_height=description.height,
+        width=description.width,
+        length=description.length,
+    )
+
+
+def _limits(settings: EdgeAgentSettings, maximum_nodes: int) -> ProtocolLimits:
+    interval = settings.interval
+    return ProtocolLimits(
+        maximum_string_lengths=MaximumStringLengths(maximum_message_length=MAXIMUM_PAYLOAD),
+        maximum_array_lengths=MaximumArrayLengths(order_nodes=maximum_nodes, order_edges=maximum_nodes - 1),
+        timing=Timing(
+            minimum_order_interval=0.0,
+            minimum_state_interval=interval.state_minimum,
+            default_state_interval=interval.state_maximum,
+            visualization_interval=interval.visualization or None,
+        ),
+    )
+
+
+def _action(declaration: ActionDeclaration) -> MobileRobotAction:
+    only_instant = declaration.scopes == (ActionScope.INSTANT,)
+    return MobileRobotAction(
+        action_type=declaration.action_type,
+        action_description=declaration.description or None,
+        action_scopes=declaration.scopes,
+        action_parameters=tuple(_parameter(each) for each in declaration.parameters),
+        blocking_types=(BlockingType.NONE,) if only_instant else declaration.blocking_types,
+        pause_allowed=declaration.pause_allowed,
+        cancel_allowed=declaration.cancel_allowed,
+    )
+
+
+def _parameter(parameter: Parameter) -> ActionParameterDescription:
+    return ActionParameterDescription(
+        key=parameter.key,
+        value_data_type=parameter.data_type,
+        description=parameter.description or None,
+        is_optional=not parameter.required,
+    )
+
+
+def _geometry(settings: EdgeAgentSettings) -> MobileRobotGeometry:
+    x, y = settings.description.length / 2, settings.description.width / 2
+    corners = ((x, y), (-x, y), (-x, -y), (x, -y))
+    vertices = tuple(Envelope2dPoint(x=x, y=y) for x, y in corners)
+    return MobileRobotGeometry(envelopes2d=(Envelope2d(envelope2d_id="footprint", vertices=vertices),))
+
+
+def _loads(settings: EdgeAgentSettings) -> LoadSpecification:
+    carries = any(operation.load for operation in settings.operations)
+    return LoadSpecification(load_positions=("platform",) if carries else ())

@@ -1,0 +1,89 @@
+"""From the bytes of fleet control to events; what cannot be read becomes an error in the state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from nena_edge_agent.protocol.events import Event, InstantActionsReceived, MessageRefused, OrderReceived
+from nena_shared.log import get_logger
+from nena_shared.mqtt import Inbound
+from nena_shared.vda5050.action import InstantActions
+from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.error import ErrorEntry, ErrorReference, ErrorType, error
+from nena_shared.vda5050.malformed import MalformedMessageError
+from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.topics import RobotKey, Topic
+
+log = get_logger(__name__)
+M = TypeVar("M", Order, InstantActions)
+
+
+@dataclass(slots=True)
+class InboxCounts:
+    """What came in so far."""
+
+    taken: int = 0
+    malformed: int = 0
+    misdirected: int = 0
+    retained: int = 0
+
+
+class Inbox:
+    """Reads orders and instant actions for one robot."""
+
+    def __init__(self, codec: Codec, robot: RobotKey, put: Callable[[Event], None]) -> None:
+        self._codec = codec
+        self._robot = robot
+        self._put = put
+        self._log = log.bind(robot=str(robot))
+        self.counts = InboxCounts()
+
+    def take_order(self, message: Inbound) -> None:
+        """Read a message under the order topic."""
+        order = self._read(Order, message, Topic.ORDER)
+        if order is not None:
+            self._put(OrderReceived(order))
+
+    def take_instant_actions(self, message: Inbound) -> None:
+        """Read a message under the instantActions topic."""
+        actions = self._read(InstantActions, message, Topic.INSTANT_ACTIONS)
+        if actions is not None:
+            self._put(InstantActionsReceived(actions))
+
+    def _read(self, kind: type[M], message: Inbound, topic: Topic) -> M | None:
+        if message.retained:
+            self.counts.retained += 1
+            self._log.warning("a retained command is passed over; it may be old", topic=message.topic)
+            return None
+        try:
+            read = self._codec.decode(kind, message.payload)
+        except MalformedMessageError as malformed:
+            self.counts.malformed += 1
+            self._refuse(str(malformed), topic, malformed.references)
+            return None
+        if RobotKey(read.manufacturer, read.serial_number) != self._robot:
+            self.counts.misdirected += 1
+            to = f"{read.manufacturer}/{read.serial_number}"
+            self._refuse(f"the header names the robot {to}", topic, {"headerId": str(read.header_id)})
+            return None
+        self.counts.taken += 1
+        return read
+
+    def _refuse(self, problem: str, topic: Topic, references: dict[str, str]) -> None:
+        self._log.warning("message refused", topic=topic.value, problem=problem, **references)
+        self._put(MessageRefused(_refusal(problem, topic, references)))
+
+
+def _refusal(problem: str, topic: Topic, references: dict[str, str]) -> ErrorEntry:
+    entry = error(
+        ErrorType.VALIDATION_FAILURE,
+        problem,
+        hint="correct the message and send it again; nothing has changed",
+        topic=topic.value,
+    )
+    known = tuple(
+        ErrorReference(reference_key=key, reference_value=value) for key, value in references.items()
+    )
+    return entry.model_copy(update={"error_references": (*entry.error_references, *known)})

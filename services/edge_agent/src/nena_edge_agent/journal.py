@@ -1,0 +1,70 @@
+"""The journal: what a robot must still know after the end of its agent, in one file per robot."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from nena_edge_agent.protocol.memory import Memory
+from nena_shared.log import get_logger
+from nena_shared.program import StartError
+from nena_shared.vda5050.topics import RobotKey
+
+log = get_logger(__name__)
+
+
+class Journal:
+    """Holds the newest record only; a record is there whole or not at all."""
+
+    def __init__(self, folder: Path, robot: RobotKey) -> None:
+        self._folder = folder.expanduser()
+        self._file = self._folder / f"{robot.manufacturer}.{robot.serial_number}.json"
+
+    def read(self) -> Memory | None:
+        """Give the last record, None if there is none.
+
+        Raises:
+            StartError: the folder or the file cannot be used, with what to do.
+
+        """
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            content = self._file.read_bytes()
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            message = f"the journal {self._file} cannot be used: {error.strerror}"
+            raise StartError(message) from error
+        try:
+            return Memory.model_validate_json(content)
+        except ValidationError as error:
+            log.exception("journal not readable", file=str(self._file))
+            message = f"the journal {self._file} is damaged; look at where the robot is, then remove the file"
+            raise StartError(message) from error
+
+    def write(self, memory: Memory) -> None:
+        """Replace the record; when this returns it survives the end of the process and of the power.
+
+        Blocks for the time of the disk: to be called outside of the event loop's thread.
+
+        Raises:
+            OSError: it could not be written; the old record stands.
+
+        """
+        new = self._file.with_suffix(".new")
+        with new.open("wb") as file:
+            file.write(memory.model_dump_json(exclude_defaults=True).encode())
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(self._file)
+        _sync_folder(self._folder)
+
+
+def _sync_folder(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

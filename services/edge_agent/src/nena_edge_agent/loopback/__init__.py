@@ -1,0 +1,1 @@
+"""The loopback driver: a robot that exists in this program only, for tests, load and rehearsal."""

@@ -1,0 +1,127 @@
+"""Settings of the edge agent."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from nena_edge_agent.actions.settings import OperationSettings, default_operations
+from nena_edge_agent.loopback.settings import LoopbackSettings
+from nena_edge_agent.protocol.capabilities import DriveStrategy
+from nena_edge_agent.ros.settings import RosSettings
+from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
+
+
+def _topic_level(level: str) -> str:
+    if any(sign in level for sign in "/+#$"):
+        message = "a level of a topic holds no '/', '+', '#' or '$'"
+        raise ValueError(message)
+    return level
+
+
+TopicLevel = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_topic_level)]
+Metres = Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)]
+Seconds = Annotated[float, Field(gt=0, le=3600, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class DriveSettings(SettingsGroup):
+    """How the robot drives along an order."""
+
+    strategy: DriveStrategy = Field(
+        DriveStrategy.STOP_AT_NODES,
+        description="stop_at_nodes: each node is driven to its end; pass_through: nodes without a reason to "
+        "stop are passed.",
+    )
+    pass_radius: Metres = Field(
+        0.5, description="Metres around a passed node within which the next goal is given at most."
+    )
+    deviation_xy: Metres = Field(0.3, description="Metres allowed around a node that does not say.")
+    deviation_theta: float = Field(
+        0.3, gt=0, le=3.15, description="Radians allowed where a node wants a heading and does not say."
+    )
+    base_request_distance: NotNegative = Field(
+        2.0, description="Metres before the end of the base from which more of the order is asked for."
+    )
+
+
+class IntervalSettings(SettingsGroup):
+    """How often messages are sent, in seconds."""
+
+    state_minimum: Seconds = Field(0.1, description="Least seconds between two states.")
+    state_maximum: float = Field(30.0, gt=0, le=30, description="Most seconds between two states.")
+    visualization: float = Field(
+        1.0, ge=0, le=3600, description="Seconds between two visualization messages; 0: none."
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.state_minimum > self.state_maximum:
+            message = "state_minimum is longer than state_maximum"
+            raise ValueError(message)
+        return self
+
+
+class JournalSettings(SettingsGroup):
+    """Where it is kept what the robot was doing."""
+
+    enabled: bool = Field(default=True, description="Without it an order does not survive a restart.")
+    folder: Path = Field(
+        Path("~/.local/state/nena/edge_agent"), description="Folder with one file per robot."
+    )
+
+
+class DescriptionSettings(SettingsGroup):
+    """What the factsheet says of the robot: m, m/s, rad/s, m/s², kg."""
+
+    series_name: str = Field("NeNa", description="Name of the robot's series.")
+    robot_class: str = Field("CARRIER", description="FORKLIFT, CONVEYOR, TUGGER, CARRIER, ...")
+    kinematics: str = Field("DIFFERENTIAL", description="DIFFERENTIAL, OMNIDIRECTIONAL or THREE_WHEEL.")
+    localization_types: tuple[str, ...] = Field(("NATURAL",), description="How it localises itself.")
+    maximum_load_mass: NotNegative = Field(50.0, description="kg")
+    maximum_speed: NotNegative = Field(1.0, description="m/s")
+    maximum_angular_speed: NotNegative = Field(1.5, description="rad/s")
+    maximum_acceleration: NotNegative = Field(1.0, description="m/s²")
+    maximum_deceleration: NotNegative = Field(1.0, description="m/s²")
+    length: NotNegative = Field(0.8, description="m")
+    width: NotNegative = Field(0.6, description="m")
+    height: NotNegative = Field(0.5, description="m")
+
+
+class EdgeAgentSettings(ServiceSettings):
+    """The edge agent."""
+
+    manufacturer: TopicLevel = Field("NeNa", description="Maker of the robot; a level of its topics.")
+    serial_number: TopicLevel = Field("robot1", description="Serial number of the robot; a level too.")
+    interface_name: TopicPrefix = Field("uagv", description="First level of all topics.")
+    version: Literal["2.1.0"] = Field("2.1.0", description="Version of VDA 5050 that the robot speaks.")
+    map_id: str = Field("map", min_length=1, max_length=200, description="Map that the robot drives on.")
+    map_version: str = Field("1", description="Version of that map, for the state.")
+    driver: Literal["nav2", "loopback"] = Field(
+        "nav2", description="nav2: a robot with ROS 2 and Nav2; loopback: a robot that only exists here."
+    )
+    tolerated_parameters: tuple[str, ...] = Field(
+        (),
+        description="Optional fields of orders to pass over instead of refusing them: edges.trajectory, ...",
+    )
+    drive: DriveSettings = Field(default_factory=DriveSettings, description="Driving.")
+    interval: IntervalSettings = Field(default_factory=IntervalSettings, description="Message intervals.")
+    journal: JournalSettings = Field(default_factory=JournalSettings, description="Memory on disk.")
+    description: DescriptionSettings = Field(
+        default_factory=DescriptionSettings, description="The robot, for the factsheet."
+    )
+    operations: tuple[OperationSettings, ...] = Field(
+        default_factory=default_operations, description="Actions that take a set time: [[operations]] tables."
+    )
+    loopback: LoopbackSettings = Field(default_factory=LoopbackSettings, description="Loopback robots.")
+    ros: RosSettings = Field(default_factory=RosSettings, description="The robot's ROS 2 side.")
+
+    @property
+    def serial_numbers(self) -> tuple[str, ...]:
+        """The robots of this program: one, or the numbered ones of a loopback fleet."""
+        count = self.loopback.count if self.driver == "loopback" else 1
+        if count == 1:
+            return (self.serial_number,)
+        return tuple(f"{self.serial_number}-{number}" for number in range(1, count + 1))
