@@ -1,0 +1,256 @@
+"""The driver for Nav2 by its topics: rclpy and the common interfaces are all that it needs of ROS.
+
+Everything here runs in the event loop; what to do is decided by pure cores (goal tracker, initial position,
+presence), what comes and goes passes through the node.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Iterable
+from contextlib import AsyncExitStack
+from typing import TYPE_CHECKING
+
+from nena_edge_agent.driver.port import (
+    DriveFailed,
+    DriveFailure,
+    DriveGoal,
+    Driver,
+    DriverEvent,
+    Emit,
+    Halted,
+    NavigationReport,
+    Pose,
+    PositionInitialized,
+)
+from nena_edge_agent.ros import presence
+from nena_edge_agent.ros.battery import Battery, BatteryReading
+from nena_edge_agent.ros.commands import CancelGoal, Command, PublishGoal, Report, RequestPose
+from nena_edge_agent.ros.environment import prepare_environment
+from nena_edge_agent.ros.goal_status import GoalEntry
+from nena_edge_agent.ros.goal_tracker import GoalTracker
+from nena_edge_agent.ros.initial_position import InitialPosition, PublishInitialPose
+from nena_edge_agent.ros.localisation import Localisation
+from nena_edge_agent.ros.pose import PoseReading
+from nena_edge_agent.ros.session_state import SessionError
+from nena_edge_agent.ros.settings import RosSettings
+from nena_shared.clock import Clock
+from nena_shared.log import get_logger
+from nena_shared.program import StartError
+from nena_shared.tasks import Supervisor, forever
+
+if TYPE_CHECKING:
+    from nena_edge_agent.ros.nav2_node import Nav2Node
+
+TICK = 0.05
+"""Seconds between two looks at the time while something is waited for."""
+
+
+def make_driver(settings: RosSettings, map_id: str, emit: Emit, clock: Clock) -> Driver:
+    """Make the driver of the robot that ``settings`` name; its poses are on the map ``map_id``."""
+    return Nav2Driver(settings, map_id, emit, clock)
+
+
+class Nav2Driver:
+    """One robot with Nav2. Events are told from the loop itself, never from within a call of a method."""
+
+    def __init__(self, settings: RosSettings, map_id: str, emit: Emit, clock: Clock) -> None:
+        self._settings = settings
+        self._map_id = map_id
+        self._emit = emit
+        self._clock = clock
+        self._log = get_logger(__name__).bind(namespace=settings.namespace, domain_id=settings.domain_id)
+        self._tracker = GoalTracker(settings.goals)
+        self._initial_position = InitialPosition(settings.localisation)
+        self._localisation = Localisation(settings, map_id)
+        self._battery = Battery(settings.battery_scale)
+        self._navigation: NavigationReport | None = None
+        self._node: Nav2Node | None = None
+        self._failure = ""
+        self._tasks = Supervisor()
+        self._stack = AsyncExitStack()
+        self._ticking: asyncio.TimerHandle | None = None
+        self._halted = asyncio.Event()
+        self._stopped = False
+
+    async def start(self) -> None:
+        """Join the ROS graph and look for Nav2 from now on; it need not be there yet.
+
+        Raises:
+            StartError: rclpy is missing, or ROS refuses.
+
+        """
+        self._loop = asyncio.get_running_loop()
+        prepare_environment()
+        try:
+            await self._open_node()
+        except ImportError as error:
+            message = (
+                f"ROS 2 for Python cannot be loaded ({error}): source the robot's ROS installation before "
+                "the start, or install nena-edge-agent[ros]"
+            )
+            raise StartError(message) from error
+        except SessionError as error:
+            message = f"{error}; namespace {self._settings.namespace}, domain {self._settings.domain_id}"
+            raise StartError(message) from error
+        await self._stack.enter_async_context(self._tasks)
+        self._tasks.start("watch Nav2", forever("watch Nav2", self._watch), vital=False)
+
+    async def stop(self) -> None:
+        """Stop the robot where it still drives for us, then leave the ROS graph; tells nothing any more."""
+        self._emit = lambda _event: None
+        if self._node is not None:
+            await self._stand()
+        self._stopped = True
+        if self._ticking is not None:
+            self._ticking.cancel()
+        await self._stack.aclose()
+        if self._node is not None:
+            node, self._node = self._node, None
+            await node.stop()
+
+    def go_to(self, goal: DriveGoal) -> None:
+        """Drive to ``goal``; while another one is driven, it is replaced without a stop."""
+        problem = self._impossible(goal.pose)
+        if problem is not None:
+            self._tell(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, problem))
+            return
+        self._apply(self._tracker.go_to(goal, self._clock.monotonic()))
+
+    def halt(self) -> None:
+        """Cancel what is driven; answered by ``Halted`` once the robot stands."""
+        self._halted.clear()
+        self._apply(self._tracker.halt(self._clock.monotonic()))
+
+    def initialize_position(self, pose: Pose) -> None:
+        """Tell the localisation where the robot is.
+
+        Answered by ``PositionInitialized``; a newer call replaces an older one, and one answer is for both.
+        """
+        problem = self._impossible(pose)
+        if problem is not None:
+            self._tell(PositionInitialized(succeeded=False, description=problem))
+            return
+        self._apply(self._initial_position.ask(pose, self._clock.monotonic()))
+
+    async def _open_node(self) -> None:
+        """Load rclpy, which reads the environment as it is loaded, and join the graph."""
+        from nena_edge_agent.ros.nav2_node import Listeners, Nav2Node  # noqa: PLC0415 - see above
+
+        listeners = Listeners(self._on_statuses, self._on_pose, self._on_velocity, self._on_battery)
+        node = Nav2Node(self._settings, listeners)
+        await node.start(self._on_failure)
+        self._node, self._failure = node, ""
+
+    async def _stand(self) -> None:
+        self.halt()
+        try:
+            async with asyncio.timeout(self._settings.stop_timeout):
+                await self._halted.wait()
+        except TimeoutError:
+            self._log.warning(
+                "the robot may still drive: Nav2 did not stop it in time", seconds=self._settings.stop_timeout
+            )
+
+    async def _watch(self) -> None:
+        """Look at Nav2 once; a node that has failed is made anew first."""
+        if self._failure:
+            await self._open_node()
+        if self._node is not None:
+            seen = await self._node.presence()
+            report = presence.judge(seen, self._settings, pose_known=self._localisation.known)
+            self._on_navigation(seen.servers, report)
+        await asyncio.sleep(self._settings.watch_period)
+
+    def _on_navigation(self, servers: frozenset[str], report: NavigationReport) -> None:
+        now = self._clock.monotonic()
+        self._apply(self._tracker.on_servers(servers, now))
+        self._apply(self._tracker.on_navigation(report, now))
+        if report != self._navigation:
+            self._navigation = report
+            self._log.info("navigation", available=report.available, reason=report.reason)
+            self._tell(report)
+
+    def _on_failure(self, reason: str) -> None:
+        self._node, self._failure = None, reason
+        self._on_navigation(
+            frozenset(), NavigationReport(available=False, reason=f"the ROS session has failed: {reason}")
+        )
+
+    def _on_statuses(self, entries: list[GoalEntry]) -> None:
+        self._apply(self._tracker.on_statuses(entries, self._clock.monotonic()))
+
+    def _on_pose(self, reading: PoseReading) -> None:
+        pose = self._localisation.on_reading(reading)
+        if pose is None:
+            return
+        self._report_pose()
+        self._apply(self._tracker.on_pose(pose, self._clock.monotonic()))
+        self._apply(self._initial_position.on_pose(pose))
+
+    def _on_velocity(self, velocity: tuple[float, float]) -> None:
+        self._tracker.on_velocity(*velocity, self._clock.monotonic())
+        if self._localisation.on_velocity(velocity):
+            self._report_pose()
+
+    def _on_battery(self, reading: BatteryReading) -> None:
+        report = self._battery.report(reading)
+        if report is not None:
+            self._tell(report)
+
+    def _report_pose(self) -> None:
+        report = self._localisation.report()
+        if report is not None:
+            self._tell(report)
+
+    def _apply(self, commands: Iterable[Command | PublishInitialPose]) -> None:
+        for command in commands:
+            self._do(command)
+        if (
+            not self._stopped
+            and self._ticking is None
+            and (self._tracker.busy or self._initial_position.busy)
+        ):
+            self._ticking = self._loop.call_later(TICK, self._tick)
+
+    def _do(self, command: Command | PublishInitialPose) -> None:
+        if isinstance(command, Report):
+            self._tell(command.event)
+            return
+        node = self._node
+        if node is None:
+            return
+        match command:
+            case PublishGoal(goal):
+                self._log.info("goal given", generation=goal.generation, x=goal.pose.x, y=goal.pose.y)
+                node.publish_goal(goal.pose)
+            case PublishInitialPose(pose):
+                node.publish_initial_pose(pose)
+            case CancelGoal(goal_id):
+                self._log.info("goal cancelled", goal=goal_id)
+                self._tasks.start("cancel a goal", self._cancel(node, goal_id), vital=False)
+            case RequestPose():
+                self._tasks.start("ask for a pose", node.request_pose(), vital=False)
+
+    async def _cancel(self, node: Nav2Node, goal_id: str) -> None:
+        code = await node.cancel(goal_id)
+        self._apply(self._tracker.on_cancel_answer(goal_id, code, self._clock.monotonic()))
+
+    def _tick(self) -> None:
+        self._ticking = None
+        now = self._clock.monotonic()
+        self._apply(self._initial_position.tick(now))
+        self._apply(self._tracker.tick(now))
+
+    def _tell(self, event: DriverEvent) -> None:
+        if isinstance(event, Halted):
+            self._halted.set()
+        self._loop.call_soon(self._emit, event)
+
+    def _impossible(self, pose: Pose) -> str | None:
+        if pose.map_id != self._map_id:
+            return f"the place is on map '{pose.map_id}', and the robot on '{self._map_id}'"
+        if not all(map(math.isfinite, (pose.x, pose.y, pose.theta))):
+            return f"x {pose.x}, y {pose.y}, heading {pose.theta} is no place to drive to"
+        return None

@@ -1,0 +1,71 @@
+"""What the localisation says: the newest pose, whether it is sure, and the velocity beside it."""
+
+from __future__ import annotations
+
+from nena_edge_agent.driver.port import Pose, PoseReport
+from nena_edge_agent.ros.pose import PoseReading, localized
+from nena_edge_agent.ros.settings import RosSettings
+from nena_edge_agent.ros.standstill import STANDING
+from nena_shared.log import get_logger
+
+log = get_logger(__name__)
+
+CLOCK_JUMP = 10_000_000_000
+"""Nanoseconds; a stamp older by more means that the robot's clock was set back."""
+
+
+class Localisation:
+    """Keeps what is known of the robot's place; poses come more than once and out of order."""
+
+    def __init__(self, settings: RosSettings, map_id: str) -> None:
+        self._settings = settings
+        self._map_id = map_id
+        self._reading: PoseReading | None = None
+        self._velocity: tuple[float, float] | None = None
+        self._frame_told: str | None = None
+
+    @property
+    def known(self) -> bool:
+        """Whether a pose has come."""
+        return self._reading is not None
+
+    def on_reading(self, reading: PoseReading) -> Pose | None:
+        """Take a pose; gives it in the plant's frame where it is new, and in the frame of the settings."""
+        if reading.frame.removeprefix("/") != self._settings.frame:
+            self._tell_frame(reading.frame)
+            return None
+        if self._reading is not None and _is_past(reading, self._reading):
+            return None
+        self._reading = reading
+        return self._pose(reading)
+
+    def on_velocity(self, velocity: tuple[float, float]) -> bool:
+        """Take m/s forward and rad/s; tells whether the robot has just begun or ceased to move."""
+        before, self._velocity = self._velocity, velocity
+        return before is None or _moves(before) is not _moves(velocity)
+
+    def report(self) -> PoseReport | None:
+        """Give the newest pose with the newest velocity; none before the first pose."""
+        if self._reading is None:
+            return None
+        vx, omega = self._velocity or (None, None)
+        sure = localized(self._reading, self._settings.localisation)
+        return PoseReport(self._pose(self._reading), localized=sure, vx=vx, omega=omega)
+
+    def _pose(self, reading: PoseReading) -> Pose:
+        return Pose(reading.x, reading.y, reading.yaw, self._map_id)
+
+    def _tell_frame(self, frame: str) -> None:
+        if frame != self._frame_told:
+            self._frame_told = frame
+            log.warning(
+                "poses are dropped: they are in another frame", frame=frame, ours=self._settings.frame
+            )
+
+
+def _is_past(reading: PoseReading, newest: PoseReading) -> bool:
+    return reading == newest or 0 < newest.stamp - reading.stamp < CLOCK_JUMP
+
+
+def _moves(velocity: tuple[float, float]) -> bool:
+    return any(abs(part) >= STANDING for part in velocity)

@@ -1,0 +1,148 @@
+"""The agent's node: Nav2, the localisation and the robot's base as topics and services.
+
+All names are relative unless the settings say otherwise, so that the namespace counts. Readings come out as
+plain data in the event loop; what is sent, is sent from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from action_msgs.msg import GoalStatusArray
+from action_msgs.srv import CancelGoal
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import BatteryState
+from std_srvs.srv import Empty, Trigger
+
+from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.ros import messages, readings
+from nena_edge_agent.ros.battery import BatteryReading
+from nena_edge_agent.ros.goal_status import GoalEntry
+from nena_edge_agent.ros.pose import PoseReading
+from nena_edge_agent.ros.presence import LifecycleWatch, Presence
+from nena_edge_agent.ros.session import RosSession
+from nena_edge_agent.ros.settings import RosSettings
+
+RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(
+    depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Matches every publisher, and never gets a latched message."""
+
+STATUS_ARRAYS = 10
+"""Status arrays that may wait for the loop; each tells all, so that the oldest can be dropped."""
+
+
+@dataclass(frozen=True, slots=True)
+class Listeners:
+    """Who is told what comes in, in the event loop."""
+
+    statuses: Callable[[list[GoalEntry]], None]
+    pose: Callable[[PoseReading], None]
+    velocity: Callable[[tuple[float, float]], None]
+    battery: Callable[[BatteryReading], None]
+
+
+class Nav2Node:
+    """Sends to Nav2 and listens to it; ``start`` before anything else, ``stop`` in the end."""
+
+    def __init__(self, settings: RosSettings, listeners: Listeners) -> None:
+        """Prepare the node, in the event loop that it will work for."""
+        self._settings = settings
+        self._listeners = listeners
+        self._lifecycle_watch = LifecycleWatch()
+        self._session = RosSession(
+            node_name=settings.node_name, namespace=settings.namespace, domain_id=settings.domain_id
+        )
+
+    async def start(self, on_failure: Callable[[str], None]) -> None:
+        """Join the ROS graph; ``on_failure`` is told when the node falls out of it by itself.
+
+        Raises:
+            SessionError: ROS refuses.
+
+        """
+        await self._session.start(self._furnish, on_failure=on_failure)
+
+    async def stop(self) -> None:
+        """Leave the ROS graph in order."""
+        await self._session.stop()
+
+    def publish_goal(self, pose: Pose) -> None:
+        """Give a goal; whether it is taken shows in the status array."""
+        self._goals.publish(messages.goal_message(pose, self._settings.frame))
+
+    def publish_initial_pose(self, pose: Pose) -> None:
+        """Tell the localisation where the robot is."""
+        spread = self._settings.localisation
+        message = messages.initial_pose_message(
+            pose,
+            self._settings.frame,
+            xy_variance=spread.initial_xy_variance,
+            theta_variance=spread.initial_theta_variance,
+        )
+        self._initial_poses.publish(message)
+
+    async def cancel(self, goal_id: str) -> int | None:
+        """Cancel one goal and give the code of the answer; None where there was none."""
+        answer = await self._call(self._cancel, messages.cancel_request(goal_id))
+        return None if answer is None else int(answer.return_code)
+
+    async def request_pose(self) -> None:
+        """Have the localisation send a pose although the robot stands, where it can do that."""
+        await self._call(self._fresh_pose, Empty.Request())
+
+    async def presence(self) -> Presence:
+        """Look whether Nav2 is there; takes at most the time-out of a call."""
+        there = self._lifecycle.service_is_ready()
+        answer = await self._call(self._lifecycle, Trigger.Request()) if there else None
+        publishers = self._node.get_publishers_info_by_topic(self._settings.names.status)
+        return Presence(
+            servers=frozenset(bytes(publisher.endpoint_gid).hex() for publisher in publishers),
+            goal_listeners=self._goals.get_subscription_count(),
+            lifecycle=self._lifecycle_watch.judge(
+                there=there, active=None if answer is None else bool(answer.success)
+            ),
+        )
+
+    async def _call(self, client: Any, request: Any) -> Any:  # noqa: ANN401 - rclpy carries no types
+        return await self._session.call(client, request, seconds=self._settings.call_timeout)
+
+    def _furnish(self, node: Any) -> None:  # noqa: ANN401
+        names = self._settings.names
+        self._node = node
+        self._goals = node.create_publisher(PoseStamped, names.goal_pose, RELIABLE)
+        self._initial_poses = node.create_publisher(PoseWithCovarianceStamped, names.initial_pose, RELIABLE)
+        self._cancel = node.create_client(CancelGoal, names.cancel)
+        self._fresh_pose = node.create_client(Empty, names.fresh_pose)
+        self._lifecycle = node.create_client(Trigger, names.lifecycle)
+        self._listen(node)
+
+    def _listen(self, node: Any) -> None:  # noqa: ANN401
+        names, to, subscribe = self._settings.names, self._listeners, self._session.subscribe
+        subscribe(
+            node,
+            GoalStatusArray,
+            names.status,
+            LATCHED,
+            read=readings.status_entries,
+            handle=to.statuses,
+            limit=STATUS_ARRAYS,
+        )
+        # A latched subscription alone would hear nothing of a localiser that does not latch.
+        for qos in (LATCHED, SENSOR):
+            subscribe(
+                node,
+                PoseWithCovarianceStamped,
+                names.pose,
+                qos,
+                read=readings.pose_reading,
+                handle=to.pose,
+            )
+        subscribe(node, Odometry, names.odometry, SENSOR, read=readings.velocity, handle=to.velocity)
+        subscribe(node, BatteryState, names.battery, SENSOR, read=readings.battery_reading, handle=to.battery)

@@ -1,0 +1,75 @@
+"""Whether Nav2 is there and can take goals, and if not, what is missing in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from nena_edge_agent.driver.port import NavigationReport
+from nena_edge_agent.ros.settings import RosSettings
+
+MISSES = 2
+"""Calls without an answer after which a service counts as silent."""
+
+
+class Lifecycle(Enum):
+    """What Nav2's lifecycle manager says of itself."""
+
+    ABSENT = auto()
+    """There is no such service: nothing is known, and nothing is held against Nav2."""
+    ACTIVE = auto()
+    INACTIVE = auto()
+    SILENT = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Presence:
+    """What the ROS graph shows of Nav2; ``servers``: endpoint ids of the status array's publishers."""
+
+    servers: frozenset[str]
+    goal_listeners: int
+    lifecycle: Lifecycle
+
+
+class LifecycleWatch:
+    """Makes up its mind by the answers of the lifecycle manager: one that stays out can be chance."""
+
+    def __init__(self) -> None:
+        self._misses = 0
+        self._known = Lifecycle.ABSENT
+
+    def judge(self, *, there: bool, active: bool | None) -> Lifecycle:
+        """Take whether the service is there, and what it answered (None: nothing)."""
+        if not there:
+            self._misses, self._known = 0, Lifecycle.ABSENT
+        elif active is None:
+            self._misses += 1
+            self._known = Lifecycle.SILENT if self._misses >= MISSES else self._known
+        else:
+            self._misses, self._known = 0, Lifecycle.ACTIVE if active else Lifecycle.INACTIVE
+        return self._known
+
+
+def judge(presence: Presence, settings: RosSettings, *, pose_known: bool) -> NavigationReport:
+    """Tell whether goals can be given now."""
+    missing = _missing(presence, settings, pose_known=pose_known)
+    return NavigationReport(available=missing is None, reason=missing or "")
+
+
+def _missing(presence: Presence, settings: RosSettings, *, pose_known: bool) -> str | None:
+    names = settings.names
+    where = f"in namespace {settings.namespace}, domain {settings.domain_id}"
+    if not presence.servers:
+        return f"no node publishes {names.status} {where}: is Nav2 running there?"
+    if not presence.goal_listeners:
+        return f"no node listens to {names.goal_pose} {where}: is bt_navigator configured?"
+    if presence.lifecycle is Lifecycle.INACTIVE:
+        return f"{names.lifecycle} {where} says that Nav2 is not active: activate it on the robot"
+    if presence.lifecycle is Lifecycle.SILENT:
+        return f"{names.lifecycle} {where} does not answer: does Nav2 hang?"
+    if not pose_known:
+        return (
+            f"no pose has come on {names.pose} {where}: set the initial position, or see whether "
+            "the localisation runs"
+        )
+    return None
