@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 
 from nena_order_service.orders.transport_order import RESOURCES_TO_AVOID
-from nena_shared.fleet_api.transport_order import Destination, TransportOrderRequest
+from nena_shared.fleet_api.transport_order import (
+    Destination,
+    Property,
+    TransportOrderRequest,
+    TransportOrderStatus,
+)
 from nena_shared.plant import NO_OPERATION, Link, Location, PlantModel
 
 MOVE = "MOVE"
@@ -41,17 +46,32 @@ class InvalidRequestError(Exception):
 
 def check_request(request: TransportOrderRequest, plant: PlantModel, vehicles: Collection[str]) -> None:
     """Raise InvalidRequestError with all that is wrong with ``request``; ``vehicles`` are those known."""
-    findings = [
-        *(
-            Finding(f"Destination {number}: {finding.text}", finding.unknown)
-            for number, destination in enumerate(request.destinations, start=1)
-            for finding in _check_destination(destination, plant)
-        ),
-        *_check_vehicle(request.intended_vehicle, vehicles),
-        *_check_resources_to_avoid(request, plant),
-    ]
+    _raise_if_any(
+        [
+            *_check_destinations(request.destinations, plant),
+            *_check_vehicle(request.intended_vehicle, vehicles),
+            *_check_resources_to_avoid(request.properties, plant),
+        ]
+    )
+
+
+def check_order(order: TransportOrderStatus, plant: PlantModel) -> None:
+    """Raise InvalidRequestError if an order that was made once does not fit the plant any more."""
+    destinations = [each.destination for each in order.drive_orders]
+    _raise_if_any(
+        [*_check_destinations(destinations, plant), *_check_resources_to_avoid(order.properties, plant)]
+    )
+
+
+def _raise_if_any(findings: Sequence[Finding]) -> None:
     if findings:
         raise InvalidRequestError(findings)
+
+
+def _check_destinations(destinations: Iterable[Destination], plant: PlantModel) -> Iterator[Finding]:
+    for number, destination in enumerate(destinations, start=1):
+        for finding in _check_destination(destination, plant):
+            yield Finding(f"Destination {number}: {finding.text}", finding.unknown)
 
 
 def _check_destination(destination: Destination, plant: PlantModel) -> Iterator[Finding]:
@@ -89,8 +109,8 @@ def _check_vehicle(name: str | None, vehicles: Collection[str]) -> Iterator[Find
         yield Finding(f"There is no vehicle {name!r}.{_like(name, vehicles)}", unknown=True)
 
 
-def _check_resources_to_avoid(request: TransportOrderRequest, plant: PlantModel) -> Iterator[Finding]:
-    listed = next((each.value for each in request.properties if each.key == RESOURCES_TO_AVOID), "")
+def _check_resources_to_avoid(properties: Iterable[Property], plant: PlantModel) -> Iterator[Finding]:
+    listed = next((each.value for each in properties if each.key == RESOURCES_TO_AVOID), "")
     known = (plant.points_by_name, plant.paths_by_name, plant.locations_by_name)
     for name in filter(None, map(str.strip, listed.split(","))):
         if not any(name in names for names in known):

@@ -1,0 +1,158 @@
+"""The order service: start up, main loop, shut down."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+from dataclasses import dataclass
+
+from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.fleet import FleetLink, OperationMap
+from nena_order_service.http_server import SHUTDOWN_PATIENCE, HttpServer
+from nena_order_service.kernel import Kernel
+from nena_order_service.kernel.host_requests import HostRequests
+from nena_order_service.kernel.missions import MissionPlanner
+from nena_order_service.kernel.vehicles import VehicleRegistry
+from nena_order_service.mqtt_door import MqttDoor
+from nena_order_service.plant_file import load_plant
+from nena_order_service.rest.api import make_app
+from nena_order_service.rest.bodies import Readiness
+from nena_order_service.routing import Router
+from nena_order_service.settings import OrderServiceSettings
+from nena_order_service.store.database import StoreError, open_database
+from nena_order_service.store.store import Store
+from nena_shared.clock import SystemClock
+from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.log import get_logger
+from nena_shared.mqtt import MqttLink
+from nena_shared.plant import PlantModel
+from nena_shared.program import StartError
+from nena_shared.tasks import Supervisor
+from nena_shared.vda5050.topics import TopicScheme
+
+log = get_logger(__name__)
+
+DRAIN_PATIENCE = 3.0
+"""Seconds that store and broker have at the end to take what waits for them."""
+
+
+@dataclass(slots=True)
+class OrderService:
+    """All parts of the order service, wired up; nothing runs yet."""
+
+    store: Store
+    kernel: Kernel
+    fleet: FleetLink
+    door: MqttDoor
+    mqtt: MqttLink
+    http: HttpServer
+
+
+def build(settings: OrderServiceSettings) -> OrderService:
+    """Wire up the order service.
+
+    Raises:
+        ConfigurationError: the plant model cannot be used.
+        StartError: the store cannot be used, or the port is taken.
+
+    """
+    plant = load_plant(settings.plant)
+    plant_json = plant.to_json().encode()
+    clock = SystemClock()
+    store = _open_store(settings)
+    kernel = _make_kernel(settings, plant, store, clock)
+    requests = HostRequests(kernel, settings.kernel)
+    mqtt = MqttLink(
+        settings.mqtt,
+        client_id=f"nena-order-service-{settings.interface_name.replace('/', '-')}",
+        on_connected=lambda: door.greeting(),  # noqa: PLW0108 - the door is made below, of this link
+    )
+    fleet = FleetLink(
+        mqtt,
+        scheme=TopicScheme(settings.interface_name),
+        settings=settings.fleet,
+        clock=clock,
+        on_news=kernel.on_news,
+    )
+    topics = FleetTopics(settings.topic_prefix)
+    door = MqttDoor(mqtt, topics, kernel, requests, plant_json=plant_json, max_body=settings.max_body)
+    kernel.listeners.append(door)
+    app = make_app(
+        requests,
+        plant_json=plant_json,
+        readiness=lambda: readiness(mqtt, store),
+        max_body=settings.max_body,
+    )
+    return OrderService(store, kernel, fleet, door, mqtt, HttpServer(app, settings.http))
+
+
+async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
+    """Run the order service until ``stop`` is set."""
+    service = build(settings)
+    async with Supervisor() as supervisor:
+        supervisor.start("store", service.store.run())
+        await service.kernel.start(service.fleet)
+        supervisor.start("mqtt", service.mqtt.run())
+        supervisor.start("fleet control", service.fleet.run())
+        supervisor.start("kernel", service.kernel.run())
+        http = supervisor.start("http", service.http.run())
+        try:
+            await supervisor.wait(stop)
+        finally:
+            await _shut_down(service, http)
+    service.store.close()
+    log.info("order service ended")
+
+
+async def _shut_down(service: OrderService, http: asyncio.Task[None]) -> None:
+    """Answer what is open, then write and send what waits."""
+    service.http.stop()
+    with suppress(TimeoutError):
+        await asyncio.wait_for(asyncio.shield(http), SHUTDOWN_PATIENCE + 1)
+    await service.door.close()
+    if not await service.store.drain(DRAIN_PATIENCE):
+        log.error(
+            "the store has not taken all changes; what was answered is in it", reason=service.store.problem
+        )
+    await service.mqtt.drain(DRAIN_PATIENCE)
+
+
+def readiness(mqtt: MqttLink, store: Store) -> Readiness:
+    """Tell whether broker and store are there."""
+    problems = []
+    if not mqtt.state.connected:
+        why = mqtt.state.last_error or "not yet"
+        problems.append(f"The MQTT broker is not connected ({why}). Orders are taken and wait.")
+    if not store.ready:
+        problems.append(f"The store takes nothing ({store.problem or 'too much waits'}). Orders are refused.")
+    return Readiness(
+        ready=not problems,
+        broker_connected=mqtt.state.connected,
+        store_ready=store.ready,
+        problems=tuple(problems),
+    )
+
+
+def _open_store(settings: OrderServiceSettings) -> Store:
+    try:
+        return Store(open_database(settings.store.url))
+    except StoreError as error:
+        raise StartError(str(error)) from error
+
+
+def _make_kernel(
+    settings: OrderServiceSettings, plant: PlantModel, store: Store, clock: SystemClock
+) -> Kernel:
+    finder = WayFinder(plant, Router(plant))
+    return Kernel(
+        plant,
+        store=store,
+        registry=VehicleRegistry(
+            plant,
+            default_map_id=settings.kernel.default_map_id,
+            adopt_unknown=settings.kernel.adopt_unknown,
+        ),
+        finder=finder,
+        planner=MissionPlanner(plant, finder, OperationMap(settings.kernel.action_types)),
+        clock=clock,
+    )

@@ -1,0 +1,1 @@
+"""Dispatching: which vehicle does which transport order, and in words why not."""

@@ -1,0 +1,108 @@
+"""The way of a vehicle through the destinations of a transport order."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from math import hypot
+
+from nena_order_service.routing import NoRouteError, Route, Router
+from nena_shared.fleet_api.transport_order import Coordinate, Destination
+from nena_shared.plant import PlantModel, Point, Vehicle
+
+MM_PER_M = 1000.0
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """The way of one drive order: along a route, or without one straight to its coordinate."""
+
+    cost: float
+    """In the router's unit; mm to a coordinate."""
+    route: Route | None = None
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """The names of all points on the way, with both ends; none on the way to a coordinate."""
+        return self.route.points if self.route else ()
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """One leg for each destination."""
+
+    legs: tuple[Leg, ...]
+
+    @property
+    def cost(self) -> float:
+        """The sum of the legs' costs."""
+        return sum(leg.cost for leg in self.legs)
+
+
+def access_points(destination: Destination, plant: PlantModel) -> tuple[str, ...]:
+    """Give the points at which a destination that is no coordinate can be served."""
+    name = destination.location_name or ""
+    return plant.access_points(name, destination.operation) if name in plant.locations_by_name else (name,)
+
+
+class WayFinder:
+    """Finds ways over one plant: along routes to points and locations, straight to coordinates.
+
+    From a coordinate the way goes on at the nearest point.
+    """
+
+    def __init__(self, plant: PlantModel, router: Router) -> None:
+        self._plant = plant
+        self._router = router
+
+    def find(
+        self,
+        start: str,
+        destinations: Sequence[Destination],
+        *,
+        vehicle: Vehicle | None = None,
+        avoid: Collection[str] = frozenset(),
+    ) -> Way:
+        """Find the cheapest way from the point ``start``.
+
+        Raises:
+            NoRouteError: some destination cannot be reached from the one before.
+
+        """
+        legs: list[Leg] = []
+        for free, group in groupby(destinations, lambda each: each.coordinate is not None):
+            if free:
+                for coordinate in (each.coordinate for each in group if each.coordinate):
+                    legs.append(Leg(_distance_mm(self._plant.point(start), coordinate)))
+                    start = self._nearest(coordinate)
+            else:
+                choices = [access_points(each, self._plant) for each in group]
+                routes = self._router.route_through(start, choices, vehicle=vehicle, avoid=avoid)
+                legs.extend(Leg(route.cost, route) for route in routes)
+                start = routes[-1].destination
+        return Way(tuple(legs))
+
+    def why_unroutable(self, destinations: Sequence[Destination], avoid: Collection[str]) -> str | None:
+        """Say why no vehicle at all could do this, wherever it stands; None if one could.
+
+        As in openTCS, each access point of the first destination is tried as a start.
+        """
+        first = destinations[0]
+        starts = (self._nearest(first.coordinate),) if first.coordinate else access_points(first, self._plant)
+        reason = "The first destination has no access point."
+        for start in starts:
+            try:
+                self.find(start, destinations, avoid=avoid)
+            except NoRouteError as error:
+                reason = str(error)
+            else:
+                return None
+        return reason
+
+    def _nearest(self, coordinate: Coordinate) -> str:
+        return min(self._plant.points, key=lambda point: _distance_mm(point, coordinate)).name
+
+
+def _distance_mm(point: Point, coordinate: Coordinate) -> float:
+    return hypot(point.x_m - coordinate.x, point.y_m - coordinate.y) * MM_PER_M

@@ -1,0 +1,59 @@
+"""What the order service refuses to its hosts; each error is one answer, see :mod:`problems`."""
+
+from __future__ import annotations
+
+
+class NameTakenError(Exception):
+    """An order of this name exists already, made by another request."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(
+            f"A transport order {name!r} exists already, and names are never used twice. "
+            "Choose another name, or set incompleteName to have it completed."
+        )
+        self.name = name
+
+
+class UnknownOrderError(Exception):
+    """There is no order of this name."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"There is no transport order {name!r}. GET /v1/transportOrders lists them.")
+        self.name = name
+
+
+class UnknownVehicleError(Exception):
+    """There is no vehicle of this name."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"There is no vehicle {name!r}. GET /v1/vehicles lists them.")
+        self.name = name
+
+
+class OrderEndedError(Exception):
+    """The order is in a final state; nothing can be changed about it."""
+
+    def __init__(self, name: str, state: str) -> None:
+        super().__init__(f"Transport order {name!r} is {state} already; nothing is left to withdraw.")
+        self.name = name
+        self.state = state
+
+
+class VehicleNotReachedError(Exception):
+    """The robot is not there to be told something."""
+
+    def __init__(self, name: str, reason: str) -> None:
+        super().__init__(
+            f"Vehicle {name!r} cannot be told anything now: {reason}. Try again when it is back."
+        )
+        self.name = name
+
+
+class StoreNotReadyError(Exception):
+    """Nothing can be kept, so nothing is promised."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(
+            f"The store takes nothing at present ({reason}), so nothing is promised. "
+            "Try again with the same idempotencyKey; /readyz tells when the store is back."
+        )

@@ -1,0 +1,75 @@
+"""The HTTP server: uvicorn inside this program's own life."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import uvicorn
+from fastapi import FastAPI
+
+from nena_shared.log import get_logger
+from nena_shared.program import StartError
+from nena_shared.settings import HttpSettings
+
+log = get_logger(__name__)
+
+SHUTDOWN_PATIENCE = 3
+"""Seconds that open requests have to end."""
+
+CONCURRENT_REQUESTS = 1000
+
+
+class _Server(uvicorn.Server):
+    """A server that leaves signals to the program."""
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield
+
+
+class HttpServer:
+    """Listens from its making on, and answers while :meth:`run` runs."""
+
+    def __init__(self, app: FastAPI, settings: HttpSettings) -> None:
+        self._socket = _listen(settings)
+        self._host = settings.host
+        config = uvicorn.Config(
+            app,
+            lifespan="off",
+            log_config=None,
+            access_log=False,
+            server_header=False,
+            limit_concurrency=CONCURRENT_REQUESTS,
+            timeout_graceful_shutdown=SHUTDOWN_PATIENCE,
+        )
+        self._server = _Server(config)
+
+    @property
+    def port(self) -> int:
+        """The TCP port, also where the settings leave it to the system."""
+        port: int = self._socket.getsockname()[1]
+        return port
+
+    async def run(self) -> None:
+        """Answer requests until :meth:`stop`."""
+        host = f"[{self._host}]" if ":" in self._host else self._host
+        log.info("http listening", url=f"http://{host}:{self.port}", port=self.port)
+        await self._server.serve(sockets=[self._socket])
+
+    def stop(self) -> None:
+        """Take no more requests; :meth:`run` ends when those that are open are answered."""
+        self._server.should_exit = True
+
+
+def _listen(settings: HttpSettings) -> socket.socket:
+    try:
+        family = socket.getaddrinfo(settings.host, settings.port, type=socket.SOCK_STREAM)[0][0]
+        return socket.create_server((settings.host, settings.port), family=family, backlog=1024)
+    except OSError as error:
+        message = (
+            f"cannot listen on {settings.host} port {settings.port}: {error.strerror}. "
+            "Set http.port to a free port (0 takes any) or end the program that has it."
+        )
+        raise StartError(message) from error

@@ -1,0 +1,159 @@
+"""What hosts may ask for, the same through both doors."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from secrets import token_hex
+from uuid import uuid4
+
+from nena_order_service.errors import (
+    NameTakenError,
+    OrderEndedError,
+    StoreNotReadyError,
+    UnknownOrderError,
+    UnknownVehicleError,
+    VehicleNotReachedError,
+)
+from nena_order_service.fleet import InstantActionEnded, LinkStatus
+from nena_order_service.kernel.kernel import Kernel
+from nena_order_service.kernel.settings import KernelSettings
+from nena_order_service.kernel.vehicles import FleetVehicle
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.validation import check_request
+from nena_order_service.store.database import OrderFilter
+from nena_shared.fleet_api.transport_order import TransportOrderRequest, TransportOrderStatus
+from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.plant import MapTransform, Pose
+from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
+
+NAME_PREFIX = "TOrder"
+
+
+class HostRequests:
+    """Answers hosts; what it has answered is committed.
+
+    Every method may raise what :mod:`nena_order_service.errors` holds.
+    """
+
+    def __init__(self, kernel: Kernel, settings: KernelSettings) -> None:
+        self._kernel = kernel
+        self._settings = settings
+
+    async def create(self, request: TransportOrderRequest) -> tuple[TransportOrderStatus, bool]:
+        """Make an order; False: it is the one that the same idempotency key has made before.
+
+        Raises:
+            InvalidRequestError: it makes no sense in this plant.
+
+        """
+        check_request(request, self._kernel.plant, self._kernel.registry.names())
+        name, complete = request.name or NAME_PREFIX, request.name is None or request.incomplete_name
+        if complete:
+            name = f"{name}-{_sortable_id()}"
+        known = await self._find(None if complete else name, request.idempotency_key)
+        if known is None:
+            self._require_store()
+            known = self._kernel.create(request, name)
+            await self._committed()
+            return self._visible(known), True
+        if request.idempotency_key is None or known.idempotency_key != request.idempotency_key:
+            raise NameTakenError(name)
+        await self._committed()
+        return self._visible(known), False
+
+    async def withdraw(self, name: str, reason: str) -> TransportOrderStatus:
+        """Withdraw an order: it fails at once, or when the vehicle that works on it has let it go."""
+        order = self._kernel.book.named(name) or await self._kernel.store.order(name=name)
+        if order is None:
+            raise UnknownOrderError(name)
+        if order.state.final:
+            raise OrderEndedError(name, order.state)
+        self._require_store()
+        self._kernel.withdraw(order, reason)
+        await self._committed()
+        return self._visible(order)
+
+    async def order(self, name: str) -> TransportOrderStatus:
+        """Give an order."""
+        found = self._kernel.book.visible_named(name) or await self._kernel.store.order(name=name)
+        if found is None:
+            raise UnknownOrderError(name)
+        return found.status
+
+    async def orders(self, wanted: OrderFilter) -> tuple[TransportOrder, ...]:
+        """Give a page of orders, newest first."""
+        return await self._kernel.store.orders(wanted)
+
+    def vehicles(self) -> tuple[VehicleStatus, ...]:
+        """Give all vehicles."""
+        return tuple(self._kernel.status(vehicle) for vehicle in self._kernel.registry)
+
+    def vehicle(self, name: str) -> VehicleStatus:
+        """Give a vehicle."""
+        return self._kernel.status(self._vehicle(name))
+
+    async def instant_action(
+        self,
+        name: str,
+        action_type: str,
+        parameters: tuple[ActionParameter, ...] = (),
+        blocking_type: BlockingType = BlockingType.NONE,
+    ) -> tuple[Action, InstantActionEnded | None]:
+        """Send an instant action to a vehicle and wait a while for its end; None: it goes on."""
+        vehicle = self._vehicle(name)
+        link = self._kernel.view(vehicle).link
+        if link is not LinkStatus.ONLINE:
+            raise VehicleNotReachedError(name, f"it is {link}")
+        action = Action(
+            action_type=action_type,
+            action_id=str(uuid4()),
+            blocking_type=blocking_type,
+            action_parameters=parameters,
+        )
+        end = self._kernel.send_instant_action(vehicle, action)
+        seconds = self._settings.instant_action_timeout
+        return action, await self._kernel.instant_actions.wait(action.action_id, end, seconds)
+
+    def robot_pose(self, name: str, pose: Pose) -> tuple[Pose, str]:
+        """Give a pose of the plant as the vehicle's map has it, and the id of that map."""
+        vehicle = self._vehicle(name)
+        transform: MapTransform = vehicle.profile.transform
+        return transform.pose_to_map(pose), vehicle.profile.map_id
+
+    async def _find(self, name: str | None, key: str | None) -> TransportOrder | None:
+        """Give the order of this key, else of this name; from the store where it is not at hand."""
+        if found := self._at_hand(name, key):
+            return found
+        if name is None and key is None:
+            return None
+        stored = await self._kernel.store.order(name=name, idempotency_key=key)
+        return stored or self._at_hand(name, key)
+
+    def _at_hand(self, name: str | None, key: str | None) -> TransportOrder | None:
+        return self._kernel.book.keyed(key) or (self._kernel.book.named(name) if name else None)
+
+    def _vehicle(self, name: str) -> FleetVehicle:
+        vehicle = self._kernel.registry.named(name)
+        if vehicle is None:
+            raise UnknownVehicleError(name)
+        return vehicle
+
+    def _visible(self, order: TransportOrder) -> TransportOrderStatus:
+        return (self._kernel.book.visible(order.number) or order).status
+
+    def _require_store(self) -> None:
+        if not self._kernel.store.ready:
+            raise StoreNotReadyError(self._kernel.store.problem or "too much waits to be written")
+
+    async def _committed(self) -> None:
+        try:
+            async with asyncio.timeout(self._settings.commit_timeout):
+                await self._kernel.committed()
+        except TimeoutError:
+            raise StoreNotReadyError("it has not answered in time") from None
+
+
+def _sortable_id() -> str:
+    """Give an id that nothing else has; later ones sort behind earlier ones."""
+    return f"{time.time_ns() // 1_000_000:012x}{token_hex(5)}"

@@ -1,0 +1,36 @@
+"""Instant actions that callers wait for."""
+
+from __future__ import annotations
+
+import asyncio
+
+from nena_order_service.fleet import InstantActionEnded
+
+
+class PendingInstantActions:
+    """Hands the end of each instant action to whoever waits for it; nobody may have to."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[str, asyncio.Future[InstantActionEnded]] = {}
+
+    def ended(self, end: InstantActionEnded) -> None:
+        """Tell the end of an action."""
+        waiting = self._waiting.pop(end.action.action_id, None)
+        if waiting and not waiting.done():
+            waiting.set_result(end)
+
+    def expect(self, action_id: str) -> asyncio.Future[InstantActionEnded]:
+        """Give a future of the end of an action that is about to be sent."""
+        return self._waiting.setdefault(action_id, asyncio.get_running_loop().create_future())
+
+    async def wait(
+        self, action_id: str, end: asyncio.Future[InstantActionEnded], seconds: float
+    ) -> InstantActionEnded | None:
+        """Wait at most ``seconds`` for the end of an action; None if it has not come."""
+        try:
+            async with asyncio.timeout(seconds):
+                return await end
+        except TimeoutError:
+            return None
+        finally:
+            self._waiting.pop(action_id, None)

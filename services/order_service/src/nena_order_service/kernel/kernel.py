@@ -1,0 +1,357 @@
+"""The kernel: every change of orders, vehicles and missions is made here, in one event loop."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import timedelta
+from typing import Protocol
+
+from pydantic import ValidationError
+
+from nena_order_service.dispatch.dispatcher import Assignment
+from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.fleet import (
+    FleetLink,
+    FleetOutput,
+    InstantActionEnded,
+    Mission,
+    MissionAccepted,
+    MissionCancelled,
+    MissionFailed,
+    MissionFinished,
+    NotLocatedError,
+    OperationStarted,
+    RobotChanged,
+    RobotView,
+)
+from nena_order_service.kernel.dispatching import Candidate, Dispatching
+from nena_order_service.kernel.instant_actions import PendingInstantActions
+from nena_order_service.kernel.mission_book import MissionBook
+from nena_order_service.kernel.mission_record import MissionRecord
+from nena_order_service.kernel.missions import MissionPlanner
+from nena_order_service.kernel.order_book import OrderBook
+from nena_order_service.kernel.vehicle_status import vehicle_status
+from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.validation import InvalidRequestError, check_order
+from nena_order_service.routing import NoRouteError
+from nena_order_service.store.store import Store
+from nena_shared.clock import Clock
+from nena_shared.fleet_api.transport_order import (
+    TransportOrderRequest,
+    TransportOrderState,
+    TransportOrderStatus,
+)
+from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.log import get_logger
+from nena_shared.plant import PlantModel
+from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.topics import RobotKey
+
+log = get_logger(__name__)
+
+REDISPATCH_INTERVAL = 2.0
+"""Seconds between looks at orders that wait, for what changed without news: where robots stand."""
+
+
+class Listener(Protocol):
+    """Is told each change, once it is committed."""
+
+    def order_changed(self, status: TransportOrderStatus) -> None:
+        """Take notice of an order's new version."""
+        ...
+
+    def vehicle_changed(self, status: VehicleStatus) -> None:
+        """Take notice that a vehicle stands otherwise than before."""
+        ...
+
+
+class Kernel:
+    """Joins orders, dispatcher, fleet control and store.
+
+    What happens comes in as a *step*: it changes the order book and notes effects, such as a mission to send.
+    The changes are committed, and only then are the effects done and the changes told. So whatever anybody
+    has ever heard survives a restart.
+    """
+
+    def __init__(
+        self,
+        plant: PlantModel,
+        *,
+        store: Store,
+        registry: VehicleRegistry,
+        finder: WayFinder,
+        planner: MissionPlanner,
+        clock: Clock,
+    ) -> None:
+        self.plant = plant
+        self.store = store
+        self.registry = registry
+        self.book = OrderBook()
+        self.instant_actions = PendingInstantActions()
+        self.listeners: list[Listener] = []
+        self.clock = clock
+        self._finder = finder
+        self._planner = planner
+        self._fleet: FleetLink | None = None
+        self._missions = MissionBook(self.book)
+        self._dispatching = Dispatching(registry, self._missions, planner, self.view)
+        self._effects: list[Callable[[], None]] = []
+        self._changed_vehicles: set[str] = set()
+
+    @property
+    def fleet(self) -> FleetLink:
+        """Fleet control; there from :meth:`start` on."""
+        if self._fleet is None:
+            message = "start the kernel before anything is asked of it"
+            raise RuntimeError(message)
+        return self._fleet
+
+    async def start(self, fleet: FleetLink) -> None:
+        """Take up all that is not at its end; before the first message of a robot comes."""
+        self._fleet = fleet
+        found = await self.store.unfinished()
+        self.book.last_number = found.last_number
+        for order in found.orders:
+            self.book.load(order)
+        with self.step():
+            for order in found.orders:
+                self._take_up(order, found.missions.get(order.number))
+        await self.committed()
+        log.info("orders taken up", unfinished=len(found.orders), last_number=found.last_number)
+
+    async def run(self) -> None:
+        """Look again and again at orders that wait, until cancelled."""
+        while True:
+            await asyncio.sleep(REDISPATCH_INTERVAL)
+            with self.step():
+                self._dispatch()
+
+    @contextmanager
+    def step(self) -> Iterator[None]:
+        """Make changes; at the end they go to the store, and are told and done when they are committed."""
+        try:
+            yield
+        finally:
+            changes, told = self.book.take_changes()
+            effects, self._effects = self._effects, []
+            vehicles, self._changed_vehicles = self._changed_vehicles, set()
+            if changes or effects or vehicles:
+                self.store.commit(changes, lambda: self._release(told, effects, vehicles))
+
+    def _release(
+        self, told: list[TransportOrder], effects: list[Callable[[], None]], vehicles: set[str]
+    ) -> None:
+        self.book.committed(told)
+        for effect in effects:
+            try:
+                effect()
+            except Exception:
+                log.exception("an effect of a committed change failed")
+        for listener in self.listeners:
+            for order in told:
+                listener.order_changed(order.status)
+            for name in vehicles:
+                if vehicle := self.registry.named(name):
+                    listener.vehicle_changed(self.status(vehicle))
+
+    def committed(self) -> asyncio.Future[None]:
+        """Give a future that is done when all that has been changed so far is committed."""
+        future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+        def done() -> None:
+            if not future.done():
+                future.set_result(None)
+
+        with self.step():
+            self._effects.append(done)
+        return future
+
+    def create(self, request: TransportOrderRequest, name: str) -> TransportOrder:
+        """Make an order from a request that was checked, and dispatch it if it can be."""
+        now = self.clock.now()
+        with self.step():
+            order = TransportOrder.created(request, number=self.book.next_number(), name=name, now=now)
+            why = self._finder.why_unroutable(request.destinations, order.resources_to_avoid)
+            order = order.unroutable(why, now) if why else order.activated().dispatchable()
+            self.book.put(order)
+            if not why:
+                self._dispatch()
+        log.info("order created", order=name, state=order.state.value)
+        return order
+
+    def withdraw(self, order: TransportOrder, reason: str) -> None:
+        """Withdraw an order that is not at its end; one that is withdrawn already stays as it is."""
+        if order.state is TransportOrderState.WITHDRAWN:
+            return
+        with self.step():
+            withdrawn = order.withdrawn(reason, self.clock.now())
+            self.book.put(withdrawn)
+            if record := self._missions.of_order(order):
+                self._effects.append(lambda: self.fleet.cancel_mission(record.robot))
+
+    def send_instant_action(
+        self, vehicle: FleetVehicle, action: Action
+    ) -> asyncio.Future[InstantActionEnded]:
+        """Send an instant action; the future is done at its end."""
+        end = self.instant_actions.expect(action.action_id)
+        self.fleet.instant_action(vehicle.key, action)
+        return end
+
+    def view(self, vehicle: FleetVehicle) -> RobotView:
+        """Give what fleet control knows of a vehicle's robot."""
+        return self.fleet.view(vehicle.key)
+
+    def status(self, vehicle: FleetVehicle) -> VehicleStatus:
+        """Tell how a vehicle stands."""
+        view = self.view(vehicle)
+        order = self.book.visible(self._missions.order_number(vehicle.key))
+        order = order if order and order.vehicle == vehicle.name else None
+        age = None if view.state_at is None else timedelta(seconds=self.clock.monotonic() - view.state_at)
+        return vehicle_status(
+            vehicle,
+            view,
+            plant=self.plant,
+            transport_order=order.name if order else None,
+            reason=order.status.reason if order else self._dispatching.idle_reason(vehicle),
+            last_state=None if age is None else self.clock.now() - age,
+        )
+
+    def on_news(self, news: FleetOutput) -> None:
+        """Take in what fleet control tells."""
+        with self.step():
+            match news:
+                case RobotChanged(robot):
+                    self._robot_changed(robot)
+                case InstantActionEnded():
+                    self.instant_actions.ended(news)
+                case (
+                    MissionAccepted()
+                    | OperationStarted()
+                    | MissionFinished()
+                    | MissionFailed()
+                    | MissionCancelled()
+                ):
+                    self._mission_news(news)
+                case _:
+                    pass
+
+    def _robot_changed(self, robot: RobotKey) -> None:
+        vehicle = self.registry.discover(robot)
+        state = self.view(vehicle).state
+        if state and state.mobile_robot_position:
+            self.registry.learn_map(vehicle, state.mobile_robot_position.map_id)
+        self._changed_vehicles.add(vehicle.name)
+        if self._missions.order_number(robot) is None:
+            self._dispatch()
+
+    def _mission_news(
+        self,
+        news: MissionAccepted | OperationStarted | MissionFinished | MissionFailed | MissionCancelled,
+    ) -> None:
+        found = self._missions.find(news.mission_id)
+        if found is None:
+            log.warning(
+                "news of a mission that nobody follows", robot=str(news.robot), mission=news.mission_id
+            )
+            return
+        (order, record), now = found, self.clock.now()
+        match news:
+            case MissionAccepted():
+                self._missions.put(order, record.model_copy(update={"accepted": True}))
+            case OperationStarted():
+                self.book.put(order.operating(record.drive_order_index, now))
+            case MissionFinished():
+                self._drive_order_finished(order, record)
+            case MissionFailed():
+                self._end(order.failed(". ".join((news.reason, *news.details)), now))
+            case MissionCancelled():
+                withdrawn = order.state is TransportOrderState.WITHDRAWN
+                reason = "withdrawn; the vehicle has let it go" if withdrawn else "cancelled at the vehicle"
+                self._end(order.failed(reason, now))
+        self._changed_vehicles.add(order.vehicle or "")
+
+    def _drive_order_finished(self, order: TransportOrder, record: MissionRecord) -> None:
+        now = self.clock.now()
+        done = order.drive_order_finished(record.drive_order_index, now)
+        last = record.drive_order_index + 1 == len(order.status.drive_orders)
+        if order.state is TransportOrderState.WITHDRAWN:
+            self._end(done.failed("withdrawn; the vehicle had done what it had been sent", now))
+        elif last:
+            self._end(done.finished(now))
+        else:
+            self._missions.forget(order)
+            self._go_on(done)
+
+    def _go_on(self, order: TransportOrder) -> None:
+        """Send the mission of the current drive order; where that is not possible, the order fails."""
+        vehicle = self.registry.named(order.vehicle)
+        if vehicle is None:
+            self._end(order.failed(f"there is no vehicle {order.vehicle!r} any more", self.clock.now()))
+            return
+        try:
+            standing = self._planner.standing(vehicle, self.view(vehicle))
+            way = self._planner.way(order, vehicle, standing)
+        except (NotLocatedError, NoRouteError) as error:
+            self._end(order.failed(f"vehicle {vehicle.name} cannot go on: {error}", self.clock.now()))
+            return
+        self.book.put(order)
+        self._send(order, vehicle, self._planner.mission(order, vehicle, standing, way))
+
+    def _send(self, order: TransportOrder, vehicle: FleetVehicle, mission: Mission) -> None:
+        record = MissionRecord.of(vehicle.key, mission, order.status.current_drive_order_index)
+        self._missions.put(order, record)
+        self._effects.append(lambda: self.fleet.start_mission(vehicle.key, mission))
+
+    def _end(self, order: TransportOrder) -> None:
+        """Let an order be at its end, and its vehicle be free."""
+        self.book.put(order)
+        self._missions.forget(order)
+        log.info("order ended", order=order.name, state=order.state.value, reason=order.status.reason)
+        self._dispatch()
+
+    def _dispatch(self) -> None:
+        orders = self.book.dispatchable()
+        dispatched, reasons = self._dispatching.dispatch(orders)
+        for each in dispatched:
+            self._assign(each.assignment, each.candidate)
+        for order in orders:
+            if reason := reasons.get(order.name):
+                self.book.put(order.deferred(reason, self.clock.now()))
+
+    def _assign(self, assignment: Assignment, candidate: Candidate) -> None:
+        vehicle = candidate.vehicle
+        routes = (leg.points for leg in assignment.way.legs)
+        order = assignment.order.assigned(vehicle.name, routes, assignment.why, self.clock.now())
+        self.book.put(order)
+        self._send(order, vehicle, self._planner.mission(order, vehicle, candidate.standing, assignment.way))
+        log.info("order assigned", order=order.name, vehicle=vehicle.name, why=assignment.why)
+
+    def _take_up(self, order: TransportOrder, document: str | None) -> None:
+        """Take up an order from before a restart; what the robots say decides how it goes on."""
+        if order.state is TransportOrderState.DISPATCHABLE:
+            self._take_up_waiting(order)
+            return
+        try:
+            record = MissionRecord.model_validate_json(document or "")
+        except ValidationError:
+            self._end(order.failed("what had been sent to the vehicle is not in the store", self.clock.now()))
+            return
+        order = order.adopted(self.clock.now())
+        self.book.put(order)
+        self._missions.load(order, record)
+        self.registry.discover(record.robot)
+        self._effects.append(
+            lambda: self.fleet.adopt_mission(record.robot, record.mission, accepted=record.accepted)
+        )
+        if order.state is TransportOrderState.WITHDRAWN:
+            self._effects.append(lambda: self.fleet.cancel_mission(record.robot))
+
+    def _take_up_waiting(self, order: TransportOrder) -> None:
+        """Let an order wait on, unless the plant model has changed so that it is not possible any more."""
+        try:
+            check_order(order.status, self.plant)
+        except InvalidRequestError as error:
+            self.book.put(order.failed(f"not possible in this plant any more: {error}", self.clock.now()))

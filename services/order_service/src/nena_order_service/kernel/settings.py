@@ -1,0 +1,29 @@
+"""Settings of the kernel."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from nena_shared.settings import SettingsGroup
+
+
+class KernelSettings(SettingsGroup):
+    """How orders and vehicles are handled."""
+
+    adopt_unknown: bool = Field(
+        default=False,
+        description="Whether robots that are heard of, but not in the plant model, get orders too.",
+    )
+    default_map_id: str = Field(
+        "", description="Map of robots whose plant model names none; empty: the map that the robot reports."
+    )
+    action_types: dict[str, str] = Field(
+        default_factory=dict,
+        description="VDA 5050 action types by the plant's operations, laid over the usual ones.",
+    )
+    commit_timeout: float = Field(
+        10.0, gt=0, description="Seconds that a host waits at most for the store to take its request."
+    )
+    instant_action_timeout: float = Field(
+        10.0, gt=0, description="Seconds that a caller waits at most for the end of an instant action."
+    )

@@ -1,0 +1,64 @@
+"""Puts what is known of a vehicle into what hosts are told."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from nena_order_service.fleet import NotLocatedError, RobotView, locate
+from nena_order_service.kernel.vehicles import FleetVehicle
+from nena_shared.fleet_api.vehicle import PrecisePosition, ProcessingState, VehicleStatus
+from nena_shared.plant import PlantModel, Pose
+from nena_shared.vda5050.error import ErrorEntry
+from nena_shared.vda5050.state import State
+
+
+def vehicle_status(
+    vehicle: FleetVehicle,
+    view: RobotView,
+    *,
+    plant: PlantModel,
+    transport_order: str | None,
+    reason: str,
+    last_state: datetime | None,
+) -> VehicleStatus:
+    """Tell how a vehicle stands; positions are in m and rad of the plant's frame."""
+    state = view.state
+    return VehicleStatus(
+        name=vehicle.name,
+        manufacturer=vehicle.key.manufacturer,
+        serial_number=vehicle.key.serial_number,
+        state=view.vehicle_state,
+        processing_state=ProcessingState.PROCESSING_ORDER if transport_order else ProcessingState.IDLE,
+        reason=reason,
+        connection=view.link,
+        operating_mode=state.operating_mode if state else None,
+        current_position=_current_position(vehicle, state, plant) if state else None,
+        precise_position=_precise_position(vehicle, state) if state else None,
+        energy_level=state.power_supply.state_of_charge if state else None,
+        transport_order=transport_order,
+        errors=tuple(_in_words(error) for error in state.errors) if state else (),
+        last_state=last_state,
+    )
+
+
+def _current_position(vehicle: FleetVehicle, state: State, plant: PlantModel) -> str | None:
+    if state.last_node_id in plant.points_by_name:
+        return state.last_node_id
+    try:
+        standing = locate(plant, state, vehicle.profile)
+    except NotLocatedError:
+        return None
+    return standing.point if standing.on_point else None
+
+
+def _precise_position(vehicle: FleetVehicle, state: State) -> PrecisePosition | None:
+    position = state.mobile_robot_position
+    if position is None or not position.localized:
+        return None
+    pose = vehicle.profile.transform.pose_to_plant(Pose(position.x, position.y, position.theta))
+    return PrecisePosition(x=pose.x_m, y=pose.y_m, theta=pose.heading_rad, map_id=position.map_id)
+
+
+def _in_words(error: ErrorEntry) -> str:
+    text = f"{error.error_level} {error.error_type}"
+    return f"{text}: {error.error_description}" if error.error_description else text

@@ -1,0 +1,85 @@
+"""The vehicles: those of the plant model, and robots that were heard of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from nena_order_service.fleet import RobotProfile
+from nena_shared.plant import PlantModel, Vehicle
+from nena_shared.vda5050.topics import RobotKey
+
+
+@dataclass(frozen=True, slots=True)
+class FleetVehicle:
+    """One vehicle: its name for hosts, and the robot that it is."""
+
+    name: str
+    key: RobotKey
+    profile: RobotProfile
+    model: Vehicle | None
+    """As the plant model has it; None: it does not."""
+    obstacle: str = ""
+    """Why it never gets orders, as a predicate; empty if it may."""
+
+
+class VehicleRegistry:
+    """Knows each vehicle by its name and by its robot's key.
+
+    A vehicle whose plant model says no more is the robot of manufacturer ``NeNa`` whose serial number is the
+    vehicle's name.
+    """
+
+    def __init__(self, plant: PlantModel, *, default_map_id: str, adopt_unknown: bool) -> None:
+        self._default_map_id = default_map_id
+        self._adopt_unknown = adopt_unknown
+        self._by_name: dict[str, FleetVehicle] = {}
+        self._by_key: dict[RobotKey, FleetVehicle] = {}
+        for vehicle in plant.vehicles:
+            self._add(_of_plant(vehicle, default_map_id))
+
+    def __iter__(self) -> Iterator[FleetVehicle]:
+        """Yield all vehicles, those of the plant model first."""
+        return iter(tuple(self._by_name.values()))
+
+    def names(self) -> frozenset[str]:
+        """Give the names of the vehicles that may get orders."""
+        return frozenset(vehicle.name for vehicle in self if not vehicle.obstacle)
+
+    def named(self, name: str | None) -> FleetVehicle | None:
+        """Give the vehicle of this name; None if there is none."""
+        return None if name is None else self._by_name.get(name)
+
+    def of(self, key: RobotKey) -> FleetVehicle | None:
+        """Give the vehicle that is this robot; None if it was never discovered."""
+        return self._by_key.get(key)
+
+    def discover(self, key: RobotKey) -> FleetVehicle:
+        """Give the vehicle that is this robot; one that is new is listed from now on."""
+        known = self._by_key.get(key)
+        if known:
+            return known
+        obstacle = "" if self._adopt_unknown else "is not in the plant model"
+        profile = RobotProfile(map_id=self._default_map_id)
+        return self._add(FleetVehicle(self._free_name(key), key, profile, None, obstacle))
+
+    def learn_map(self, vehicle: FleetVehicle, map_id: str) -> None:
+        """Let a vehicle whose map nobody has named be on the one that the robot reports."""
+        if not vehicle.profile.map_id:
+            self._add(replace(vehicle, profile=replace(vehicle.profile, map_id=map_id)))
+
+    def _add(self, vehicle: FleetVehicle) -> FleetVehicle:
+        self._by_name[vehicle.name] = vehicle
+        self._by_key[vehicle.key] = vehicle
+        return vehicle
+
+    def _free_name(self, key: RobotKey) -> str:
+        return key.serial_number if key.serial_number not in self._by_name else str(key)
+
+
+DEFAULT_MANUFACTURER = "NeNa"
+
+
+def _of_plant(vehicle: Vehicle, default_map_id: str) -> FleetVehicle:
+    key = RobotKey(vehicle.manufacturer or DEFAULT_MANUFACTURER, vehicle.serial_number or vehicle.name)
+    return FleetVehicle(vehicle.name, key, RobotProfile.of(vehicle, default_map_id=default_map_id), vehicle)

@@ -1,0 +1,164 @@
+"""The MQTT door: hosts ask for transport orders by publishing, and hear of every change."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator
+from dataclasses import dataclass
+from http import HTTPStatus
+
+from pydantic import ValidationError
+
+from nena_order_service.kernel.host_requests import HostRequests
+from nena_order_service.kernel.kernel import Kernel
+from nena_order_service.problems import FORESEEN, problem_of
+from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.fleet_api.transport_order import (
+    CreationAnswer,
+    Problem,
+    TransportOrderRequest,
+    TransportOrderStatus,
+)
+from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.log import get_logger
+from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.vda5050.malformed import problems_of
+
+log = get_logger(__name__)
+
+REQUESTS_LIMIT = 1000
+"""Requests that may be in work at the same time; one more is answered with 503."""
+
+
+@dataclass(slots=True)
+class DoorCounters:
+    """What came through the door."""
+
+    requests: int = 0
+    malformed: int = 0
+    refused: int = 0
+
+
+class MqttDoor:
+    """Takes creation requests, and tells orders, vehicles and the plant model, retained.
+
+    A retained request is refused: the broker would deliver it again at each connect.
+    """
+
+    def __init__(
+        self,
+        mqtt: MqttLink,
+        topics: FleetTopics,
+        kernel: Kernel,
+        requests: HostRequests,
+        *,
+        plant_json: bytes,
+        max_body: int,
+    ) -> None:
+        self._mqtt = mqtt
+        self._topics = topics
+        self._kernel = kernel
+        self._requests = requests
+        self._plant_json = plant_json
+        self._max_body = max_body
+        self._tasks: set[asyncio.Task[None]] = set()
+        self.counters = DoorCounters()
+        mqtt.subscribe(topics.creation_requests, self._request_came)
+
+    def greeting(self) -> Iterator[Outbound]:
+        """Give what a broker that may have lost everything is told at each connect."""
+        yield Outbound(self._topics.plant_model, self._plant_json, retain=True)
+        for vehicle in self._kernel.registry:
+            yield self._of_vehicle(self._kernel.status(vehicle))
+        for order in self._kernel.book.unfinished():
+            yield self._of_order(order.status)
+
+    def order_changed(self, status: TransportOrderStatus) -> None:
+        """Tell an order's new version; the last one is followed by what clears the topic."""
+        self._mqtt.publish(self._of_order(status))
+        if status.state.final:
+            self._mqtt.publish(Outbound(self._topics.order_status(status.name), b"", retain=True))
+
+    def vehicle_changed(self, status: VehicleStatus) -> None:
+        """Tell how a vehicle stands."""
+        self._mqtt.publish(self._of_vehicle(status))
+
+    async def close(self) -> None:
+        """End the work on requests."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def _of_order(self, status: TransportOrderStatus) -> Outbound:
+        body = status.model_dump_json(by_alias=True).encode()
+        return Outbound(self._topics.order_status(status.name), body, retain=True)
+
+    def _of_vehicle(self, status: VehicleStatus) -> Outbound:
+        body = status.model_dump_json(by_alias=True).encode()
+        return Outbound(self._topics.vehicle_status(status.serial_number), body, retain=True)
+
+    def _request_came(self, message: Inbound) -> None:
+        host = self._topics.host_of(message.topic)
+        self.counters.requests += 1
+        request = self._read(message)
+        if isinstance(request, Problem):
+            self.counters.malformed += 1
+            log.warning("creation request refused", host=host, reason=request.detail, errors=request.errors)
+            self._refuse(host, request)
+        elif len(self._tasks) >= REQUESTS_LIMIT:
+            status = HTTPStatus.SERVICE_UNAVAILABLE
+            detail = f"{REQUESTS_LIMIT} requests are in work already. Send again when they are answered."
+            self._refuse(host, Problem(title="Too many requests", status=status, detail=detail), request)
+        else:
+            task = asyncio.create_task(self._create(host, request), name=f"creation for {host}")
+            self._tasks.add(task)
+            task.add_done_callback(self._tasks.discard)
+
+    def _read(self, message: Inbound) -> TransportOrderRequest | Problem:
+        if message.retained:
+            detail = "The request is retained, so it would come again. Publish it without the retain flag."
+            return Problem(title="Retained request", status=HTTPStatus.BAD_REQUEST, detail=detail)
+        if len(message.payload) > self._max_body:
+            detail = f"The request is longer than {self._max_body} bytes. Send less at once."
+            return Problem(title="Too long", status=HTTPStatus.REQUEST_ENTITY_TOO_LARGE, detail=detail)
+        try:
+            return TransportOrderRequest.model_validate_json(message.payload, by_alias=True, by_name=False)
+        except ValidationError as error:
+            no_json = any(item["type"] == "json_invalid" for item in error.errors(include_input=False))
+            return Problem(
+                title="Not JSON" if no_json else "Request does not fit",
+                status=HTTPStatus.BAD_REQUEST if no_json else HTTPStatus.UNPROCESSABLE_ENTITY,
+                detail="The request has not the form that it needs. Correct what errors names.",
+                errors=tuple(problems_of(error)),
+            )
+
+    async def _create(self, host: str, request: TransportOrderRequest) -> None:
+        try:
+            order, new = await self._requests.create(request)
+        except Exception as error:
+            if not isinstance(error, FORESEEN):
+                log.exception("creation request failed", host=host)
+            self.counters.refused += 1
+            self._refuse(host, problem_of(error), request)
+        else:
+            status = HTTPStatus.CREATED if new else HTTPStatus.OK
+            answer = CreationAnswer(
+                status=status,
+                name=order.name,
+                idempotency_key=request.idempotency_key,
+                transport_order=order,
+            )
+            self._answer(host, answer)
+
+    def _refuse(self, host: str, problem: Problem, request: TransportOrderRequest | None = None) -> None:
+        answer = CreationAnswer(
+            status=problem.status,
+            name=request.name if request else None,
+            idempotency_key=request.idempotency_key if request else None,
+            problem=problem,
+        )
+        self._answer(host, answer)
+
+    def _answer(self, host: str, answer: CreationAnswer) -> None:
+        body = answer.model_dump_json(by_alias=True, exclude_none=True).encode()
+        self._mqtt.publish(Outbound(self._topics.creation_answer(host), body))

@@ -1,0 +1,50 @@
+"""Reads the plant model at the start, with a clear line for each thing that is wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from nena_shared.log import get_logger
+from nena_shared.plant import PlantModel, PlantModelError
+from nena_shared.plant.opentcs_xml import read
+from nena_shared.settings import ConfigurationError
+
+log = get_logger(__name__)
+
+
+def load_plant(path: Path) -> PlantModel:
+    """Read the plant model of ``path``.
+
+    Raises:
+        ConfigurationError: the file cannot be read or is no usable plant model; names all that is wrong.
+
+    """
+    try:
+        report = read(path.read_bytes())
+    except OSError as error:
+        raise ConfigurationError([f"plant: cannot read {path}: {error.strerror}"]) from error
+    except PlantModelError as error:
+        raise ConfigurationError([f"plant: {path}: {problem}" for problem in error.problems]) from error
+    _check_robots(path, report.model)
+    for warning in report.warnings:
+        log.warning("plant model", file=str(path), finding=str(warning))
+    model = report.model
+    log.info("plant model read", name=model.name, points=len(model.points), vehicles=len(model.vehicles))
+    return model
+
+
+def _check_robots(path: Path, plant: PlantModel) -> None:
+    """Refuse robots that have no place of their own in MQTT's topics."""
+    problems = []
+    owners: dict[str, str] = {}
+    for vehicle in plant.vehicles:
+        serial = vehicle.serial_number or vehicle.name
+        if any(sign in f"{vehicle.manufacturer}{serial}" for sign in "/+#"):
+            problems.append(
+                f"vehicle {vehicle.name!r}: manufacturer and serial number hold no '/', '+' or '#'"
+            )
+        other = owners.setdefault(serial, vehicle.name)
+        if other != vehicle.name:
+            problems.append(f"vehicles {other!r} and {vehicle.name!r} have the same serial number {serial!r}")
+    if problems:
+        raise ConfigurationError([f"plant: {path}: {problem}" for problem in problems])

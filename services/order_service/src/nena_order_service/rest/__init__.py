@@ -1,0 +1,1 @@
+"""The REST door: ``/v1`` over HTTP, described at ``/openapi.json``."""

@@ -1,0 +1,117 @@
+"""Bodies that only the REST door has."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, JsonValue, model_validator
+
+from nena_shared.fleet_api.base import ObjectName, Request, Resource
+from nena_shared.fleet_api.transport_order import Coordinate, Destination, TransportOrderStatus
+from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.vda5050.action import ActionStatus, BlockingType
+
+
+class TransportOrderPage(Resource):
+    """Some of the orders, newest first."""
+
+    transport_orders: tuple[TransportOrderStatus, ...]
+    next: str | None
+    """Give it as ``after`` for the page that follows; None: this is the last one."""
+
+
+class VehicleList(Resource):
+    """All vehicles, those of the plant model first."""
+
+    vehicles: tuple[VehicleStatus, ...]
+
+
+class WithdrawalRequest(Request):
+    """Asks for the end of a transport order."""
+
+    reason: Annotated[str, Field(min_length=1, max_length=500)] = "withdrawn by a host"
+
+
+class DispatchRequest(Request):
+    """Sends a vehicle somewhere: to a point, to a location, or to a coordinate in the plant's frame."""
+
+    point: ObjectName | None = None
+    location_name: ObjectName | None = None
+    coordinate: Coordinate | None = None
+    operation: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+    """None: MOVE at a point or coordinate, NOP at a location."""
+    priority: Annotated[int, Field(ge=-1000, le=1000)] = 0
+    idempotency_key: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Self:
+        if sum(place is not None for place in (self.point, self.location_name, self.coordinate)) != 1:
+            message = "give one of point, locationName and coordinate"
+            raise ValueError(message)
+        return self
+
+    def destination(self) -> Destination:
+        """Give the one stop of the order that is made of this."""
+        operation = self.operation or ("NOP" if self.location_name else "MOVE")
+        name = self.location_name or self.point
+        return Destination(location_name=name, coordinate=self.coordinate, operation=operation)
+
+
+class Parameter(Request):
+    """One value that an action is given."""
+
+    key: Annotated[str, Field(min_length=1, max_length=200)]
+    value: JsonValue
+
+
+class InitialPose(Request):
+    """Where a robot is: m and rad of the plant's frame."""
+
+    x: float
+    y: float
+    theta: Annotated[float, Field(ge=-pi, le=pi)]
+    map_id: ObjectName | None = None
+    """None: the map on which the vehicle drives."""
+
+
+class InstantActionRequest(Request):
+    """Something that a robot shall do at once.
+
+    ``pause`` and ``resume`` stand for startPause and stopPause; ``initializePosition`` needs a pose; any
+    other type is sent as it is, with its parameters.
+    """
+
+    action_type: Annotated[str, Field(min_length=1, max_length=200)]
+    pose: InitialPose | None = None
+    parameters: Annotated[tuple[Parameter, ...], Field(max_length=100)] = ()
+    blocking_type: BlockingType = BlockingType.NONE
+
+    @model_validator(mode="after")
+    def _pose_where_needed(self) -> Self:
+        if (self.action_type == "initializePosition") != (self.pose is not None):
+            message = "initializePosition needs a pose, and no other action has one"
+            raise ValueError(message)
+        return self
+
+
+class InstantActionAnswer(Resource):
+    """What became of an instant action."""
+
+    action_id: str
+    action_type: str
+    status: ActionStatus | Literal["UNKNOWN", "PENDING"]
+    """FINISHED or FAILED; PENDING: it goes on; UNKNOWN: the robot never told."""
+    reason: str
+    """In words."""
+    result: str | None = None
+    """The robot's own."""
+
+
+class Readiness(Resource):
+    """Whether the order service does its work, and what is missing."""
+
+    ready: bool
+    broker_connected: bool
+    store_ready: bool
+    problems: tuple[str, ...] = ()

@@ -1,0 +1,81 @@
+"""Every error as problem+json (RFC 9457), with a detail that says what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from http import HTTPStatus
+
+from fastapi import FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+
+from nena_order_service.problems import FORESEEN, problem_of
+from nena_shared.fleet_api.transport_order import Problem
+from nena_shared.log import get_logger
+
+log = get_logger(__name__)
+
+MEDIA_TYPE = "application/problem+json"
+
+
+def answer(problem: Problem, headers: dict[str, str] | None = None) -> Response:
+    """Put a problem into a response."""
+    return Response(
+        problem.model_dump_json(by_alias=True, exclude_none=True),
+        status_code=problem.status,
+        media_type=MEDIA_TYPE,
+        headers=headers,
+    )
+
+
+def install(app: FastAPI) -> None:
+    """Let every error of ``app`` be answered as a problem."""
+
+    @app.exception_handler(RequestValidationError)
+    async def invalid(_request: Request, error: RequestValidationError) -> Response:
+        return answer(_problem_of_validation(error))
+
+    @app.exception_handler(HTTPException)
+    async def refused(request: Request, error: HTTPException) -> Response:
+        return answer(_problem_of_status(request, error), dict(error.headers or {}))
+
+    async def foreseen(_request: Request, error: Exception) -> Response:
+        return answer(problem_of(error))
+
+    for kind in FORESEEN:
+        app.add_exception_handler(kind, foreseen)
+
+    @app.exception_handler(Exception)
+    async def failed(request: Request, error: Exception) -> Response:
+        log.error("request failed", path=request.url.path, exc_info=error)
+        return answer(problem_of(error))
+
+
+def _problem_of_validation(error: RequestValidationError) -> Problem:
+    found = error.errors()
+    if any(item["type"] == "json_invalid" for item in found):
+        return Problem(
+            title="Not JSON",
+            status=HTTPStatus.BAD_REQUEST,
+            detail="The body is not JSON. Send a JSON object with Content-Type: application/json.",
+            errors=tuple(str(item.get("ctx", {}).get("error", item["msg"])) for item in found),
+        )
+    return Problem(
+        title="Request does not fit",
+        status=HTTPStatus.UNPROCESSABLE_ENTITY,
+        detail="The request has not the form that it needs. Correct what errors names; see /openapi.json.",
+        errors=tuple(f"{_path(item['loc'])}: {item['msg']}" for item in found),
+    )
+
+
+def _path(location: Sequence[str | int]) -> str:
+    return ".".join(str(part) for part in location if part != "body") or "body"
+
+
+def _problem_of_status(request: Request, error: HTTPException) -> Problem:
+    details = {
+        HTTPStatus.NOT_FOUND: f"There is nothing at {request.url.path}. /openapi.json lists what there is.",
+        HTTPStatus.METHOD_NOT_ALLOWED: f"{request.method} is not possible there; see /openapi.json.",
+    }
+    status = HTTPStatus(error.status_code)
+    return Problem(title=status.phrase, status=status, detail=details.get(status, str(error.detail)))

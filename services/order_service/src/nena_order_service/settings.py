@@ -1,0 +1,41 @@
+"""Settings of the order service."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field
+
+from nena_order_service.fleet import FleetSettings
+from nena_order_service.kernel.settings import KernelSettings
+from nena_shared.settings import HttpSettings, ServiceSettings, SettingsGroup, TopicPrefix
+
+
+class StoreSettings(SettingsGroup):
+    """Where orders are kept."""
+
+    url: str = Field(
+        "sqlite:///nena-orders.db",
+        description="Database of the orders: sqlite:///FILE (four slashes for an absolute path).",
+    )
+
+
+class OrderServiceSettings(ServiceSettings):
+    """What the order service can be told."""
+
+    plant: Path = Field(description="Plant model: a file in openTCS's XML, format 0.0.2 to 7.0.0.")
+    store: StoreSettings = Field(default_factory=StoreSettings, description="The store of the orders.")
+    http: HttpSettings = Field(default_factory=lambda: HttpSettings(port=55200), description="The REST door.")
+    topic_prefix: TopicPrefix = Field(
+        "nena/v1", description="First levels of the MQTT topics for hosts; a prefix for each fleet."
+    )
+    interface_name: TopicPrefix = Field("uagv", description="First levels of the robots' VDA 5050 topics.")
+    fleet: FleetSettings = Field(
+        default_factory=FleetSettings, description="How patient fleet control is with robots."
+    )
+    kernel: KernelSettings = Field(
+        default_factory=KernelSettings, description="How orders and vehicles are handled."
+    )
+    max_body: int = Field(
+        262_144, ge=1024, description="Longest request body that either door takes, in bytes."
+    )
