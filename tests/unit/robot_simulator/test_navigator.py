@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from uuid import UUID
 
+import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, invariant, multiple, rule
@@ -173,12 +174,21 @@ def test_an_unknown_frame_while_driving_makes_the_new_goal_end_at_the_old_place(
     assert bench.arrays[-1] == "A:6 B:4"
 
 
-def test_a_drive_that_fails_makes_room_for_the_pending_goal() -> None:
+@pytest.mark.parametrize(("progress", "status"), [(Progress.REACHED, 4), (Progress.FAILED, 6)])
+def test_a_goal_that_comes_with_the_end_of_a_drive_gets_its_result(progress: Progress, status: int) -> None:
     bench = driving()
     bench.take(B)
-    bench.rounds(progress=Progress.FAILED)
-    bench.rounds()
-    assert bench.arrays[-1] == "A:6 B:2"
+    bench.rounds(progress=progress)
+    assert bench.arrays[2:] == ["A:6 B:2", f"A:6 B:{status}"]
+    assert not bench.navigator.busy
+
+
+def test_a_goal_that_cannot_begin_makes_room_for_the_pending_one() -> None:
+    bench = Bench()
+    bench.take(A, "moon")
+    bench.take(B)
+    bench.rounds(2)
+    assert bench.arrays == ["A:2", "A:2 B:2", "A:6 B:2"]
     assert bench.driving_for() == B
 
 

@@ -4,6 +4,7 @@ The rules are those of Nav2's SimpleActionServer. A goal that comes while anothe
 pending slot until the loop has ticked, then takes over without a stop; the old goal ends ABORTED. A cancel
 request is looked for on the pending goal only, while there is one: that is Nav2's own race, and an agent has
 to live with it. Cancelling halts the tree first, which takes a moment; then everything there is ends at once.
+Another race: a goal that takes over in the very round in which the tree ends gets the old drive's result.
 """
 
 from __future__ import annotations
@@ -107,21 +108,22 @@ class Navigator:
             self._begin(self._current, now)
         elif self._cancel_requested(self._pending or self._current):
             self._halted_at = now + self._halting()
-        elif progress is Progress.UNDERWAY:
-            self._preempt(now)
         else:
-            self._finish(self._current, progress, now)
+            current = self._preempted(self._current, now)
+            if progress is not Progress.UNDERWAY:
+                self._finish(current, progress, now)
 
     def _cancel_requested(self, asked: Goal) -> bool:
         return not self._active or self._goals[asked.goal_id] is GoalStatus.CANCELING
 
-    def _preempt(self, now: float) -> None:
+    def _preempted(self, current: Goal, now: float) -> Goal:
         """Let the pending goal take over; one with an unusable pose keeps the robot on its old way."""
-        if self._current is None or self._pending is None:
-            return
-        self._goals.end(self._current.goal_id, GoalStatus.ABORTED, now)
+        if self._pending is None:
+            return current
+        self._goals.end(current.goal_id, GoalStatus.ABORTED, now)
         self._current, self._pending = self._pending, None
         self._way = self._resolve(self._current) or self._way
+        return self._current
 
     def _begin(self, goal: Goal, now: float) -> None:
         """Find the way from standstill; a goal without a usable pose ends at once."""
