@@ -8,7 +8,6 @@ from __future__ import annotations
 import random
 import uuid
 from collections import deque
-from uuid import UUID
 
 from action_msgs.msg import GoalStatusArray
 from action_msgs.srv import CancelGoal
@@ -139,9 +138,9 @@ class RobotNode:
         return int(self._clock.now().timestamp() * 1_000_000) * 1000
 
     def _on_goal_pose(self, message: PoseStamped) -> None:
-        pose = messages.goal_pose_of(message.pose)
-        self._goals_on_the_way.append((pose, message.header.frame_id))
-        self._delivery.reset()
+        if not self._goals_on_the_way:
+            self._delivery.reset()
+        self._goals_on_the_way.append((messages.goal_pose_of(message.pose), message.header.frame_id))
 
     def _deliver_goals(self) -> None:
         self._delivery.cancel()
@@ -196,8 +195,8 @@ class RobotNode:
 
     def _apply(self, fault: faults.AnyFault) -> None:
         was_silent = self._silent
-        goal_id: UUID = uuid.uuid4()
-        self._robot.apply(fault, goal_id=goal_id, accepted_ns=self._stamp(), now=self._clock.monotonic())
+        now = self._clock.monotonic()
+        self._robot.apply(fault, goal_id=uuid.uuid4(), accepted_ns=self._stamp(), now=now)
         self._log.info("fault", **fault.model_dump())
         if was_silent and not self._silent:
             self._publish_map()
