@@ -1,0 +1,200 @@
+"""A fleet-control core and one honest robot, with a wire between them that the test holds in its hands."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from itertools import count, pairwise
+from typing import TypeVar
+
+from nena_order_service.fleet import (
+    FleetController,
+    FleetOutput,
+    FleetSettings,
+    Mission,
+    MissionCancelled,
+    MissionFailed,
+    MissionFinished,
+    Outputs,
+    PublishInstantActions,
+    PublishOrder,
+    RobotChanged,
+    RobotView,
+)
+from nena_shared.vda5050.action import Action, BlockingType, InstantActions
+from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.order import AllowedDeviationXY, Edge, Node, NodePosition, Order
+from support.honest_robot import MAP, START, HonestRobot
+
+T = TypeVar("T")
+
+ENDS = (MissionFinished, MissionFailed, MissionCancelled)
+
+
+def make_mission(name: str, *points: str, operation: str | None = None, x: float = 0.0) -> Mission:
+    """Make a mission along points that lie 1 m apart, the first at ``x``; an operation at its end."""
+    last = len(points) - 1
+    action = (
+        ()
+        if operation is None
+        else (
+            Action(action_type=operation, action_id=f"{name}/{operation}", blocking_type=BlockingType.HARD),
+        )
+    )
+    return Mission(
+        mission_id=name,
+        nodes=tuple(
+            Node(
+                node_id=point,
+                sequence_id=2 * index,
+                released=True,
+                node_position=NodePosition(
+                    x=x + index, y=0.0, map_id=MAP, allowed_deviation_xy=AllowedDeviationXY(a=0.5, b=0.5)
+                ),
+                actions=action if index == last else (),
+            )
+            for index, point in enumerate(points)
+        ),
+        edges=tuple(
+            Edge(edge_id=f"{a}-{b}", sequence_id=2 * index + 1, released=True, actions=())
+            for index, (a, b) in enumerate(pairwise(points))
+        ),
+    )
+
+
+class Bench:
+    """Time stands still until :meth:`wait`; what is sent lies on the wire until :meth:`deliver`."""
+
+    def __init__(self, settings: FleetSettings | None = None, robot: HonestRobot | None = None) -> None:
+        numbers = count(1)
+        self.settings = settings or FleetSettings()
+        self.fleet = FleetController(self.settings, new_id=lambda: f"id-{next(numbers)}")
+        self.robot = robot or HonestRobot()
+        self.now = 100.0
+        self.wire: list[PublishOrder | PublishInstantActions] = []
+        self.sent: list[PublishOrder | PublishInstantActions] = []
+        self.news: list[FleetOutput] = []
+
+    def online(self) -> Bench:
+        """Let the broker and the robot be there, and the robot be known."""
+        self.take(self.fleet.on_broker(connected=True, now=self.now))
+        self.connection(ConnectionState.ONLINE)
+        self.report()
+        return self
+
+    @property
+    def key(self) -> object:
+        return self.robot.key
+
+    def take(self, outputs: Outputs) -> Outputs:
+        for output in outputs:
+            if isinstance(output, PublishOrder | PublishInstantActions):
+                self.wire.append(output)
+                self.sent.append(output)
+            else:
+                self.news.append(output)
+        return outputs
+
+    def connection(self, state: ConnectionState) -> Outputs:
+        message = self.robot.connection(state, self.now)
+        return self.take(self.fleet.on_connection(self.robot.key, message, self.now))
+
+    def report(self) -> Outputs:
+        """Let a state of the robot arrive."""
+        return self.take(self.fleet.on_state(self.robot.key, self.robot.state(self.now), self.now))
+
+    def start(self, mission: Mission) -> Outputs:
+        return self.take(self.fleet.start_mission(self.robot.key, mission, self.now))
+
+    def cancel(self) -> Outputs:
+        return self.take(self.fleet.cancel_mission(self.robot.key, self.now))
+
+    def instruct(self, action: Action) -> Outputs:
+        return self.take(self.fleet.instant_action(self.robot.key, action, self.now))
+
+    def tick(self) -> Outputs:
+        return self.take(self.fleet.tick(self.now))
+
+    def wait(self, seconds: float, *, reporting: bool = False) -> None:
+        """Let time pass, with a tick each quarter of a second, and with a state each second on request."""
+        for quarter in range(1, int(seconds * 4) + 1):
+            self.now += 0.25
+            if reporting and quarter % 4 == 0:
+                self.report()
+            self.tick()
+
+    def deliver(self) -> None:
+        """Hand what lies on the wire to the robot."""
+        while self.wire:
+            hand_over(self.wire.pop(0), self.robot)
+
+    def lose(self) -> None:
+        """Lose what lies on the wire."""
+        self.wire.clear()
+
+    def run(self, steps: int = 20) -> None:
+        """Let everything go its way: deliver, drive a step, report."""
+        for _ in range(steps):
+            self.now += 0.5
+            self.deliver()
+            self.robot.step()
+            self.report()
+            self.tick()
+
+    def view(self) -> RobotView:
+        return self.fleet.view(self.robot.key, self.now)
+
+    def told(self, kind: type[T]) -> list[T]:
+        return [each for each in self.news if isinstance(each, kind)]
+
+    def ends(self) -> Counter[str]:
+        """Count the ends that were told, by mission."""
+        return Counter(each.mission_id for each in self.news if isinstance(each, ENDS))
+
+    def story(self) -> list[str]:
+        """Name the news but RobotChanged."""
+        return [type(each).__name__ for each in self.news if not isinstance(each, RobotChanged)]
+
+    def orders_sent(self) -> list[str]:
+        return [each.mission.mission_id for each in self.sent if isinstance(each, PublishOrder)]
+
+    def instants_sent(self) -> list[str]:
+        return [
+            action.action_type
+            for each in self.sent
+            if isinstance(each, PublishInstantActions)
+            for action in each.actions
+        ]
+
+
+def hand_over(output: PublishOrder | PublishInstantActions, robot: HonestRobot) -> None:
+    """Let a robot take what was sent to it."""
+    if isinstance(output, PublishOrder):
+        robot.take_order(order_of(output.mission, robot))
+    else:
+        robot.take_instant_actions(instants_of(output.actions, robot))
+
+
+def order_of(mission: Mission, robot: HonestRobot) -> Order:
+    return Order(
+        header_id=0,
+        timestamp=START,
+        version="2.1.0",
+        manufacturer=robot.key.manufacturer,
+        serial_number=robot.key.serial_number,
+        order_id=mission.mission_id,
+        order_update_id=0,
+        nodes=mission.nodes,
+        edges=mission.edges,
+    )
+
+
+def instants_of(actions: Iterable[Action], robot: HonestRobot) -> InstantActions:
+    return InstantActions(
+        header_id=0,
+        timestamp=START,
+        version="2.1.0",
+        manufacturer=robot.key.manufacturer,
+        serial_number=robot.key.serial_number,
+        actions=tuple(actions),
+    )

@@ -1,0 +1,227 @@
+"""A robot that keeps to VDA 5050 and can do little: it drives a node per step, cancels, fails on request.
+
+It is no copy of the edge agent: it is written from the rules alone, so that fleet control can be tried
+against something that it does not share a line with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+
+from nena_shared.vda5050.action import Action, ActionState, ActionStatus, InstantActions
+from nena_shared.vda5050.connection import Connection, ConnectionState
+from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
+from nena_shared.vda5050.order import Edge, Node, Order
+from nena_shared.vda5050.state import (
+    EdgeState,
+    EmergencyStop,
+    MobileRobotPosition,
+    NodeState,
+    OperatingMode,
+    PowerSupply,
+    SafetyState,
+    State,
+)
+from nena_shared.vda5050.topics import RobotKey
+
+ROBOT = RobotKey("Honest", "robot-1")
+MAP = "hall"
+START = datetime(2026, 1, 1, tzinfo=UTC)
+
+
+@dataclass
+class HonestRobot:
+    """All that the robot knows; what is not remembered over a restart is what :meth:`restart` clears."""
+
+    key: RobotKey = ROBOT
+    order_id: str = ""
+    last_node_id: str = ""
+    last_sequence_id: int = 0
+    nodes: list[Node] = field(default_factory=list)
+    edges: list[Edge] = field(default_factory=list)
+    actions: list[Action] = field(default_factory=list)
+    statuses: dict[str, ActionStatus] = field(default_factory=dict)
+    instants: dict[str, tuple[Action, ActionStatus]] = field(default_factory=dict)
+    errors: list[ErrorEntry] = field(default_factory=list)
+    mode: OperatingMode = OperatingMode.AUTOMATIC
+    paused: bool = False
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    localized: bool = True
+    charge: float = 80.0
+    header_id: int = 0
+    reports_instants_apart: bool = False
+    """True as in 3.0; False as in 2.x, among the order's actions."""
+    actions_fail: bool = False
+    unreachable: set[str] = field(default_factory=set)
+    names_refusals: bool = True
+    executed: list[str] = field(default_factory=list)
+    """Ids of actions in the order of their beginning, over the robot's whole life."""
+    accepted: list[str] = field(default_factory=list)
+    """Ids of orders in the order of their acceptance, over the robot's whole life."""
+
+    @property
+    def idle(self) -> bool:
+        return not self.nodes and not self.edges and all(each.ended for each in self.statuses.values())
+
+    def take_order(self, order: Order) -> None:
+        if order.order_id == self.order_id:
+            return  # the same update again; there are no updates here
+        if not self.mode.takes_orders:
+            self._refuse(order, ErrorType.MOBILE_ROBOT_NOT_AVAILABLE)
+        elif not self.idle:
+            self._refuse(order, ErrorType.OTHER_ORDER_ACTIVE)
+        elif not self._stands_at(order.nodes[0]):
+            self._refuse(order, ErrorType.START_NODE_OUT_OF_RANGE)
+        else:
+            self._accept(order)
+
+    def take_instant_actions(self, message: InstantActions) -> None:
+        for action in message.actions:
+            if action.action_id not in self.instants:
+                self.instants[action.action_id] = (action, self._run_instant(action))
+
+    def step(self) -> None:
+        """Do the next thing: drive to a node, begin an action, or end it."""
+        if self.paused:
+            return
+        running = next((each for each in self.actions if not self.statuses[each.action_id].ended), None)
+        if self.nodes:
+            self._drive(self.nodes[0])
+        elif running and self.statuses[running.action_id] is ActionStatus.WAITING:
+            self.statuses[running.action_id] = ActionStatus.RUNNING
+            self.executed.append(running.action_id)
+        elif running:
+            self._end(running)
+
+    def set_mode(self, mode: OperatingMode) -> None:
+        self.mode = mode
+        if not mode.takes_orders:
+            self._clear()
+
+    def restart(self, *, journal: bool) -> None:
+        """Start anew; without a journal the order is forgotten."""
+        self.header_id = 0
+        self.instants.clear()
+        if not journal:
+            self._clear()
+            self.order_id, self.last_node_id, self.last_sequence_id = "", "", 0
+            self.statuses.clear()
+            self.actions.clear()
+
+    def connection(self, state: ConnectionState, seconds: float = 0.0) -> Connection:
+        return Connection(
+            header_id=0,
+            timestamp=START + timedelta(seconds=seconds),
+            version="2.1.0",
+            manufacturer=self.key.manufacturer,
+            serial_number=self.key.serial_number,
+            connection_state=state,
+        )
+
+    def state(self, seconds: float = 0.0) -> State:
+        """Report everything, as a new message."""
+        self.header_id += 1
+        own = [_action_state(each, self.statuses[each.action_id]) for each in self.actions]
+        instants = [_action_state(*each) for each in self.instants.values()]
+        x, y, theta = self.position
+        return State(
+            header_id=self.header_id,
+            timestamp=START + timedelta(seconds=seconds),
+            version="2.1.0",
+            manufacturer=self.key.manufacturer,
+            serial_number=self.key.serial_number,
+            order_id=self.order_id,
+            order_update_id=0,
+            last_node_id=self.last_node_id,
+            last_node_sequence_id=self.last_sequence_id,
+            node_states=tuple(
+                NodeState(node_id=each.node_id, sequence_id=each.sequence_id, released=True)
+                for each in self.nodes
+            ),
+            edge_states=tuple(
+                EdgeState(edge_id=each.edge_id, sequence_id=each.sequence_id, released=True)
+                for each in self.edges
+            ),
+            driving=bool(self.nodes) and not self.paused,
+            paused=self.paused,
+            action_states=tuple(own if self.reports_instants_apart else own + instants),
+            instant_action_states=tuple(instants if self.reports_instants_apart else ()),
+            mobile_robot_position=MobileRobotPosition(
+                x=x, y=y, theta=theta, map_id=MAP, localized=self.localized
+            ),
+            power_supply=PowerSupply(state_of_charge=self.charge, charging=False),
+            operating_mode=self.mode,
+            errors=tuple(self.errors),
+            safety_state=SafetyState(active_emergency_stop=EmergencyStop.NONE, field_violation=False),
+        )
+
+    def _accept(self, order: Order) -> None:
+        first = order.nodes[0]
+        self.order_id, self.last_node_id, self.last_sequence_id = order.order_id, first.node_id, 0
+        self.nodes, self.edges = list(order.nodes[1:]), list(order.edges)
+        self.actions = [action for node in order.nodes for action in node.actions]
+        self.statuses = {action.action_id: ActionStatus.WAITING for action in self.actions}
+        self.errors.clear()
+        self.accepted.append(order.order_id)
+
+    def _refuse(self, order: Order, kind: ErrorType) -> None:
+        named = self.names_refusals
+        entry = error(kind, "no", order_id=order.order_id if named else None)
+        if entry not in self.errors:
+            self.errors.append(entry)
+
+    def _stands_at(self, node: Node) -> bool:
+        place = node.node_position
+        if place is None or place.allowed_deviation_xy is None:
+            return True
+        x, y, _ = self.position
+        return (place.x - x) ** 2 + (place.y - y) ** 2 <= place.allowed_deviation_xy.a**2 + 1e-9
+
+    def _drive(self, node: Node) -> None:
+        if node.node_id in self.unreachable:
+            entry = error(ErrorType.NODE_UNREACHABLE, "no way", node_id=node.node_id, order_id=self.order_id)
+            if entry not in self.errors:
+                self.errors.append(entry)
+            return
+        self.nodes.pop(0)
+        self.edges.pop(0)
+        self.last_node_id, self.last_sequence_id = node.node_id, node.sequence_id
+        place = node.node_position
+        if place:
+            self.position = (place.x, place.y, self.position[2] if place.theta is None else place.theta)
+
+    def _end(self, action: Action) -> None:
+        self.statuses[action.action_id] = ActionStatus.FAILED if self.actions_fail else ActionStatus.FINISHED
+        if self.actions_fail:
+            self.errors.append(error(ErrorType.ACTION_FAILED, "dropped it", action_id=action.action_id))
+
+    def _run_instant(self, action: Action) -> ActionStatus:
+        if action.action_type == "cancelOrder":
+            if self.idle:
+                self.errors.append(
+                    error(ErrorType.NO_ORDER_TO_CANCEL, "nothing to do", action_id=action.action_id)
+                )
+                return ActionStatus.FAILED
+            self._clear()
+        elif action.action_type in ("startPause", "stopPause"):
+            self.paused = action.action_type == "startPause"
+        else:
+            return ActionStatus.FAILED
+        return ActionStatus.FINISHED
+
+    def _clear(self) -> None:
+        self.nodes.clear()
+        self.edges.clear()
+        for action_id, status in self.statuses.items():
+            if not status.ended:
+                self.statuses[action_id] = ActionStatus.FAILED
+
+
+def _action_state(action: Action, status: ActionStatus) -> ActionState:
+    return ActionState(action_id=action.action_id, action_type=action.action_type, action_status=status)
+
+
+def words(errors: Iterable[ErrorEntry]) -> list[str]:
+    return [each.error_type for each in errors]

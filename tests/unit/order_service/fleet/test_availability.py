@@ -1,0 +1,131 @@
+"""Whether a robot can be sent an order, and why not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from nena_order_service.fleet import LinkStatus
+from nena_order_service.fleet.availability import vehicle_state
+from nena_shared.fleet_api.vehicle import VehicleState
+from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
+from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
+from nena_shared.vda5050.state import OperatingMode
+from support.fleet import Bench, make_mission
+from support.fleet_examples import state
+
+
+def reason(bench: Bench) -> str | None:
+    """Give the reason why the robot cannot take an order; None if it can."""
+    bench.report()
+    told = bench.view().availability
+    return None if told.can_take_order else told.reason
+
+
+def test_a_robot_that_is_there_and_has_nothing_to_do_can_take_an_order() -> None:
+    bench = Bench().online()
+    assert bench.view().availability.reason == "is free"
+    assert bench.view().vehicle_state is VehicleState.IDLE
+
+
+def test_nobody_is_there() -> None:
+    bench = Bench()
+    assert "no connection to the MQTT broker" in bench.view().availability.reason
+    bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
+    assert bench.view().availability.reason == "has never been heard of"
+    bench.connection(ConnectionState.ONLINE)
+    assert bench.view().availability.reason == "has not reported its state yet"
+    assert bench.view().vehicle_state is VehicleState.UNKNOWN
+
+
+def test_silence_is_told_without_any_message() -> None:
+    bench = Bench().online()
+    bench.news.clear()
+    bench.wait(40)
+    assert len(bench.news) == 1, "the change is told once"
+    assert bench.view().availability.reason == "is silent: it has not reported its state for too long"
+
+
+@pytest.mark.parametrize("mode", [OperatingMode.MANUAL, OperatingMode.SERVICE, OperatingMode.TEACH_IN])
+def test_modes_without_fleet_control(mode: OperatingMode) -> None:
+    bench = Bench().online()
+    bench.robot.set_mode(mode)
+    assert reason(bench) == f"is in operating mode {mode}, which takes no orders"
+    assert bench.view().vehicle_state is VehicleState.UNAVAILABLE
+
+
+def test_an_order_of_somebody_else() -> None:
+    bench = Bench().online()
+    other = Bench(robot=bench.robot).online()
+    other.start(make_mission("theirs", "A", "B"))
+    other.deliver()
+    assert reason(bench) == "still works on the order 'theirs'"
+    assert bench.instants_sent() == [], "it is none of our business"
+
+
+def test_an_own_mission() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    assert reason(bench) == "works on the mission 'm'"
+
+
+def test_a_fatal_error() -> None:
+    bench = Bench().online()
+    bench.robot.errors.append(
+        ErrorEntry(
+            error_type="wheelLost",
+            error_level=ErrorLevel.FATAL,
+            error_description="left",
+            error_hint="find it",
+        )
+    )
+    assert reason(bench) == "has a fatal error: wheelLost: left (find it)"
+    assert bench.view().vehicle_state is VehicleState.ERROR
+
+
+def test_a_robot_that_does_not_know_where_it_is() -> None:
+    bench = Bench().online()
+    bench.robot.localized = False
+    assert reason(bench) == "does not know where it is: set its initial position"
+
+
+def test_a_paused_robot() -> None:
+    bench = Bench().online()
+    bench.robot.paused = True
+    assert reason(bench) == "is paused"
+
+
+def test_a_paused_robot_is_still_sent_the_mission_that_it_was_given() -> None:
+    bench = Bench().online()
+    bench.robot.paused = True
+    bench.report()
+    bench.start(make_mission("m", "A", "B"))
+    assert bench.orders_sent() == ["m"]
+
+
+def test_a_running_instant_action_does_not_keep_a_robot_from_orders() -> None:
+    bench = Bench().online()
+    action = Action(action_type="startCharging", action_id="c", blocking_type=BlockingType.NONE)
+    bench.instruct(action)
+    bench.robot.instants["c"] = (action, ActionStatus.RUNNING)
+    assert reason(bench) is None
+
+
+@pytest.mark.parametrize(
+    ("fields", "expected"),
+    [
+        ({}, VehicleState.IDLE),
+        ({"power_supply": {"state_of_charge": 8.0, "charging": True}}, VehicleState.CHARGING),
+        (
+            {"node_states": [{"node_id": "B", "sequence_id": 2, "released": True}]},
+            VehicleState.EXECUTING,
+        ),
+        ({"action_states": [{"action_id": "a", "action_status": "RUNNING"}]}, VehicleState.EXECUTING),
+        ({"action_states": [{"action_id": "a", "action_status": "RETRIABLE"}]}, VehicleState.EXECUTING),
+        ({"action_states": [{"action_id": "a", "action_status": "FAILED"}]}, VehicleState.IDLE),
+    ],
+)
+def test_the_state_in_words_of_opentcs(fields: dict[str, Any], expected: VehicleState) -> None:
+    assert vehicle_state(state(**fields), LinkStatus.ONLINE, ()) is expected

@@ -1,0 +1,156 @@
+"""Instant actions on their way to a robot and to their end."""
+
+from __future__ import annotations
+
+from nena_order_service.fleet import FleetSettings, InstantActionEnded
+from nena_order_service.fleet.robot_control import INSTANT_ACTIONS_LIMIT
+from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
+from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.state import OperatingMode
+from support.fleet import Bench, make_mission
+from support.honest_robot import HonestRobot
+
+
+def action(action_type: str, action_id: str = "i1") -> Action:
+    return Action(action_type=action_type, action_id=action_id, blocking_type=BlockingType.NONE)
+
+
+def ended(bench: Bench) -> InstantActionEnded:
+    (only,) = bench.told(InstantActionEnded)
+    return only
+
+
+def test_a_pause_is_sent_and_its_end_is_told() -> None:
+    bench = Bench().online()
+    bench.instruct(action("startPause"))
+    assert bench.instants_sent() == ["startPause"]
+    bench.deliver()
+    bench.report()
+    assert ended(bench).status is ActionStatus.FINISHED
+    assert bench.robot.paused
+
+
+def test_the_states_of_3_0_are_found_in_their_own_place() -> None:
+    bench = Bench(robot=HonestRobot(reports_instants_apart=True)).online()
+    bench.instruct(action("stopPause"))
+    bench.deliver()
+    bench.report()
+    assert ended(bench).status is ActionStatus.FINISHED
+
+
+def test_what_the_robot_cannot_do_fails() -> None:
+    bench = Bench().online()
+    bench.instruct(action("fly"))
+    bench.deliver()
+    bench.report()
+    assert ended(bench).status is ActionStatus.FAILED
+    assert ended(bench).reason == "the robot could not do it"
+
+
+def test_a_lost_action_is_sent_again_and_in_the_end_given_up() -> None:
+    bench = Bench().online()
+    bench.instruct(action("startPause"))
+    bench.wait(60, reporting=True)
+    assert bench.instants_sent() == ["startPause"] * 6
+    assert ended(bench).status is None
+    assert ended(bench).reason == "sent 6 times, but the robot never reported it"
+
+
+def test_a_seen_action_is_not_sent_again_and_has_its_limit() -> None:
+    bench = Bench(FleetSettings(instant_action_limit=20)).online()
+    bench.instruct(action("downloadMap"))
+    bench.lose()
+    bench.robot.instants["i1"] = (action("downloadMap"), ActionStatus.RUNNING)
+    bench.report()
+    bench.wait(19, reporting=True)
+    assert bench.told(InstantActionEnded) == []
+    bench.wait(3, reporting=True)
+    assert ended(bench).reason == "the robot has not ended it within 20 s"
+    assert len(bench.sent) == 1
+
+
+def test_no_time_passes_while_the_robot_is_away() -> None:
+    bench = Bench(FleetSettings(instant_action_limit=20)).online()
+    bench.instruct(action("downloadMap"))
+    bench.robot.instants["i1"] = (action("downloadMap"), ActionStatus.RUNNING)
+    bench.report()
+    bench.connection(ConnectionState.CONNECTION_BROKEN)
+    bench.wait(500)
+    assert bench.told(InstantActionEnded) == []
+    bench.robot.instants["i1"] = (action("downloadMap"), ActionStatus.FINISHED)
+    bench.connection(ConnectionState.ONLINE)
+    bench.report()
+    assert ended(bench).status is ActionStatus.FINISHED
+
+
+def test_an_action_that_vanishes_with_a_restart_has_ended() -> None:
+    bench = Bench().online()
+    bench.instruct(action("downloadMap"))
+    bench.robot.instants["i1"] = (action("downloadMap"), ActionStatus.RUNNING)
+    bench.report()
+    bench.robot.restart(journal=True)
+    bench.now += 1
+    bench.report()
+    assert ended(bench).reason == "the robot no longer reports it; it may have started anew"
+
+
+def test_an_action_for_an_absent_robot_is_not_kept_for_later() -> None:
+    bench = Bench().online()
+    bench.connection(ConnectionState.OFFLINE)
+    bench.instruct(action("startPause"))
+    assert ended(bench).reason == "not sent: the robot is offline: it has signed off from the broker"
+    bench.connection(ConnectionState.ONLINE)
+    bench.wait(30, reporting=True)
+    assert bench.sent == []
+
+
+def test_a_robot_in_manual_mode_is_only_asked_for_what_harms_nobody() -> None:
+    bench = Bench().online()
+    bench.robot.set_mode(OperatingMode.MANUAL)
+    bench.report()
+    bench.instruct(action("startPause"))
+    assert "operating mode MANUAL" in ended(bench).reason
+    bench.instruct(action("stateRequest", "i2"))
+    assert bench.instants_sent() == ["stateRequest"]
+
+
+def test_an_id_is_never_used_twice() -> None:
+    bench = Bench().online()
+    bench.instruct(action("startPause"))
+    bench.deliver()
+    bench.report()
+    bench.news.clear()
+    bench.instruct(action("stopPause"))
+    assert ended(bench).reason == "not sent: the actionId 'i1' has been used before"
+    assert bench.instants_sent() == ["startPause"]
+
+
+def test_there_is_a_limit_to_what_is_under_way() -> None:
+    bench = Bench().online()
+    for number in range(INSTANT_ACTIONS_LIMIT + 1):
+        bench.instruct(action("logReport", f"i{number}"))
+    assert len(bench.instants_sent()) == INSTANT_ACTIONS_LIMIT
+    assert ended(bench).reason == "not sent: 50 instant actions are under way at the robot"
+
+
+def test_somebodys_own_cancel_ends_the_mission_and_is_told() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.deliver()
+    bench.report()
+    bench.instruct(action("cancelOrder"))
+    bench.deliver()
+    bench.report()
+    assert ended(bench).status is ActionStatus.FINISHED
+    assert bench.story()[-1] == "MissionFailed"
+
+
+def test_own_cancels_are_not_told_to_anybody() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.deliver()
+    bench.cancel()
+    bench.deliver()
+    bench.report()
+    assert bench.told(InstantActionEnded) == []
+    assert bench.ends() == {"m": 1}

@@ -1,0 +1,223 @@
+"""Missions built from routes and coordinates."""
+
+from __future__ import annotations
+
+from math import pi
+
+import pytest
+
+from nena_order_service.fleet import (
+    Mission,
+    NotLocatedError,
+    OperationMap,
+    RobotProfile,
+    Standing,
+    build_mission,
+    locate,
+    mission_id,
+)
+from nena_order_service.routing import Router
+from nena_shared.fleet_api.transport_order import Coordinate
+from nena_shared.plant import MapTransform, PlantModel, Vehicle
+from nena_shared.vda5050.graph import violations
+from nena_shared.vda5050.order import Node, NodePosition
+from nena_shared.vda5050.state import MobileRobotPosition
+from support.fleet import order_of
+from support.fleet_examples import state
+from support.honest_robot import HonestRobot
+from support.plants import path, point
+
+PLANT = PlantModel(
+    name="row",
+    points=(
+        point("A", 0, 0),
+        point("B", 2000, 0, orientation_deg=45.0),
+        point("C", 4000, 0, orientation_deg=90.0),
+    ),
+    paths=(path("A B", 2000), path("B C", 2000), path("C A", 5000, name="home", max_reverse_velocity_mm_s=5)),
+)
+PROFILE = RobotProfile(map_id="hall")
+
+
+def pose(x: float, y: float, theta: float = 0.0, map_id: str = "hall") -> MobileRobotPosition:
+    return MobileRobotPosition(x=x, y=y, theta=theta, map_id=map_id, localized=True)
+
+
+def standing(x: float, y: float, theta: float = 0.0, *, last: str = "") -> Standing:
+    return locate(PLANT, state(last_node_id=last, mobile_robot_position=pose(x, y, theta)), PROFILE)
+
+
+def place(node: Node) -> NodePosition:
+    assert node.node_position is not None
+    return node.node_position
+
+
+def to(goal: str, start: Standing, **more: object) -> Mission:
+    route = Router(PLANT).route(start.point, goal)
+    return build_mission("m", plant=PLANT, standing=start, profile=PROFILE, route=route, **more)  # type: ignore[arg-type] # passed on
+
+
+def test_a_route_becomes_a_graph_that_the_standard_allows() -> None:
+    actions = OperationMap().actions("Load", {})
+    mission = to("C", standing(0.1, 0.0), actions=actions)
+    assert [node.node_id for node in mission.nodes] == ["A", "B", "C"]
+    assert [edge.edge_id for edge in mission.edges] == ["A --- B", "B --- C"]
+    assert violations(order_of(mission, HonestRobot())) == ()
+    assert [node.actions for node in mission.nodes] == [(), (), actions]
+    assert mission.last_sequence_id == 4
+    assert mission.action_ids == {actions[0].action_id}
+
+
+def test_only_the_end_has_a_heading() -> None:
+    mission = to("C", standing(0.0, 0.0))
+    assert [place(node).theta for node in mission.nodes] == [None, None, pytest.approx(pi / 2)]
+    assert place(mission.nodes[-1]).allowed_deviation_theta == PROFILE.deviation_theta
+    assert place(mission.nodes[0]).allowed_deviation_theta is None
+
+
+def test_edges_have_the_ids_of_the_plant() -> None:
+    assert [edge.edge_id for edge in to("A", standing(4.0, 0.0)).edges] == ["home"]
+    home_is_short = PLANT.model_copy(
+        update={"paths": (path("C A", 100, name="home", max_reverse_velocity_mm_s=5),)}
+    )
+    route = Router(home_is_short).route("A", "C")
+    mission = build_mission(
+        "m", plant=home_is_short, standing=standing(0.0, 0.0), profile=PROFILE, route=route
+    )
+    assert [edge.edge_id for edge in mission.edges] == ["home:backward"]
+
+
+def test_a_robot_beside_the_points_starts_where_it_is() -> None:
+    mission = to("C", standing(1.4, 0.3))
+    assert [node.node_id for node in mission.nodes] == ["start:m", "B", "C"]
+    assert (place(mission.nodes[0]).x, place(mission.nodes[0]).y) == (1.4, 0.3)
+    assert mission.edges[0].edge_id == "start:m --- B"
+
+
+def test_a_robot_beside_the_point_that_it_is_to_go_to_drives_there() -> None:
+    mission = to("B", standing(1.3, 0.3))
+    assert [node.node_id for node in mission.nodes] == ["start:m", "B"]
+    assert place(mission.nodes[1]).theta == pytest.approx(pi / 4)
+
+
+def test_a_robot_on_the_point_has_nothing_to_drive() -> None:
+    mission = to("A", standing(0.0, 0.0))
+    assert [node.node_id for node in mission.nodes] == ["A"]
+    assert mission.edges == ()
+
+
+def test_a_robot_on_the_point_with_the_wrong_heading_turns() -> None:
+    assert [node.node_id for node in to("B", standing(2.0, 0.0, pi)).nodes] == ["start:m", "B"]
+    assert [node.node_id for node in to("B", standing(2.0, 0.0, pi / 4 + 0.1)).nodes] == ["B"]
+
+
+def test_straight_to_a_coordinate() -> None:
+    mission = build_mission(
+        "m",
+        plant=PLANT,
+        standing=standing(0.0, 0.0),
+        profile=PROFILE,
+        coordinate=Coordinate(x=3.0, y=1.0, theta=1.0),
+    )
+    assert [node.node_id for node in mission.nodes] == ["A", "goal:m"]
+    goal = place(mission.nodes[1])
+    assert (goal.x, goal.y, goal.theta) == (3.0, 1.0, 1.0)
+
+
+def test_from_one_coordinate_to_the_next_no_point_is_passed() -> None:
+    mission = build_mission(
+        "m", plant=PLANT, standing=standing(3.0, 1.0), profile=PROFILE, coordinate=Coordinate(x=1.0, y=1.0)
+    )
+    assert [node.node_id for node in mission.nodes] == ["start:m", "goal:m"]
+    assert place(mission.nodes[1]).theta is None
+
+
+def test_along_a_route_and_then_to_a_coordinate() -> None:
+    mission = to("B", standing(0.0, 0.0), coordinate=Coordinate(x=2.5, y=1.0))
+    assert [node.node_id for node in mission.nodes] == ["A", "B", "goal:m"]
+    assert place(mission.nodes[1]).theta is None
+
+
+def test_the_start_is_wide_enough_for_a_robot_that_must_drive_exactly() -> None:
+    exact = RobotProfile(map_id="hall", deviation_xy=0.0)
+    start = locate(PLANT, state(mobile_robot_position=pose(0.1, 0.0)), exact)
+    mission = build_mission(
+        "m", plant=PLANT, standing=start, profile=exact, route=Router(PLANT).route(start.point, "B")
+    )
+    radii = [place(node).allowed_deviation_xy for node in mission.nodes]
+    assert [radius and radius.a for radius in radii] == [0.5, 0.0, 0.0]
+
+
+def test_poses_and_lengths_are_those_of_the_map() -> None:
+    profile = RobotProfile(
+        map_id="hall", deviation_xy=0.4, transform=MapTransform(2.0, pi / 2, offset_x_m=10.0)
+    )
+    start = locate(PLANT, state(mobile_robot_position=pose(10.0, 0.0)), profile)
+    assert start == Standing("A", on_point=True, pose=pose(10.0, 0.0))
+    route = Router(PLANT).route("A", "B")
+    mission = build_mission("m", plant=PLANT, standing=start, profile=profile, route=route)
+    end = place(mission.nodes[-1])
+    assert [end.x, end.y, end.theta] == [pytest.approx(10.0), pytest.approx(4.0), pytest.approx(3 * pi / 4)]
+    assert end.allowed_deviation_xy is not None
+    assert end.allowed_deviation_xy.a == pytest.approx(0.8)
+    assert end.map_id == "hall"
+
+
+def test_a_route_that_begins_elsewhere_is_refused() -> None:
+    route = Router(PLANT).route("A", "C")
+    with pytest.raises(ValueError, match="begins at 'A', the robot is at 'C'"):
+        build_mission("m", plant=PLANT, standing=standing(4.0, 0.0), profile=PROFILE, route=route)
+
+
+def test_a_mission_needs_an_end() -> None:
+    with pytest.raises(ValueError, match="a route or a coordinate"):
+        build_mission("m", plant=PLANT, standing=standing(4.0, 0.0), profile=PROFILE)
+
+
+def test_a_mission_survives_the_store_unchanged() -> None:
+    mission = to("C", standing(1.3, 0.3), actions=OperationMap().actions("Load", {"a": "b"}))
+    assert Mission.from_json(mission.to_json()) == mission
+
+
+def test_names_of_missions() -> None:
+    assert mission_id("order-7", 0) == "order-7-0"
+    assert mission_id("order-7", 1, attempt=2) == "order-7-1-2"
+
+
+def test_a_robot_stands_at_the_point_that_it_passed_last_if_it_is_near() -> None:
+    assert standing(0.3, 0.0, last="A").on_point
+    assert standing(2.1, 0.0, last="A") == Standing("B", on_point=True, pose=pose(2.1, 0.0))
+    assert standing(3.1, 2.0, last="A") == Standing("C", on_point=False, pose=pose(3.1, 2.0))
+
+
+def test_a_robot_without_a_pose_stands_where_it_says() -> None:
+    assert locate(PLANT, state(last_node_id="B"), PROFILE) == Standing("B", on_point=True, pose=None)
+
+
+def test_a_pose_that_is_not_trusted_is_none() -> None:
+    lost = pose(0.0, 0.0).model_copy(update={"localized": False})
+    with pytest.raises(NotLocatedError, match="set its initial pose"):
+        locate(PLANT, state(mobile_robot_position=lost), PROFILE)
+    assert locate(PLANT, state(last_node_id="C", mobile_robot_position=lost), PROFILE).point == "C"
+
+
+def test_a_robot_on_another_map_stands_nowhere() -> None:
+    elsewhere = pose(0.0, 0.0, map_id="cellar")
+    with pytest.raises(NotLocatedError, match="on map 'cellar', orders for it are on map 'hall'"):
+        locate(PLANT, state(mobile_robot_position=elsewhere), PROFILE)
+
+
+def test_a_profile_takes_what_the_vehicle_says() -> None:
+    vehicle = Vehicle(
+        name="v",
+        properties={
+            "vda5050:mapId": "cellar",
+            "vda5050:deviationXY": "0.1",
+            "vda5050:deviationTheta": "90",
+            "vda5050:version": "2.0.0",
+        },
+    )
+    profile = RobotProfile.of(vehicle, default_map_id="hall")
+    assert (profile.map_id, profile.deviation_xy, profile.version) == ("cellar", 0.1, "2.0.0")
+    assert profile.deviation_theta == pytest.approx(pi / 2)
+    assert RobotProfile.of(Vehicle(name="v"), default_map_id="hall") == PROFILE
