@@ -158,7 +158,7 @@ class RobotAgent:
     def _perform(self, effect: Effect) -> None:
         match effect:
             case ReportState():
-                self._states.request()
+                self._states.request(self._clock.monotonic())
             case Drive(goal):
                 self._driver.go_to(goal)
             case Halt():

@@ -12,20 +12,20 @@ class StateSchedule:
         self._minimum = minimum
         self._maximum = maximum
         self._last = -inf
-        self._requested = True
+        self._requested = inf
 
-    def request(self) -> None:
+    def request(self, now: float) -> None:
         """Want a state as soon as the minimum interval allows."""
-        self._requested = True
+        self._requested = min(self._requested, now)
 
     @property
     def due(self) -> float:
         """When the next state is to be sent."""
-        return self._last + (self._minimum if self._requested else self._maximum)
+        return min(max(self._requested, self._last + self._minimum), self._last + self._maximum)
 
     def sent(self, now: float) -> None:
         """Note that a state was sent."""
-        self._last, self._requested = now, False
+        self._last, self._requested = now, inf
 
 
 class VisualizationSchedule:

@@ -1,0 +1,72 @@
+"""Active errors (section 6.6.5)."""
+
+from __future__ import annotations
+
+from nena_edge_agent.protocol.errors import LIMIT, ActiveErrors, Until
+from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
+
+
+def refusal(order_id: str, text: str = "no") -> ErrorEntry:
+    return error(ErrorType.OTHER_ORDER_ACTIVE, text, order_id=order_id)
+
+
+def lost(text: str = "lost") -> ErrorEntry:
+    return error(ErrorType.LOCALIZATION_ERROR, text)
+
+
+def test_there_is_one_entry_per_type_and_references() -> None:
+    errors = ActiveErrors()
+    errors.show(refusal("o1"), Until.ORDER_ACCEPTED)
+    errors.show(refusal("o2"), Until.ORDER_ACCEPTED)
+    errors.show(refusal("o1", "still no"), Until.ORDER_ACCEPTED)
+
+    assert [each.error_description for each in errors.entries] == ["no", "still no"]
+
+
+def test_the_same_error_again_is_no_change() -> None:
+    errors = ActiveErrors()
+    errors.show(refusal("o1"), Until.ORDER_ACCEPTED)
+    revision = errors.revision
+
+    errors.show(refusal("o1"), Until.ORDER_ACCEPTED)
+
+    assert errors.revision == revision
+
+
+def test_an_error_ends_with_its_own_cause_only() -> None:
+    errors = ActiveErrors()
+    errors.show(refusal("o1"), Until.ORDER_ACCEPTED)
+    errors.show(lost(), Until.CONDITION_OVER)
+
+    errors.end(Until.INSTANT_ACTION_ACCEPTED)
+    assert len(errors.entries) == 2
+    errors.end(Until.ORDER_ACCEPTED, Until.ORDER_OVER)
+    assert errors.entries == (lost(),)
+
+
+def test_a_condition_is_shown_once_and_goes_with_its_cause() -> None:
+    errors = ActiveErrors()
+    errors.condition(ErrorType.LOCALIZATION_ERROR, lost("a"))
+    errors.condition(ErrorType.LOCALIZATION_ERROR, lost("b"))
+    assert errors.entries == (lost("b"),)
+
+    errors.condition(ErrorType.LOCALIZATION_ERROR, None)
+    assert errors.entries == ()
+
+
+def test_a_condition_about_something_else_replaces_the_old_one() -> None:
+    errors = ActiveErrors()
+    for order_id in ("o1", "o2"):
+        entry = error(ErrorType.NAVIGATION_NOT_AVAILABLE, "gone", order_id=order_id)
+        errors.condition(ErrorType.NAVIGATION_NOT_AVAILABLE, entry)
+
+    assert errors.entries == (entry,)
+
+
+def test_the_number_of_errors_is_bounded_and_the_oldest_goes() -> None:
+    errors = ActiveErrors()
+    for number in range(LIMIT + 1):
+        errors.show(refusal(f"o{number}"), Until.ORDER_ACCEPTED)
+
+    assert len(errors.entries) == LIMIT
+    assert errors.entries[0] == refusal("o1")

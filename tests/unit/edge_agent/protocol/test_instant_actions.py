@@ -1,0 +1,122 @@
+"""Actions beside the order (section 6.2.1)."""
+
+from __future__ import annotations
+
+import pytest
+
+from nena_edge_agent.protocol.effects import ReportState, SendFactsheet, StartAction
+from nena_edge_agent.protocol.instant_actions import STATES_KEPT
+from nena_shared.vda5050.error import ErrorLevel, ErrorType
+from support.robot_core import Bench, action, order
+
+
+def test_a_state_request_is_finished_in_the_state_that_it_asks_for() -> None:
+    bench = Bench()
+
+    effects = bench.instant(action("i", "NONE", "stateRequest"))
+
+    assert effects == [ReportState()]
+    assert bench.status("i") == "FINISHED"
+
+
+def test_a_factsheet_request_sends_the_factsheet() -> None:
+    bench = Bench()
+
+    effects = bench.instant(action("i", "NONE", "factsheetRequest"))
+
+    assert effects == [SendFactsheet(), ReportState()]
+    assert bench.status("i") == "FINISHED"
+
+
+@pytest.mark.parametrize("wrong", ["dance", "lift"], ids=["unknown", "wrong scope"])
+def test_what_cannot_be_done_fails_with_an_error_until_the_next_is_accepted(wrong: str) -> None:
+    bench = Bench()
+
+    bench.instant(action("i", "NONE", wrong, height=1.0))
+
+    assert bench.status("i") == "FAILED"
+    (error,) = bench.state.errors
+    assert (error.error_type, error.error_level) == (
+        ErrorType.INVALID_INSTANT_ACTION,
+        ErrorLevel.WARNING,
+    )
+    assert "i" in [each.reference_value for each in error.error_references]
+    bench.instant(action("j", "NONE", "stateRequest"))
+    assert not bench.errors
+
+
+def test_each_action_of_a_message_is_judged_for_itself() -> None:
+    bench = Bench()
+
+    bench.instant(action("i", "NONE", "dance"), action("j"), action("k", "NONE", "stateRequest"))
+
+    assert [bench.status(each) for each in "ijk"] == ["FAILED", "INITIALIZING", "FINISHED"]
+    assert [effect.action.action_id for effect in bench.effects_of(StartAction)] == ["j"]
+
+
+def test_an_action_that_comes_again_does_not_run_twice() -> None:
+    bench = Bench()
+    bench.instant(action("i"))
+    bench.finishes("i")
+
+    effects = bench.instant(action("i"))
+
+    assert effects == [ReportState()]
+    assert len(bench.effects_of(StartAction)) == 1
+    assert bench.status("i") == "FINISHED"
+
+
+def test_an_instant_action_does_not_stop_the_drive() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+
+    bench.instant(action("i", "HARD"))
+    bench.runs("i")
+
+    assert bench.state.driving
+    bench.arrive()
+    assert bench.idle
+    assert bench.status("i") == "RUNNING"
+
+
+def test_a_failed_instant_action_is_shown_with_its_reason() -> None:
+    bench = Bench()
+    bench.instant(action("i"))
+
+    bench.fails("i")
+
+    assert bench.errors == [ErrorType.ACTION_FAILED]
+    assert bench.state.instant_action_states[0].action_result == "broken"
+
+
+def test_the_id_of_an_action_of_the_order_is_refused() -> None:
+    bench = Bench()
+    bench.send(order("n0", node_actions={"n0": [action("a", "HARD")]}))
+
+    bench.instant(action("a"))
+
+    assert bench.errors == [ErrorType.INVALID_INSTANT_ACTION]
+    assert bench.statuses() == {"a": "INITIALIZING"}
+
+
+def test_ended_states_go_with_the_next_order_and_running_ones_stay() -> None:
+    bench = Bench()
+    bench.instant(action("i"), action("j", "NONE", "stateRequest"))
+    bench.runs("i")
+
+    bench.send(order("n0"))
+
+    assert [state.action_id for state in bench.state.instant_action_states] == ["i"]
+
+
+def test_the_number_of_states_is_bounded_and_the_oldest_ended_go_first() -> None:
+    bench = Bench()
+    bench.instant(action("running"))
+
+    for number in range(STATES_KEPT + 5):
+        bench.instant(action(f"i{number}", "NONE", "stateRequest"))
+
+    ids = [state.action_id for state in bench.state.instant_action_states]
+    assert len(ids) == STATES_KEPT
+    assert ids[0] == "running"
+    assert ids[-1] == f"i{STATES_KEPT + 4}"

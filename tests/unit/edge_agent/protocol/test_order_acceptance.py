@@ -1,0 +1,400 @@
+"""Every row of the decision table of sections 6.1.2 and 6.1.4, and what each leaves as it was."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.protocol.effects import ReportState
+from nena_edge_agent.protocol.events import MessageRefused
+from nena_edge_agent.protocol.order_acceptance import Rejected, Situation, judge
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
+from nena_shared.vda5050.order import ControlPoint, Order, Trajectory
+from nena_shared.vda5050.state import OperatingMode
+from support.robot_core import CAPABILITIES, MAP, Bench, action, at, order, position
+
+FREE = Situation(
+    operating_mode=OperatingMode.AUTOMATIC,
+    idle=True,
+    cancelled=False,
+    order_id="",
+    order_update_id=0,
+    decision_point=None,
+    pose=Pose(0.0, 0.0, 0.0, MAP),
+    stands_on="",
+    instant_action_ids=frozenset(),
+    base_action_ids=frozenset(),
+)
+
+
+def references(entry: ErrorEntry) -> dict[str, str]:
+    return {each.reference_key: each.reference_value for each in entry.error_references}
+
+
+def rejection(wrong: Order, situation: Situation = FREE) -> ErrorEntry:
+    verdict = judge(wrong, situation, CAPABILITIES)
+    assert isinstance(verdict, Rejected), verdict
+    return verdict.error
+
+
+def refused(bench: Bench, wrong: Order) -> ErrorEntry:
+    """Send ``wrong``; gives the error, and sees to it that nothing else has changed."""
+    before, errors = bench.state, set(bench.state.errors)
+    effects = bench.send(wrong)
+    after = bench.state
+    assert effects == [ReportState()]
+    assert after.model_copy(update={"errors": before.errors}) == before
+    (new,) = set(after.errors) - errors
+    return new
+
+
+def test_row_1_a_malformed_message_is_shown_and_changes_nothing() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    before = bench.state
+    entry = error(ErrorType.VALIDATION_FAILURE, "not a valid Order", topic="order", order_id="o2")
+
+    effects = bench.do(MessageRefused(entry))
+
+    assert effects == [ReportState()]
+    assert bench.state.errors == (entry,)
+    assert bench.state.model_copy(update={"errors": ()}) == before
+
+
+def test_row_2_a_mode_without_fleet_control_takes_no_orders() -> None:
+    entry = rejection(order("n0", "n1"), replace(FREE, operating_mode=OperatingMode.MANUAL))
+
+    assert entry.error_type == ErrorType.MOBILE_ROBOT_NOT_AVAILABLE
+    assert entry.error_level is ErrorLevel.WARNING
+    assert references(entry)["orderId"] == "o1"
+
+
+def test_row_3_an_order_beyond_the_limits_is_refused() -> None:
+    bench = Bench(maximum_nodes=2)
+
+    entry = refused(bench, order("n0", "n1", "n2"))
+
+    assert entry.error_type == ErrorType.INSUFFICIENT_MEMORY
+    assert entry.error_level is ErrorLevel.URGENT
+    assert references(entry)["orderUpdateId"] == "0"
+
+
+def test_row_3_counts_actions_too() -> None:
+    bench = Bench(maximum_actions=1)
+
+    entry = refused(bench, order("n0", node_actions={"n0": [action("a"), action("b")]}))
+
+    assert entry.error_type == ErrorType.INSUFFICIENT_MEMORY
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("trajectory", Trajectory(degree=1, control_points=(ControlPoint(x=0, y=0), ControlPoint(x=1, y=0)))),
+        ("orientation", 3.14),
+        ("direction", "left"),
+        ("reach_orientation_before_entering", True),
+        ("maximum_rotation_speed", 0.5),
+        ("maximum_mobile_robot_height", 1.0),
+    ],
+)
+def test_row_4_an_optional_field_that_the_robot_cannot_act_on_is_refused(field: str, value: object) -> None:
+    bench = Bench()
+
+    entry = refused(bench, order("n0", "n1", edge_fields={field: value}))
+
+    assert entry.error_type == ErrorType.UNSUPPORTED_PARAMETER
+    assert entry.error_level is ErrorLevel.CRITICAL
+    assert references(entry)["edgeId"] == "n0-n1"
+    assert references(entry)["parameter"].startswith("edges.")
+
+
+def test_row_4_passes_over_what_the_settings_tolerate() -> None:
+    bench = Bench(tolerated_parameters=frozenset({"edges.direction"}))
+
+    bench.send(order("n0", "n1", edge_fields={"direction": "left"}))
+
+    assert bench.state.order_id == "o1"
+
+
+def test_row_4_demands_that_are_met_anyway_are_none() -> None:
+    bench = Bench()
+
+    bench.send(
+        order("n0", "n1", edge_fields={"orientation": 0.0, "reach_orientation_before_entering": False})
+    )
+
+    assert bench.state.order_id == "o1"
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        action("x", action_type="dance"),
+        action("x", action_type="cancelOrder"),
+        action("x", action_type="lift"),
+        action("x", action_type="lift", height="high"),
+        action("x", action_type="lift", height=True),
+    ],
+    ids=["unknown", "wrong scope", "parameter missing", "parameter of wrong type", "a truth value as number"],
+)
+@pytest.mark.parametrize("released", [1, 2], ids=["horizon", "base"])
+def test_row_5_an_impossible_action_is_refused_also_in_the_horizon(wrong: object, released: int) -> None:
+    bench = Bench()
+
+    entry = refused(bench, order("n0", "n1", released=released, node_actions={"n1": [wrong]}))  # type: ignore[list-item]  # parametrized
+
+    assert entry.error_type == ErrorType.INVALID_ORDER_ACTION
+    assert entry.error_level is ErrorLevel.WARNING
+    assert references(entry) == {
+        "topic": "order",
+        "headerId": "7",
+        "orderId": "o1",
+        "orderUpdateId": "0",
+        "actionId": "x",
+    }
+
+
+def test_row_5_looks_at_the_scope_edge() -> None:
+    bench = Bench()
+
+    entry = refused(bench, order("n0", "n1", edge_actions={"n0-n1": [action("x", "NONE", "lift", height=1)]}))
+
+    assert entry.error_type == ErrorType.INVALID_ORDER_ACTION
+
+
+def test_row_a1_no_new_order_before_the_old_one_has_ended() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+
+    entry = refused(bench, order("n0", "n1", order_id="o2"))
+
+    assert entry.error_type == ErrorType.OTHER_ORDER_ACTIVE
+    assert references(entry)["orderId"] == "o2"
+
+
+def test_row_a1_a_robot_at_its_decision_point_with_a_horizon_is_not_idle() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", released=1))
+
+    assert refused(bench, order("n0", order_id="o2")).error_type == ErrorType.OTHER_ORDER_ACTIVE
+
+
+def test_row_a1_a_running_action_keeps_the_robot_busy_and_a_failed_one_does_not() -> None:
+    bench = Bench()
+    bench.send(order("n0", node_actions={"n0": [action("a")]}))
+    assert refused(bench, order("n0", order_id="o2")).error_type == ErrorType.OTHER_ORDER_ACTIVE
+
+    bench.fails("a")
+    bench.send(order("n0", order_id="o2"))
+
+    assert bench.state.order_id == "o2"
+
+
+def test_row_a1_instant_actions_do_not_keep_the_robot_busy() -> None:
+    bench = Bench()
+    bench.instant(action("i", action_type="work"))
+    bench.runs("i")
+
+    bench.send(order("n0"))
+
+    assert bench.state.order_id == "o1"
+    assert bench.status("i") == "RUNNING"
+
+
+def test_row_a2_an_order_of_2_1_may_begin_with_any_update_id() -> None:
+    bench = Bench()
+
+    bench.send(order("n0", update=5))
+
+    assert (bench.state.order_id, bench.state.order_update_id) == ("o1", 5)
+
+
+def test_row_a3_a_map_that_the_robot_has_not_is_refused() -> None:
+    bench = Bench()
+    elsewhere = position(10.0).model_copy(update={"map_id": "cellar"})
+
+    entry = refused(bench, order("n0", "n1", positions={"n1": elsewhere}))
+
+    assert entry.error_type == ErrorType.UNKNOWN_MAP_ID
+    assert references(entry)["nodeId"] == "n1"
+
+
+def test_row_a4_the_robot_must_stand_on_the_first_node() -> None:
+    bench = Bench()
+
+    entry = refused(bench, order("n1", "n2"))
+
+    assert entry.error_type == ErrorType.START_NODE_OUT_OF_RANGE
+    assert references(entry)["nodeId"] == "n1"
+
+
+@pytest.mark.parametrize(
+    ("radius", "taken"), [(None, False), (0.0, False), (9.9, False), (10.1, True)], ids=str
+)
+def test_row_a4_the_first_node_may_allow_a_large_deviation(radius: float | None, taken: bool) -> None:  # noqa: FBT001
+    bench = Bench()
+
+    bench.send(order("n1", positions={"n1": position(10.0, radius=radius)}))
+
+    assert (bench.state.order_id == "o1") is taken
+
+
+def test_row_a4_the_own_deviation_counts_where_the_node_says_none() -> None:
+    bench = Bench(default_deviation_xy=10.5)
+
+    bench.send(order("n1"))
+
+    assert bench.state.order_id == "o1"
+
+
+def test_row_a4_the_node_that_the_robot_reports_counts_without_a_position() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.arrive()
+
+    bench.send(order("n1", "n2", order_id="o2", positions={"n1": None}))
+
+    assert bench.state.order_id == "o2"
+
+
+def test_row_a4_a_robot_that_has_left_its_last_node_does_not_stand_there() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.instant(action("c", action_type="cancelOrder"))
+    bench.halted()
+    bench.do(at(5.0))
+
+    assert refused(bench, order("n0", order_id="o2")).error_type == ErrorType.START_NODE_OUT_OF_RANGE
+
+
+def test_row_a4_a_robot_without_a_position_says_so() -> None:
+    bench = Bench(ready=False)
+
+    entry = refused(bench, order("n0", "n1"))
+
+    assert entry.error_type == ErrorType.START_NODE_OUT_OF_RANGE
+    assert "not known" in str(entry.error_description)
+
+
+def test_row_a5_a_node_without_a_position_cannot_be_found() -> None:
+    bench = Bench()
+
+    entry = refused(bench, order("n0", "n1", positions={"n1": None}))
+
+    assert entry.error_type == ErrorType.NO_ROUTE_TO_TARGET
+    assert references(entry)["nodeId"] == "n1"
+
+
+def test_row_a6_a_new_order_replaces_the_ended_one_and_clears_refusals() -> None:
+    bench = Bench()
+    bench.send(order("n0", node_actions={"n0": [action("a")]}))
+    bench.finishes("a")
+    refused(bench, order("n7", order_id="wrong"))
+
+    bench.send(order("n0", "n1", "n2", order_id="o2", released=2, node_actions={"n2": [action("b", "HARD")]}))
+
+    state = bench.state
+    assert (state.order_id, state.order_update_id) == ("o2", 0)
+    assert (state.last_node_id, state.last_node_sequence_id) == ("n0", 0)
+    assert [(node.node_id, node.released) for node in state.node_states] == [("n1", True), ("n2", False)]
+    assert [(edge.edge_id, edge.released) for edge in state.edge_states] == [
+        ("n0-n1", True),
+        ("n1-n2", False),
+    ]
+    assert bench.statuses() == {"b": "WAITING"}
+    assert not state.errors
+
+
+def held() -> Bench:
+    """A robot on its way from n0 to n1, the decision point; n2 is horizon."""
+    bench = Bench()
+    bench.send(order("n0", "n1", "n2", update=3, released=2))
+    return bench
+
+
+def test_row_b1_an_older_update_is_refused() -> None:
+    entry = refused(held(), order("n1", "n2", update=2, first=2))
+
+    assert entry.error_type == ErrorType.OUTDATED_ORDER_UPDATE
+    assert references(entry) == {"topic": "order", "headerId": "7", "orderId": "o1", "orderUpdateId": "2"}
+
+
+@pytest.mark.parametrize("ended", [False, True], ids=["being cancelled", "cancelled"])
+def test_row_b2_no_update_follows_a_cancel(ended: bool) -> None:  # noqa: FBT001
+    bench = held()
+    bench.instant(action("c", action_type="cancelOrder"))
+    if ended:
+        bench.halted()
+
+    for update in (3, 4):  # a late duplicate draws the same warning
+        entry = refused(bench, order("n1", "n2", update=update, first=2))
+        assert entry.error_type == ErrorType.ORDER_UPDATE_FOLLOWING_CANCEL
+
+
+def test_row_b3_the_same_update_again_is_dropped_without_an_error_but_answered() -> None:
+    bench = held()
+    before = bench.state
+
+    effects = bench.send(order("n0", "n1", "n2", update=3, released=2))
+
+    assert effects == [ReportState()]
+    assert bench.state == before
+
+
+@pytest.mark.parametrize(
+    ("node", "first"), [("n2", 4), ("n0", 0), ("n1", 4)], ids=["horizon's end", "start", "wrong number"]
+)
+def test_row_b4_an_update_begins_at_the_decision_point(node: str, first: int) -> None:
+    entry = refused(held(), order(node, "n3", update=4, first=first))
+
+    assert entry.error_type == ErrorType.OUTDATED_ORDER_UPDATE  # orderUpdateError in 2.1
+    assert references(entry)["nodeId"] == node
+
+
+def test_row_b5_an_update_of_an_ended_order_goes_on_where_it_ended() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.arrive()
+    assert bench.idle
+    assert refused(bench, order("n0", "n1", update=1)).error_type == ErrorType.OUTDATED_ORDER_UPDATE
+
+    bench.send(order("n1", "n2", update=1, first=2))
+
+    assert bench.nodes == ["n2"]
+    assert bench.state.node_states[0].sequence_id == 4
+    assert not bench.state.errors
+
+
+def test_row_b6_an_update_drops_the_horizon_and_appends() -> None:
+    bench = held()
+    refused(bench, order("n9", update=9, first=2))
+
+    bench.send(order("n1", "n3", "n4", update=4, first=2, released=2))
+
+    assert bench.state.order_update_id == 4
+    assert bench.nodes == ["n1", "n3", "n4"]
+    assert bench.edges == ["n0-n1", "n1-n3", "n3-n4"]
+    assert [node.released for node in bench.state.node_states] == [True, True, False]
+    assert bench.state.errors == ()
+
+
+def test_an_action_id_that_is_in_use_is_refused() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", node_actions={"n1": [action("a")]}))
+
+    entry = refused(bench, order("n1", "n2", update=1, first=2, node_actions={"n2": [action("a")]}))
+
+    assert entry.error_type == ErrorType.INVALID_ORDER_ACTION
+    assert references(entry)["actionId"] == "a"
+
+
+def test_the_id_of_an_instant_action_is_refused_in_an_order() -> None:
+    bench = Bench()
+    bench.instant(action("a"))
+
+    entry = refused(bench, order("n0", node_actions={"n0": [action("a")]}))
+
+    assert entry.error_type == ErrorType.INVALID_ORDER_ACTION

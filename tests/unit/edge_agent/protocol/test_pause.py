@@ -1,0 +1,80 @@
+"""startPause and stopPause (section 6.2.3)."""
+
+from __future__ import annotations
+
+from nena_edge_agent.protocol.effects import Halt, PauseAction, ResumeAction
+from nena_edge_agent.protocol.events import ActionReport
+from nena_shared.vda5050.action import ActionStatus
+from support.robot_core import Bench, action, order
+
+START = action("p", "NONE", "startPause")
+STOP = action("s", "NONE", "stopPause")
+
+
+def test_a_pause_stops_the_drive_and_its_end_gives_the_goal_again() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+
+    bench.instant(START)
+    assert (bench.status("p"), bench.state.paused) == ("RUNNING", True)
+    assert len(bench.effects_of(Halt)) == 1
+    bench.halted()
+    assert bench.status("p") == "FINISHED"
+    assert not bench.state.driving
+
+    bench.instant(STOP)
+    assert (bench.status("s"), bench.state.paused) == ("FINISHED", False)
+    assert [goal.generation for goal in bench.goals] == [1, 2]
+    bench.arrive()
+    assert bench.state.last_node_id == "n1"
+
+
+def test_a_standing_robot_is_paused_at_once_and_begins_no_action() -> None:
+    bench = Bench()
+    bench.instant(START)
+    assert bench.status("p") == "FINISHED"
+
+    bench.send(order("n0", "n1", node_actions={"n0": [action("a")]}))
+    assert (bench.status("a"), bench.goals) == ("WAITING", [])
+
+    bench.instant(STOP)
+    assert bench.status("a") == "INITIALIZING"
+    assert len(bench.goals) == 1
+
+
+def test_actions_that_can_be_held_are_held() -> None:
+    bench = Bench()
+    actions = [action("a", "SOFT"), action("b", "SOFT", "press")]
+    bench.send(order("n0", "n1", node_actions={"n0": actions}))
+    bench.runs("a", "b")
+
+    bench.instant(START)
+    assert [effect.action_id for effect in bench.effects_of(PauseAction)] == ["a"]
+    bench.do(ActionReport("a", ActionStatus.PAUSED))
+    assert bench.statuses() == {"a": "PAUSED", "b": "RUNNING"}
+
+    bench.instant(STOP)
+    assert [effect.action_id for effect in bench.effects_of(ResumeAction)] == ["a"]
+    bench.runs("a")
+    assert bench.status("a") == "RUNNING"
+
+
+def test_a_second_pause_finishes_like_the_first() -> None:
+    bench = Bench()
+    bench.instant(START)
+    bench.instant(action("q", "NONE", "startPause"))
+
+    assert bench.status("q") == "FINISHED"
+
+
+def test_a_pause_that_has_not_come_to_a_stand_is_taken_back() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.instant(START)
+
+    bench.instant(STOP)
+    assert (bench.status("p"), bench.status("s")) == ("FAILED", "FINISHED")
+    assert len(bench.goals) == 1
+    bench.halted()
+
+    assert len(bench.goals) == 2

@@ -1,0 +1,371 @@
+"""Driving along an order: pictures of section 6.6.2, strategies, failures, what keeps a robot standing."""
+
+from __future__ import annotations
+
+import pytest
+
+from nena_edge_agent.driver.port import (
+    Arrived,
+    DriveFailed,
+    DriveFailure,
+    NavigationReport,
+    Pose,
+    PoseReport,
+)
+from nena_edge_agent.protocol.capabilities import DriveStrategy
+from nena_edge_agent.protocol.effects import Drive, Halt, StartAction
+from nena_edge_agent.protocol.events import TimePassed
+from nena_shared.vda5050.error import ErrorLevel, ErrorType
+from support.robot_core import MAP, Bench, action, at, order, position
+
+PASS = {"strategy": DriveStrategy.PASS_THROUGH}
+GONE = NavigationReport(available=False, reason="Nav2 is not active")
+BACK = NavigationReport(available=True, reason="")
+
+
+def lost_at(x: float) -> PoseReport:
+    return at(x, localized=False)
+
+
+def test_an_order_is_driven_node_by_node_to_its_end() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", "n2"))
+    assert bench.state.driving
+    assert bench.goal.pose == Pose(10.0, 0.0, 0.0, MAP)
+
+    bench.arrive()
+    assert (bench.state.last_node_id, bench.state.last_node_sequence_id) == ("n1", 2)
+    assert (bench.nodes, bench.edges) == (["n2"], ["n1-n2"])
+
+    bench.arrive()
+    assert (bench.state.last_node_id, bench.nodes, bench.edges) == ("n2", [], [])
+    assert [goal.generation for goal in bench.goals] == [1, 2]
+    assert bench.idle
+    assert not bench.state.driving
+
+
+def test_a_goal_carries_what_node_and_edge_demand() -> None:
+    bench = Bench()
+    place = position(10.0, 5.0, theta=1.5, radius=0.2).model_copy(update={"allowed_deviation_theta": 0.1})
+    bench.send(order("n0", "n1", positions={"n1": place}, edge_fields={"maximum_speed": 0.5}))
+
+    assert bench.goal.pose == Pose(10.0, 5.0, 1.5, MAP)
+    assert (bench.goal.deviation_xy, bench.goal.deviation_theta) == (0.2, 0.1)
+    assert bench.goal.maximum_speed == 0.5
+
+
+def test_without_a_demand_the_robot_looks_ahead_and_any_heading_will_do() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", positions={"n1": position(0.0, 5.0)}))
+
+    assert bench.goal.pose.theta == pytest.approx(1.5708, abs=1e-3)
+    assert bench.goal.deviation_theta is None
+
+
+def picture(blocking: str) -> Bench:
+    """Bring the robot to the moment before n2 of the order e1, n2, e3 with an action on each."""
+    bench = Bench()
+    bench.send(
+        order(
+            "n0",
+            "n2",
+            "n4",
+            edge_actions={"n0-n2": [action("e1", "NONE", "lamp")], "n2-n4": [action("e3", "NONE", "lamp")]},
+            node_actions={"n2": [action("a2", blocking)]},
+        )
+    )
+    bench.runs("e1")
+    assert (bench.nodes, bench.edges) == (["n2", "n4"], ["n0-n2", "n2-n4"])
+    assert bench.statuses() == {"e1": "RUNNING", "a2": "WAITING", "e3": "WAITING"}
+    return bench
+
+
+def test_picture_of_a_node_that_does_not_block() -> None:
+    bench = picture("NONE")
+
+    effects = bench.arrive()
+
+    assert (bench.nodes, bench.edges) == (["n4"], ["n2-n4"])
+    assert bench.statuses() == {"e1": "FINISHED", "a2": "INITIALIZING", "e3": "INITIALIZING"}
+    assert sum(isinstance(effect, Drive) for effect in effects) == 1
+
+
+@pytest.mark.parametrize("blocking", ["SOFT", "HARD"])
+def test_picture_of_a_node_that_blocks(blocking: str) -> None:
+    bench = picture(blocking)
+
+    effects = bench.arrive()
+
+    assert (bench.nodes, bench.edges) == (["n4"], ["n2-n4"])
+    assert bench.statuses() == {"e1": "FINISHED", "a2": "INITIALIZING", "e3": "WAITING"}
+    assert not any(isinstance(effect, Drive) for effect in effects)
+
+    effects = bench.finishes("a2")
+
+    assert bench.statuses() == {"e1": "FINISHED", "a2": "FINISHED", "e3": "INITIALIZING"}
+    assert any(isinstance(effect, Drive) for effect in effects)
+
+
+def test_a_blocking_action_of_an_edge_runs_before_the_robot_moves_on_it() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", edge_actions={"n0-n1": [action("e", "HARD")]}))
+    assert bench.status("e") == "INITIALIZING"
+    assert not bench.goals
+
+    bench.finishes("e")
+
+    assert len(bench.goals) == 1
+
+
+def test_an_edge_action_with_a_goal_of_its_own_fails_when_its_edge_ends() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", edge_actions={"n0-n1": [action("e")]}))
+    bench.runs("e")
+
+    bench.arrive()
+
+    assert bench.status("e") == "FAILED"
+    assert bench.errors == [ErrorType.ACTION_FAILED]
+    assert bench.state.errors[0].error_level is ErrorLevel.WARNING
+
+
+def test_the_robot_stops_at_its_decision_point_and_goes_on_when_the_base_is_extended() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", "n2", released=2))
+    bench.arrive()
+    assert len(bench.goals) == 1
+    assert not bench.idle
+
+    bench.send(order("n1", "n2", update=1, first=2))
+
+    assert bench.goal.pose.x == 20.0
+
+
+def test_an_edge_without_length_is_traversed_where_the_robot_stands() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", released=1))
+
+    bench.send(
+        order("n0", "n9", update=1, positions={"n9": position(0.0)}, node_actions={"n9": [action("new")]})
+    )
+
+    assert (bench.state.last_node_id, bench.state.last_node_sequence_id) == ("n9", 2)
+    assert bench.status("new") == "INITIALIZING"
+    assert not bench.goals
+
+
+def test_a_late_arrival_of_an_older_goal_is_passed_over() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", "n2"))
+    bench.arrive()
+
+    bench.do(Arrived(generation=1))
+
+    assert bench.nodes == ["n2"]
+
+
+def test_pass_through_gives_the_next_goal_in_the_range_of_a_node() -> None:
+    bench = Bench(**PASS)
+    bench.send(order("n0", "n1", "n2", positions={"n1": position(10.0, radius=0.4)}))
+    bench.do(at(9.5))
+    assert bench.nodes == ["n1", "n2"]
+
+    bench.do(at(9.7))
+
+    assert bench.nodes == ["n2"]
+    assert bench.goal.pose.x == 20.0
+    assert not bench.effects_of(Halt)
+
+
+def test_pass_through_is_bounded_by_the_set_radius() -> None:
+    bench = Bench(**PASS, pass_radius=0.5)
+    bench.send(order("n0", "n1", "n2", positions={"n1": position(10.0, radius=3.0)}))
+
+    bench.do(at(9.0))
+    assert bench.nodes == ["n1", "n2"]
+    bench.do(at(9.6))
+    assert bench.nodes == ["n2"]
+
+
+@pytest.mark.parametrize(
+    "reason",
+    [
+        {"node_actions": {"n1": [action("a", "SOFT")]}},
+        {"edge_actions": {"n1-n2": [action("a", "HARD")]}},
+        {"positions": {"n1": position(10.0, theta=3.0)}},
+        {"released": 2},
+    ],
+    ids=["node action", "action of the next edge", "heading", "end of the base"],
+)
+def test_a_node_with_a_reason_to_stop_is_not_passed(reason: dict[str, object]) -> None:
+    bench = Bench(**PASS)
+    bench.send(order("n0", "n1", "n2", **reason))  # type: ignore[arg-type]  # parametrized
+
+    bench.do(at(10.0))
+
+    assert bench.nodes == ["n1", "n2"]
+    bench.arrive()
+    assert bench.nodes == ["n2"]
+
+
+def test_an_update_in_time_lets_the_robot_pass_its_old_decision_point() -> None:
+    bench = Bench(**PASS)
+    bench.send(order("n0", "n1", "n2", released=2))
+    bench.do(at(8.0))
+    bench.send(order("n1", "n2", update=1, first=2))
+
+    bench.do(at(9.9))
+
+    assert bench.goal.pose.x == 20.0
+    assert not bench.effects_of(Halt)
+
+
+@pytest.mark.parametrize("failure", list(DriveFailure))
+def test_a_failed_drive_is_an_error_and_the_node_is_not_traversed(failure: DriveFailure) -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", "n2"))
+
+    bench.do(DriveFailed(bench.goal.generation, failure, "no way"))
+
+    state = bench.state
+    assert (state.last_node_id, bench.nodes, bench.edges) == ("n0", ["n1", "n2"], ["n0-n1", "n1-n2"])
+    assert not state.driving
+    (error,) = state.errors
+    assert (error.error_type, error.error_level) == (ErrorType.NODE_UNREACHABLE, ErrorLevel.CRITICAL)
+    assert "no way" in str(error.error_description)
+    assert error.error_hint
+    assert {"nodeId": "n1", "failure": failure.value}.items() <= {
+        each.reference_key: each.reference_value for each in error.error_references
+    }.items()
+    bench.do(at(1.0), TimePassed())
+    assert len(bench.goals) == 1
+
+
+def test_an_update_tries_a_failed_drive_again() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", "n2", released=2))
+    bench.do(DriveFailed(bench.goal.generation, DriveFailure.ABORTED, "no way"))
+
+    bench.send(order("n1", "n2", update=1, first=2))
+
+    assert len(bench.goals) == 2
+    assert not bench.errors
+    bench.arrive()
+    assert bench.state.last_node_id == "n1"
+
+
+def test_no_goal_is_given_while_navigation_is_missing() -> None:
+    bench = Bench()
+    bench.do(GONE)
+    assert not bench.errors
+
+    bench.send(order("n0", "n1"))
+    assert not bench.goals
+    assert bench.errors == [ErrorType.NAVIGATION_NOT_AVAILABLE]
+    assert "Nav2 is not active" in str(bench.state.errors[0].error_description)
+
+    bench.do(BACK)
+    assert len(bench.goals) == 1
+    assert not bench.errors
+
+
+def test_the_goal_is_given_again_when_navigation_is_back() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+
+    bench.do(GONE)
+    assert bench.errors == [ErrorType.NAVIGATION_NOT_AVAILABLE]
+    bench.do(BACK)
+
+    assert [goal.generation for goal in bench.goals] == [1, 2]
+    assert bench.goals[0].pose == bench.goals[1].pose
+
+
+def test_a_robot_that_is_lost_stops_and_goes_on_when_it_is_found() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+
+    bench.do(lost_at(3.0))
+    assert len(bench.effects_of(Halt)) == 1
+    assert bench.errors == [ErrorType.LOCALIZATION_ERROR]
+    assert bench.state.errors[0].error_level is ErrorLevel.FATAL
+    assert bench.nodes == ["n1"]
+
+    bench.halted()
+    assert len(bench.goals) == 1
+    bench.do(at(3.0))
+    assert len(bench.goals) == 2
+    assert not bench.errors
+
+
+def test_a_halt_that_nobody_answers_is_asked_for_again() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.do(lost_at(3.0))
+    assert bench.core.waits
+
+    bench.now += 4.9
+    bench.do(TimePassed())
+    assert len(bench.effects_of(Halt)) == 1
+    bench.now += 0.2
+    bench.do(TimePassed())
+    assert len(bench.effects_of(Halt)) == 2
+
+    bench.halted()
+    assert not bench.core.waits
+
+
+def test_more_base_is_asked_for_when_its_end_comes_near() -> None:
+    bench = Bench(base_request_distance=3.0)
+    bench.send(order("n0", "n1", "n2", released=2))
+    assert not bench.state.new_base_request
+
+    bench.do(at(6.9))
+    assert not bench.state.new_base_request
+    bench.do(at(7.1))
+    assert bench.state.new_base_request
+
+    bench.send(order("n1", "n2", update=1, first=2))
+    assert not bench.state.new_base_request
+
+
+def test_at_the_end_of_the_base_more_is_asked_for_and_without_a_horizon_nothing() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", released=1))
+    assert bench.state.new_base_request
+
+    bench.send(order("n0", update=1))
+    assert not bench.state.new_base_request
+    assert bench.idle
+
+
+def test_actions_of_the_first_node_start_with_the_order() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", node_actions={"n0": [action("a", "HARD")]}))
+
+    assert [effect.action.action_id for effect in bench.effects_of(StartAction)] == ["a"]
+    assert not bench.goals
+
+
+def test_actions_of_the_stitching_node_do_not_run_again() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", node_actions={"n1": [action("a", "HARD")]}))
+    bench.arrive()
+    bench.finishes("a")
+
+    bench.send(order("n1", "n2", update=1, first=2, node_actions={"n1": [action("a", "HARD")]}))
+
+    assert bench.statuses() == {"a": "FINISHED"}
+    assert len(bench.effects_of(StartAction)) == 1
+
+
+def test_an_action_that_moves_from_horizon_to_base_keeps_its_state_and_others_go() -> None:
+    bench = Bench()
+    bench.send(
+        order("n0", "n1", "n2", released=1, node_actions={"n1": [action("kept")], "n2": [action("gone")]})
+    )
+    assert bench.statuses() == {"kept": "WAITING", "gone": "WAITING"}
+
+    bench.send(order("n0", "n1", update=1, node_actions={"n1": [action("kept")]}))
+
+    assert bench.statuses() == {"kept": "WAITING"}
