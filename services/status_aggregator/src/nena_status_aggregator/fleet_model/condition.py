@@ -56,7 +56,7 @@ TEXTS = {
     "action_waiting": "Waits at {place} to begin {action}.",
     "charging": "Charges, {charge} %.",
     "idle": "Free.",
-    "idle_why": "No order: {why}",
+    "idle_why": "Free. {why}",
 }
 """The sentences, by the code under which a translation finds them."""
 

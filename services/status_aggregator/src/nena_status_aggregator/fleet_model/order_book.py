@@ -1,9 +1,9 @@
 """Transport orders as the order service tells of them.
 
 The order service keeps the status of each living order at the broker and clears it after the final one, so
-the orders that have ended live on only here: as many as the limit leaves room for. The rule when there are too
-many: first goes the order that ended longest ago, then, if none has ended, the one that was heard of longest
-ago.
+the orders that have ended live on only here: as many as the limit leaves room for. The rule when there are
+too many: first goes the order that ended longest ago, then, if none has ended, the one that was heard of
+longest ago.
 """
 
 from __future__ import annotations

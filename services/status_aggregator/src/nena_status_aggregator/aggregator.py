@@ -1,0 +1,53 @@
+"""The parts of one aggregator: model, link to the broker and stream of changes."""
+
+from __future__ import annotations
+
+import asyncio
+from secrets import token_hex
+
+from pydantic_core import to_json
+
+from nena_shared.clock import Clock
+from nena_status_aggregator.event_stream import EventStream
+from nena_status_aggregator.fleet_model.instant import Instant, iso
+from nena_status_aggregator.fleet_model.model import FleetModel, ModelLimits
+from nena_status_aggregator.link import FleetLink
+from nena_status_aggregator.settings import AggregatorSettings
+
+
+class Aggregator:
+    """What the program runs and what the API shows; owned by one event loop."""
+
+    def __init__(self, settings: AggregatorSettings, clock: Clock) -> None:
+        self.clock = clock
+        self.model = FleetModel(
+            ModelLimits(
+                robots=settings.robots_limit,
+                orders=settings.orders_limit,
+                silence=settings.silence_limit,
+                clock_skew=settings.clock_skew_limit,
+            )
+        )
+        self.link = FleetLink(settings, self.model, clock)
+        self.events = EventStream(settings.events, epoch=token_hex(4), snapshot=self._snapshot)
+        self._interval = settings.events.interval
+
+    def now(self) -> Instant:
+        """Read the clock."""
+        return Instant.of(self.clock)
+
+    def publish_changes(self) -> None:
+        """Bring the conditions up to date, and tell the clients what has changed."""
+        delta = self.model.flush(self.now())
+        if delta is not None:
+            self.events.publish(delta["id"], to_json(delta))
+
+    async def keep_publishing(self) -> None:
+        """Publish changes until cancelled."""
+        while True:
+            self.publish_changes()
+            await asyncio.sleep(self._interval)
+
+    def _snapshot(self) -> tuple[int, bytes]:
+        view = self.model.snapshot()
+        return view["id"], to_json({**view, "time": iso(self.clock.now())})

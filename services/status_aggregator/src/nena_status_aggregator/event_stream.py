@@ -1,0 +1,111 @@
+"""The stream of changes that browsers and programs follow, as server-sent events.
+
+Events are made once and shared by all clients. The last ones are kept in a ring; a client is nothing but a
+place in it. That bounds what a client can cost, and gives the rule for slow ones: who is more than
+``backlog`` events behind, or asks for an event that the ring has lost, or for one of an earlier run of this
+program, gets a snapshot and goes on from there. No client can slow the others or the model.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import AsyncIterator, Callable
+from itertools import islice
+
+from nena_status_aggregator.settings import EventSettings
+
+HEARTBEAT = 5.0
+"""Seconds without an event after which a heartbeat is sent, so that both ends notice a dead line."""
+
+
+class EventStream:
+    """Ids are ``<epoch>-<number>``; the epoch is another one after each start of the program."""
+
+    def __init__(
+        self, settings: EventSettings, *, epoch: str, snapshot: Callable[[], tuple[int, bytes]]
+    ) -> None:
+        """Make an empty stream.
+
+        Args:
+            settings: the limits.
+            epoch: names this run; neither blank nor ``-`` in it.
+            snapshot: gives the number of the last event and, as JSON, everything up to it.
+
+        """
+        self._settings = settings
+        self._epoch = epoch
+        self._snapshot = snapshot
+        self._ring: deque[bytes] = deque(maxlen=settings.history)
+        self._last = 0
+        self._news = asyncio.Event()
+        self._closed = False
+        self.clients = 0
+        self.snapshots = 0
+
+    @property
+    def full(self) -> bool:
+        """Whether there is no room for another client."""
+        return self.clients >= self._settings.clients
+
+    @property
+    def events(self) -> int:
+        """How many events there have been."""
+        return self._last
+
+    def publish(self, number: int, data: bytes) -> None:
+        """Give an event to all clients; numbers rise by one."""
+        self._ring.append(self._frame("delta", number, data))
+        self._last = number
+        self._wake()
+
+    def close(self) -> None:
+        """End the streams of all clients."""
+        self._closed = True
+        self._wake()
+
+    async def follow(self, last_id: str | None) -> AsyncIterator[bytes]:
+        """Yield what a client gets that knows everything up to ``last_id``; None: that knows nothing."""
+        self.clients += 1
+        try:
+            place = self._place_of(last_id)
+            while not self._closed:
+                news = self._news
+                frames, place = self._next(place)
+                if frames:
+                    yield frames
+                elif await _nothing_within(news, HEARTBEAT):
+                    yield b"event: heartbeat\ndata: {}\n\n"
+        finally:
+            self.clients -= 1
+
+    def _next(self, place: int | None) -> tuple[bytes, int]:
+        """Give all that a client at ``place`` has to get next, and where it is then."""
+        behind = None if place is None else self._last - place
+        if behind is None or behind > min(self._settings.backlog, len(self._ring)):
+            number, data = self._snapshot()
+            self.snapshots += 1
+            return self._frame("snapshot", number, data), number
+        return b"".join(islice(self._ring, len(self._ring) - behind, None)), self._last
+
+    def _place_of(self, last_id: str | None) -> int | None:
+        epoch, _, number = (last_id or "").partition("-")
+        if epoch != self._epoch or not number.isdecimal() or int(number) > self._last:
+            return None
+        return int(number)
+
+    def _frame(self, event: str, number: int, data: bytes) -> bytes:
+        return b"id: %b-%d\nevent: %b\ndata: %b\n\n" % (self._epoch.encode(), number, event.encode(), data)
+
+    def _wake(self) -> None:
+        self._news.set()
+        self._news = asyncio.Event()
+
+
+async def _nothing_within(news: asyncio.Event, seconds: float) -> bool:
+    try:
+        async with asyncio.timeout(seconds):
+            await news.wait()
+    except TimeoutError:
+        return True
+    return False

@@ -1,0 +1,146 @@
+"""Between the broker and the model: subscribes, decodes, counts what cannot be read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from secrets import token_hex
+
+from pydantic import ValidationError
+
+from nena_shared.clock import Clock
+from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.log import get_logger
+from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.plant.model import PlantModel
+from nena_shared.vda5050.connection import Connection
+from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.malformed import MalformedMessageError, problems_of
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.visualization import Visualization
+from nena_status_aggregator import protocol
+from nena_status_aggregator.fleet_model.instant import Instant
+from nena_status_aggregator.fleet_model.message_kind import MessageKind
+from nena_status_aggregator.fleet_model.model import FleetModel
+from nena_status_aggregator.settings import AggregatorSettings
+
+log = get_logger(__name__)
+
+PROBLEMS_REMEMBERED = 1000
+"""Topics whose last problem is remembered, so that a robot that repeats itself does not fill the log."""
+
+RobotReader = Callable[[RobotKey, Inbound, Instant], None]
+
+
+class FleetLink:
+    """Feeds the model with what the broker delivers; what cannot be read is counted, never fatal."""
+
+    def __init__(self, settings: AggregatorSettings, model: FleetModel, clock: Clock) -> None:
+        self._model = model
+        self._clock = clock
+        self._codec = protocol.codec()
+        self._robot_topics = protocol.topics(settings.interface_name)
+        self._fleet_topics = FleetTopics(settings.prefix)
+        self._problems: dict[str, str] = {}
+        self.mqtt = MqttLink(
+            settings.mqtt,
+            # several aggregators may watch one broker: the id must differ
+            client_id=f"nena-status-aggregator-{token_hex(4)}",
+            on_connected=self._connected,
+            on_lost=self._lost,
+        )
+        self._subscribe()
+
+    async def run(self) -> None:
+        """Keep the link up until cancelled."""
+        await self.mqtt.run()
+
+    def _subscribe(self) -> None:
+        readers: dict[Topic, tuple[MessageKind, RobotReader]] = {
+            Topic.CONNECTION: (MessageKind.CONNECTION, self._read_connection),
+            Topic.STATE: (MessageKind.STATE, self._read_state),
+            Topic.VISUALIZATION: (MessageKind.VISUALIZATION, self._read_visualization),
+            Topic.FACTSHEET: (MessageKind.FACTSHEET, self._read_factsheet),
+        }
+        for topic, (kind, read) in readers.items():
+            handler = partial(self._on_robot_message, kind, read)
+            self.mqtt.subscribe(self._robot_topics.for_all(topic), handler)
+        fleet = self._fleet_topics
+        for topic_filter, kind, take in (
+            (fleet.plant_model, MessageKind.PLANT_MODEL, self._read_plant_model),
+            (fleet.all_vehicle_statuses, MessageKind.VEHICLE_STATUS, self._read_vehicle_status),
+            (fleet.all_order_statuses, MessageKind.ORDER_STATUS, self._read_order_status),
+        ):
+            self.mqtt.subscribe(topic_filter, partial(self._on_fleet_message, kind, take))
+
+    def _connected(self) -> tuple[Outbound, ...]:
+        self._model.on_link(connected=True, at=Instant.of(self._clock))
+        return ()
+
+    def _lost(self) -> None:
+        self._model.on_link(connected=False, at=Instant.of(self._clock))
+
+    def _on_robot_message(self, kind: MessageKind, read: RobotReader, inbound: Inbound) -> None:
+        key = self._robot_topics.robot_of(inbound.topic)
+        if key is None or (inbound.retained and not inbound.payload):
+            return
+        at = Instant.of(self._clock)
+        try:
+            read(key, inbound, at)
+        except MalformedMessageError as error:
+            self._malformed(kind, inbound.topic, _summary(error.problems), at, key)
+
+    def _on_fleet_message(
+        self, kind: MessageKind, take: Callable[[Inbound, Instant], None], inbound: Inbound
+    ) -> None:
+        at = Instant.of(self._clock)
+        try:
+            take(inbound, at)
+        except ValidationError as error:
+            self._malformed(kind, inbound.topic, _summary(problems_of(error)), at, None)
+
+    def _read_connection(self, key: RobotKey, inbound: Inbound, at: Instant) -> None:
+        self._model.on_connection(key, self._codec.decode(Connection, inbound.payload), at)
+
+    def _read_state(self, key: RobotKey, inbound: Inbound, at: Instant) -> None:
+        state = self._codec.decode(State, inbound.payload)
+        self._model.on_state(key, state, at, retained=inbound.retained)
+
+    def _read_visualization(self, key: RobotKey, inbound: Inbound, at: Instant) -> None:
+        self._model.on_visualization(key, self._codec.decode(Visualization, inbound.payload), at)
+
+    def _read_factsheet(self, key: RobotKey, inbound: Inbound, at: Instant) -> None:
+        self._model.on_factsheet(key, self._codec.decode(Factsheet, inbound.payload), at)
+
+    def _read_plant_model(self, inbound: Inbound, _at: Instant) -> None:
+        self._model.on_plant_model(PlantModel.from_json(inbound.payload) if inbound.payload else None)
+
+    def _read_vehicle_status(self, inbound: Inbound, at: Instant) -> None:
+        if inbound.payload:
+            self._model.on_vehicle_status(VehicleStatus.model_validate_json(inbound.payload), at)
+
+    def _read_order_status(self, inbound: Inbound, _at: Instant) -> None:
+        if inbound.payload:
+            self._model.on_order_status(TransportOrderStatus.model_validate_json(inbound.payload))
+        else:
+            self._model.on_order_cleared(inbound.topic.rsplit("/", 2)[1])
+
+    def _malformed(
+        self, kind: MessageKind, topic: str, problem: str, at: Instant, key: RobotKey | None
+    ) -> None:
+        self._model.on_malformed(kind, topic, problem, at, key=key)
+        if self._problems.get(topic) == problem:
+            return
+        if len(self._problems) >= PROBLEMS_REMEMBERED:
+            self._problems.clear()
+        self._problems[topic] = problem
+        log.warning("message not understood", topic=topic, robot=str(key) if key else None, problem=problem)
+
+
+def _summary(problems: Sequence[str]) -> str:
+    """Give the first problem, and how many there are besides."""
+    more = len(problems) - 1
+    return f"{problems[0]} (and {more} more)" if more else problems[0]

@@ -1,0 +1,1 @@
+"""The control panel: plain files in ``static``, served as they are."""

@@ -1,0 +1,42 @@
+// How many robots there are, and in which conditions; the ones that need somebody come first.
+
+import { plural, t } from "../catalogue.js";
+import { element } from "../dom.js";
+
+export const CONDITIONS = [
+  "ERROR",
+  "BROKEN",
+  "SILENT",
+  "BLOCKED",
+  "MANUAL",
+  "BUSY",
+  "CHARGING",
+  "IDLE",
+  "OFFLINE",
+];
+
+class FleetSummary extends HTMLElement {
+  show(store) {
+    this.setAttribute("role", "group");
+    this.setAttribute("aria-label", t("summary.label"));
+    store.addEventListener("change", () => this.#update([...store.robots.values()]));
+  }
+
+  #update(robots) {
+    const counts = CONDITIONS.map((name) => [name, robots.filter((each) => each.condition === name).length]);
+    const total = robots.length ? plural("summary.robots", robots.length) : t("summary.none");
+    const text = JSON.stringify([total, counts]);
+    if (this.shown === text) return;
+    this.shown = text;
+    this.replaceChildren(
+      element("span", { class: "total" }, total),
+      ...counts
+        .filter(([, count]) => count)
+        .map(([name, count]) =>
+          element("span", { class: "chip", "data-condition": name }, `${count} ${t(`condition.${name}`)}`),
+        ),
+    );
+  }
+}
+
+customElements.define("nena-fleet-summary", FleetSummary);

@@ -1,0 +1,31 @@
+// Small helpers that make and change elements, and touch the page only where something differs.
+
+/** Make an element with attributes and children (elements or texts). */
+export function element(name, attributes = {}, ...children) {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) setAttribute(made, key, value);
+  made.append(...children);
+  return made;
+}
+
+export function setText(node, text) {
+  if (node.textContent !== text) node.textContent = text;
+}
+
+/** Set an attribute; null, undefined and false take it away. */
+export function setAttribute(node, name, value) {
+  if (value === null || value === undefined || value === false) node.removeAttribute(name);
+  else if (node.getAttribute(name) !== String(value)) node.setAttribute(name, value);
+}
+
+/** Make a bar for 0 to 100 with its value in words. */
+export function progressBar() {
+  const bar = element("progress", { max: 100, value: 0 });
+  const value = element("span", { class: "number" });
+  return { bar, value, box: element("span", { class: "progress" }, bar, value) };
+}
+
+/** Make the box that stands where there is nothing to show: what is missing, and what to do. */
+export function emptyBox(title, text) {
+  return element("div", { class: "empty" }, element("strong", {}, title), element("p", {}, text));
+}

@@ -1,0 +1,29 @@
+// Numbers and times as people read them.
+
+import { locale, t } from "./catalogue.js";
+
+/** Write a number with a fixed count of decimals. */
+export function number(value, decimals = 0) {
+  return value.toLocaleString(locale(), {
+    minimumFractionDigits: decimals,
+    maximumFractionDigits: decimals,
+  });
+}
+
+/** Write a time of day; `moment` is ISO 8601 or milliseconds. */
+export function timeOfDay(moment) {
+  return new Date(moment).toLocaleTimeString(locale(), { hour12: false });
+}
+
+const UNITS = [
+  [60, 1, "age.seconds"],
+  [3600, 60, "age.minutes"],
+  [86400, 3600, "age.hours"],
+  [Infinity, 86400, "age.days"],
+];
+
+/** Write a duration in seconds in its greatest unit. */
+export function age(seconds) {
+  const [, unit, key] = UNITS.find(([limit]) => seconds < limit);
+  return t(key, { count: number(Math.floor(Math.max(0, seconds) / unit)) });
+}

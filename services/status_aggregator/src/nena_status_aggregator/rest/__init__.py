@@ -1,0 +1,1 @@
+"""HTTP: the fleet as resources, the stream of changes, health, metrics and the page."""

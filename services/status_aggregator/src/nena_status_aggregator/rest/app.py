@@ -1,0 +1,47 @@
+"""The HTTP application."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from pathlib import Path
+
+from fastapi import FastAPI
+from starlette.responses import Response
+from starlette.staticfiles import StaticFiles
+from starlette.types import Scope
+
+from nena_status_aggregator import panel
+from nena_status_aggregator.aggregator import Aggregator
+from nena_status_aggregator.metrics import DISTRIBUTION, make_registry
+from nena_status_aggregator.rest import events, health, problem, resources
+from nena_status_aggregator.rest.security_headers import SecurityHeaders
+
+PANEL = Path(panel.__file__).parent / "static"
+
+
+class PanelFiles(StaticFiles):
+    """The page's files; a browser asks each time whether they are still the same."""
+
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        """Give one file."""
+        response = await super().get_response(path, scope)
+        response.headers["cache-control"] = "no-cache"
+        return response
+
+
+def make_app(aggregator: Aggregator) -> FastAPI:
+    """Make the application over ``aggregator``; it starts nothing by itself."""
+    app = FastAPI(
+        title="NeNa status aggregator",
+        version=version(DISTRIBUTION),
+        openapi_url="/api/v1/openapi.json",
+        docs_url=None,  # the interactive pages would load scripts from another host
+        redoc_url=None,
+    )
+    problem.install(app)
+    app.add_middleware(SecurityHeaders)
+    app.include_router(resources.make_router(aggregator))
+    app.include_router(events.make_router(aggregator.events))
+    app.include_router(health.make_router(aggregator, make_registry(aggregator)))
+    app.mount("/", PanelFiles(directory=PANEL, html=True), name="panel")
+    return app

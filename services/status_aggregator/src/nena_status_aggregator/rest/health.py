@@ -1,0 +1,38 @@
+"""Health for those who watch processes, metrics for Prometheus."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+
+from fastapi import APIRouter, Response
+from prometheus_client import CollectorRegistry
+from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
+
+from nena_status_aggregator.aggregator import Aggregator
+from nena_status_aggregator.metrics import exposition
+from nena_status_aggregator.rest.problem import ProblemError
+
+
+def make_router(aggregator: Aggregator, registry: CollectorRegistry) -> APIRouter:
+    """Make the routes."""
+    router = APIRouter(tags=["operation"])
+
+    @router.get("/healthz")
+    async def healthz() -> dict[str, str]:
+        """Tell that the program lives."""
+        return {"status": "ok"}
+
+    @router.get("/readyz")
+    async def readyz() -> dict[str, str]:
+        """Tell whether the link to the broker stands; without it everything here grows old."""
+        if not aggregator.model.link_up:
+            detail = "No link to the MQTT broker. Is it running, and do --mqtt.host and --mqtt.port name it?"
+            raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, detail)
+        return {"status": "ready"}
+
+    @router.get("/metrics")
+    async def metrics() -> Response:
+        """Give all metrics in Prometheus's text format."""
+        return Response(exposition(registry), media_type=CONTENT_TYPE_PLAIN_0_0_4)
+
+    return router

@@ -1,0 +1,61 @@
+"""Errors as problem details (RFC 9457)."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+
+from fastapi import FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+
+from nena_shared.fleet_api.transport_order import Problem
+from nena_shared.log import get_logger
+
+log = get_logger(__name__)
+
+MEDIA_TYPE = "application/problem+json"
+
+
+class ProblemError(Exception):
+    """A request that cannot be answered as wished; ``detail`` says what to do."""
+
+    def __init__(self, status: HTTPStatus, detail: str) -> None:
+        super().__init__(detail)
+        self.status = status
+        self.detail = detail
+
+
+def response(status: int, detail: str, errors: tuple[str, ...] = ()) -> Response:
+    """Make the answer that tells a problem."""
+    problem = Problem(title=HTTPStatus(status).phrase, status=status, detail=detail, errors=errors)
+    return Response(problem.model_dump_json(by_alias=True), status, media_type=MEDIA_TYPE)
+
+
+def install(app: FastAPI) -> None:
+    """Have every error of ``app`` answered with a problem."""
+
+    async def on_problem(_request: Request, error: ProblemError) -> Response:
+        return response(error.status, error.detail)
+
+    async def on_http_error(request: Request, error: HTTPException) -> Response:
+        detail = str(error.detail)
+        if error.status_code == HTTPStatus.NOT_FOUND:
+            detail = (
+                f"There is nothing at {request.url.path}. The resources are listed in /api/v1/openapi.json."
+            )
+        answer = response(error.status_code, detail)
+        answer.headers.update(error.headers or {})
+        return answer
+
+    async def on_invalid(_request: Request, error: RequestValidationError) -> Response:
+        errors = tuple(f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors())
+        return response(HTTPStatus.UNPROCESSABLE_ENTITY, "The request does not fit; see errors.", errors)
+
+    async def on_failure(request: Request, error: Exception) -> Response:
+        log.error("request failed", path=request.url.path, exc_info=error)
+        return response(HTTPStatus.INTERNAL_SERVER_ERROR, "The request failed; the log says why.")
+
+    app.exception_handler(ProblemError)(on_problem)
+    app.exception_handler(HTTPException)(on_http_error)
+    app.exception_handler(RequestValidationError)(on_invalid)
+    app.exception_handler(Exception)(on_failure)

@@ -1,0 +1,90 @@
+"""The resources under ``/api/v1``: fleet, robots, orders, plant."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import APIRouter, Response
+from pydantic_core import to_json
+from typing_extensions import TypedDict
+
+from nena_shared.vda5050.topics import RobotKey
+from nena_status_aggregator.aggregator import Aggregator
+from nena_status_aggregator.fleet_model.instant import iso
+from nena_status_aggregator.fleet_model.views import (
+    LinkView,
+    MalformedView,
+    OrderView,
+    PlantView,
+    RobotView,
+)
+from nena_status_aggregator.rest.problem import ProblemError
+
+
+class RobotResource(RobotView):
+    """A robot, and how old its last state is at the time of the answer, s; None before the first."""
+
+    stateAge: float | None  # noqa: N815 - the name on the wire
+
+
+class FleetResource(TypedDict):
+    """Everything. ``time`` is the time of the answer, ``id`` the number of the last change in it."""
+
+    time: str
+    id: int
+    robots: list[RobotResource]
+    orders: list[OrderView]
+    plant: PlantView | None
+    link: LinkView
+    malformed: MalformedView
+
+
+def make_router(aggregator: Aggregator) -> APIRouter:
+    """Make the routes over ``aggregator``."""
+    router = APIRouter(prefix="/api/v1", tags=["fleet"])
+    model = aggregator.model
+
+    def with_age(view: RobotView) -> RobotResource:
+        robot = model.robots.get(RobotKey(view["manufacturer"], view["serialNumber"]))
+        age = robot.age(aggregator.now()) if robot else None
+        return {**view, "stateAge": None if age is None else round(age, 3)}
+
+    @router.get("/fleet", responses={200: {"model": FleetResource}})
+    async def fleet() -> Response:
+        """Everything: robots, orders, whether there is a plant model, the link to the broker."""
+        view = model.snapshot()
+        robots = [with_age(each) for each in view["robots"]]
+        return _json({**view, "time": iso(aggregator.now().utc), "robots": robots})
+
+    @router.get("/robots/{manufacturer}/{serial}", responses={200: {"model": RobotResource}})
+    async def robot(manufacturer: str, serial: str) -> Response:
+        """One robot."""
+        view = model.robot_view(RobotKey(manufacturer, serial))
+        if view is None:
+            detail = (
+                f"No robot {manufacturer}/{serial} has been heard of. /api/v1/fleet lists those that have."
+            )
+            raise ProblemError(HTTPStatus.NOT_FOUND, detail)
+        return _json(with_age(view))
+
+    @router.get("/orders", responses={200: {"model": list[OrderView]}})
+    async def orders() -> Response:
+        """All transport orders that are kept."""
+        return _json(model.snapshot()["orders"])
+
+    @router.get("/plant")
+    async def plant() -> Response:
+        """The plant model, as the order service publishes it."""
+        if model.plant is None:
+            detail = (
+                "There is no plant model. Start the order service with one, on the same broker and prefix."
+            )
+            raise ProblemError(HTTPStatus.NOT_FOUND, detail)
+        return Response(model.plant.to_json(), media_type="application/json")
+
+    return router
+
+
+def _json(content: Any) -> Response:  # noqa: ANN401 - any of the views
+    return Response(to_json(content), media_type="application/json")

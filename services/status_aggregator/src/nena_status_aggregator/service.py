@@ -1,0 +1,35 @@
+"""Runs an aggregator and its HTTP server from start to end."""
+
+from __future__ import annotations
+
+import asyncio
+
+from nena_shared.clock import SystemClock
+from nena_shared.tasks import Supervisor
+from nena_status_aggregator.aggregator import Aggregator
+from nena_status_aggregator.http_server import GRACE, HttpServer, listen
+from nena_status_aggregator.rest.app import make_app
+from nena_status_aggregator.settings import AggregatorSettings
+
+
+async def serve(settings: AggregatorSettings, stop: asyncio.Event) -> None:
+    """Run the aggregator until ``stop`` is set.
+
+    Raises:
+        StartError: the port is not to be had.
+        TaskFailedError: a part of the program has failed.
+
+    """
+    with listen(settings.http) as door:
+        aggregator = Aggregator(settings, SystemClock())
+        server = HttpServer(make_app(aggregator))
+        async with Supervisor() as tasks:
+            http = tasks.start("http", server.serve(sockets=[door]))
+            tasks.start("mqtt link", aggregator.link.run())
+            tasks.start("publish changes", aggregator.keep_publishing())
+            try:
+                await tasks.wait(stop)
+            finally:
+                aggregator.events.close()
+                server.end()
+                await asyncio.wait([http], timeout=GRACE + 1)

@@ -1,0 +1,197 @@
+"""Messages of a small fleet, as robots and the order service send them."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from nena_demo.plants import sample_plant_path
+from nena_shared.fleet_api.transport_order import (
+    Destination,
+    DriveOrderState,
+    DriveOrderStatus,
+    TransportOrderState,
+    TransportOrderStatus,
+)
+from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
+from nena_shared.plant.model import PlantModel
+from nena_shared.plant.opentcs_xml import read
+from nena_shared.vda5050.connection import Connection, ConnectionState
+from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.visualization import Visualization
+
+START = datetime(2026, 1, 1, tzinfo=UTC)
+ROBOT = RobotKey("ACME", "r1")
+
+
+def header(number: int = 1, *, robot: RobotKey = ROBOT, at: float = 0.0) -> dict[str, Any]:
+    """Give the header of message ``number``, sent ``at`` seconds after the start."""
+    return {
+        "header_id": number,
+        "timestamp": START + timedelta(seconds=at),
+        "version": "2.1.0",
+        "manufacturer": robot.manufacturer,
+        "serial_number": robot.serial_number,
+    }
+
+
+def connection(
+    state: str = "ONLINE", number: int = 1, *, robot: RobotKey = ROBOT, at: float = 0.0
+) -> Connection:
+    """Make a connection message."""
+    return Connection(connection_state=ConnectionState(state), **header(number, robot=robot, at=at))
+
+
+def state(number: int = 1, *, robot: RobotKey = ROBOT, at: float = 0.0, **fields: Any) -> State:
+    """Make the state of a robot that is free, but for ``fields`` (in snake case)."""
+    content = {
+        **header(number, robot=robot, at=at),
+        "order_id": "",
+        "order_update_id": 0,
+        "last_node_id": "",
+        "last_node_sequence_id": 0,
+        "node_states": (),
+        "edge_states": (),
+        "driving": False,
+        "action_states": (),
+        "instant_action_states": (),
+        "power_supply": {"state_of_charge": 80.0, "charging": False},
+        "operating_mode": "AUTOMATIC",
+        "errors": (),
+        "safety_state": {"active_emergency_stop": "NONE", "field_violation": False},
+        **fields,
+    }
+    return State.model_validate(content, strict=False)
+
+
+def position(x: float, y: float, theta: float = 0.0, *, localized: bool = True) -> dict[str, Any]:
+    """Make a position on the sample plant's map."""
+    return {"x": x, "y": y, "theta": theta, "map_id": "hall", "localized": localized}
+
+
+def way(*node_ids: str, first: int = 2, released: int | None = None) -> dict[str, Any]:
+    """Make the node and edge states of the way over ``node_ids``; ``first``: sequence id of the first."""
+    base = len(node_ids) if released is None else released
+    nodes = [
+        {"node_id": name, "sequence_id": first + 2 * at, "released": at < base}
+        for at, name in enumerate(node_ids)
+    ]
+    edges = [
+        {"edge_id": f"to {name}", "sequence_id": first - 1 + 2 * at, "released": at < base}
+        for at, name in enumerate(node_ids)
+    ]
+    return {"node_states": tuple(nodes), "edge_states": tuple(edges)}
+
+
+def visualization(
+    number: int = 1, *, robot: RobotKey = ROBOT, at: float = 0.0, x: float = 0.0, y: float = 0.0
+) -> Visualization:
+    """Make a visualization."""
+    return Visualization.model_validate(
+        {
+            **header(number, robot=robot, at=at),
+            "reference_state_header_id": 0,
+            "mobile_robot_position": position(x, y),
+        },
+        strict=False,
+    )
+
+
+def factsheet(
+    number: int = 1, *, robot: RobotKey = ROBOT, at: float = 0.0, state_interval: float | None = None
+) -> Factsheet:
+    """Make a factsheet of a small carrier."""
+    return Factsheet.model_validate(
+        {
+            **header(number, robot=robot, at=at),
+            "type_specification": {
+                "series_name": "Carrier 100",
+                "mobile_robot_kinematics": "DIFFERENTIAL",
+                "mobile_robot_class": "CARRIER",
+                "maximum_load_mass": 100.0,
+                "localization_types": ("NATURAL",),
+                "navigation_types": ("FREELY_NAVIGATING",),
+            },
+            "physical_parameters": {
+                "minimum_speed": 0.0,
+                "maximum_speed": 1.2,
+                "maximum_acceleration": 1.0,
+                "maximum_deceleration": 1.0,
+                "minimum_height": 0.4,
+                "maximum_height": 0.4,
+                "width": 0.7,
+                "length": 1.1,
+            },
+            "protocol_limits": {
+                "maximum_string_lengths": {},
+                "maximum_array_lengths": {},
+                "timing": {
+                    "minimum_order_interval": 0.1,
+                    "minimum_state_interval": 0.1,
+                    "default_state_interval": state_interval,
+                },
+            },
+            "protocol_features": {"optional_parameters": (), "mobile_robot_actions": ()},
+            "mobile_robot_geometry": {},
+            "load_specification": {},
+        },
+        strict=False,
+    )
+
+
+def vehicle_status(name: str = "Vehicle-1", *, robot: RobotKey = ROBOT, **fields: Any) -> VehicleStatus:
+    """Make what the order service says of a free vehicle, but for ``fields``."""
+    content: dict[str, Any] = {
+        "name": name,
+        "manufacturer": robot.manufacturer,
+        "serial_number": robot.serial_number,
+        "state": VehicleState.IDLE,
+        "processing_state": ProcessingState.IDLE,
+        "reason": "No order waits for it.",
+        "connection": "ONLINE",
+        **fields,
+    }
+    return VehicleStatus(**content)
+
+
+def order_status(
+    name: str = "TO-1",
+    version: int = 1,
+    state: TransportOrderState = TransportOrderState.BEING_PROCESSED,
+    **fields: Any,
+) -> TransportOrderStatus:
+    """Make the status of an order with two destinations, on its way to the first, but for ``fields``."""
+    content: dict[str, Any] = {
+        "name": name,
+        "version": version,
+        "state": state,
+        "reason": "Vehicle-1 drives to Goods in.",
+        "type": "-",
+        "priority": 0,
+        "intended_vehicle": None,
+        "processing_vehicle": "Vehicle-1",
+        "drive_orders": (
+            drive_order("Goods in", "Load", DriveOrderState.TRAVELLING, ("A", "B", "C", "D", "E")),
+            drive_order("Packing", "Unload", DriveOrderState.PRISTINE),
+        ),
+        "current_drive_order_index": 0,
+        "created": START,
+        **fields,
+    }
+    return TransportOrderStatus(**content)
+
+
+def drive_order(
+    place: str, operation: str, state: DriveOrderState, route: tuple[str, ...] | None = None
+) -> DriveOrderStatus:
+    """Make the status of one destination."""
+    return DriveOrderStatus(
+        destination=Destination(location_name=place, operation=operation), state=state, route=route
+    )
+
+
+def sample_plant() -> PlantModel:
+    """Read the sample plant."""
+    return read(sample_plant_path().read_bytes()).model
