@@ -32,12 +32,21 @@ class WireObject(BaseModel):
 
 
 def in_utc(value: datetime) -> datetime:
-    """Give the same moment in UTC; a time without a zone is taken as UTC."""
-    return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+    """Give the same moment in UTC; a time without a zone is taken as UTC.
+
+    Raises:
+        ValueError: in UTC the moment would be before the year 1 or after the year 9999.
+
+    """
+    try:
+        return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+    except OverflowError as error:
+        message = "the time lies outside the years 1 to 9999 in UTC"
+        raise ValueError(message) from error
 
 
 def _milliseconds(value: datetime) -> str:
-    return f"{value:%Y-%m-%dT%H:%M:%S}.{value.microsecond // 1000:03d}Z"
+    return value.replace(tzinfo=None).isoformat(timespec="milliseconds") + "Z"
 
 
 Timestamp = Annotated[
@@ -60,6 +69,6 @@ class Header(WireObject):
     header_id: UInt32
     """Counted per topic, one more for each message sent."""
     timestamp: Timestamp
-    version: Annotated[str, Field(pattern=r"^\d+\.\d+\.\d+$")]
-    manufacturer: str
-    serial_number: str
+    version: Annotated[str, Field(pattern=r"^\d+\.\d+\.\d+$", max_length=32)]
+    manufacturer: Identifier
+    serial_number: Identifier

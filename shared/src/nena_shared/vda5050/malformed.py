@@ -8,6 +8,9 @@ from pydantic import ValidationError
 from pydantic_core import from_json
 
 REFERENCE_KEYS = ("headerId", "orderId", "orderUpdateId")
+REFERENCE_LENGTH = 1024
+"""Characters; a longer value refers to nothing that was ever accepted."""
+
 PROBLEMS_SHOWN = 5
 
 
@@ -28,7 +31,7 @@ class MalformedMessageError(Exception):
 def problems_of(error: ValidationError) -> list[str]:
     """Put pydantic's findings into sentences with the path of the field."""
     return [
-        f"{'.'.join(str(part) for part in item['loc']) or 'message'}: {item['msg']}"
+        f"{'.'.join(map(str, item['loc'])) or 'message'}: {item['msg'].removeprefix('Value error, ')}"
         for item in error.errors(include_url=False, include_context=False, include_input=False)
     ]
 
@@ -42,7 +45,8 @@ def _readable_references(payload: bytes) -> dict[str, str]:
         return {}
     found = {key: content.get(key) for key in REFERENCE_KEYS}
     return {
-        key: str(value)
+        key: text
         for key, value in found.items()
         if isinstance(value, str | int) and not isinstance(value, bool)
+        if len(text := str(value)) <= REFERENCE_LENGTH
     }

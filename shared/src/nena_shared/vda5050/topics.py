@@ -48,6 +48,6 @@ class TopicScheme:
     def robot_of(self, topic: str) -> RobotKey | None:
         """Tell which robot ``topic`` is about; None for a topic of another form."""
         levels = topic.rsplit("/", LEVELS_BEHIND_INTERFACE)
-        if len(levels) != LEVELS_BEHIND_INTERFACE + 1 or levels[0] != self.interface_name:
+        if len(levels) <= LEVELS_BEHIND_INTERFACE or levels[:2] != [self.interface_name, self.major_version]:
             return None
         return RobotKey(levels[2], levels[3])

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from nena_shared.vda5050.action import Action, ActionState, ActionStatus, BlockingType
 from nena_shared.vda5050.base import Identifier
-from nena_shared.vda5050.v2_1.base import reads, writes
+from nena_shared.vda5050.v2_1.base import Absent, reads, writes
 
 ActionTypeV21 = Annotated[
     Identifier,
@@ -26,7 +26,7 @@ class ActionV21(Action):
     action_type: ActionTypeV21
     action_descriptor: Annotated[str | None, Field(alias="actionDescription")] = None
     blocking_type: BlockingTypeV21
-    retriable: Annotated[bool | None, Field(exclude=True)] = None
+    retriable: Absent = None
 
 
 class ActionStateV21(ActionState):

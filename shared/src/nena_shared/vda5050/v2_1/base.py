@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from datetime import datetime
 from typing import Annotated
 
-from pydantic import AfterValidator, BeforeValidator, PlainSerializer, ValidationInfo
+from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, ValidationInfo
 
 from nena_shared.vda5050.base import in_utc
 
 
 def _hundredths(value: datetime) -> str:
-    return f"{value:%Y-%m-%dT%H:%M:%S}.{value.microsecond // 10_000:02d}Z"
+    milliseconds = value.replace(tzinfo=None).isoformat(timespec="milliseconds")
+    return milliseconds[:-1] + "Z"
 
 
 TimestampV2 = Annotated[
@@ -37,6 +38,15 @@ def writes(names: Mapping[str, str]) -> PlainSerializer:
         return names.get(value, str(value))
 
     return PlainSerializer(write, return_type=str, when_used="json")
+
+
+def always(value: object) -> BeforeValidator:
+    """Take ``value`` whatever is given: for a field that 2.x does not have."""
+    return BeforeValidator(lambda _: value)
+
+
+Absent = Annotated[None, always(None), Field(exclude=True)]
+"""An optional field that 2.x does not have: neither read nor written."""
 
 
 def _turned_when_read(value: object, info: ValidationInfo) -> object:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, PlainSerializer
 
 from nena_shared.vda5050.base import NotNegative, UInt32
 from nena_shared.vda5050.factsheet import (
     ActionParameterDescription,
+    ActionScope,
     Envelope2d,
     Envelope2dPoint,
     Factsheet,
@@ -27,7 +28,7 @@ from nena_shared.vda5050.factsheet import (
     ValueDataType,
 )
 from nena_shared.vda5050.v2_1.action import ActionTypeV21, BlockingTypeV21
-from nena_shared.vda5050.v2_1.base import TimestampV2, reads, writes
+from nena_shared.vda5050.v2_1.base import Absent, TimestampV2, always, reads, writes
 
 KINEMATICS = {"DIFF": "DIFFERENTIAL", "OMNI": "OMNIDIRECTIONAL", "THREEWHEEL": "THREE_WHEEL"}
 
@@ -49,7 +50,7 @@ class TypeSpecificationV21(TypeSpecification):
         ],
         ...,
     ]
-    supported_zones: Annotated[None, Field(exclude=True)] = None
+    supported_zones: Absent = None
 
 
 class PhysicalParametersV21(PhysicalParameters):
@@ -96,15 +97,22 @@ class ActionParameterDescriptionV21(ActionParameterDescription):
     value_data_type: Annotated[ValueDataType, reads({"FLOAT": "NUMBER"})]
 
 
+def _without_zones(scopes: tuple[ActionScope, ...]) -> list[str]:
+    return [str(scope) for scope in scopes if scope is not ActionScope.ZONE]
+
+
 class MobileRobotActionV21(MobileRobotAction):
     """An action that the robot can do; 2.1 does not say whether it can be paused or cancelled."""
 
     action_type: ActionTypeV21
+    action_scopes: Annotated[
+        tuple[ActionScope, ...], PlainSerializer(_without_zones, return_type=list[str], when_used="json")
+    ]
     action_parameters: tuple[ActionParameterDescriptionV21, ...] | None = None
     action_result: Annotated[str | None, Field(alias="resultDescription")] = None
     blocking_types: tuple[BlockingTypeV21, ...] | None = None
-    pause_allowed: Annotated[bool, Field(exclude=True)] = False
-    cancel_allowed: Annotated[bool, Field(exclude=True)] = False
+    pause_allowed: Annotated[bool, always(value=False), Field(exclude=True)] = False
+    cancel_allowed: Annotated[bool, always(value=False), Field(exclude=True)] = False
 
 
 class ProtocolFeaturesV21(ProtocolFeatures):

@@ -18,7 +18,8 @@ from nena_shared.vda5050.order import (
     Order,
 )
 from nena_shared.vda5050.v2_1.action import ActionV21
-from nena_shared.vda5050.v2_1.base import Negated, TimestampV2, reads, writes
+from nena_shared.vda5050.v2_1.base import Absent, Negated, TimestampV2, reads, writes
+from nena_shared.vda5050.v2_1.trajectory import TrajectoryV21
 
 
 def _ellipse(radius: object) -> object:
@@ -52,7 +53,7 @@ class NodeV21(Node):
 
 
 class CorridorV21(Corridor):
-    """A corridor; 2.1 knows no release of it."""
+    """A corridor that may be used without a release, which 2.1 does not know."""
 
     corridor_reference_point: Annotated[
         Annotated[
@@ -63,8 +64,12 @@ class CorridorV21(Corridor):
         | None,
         Field(alias="corridorRefPoint"),
     ] = None
-    release_required: Annotated[bool | None, Field(exclude=True)] = None
-    release_loss_behavior: Annotated[None, Field(exclude=True)] = None
+    release_required: Absent = None
+    release_loss_behavior: Absent = None
+
+
+def _free_to_use(corridor: object) -> object:
+    return None if isinstance(corridor, Corridor) and corridor.release_required else corridor
 
 
 class EdgeV21(Edge):
@@ -78,7 +83,9 @@ class EdgeV21(Edge):
     minimum_load_handling_device_height: Annotated[NotNegative | None, Field(alias="minHeight")] = None
     maximum_rotation_speed: Annotated[NotNegative | None, Field(alias="maxRotationSpeed")] = None
     reach_orientation_before_entering: Annotated[Negated, Field(alias="rotationAllowed")] = None
-    corridor: CorridorV21 | None = None
+    trajectory: TrajectoryV21 | None = None
+    corridor: Annotated[CorridorV21 | None, BeforeValidator(_free_to_use)] = None
+    """One that needs a release is left out: the robot then keeps to the trajectory, as without a grant."""
     actions: tuple[ActionV21, ...]
 
 
@@ -86,7 +93,7 @@ class OrderV21(Order):
     """A graph of nodes and edges to drive."""
 
     timestamp: TimestampV2
-    order_description: Annotated[str | None, Field(exclude=True)] = None
+    order_description: Absent = None
     nodes: tuple[NodeV21, ...]
     edges: tuple[EdgeV21, ...]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Self
 
-from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
+from pydantic import Field, model_validator
 
 from nena_shared.vda5050.base import NotNegative, Percent, WireObject
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
@@ -21,9 +21,10 @@ from nena_shared.vda5050.state import (
     State,
 )
 from nena_shared.vda5050.v2_1.action import ActionStateV21
-from nena_shared.vda5050.v2_1.base import TimestampV2, reads, writes
+from nena_shared.vda5050.v2_1.base import Absent, TimestampV2, always, reads, writes
 from nena_shared.vda5050.v2_1.error_type import REJECTIONS, WRITTEN
 from nena_shared.vda5050.v2_1.order import NodePositionV21
+from nena_shared.vda5050.v2_1.trajectory import TrajectoryV21
 
 OperatingModeV21 = Annotated[
     OperatingMode,
@@ -49,6 +50,7 @@ class EdgeStateV21(EdgeState):
     """An edge that is still to be driven to its end."""
 
     edge_descriptor: Annotated[str | None, Field(alias="edgeDescription")] = None
+    trajectory: TrajectoryV21 | None = None
 
 
 class MobileRobotPositionV21(MobileRobotPosition):
@@ -61,7 +63,7 @@ class PowerSupplyV21(PowerSupply):
     """The battery."""
 
     state_of_charge: Annotated[Percent, Field(alias="batteryCharge")]
-    battery_current: Annotated[float | None, Field(exclude=True)] = None
+    battery_current: Absent = None
     range: Annotated[NotNegative | None, Field(alias="reach")] = None
 
 
@@ -105,10 +107,6 @@ class InformationV21(Information):
     info_descriptor: Annotated[str | None, Field(alias="infoDescription")] = None
 
 
-def _merged_away(value: object, info: ValidationInfo) -> object:
-    return () if info.mode == "json" else value
-
-
 class StateV21(State):
     """Everything about the robot; the states of instant actions stand among those of the order's actions."""
 
@@ -116,13 +114,11 @@ class StateV21(State):
     maps: tuple[MapV21, ...] | None = None
     node_states: tuple[NodeStateV21, ...]
     edge_states: tuple[EdgeStateV21, ...]
-    planned_path: Annotated[None, Field(exclude=True)] = None
-    intermediate_path: Annotated[None, Field(exclude=True)] = None
+    planned_path: Absent = None
+    intermediate_path: Absent = None
     mobile_robot_position: Annotated[MobileRobotPositionV21 | None, Field(alias="agvPosition")] = None
     action_states: tuple[ActionStateV21, ...]
-    instant_action_states: Annotated[
-        tuple[ActionStateV21, ...], BeforeValidator(_merged_away), Field(exclude=True)
-    ] = ()
+    instant_action_states: Annotated[tuple[ActionStateV21, ...], always(()), Field(exclude=True)] = ()
     power_supply: Annotated[PowerSupplyV21, Field(alias="batteryState")]
     operating_mode: OperatingModeV21
     errors: tuple[ErrorEntryV21, ...]
@@ -131,15 +127,14 @@ class StateV21(State):
 
     @classmethod
     def from_neutral(cls, neutral: WireObject) -> Self:
-        """Make the 2.1 form of a state."""
+        """Make the 2.1 form of a state; while a person intervenes, fleet control sees a pause."""
         state = State.model_validate(neutral, by_name=True, by_alias=False)
         return cls.model_validate(
             state.model_copy(
                 update={
                     "action_states": (*state.action_states, *state.instant_action_states),
                     "errors": tuple(ErrorEntryV21.from_neutral(each) for each in state.errors),
-                    "planned_path": None,
-                    "intermediate_path": None,
+                    "paused": True if state.operating_mode is OperatingMode.INTERVENED else state.paused,
                 }
             ),
             by_name=True,

@@ -1,0 +1,99 @@
+"""The examples of the standard's digest, as they stand there."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+HEADER = {
+    "headerId": 1,
+    "timestamp": "2026-01-01T00:00:00.00Z",
+    "version": "2.1.0",
+    "manufacturer": "ACME",
+    "serialNumber": "0001",
+}
+
+
+@pytest.fixture
+def order() -> dict[str, Any]:
+    """Give the minimal order of two nodes, as parsed JSON."""
+    start = {"x": 0, "y": 0, "mapId": "m"}
+    goal = {"x": 5, "y": 0, "allowedDeviationXY": 0.3, "mapId": "m"}
+    return HEADER | {
+        "orderId": "o1",
+        "orderUpdateId": 0,
+        "nodes": [
+            {"nodeId": "A", "sequenceId": 0, "released": True, "nodePosition": start, "actions": []},
+            {"nodeId": "B", "sequenceId": 2, "released": True, "nodePosition": goal, "actions": []},
+        ],
+        "edges": [
+            {
+                "edgeId": "A-B",
+                "sequenceId": 1,
+                "released": True,
+                "startNodeId": "A",
+                "endNodeId": "B",
+                "actions": [],
+            }
+        ],
+    }
+
+
+@pytest.fixture
+def state() -> dict[str, Any]:
+    """Give the smallest valid state, as parsed JSON."""
+    text = """{"headerId":7,"timestamp":"2026-01-01T00:00:00.00Z","version":"2.1.0","manufacturer":"ACME",
+        "serialNumber":"0001","orderId":"","orderUpdateId":0,"lastNodeId":"","lastNodeSequenceId":0,
+        "nodeStates":[],"edgeStates":[],"driving":false,"actionStates":[],
+        "batteryState":{"batteryCharge":80,"charging":false},"operatingMode":"AUTOMATIC","errors":[],
+        "safetyState":{"eStop":"NONE","fieldViolation":false}}"""
+    content: dict[str, Any] = json.loads(text)
+    return content
+
+
+@pytest.fixture
+def instant_action() -> dict[str, Any]:
+    """Give a message with one instant action, as parsed JSON."""
+    action = {"actionType": "initPosition", "actionId": "i1", "blockingType": "NONE"}
+    return HEADER | {"actions": [action | {"actionParameters": [{"key": "x", "value": 1.5}]}]}
+
+
+@pytest.fixture
+def factsheet() -> dict[str, Any]:
+    """Give a factsheet with one action and one limit, as parsed JSON."""
+    parameter = {"key": "volume", "valueDataType": "FLOAT"}
+    return HEADER | {
+        "typeSpecification": {
+            "seriesName": "Carrier 1",
+            "agvKinematic": "DIFF",
+            "agvClass": "CARRIER",
+            "maxLoadMass": 100,
+            "localizationTypes": ["NATURAL"],
+            "navigationTypes": ["AUTONOMOUS"],
+        },
+        "physicalParameters": {
+            "speedMin": 0,
+            "speedMax": 1.5,
+            "accelerationMax": 1,
+            "decelerationMax": 1,
+            "heightMin": 0.3,
+            "heightMax": 0.3,
+            "width": 0.6,
+            "length": 0.9,
+        },
+        "protocolLimits": {
+            "maxStringLens": {},
+            "maxArrayLens": {"order.nodes": 50},
+            "timing": {"minOrderInterval": 1, "minStateInterval": 0.5},
+        },
+        "protocolFeatures": {
+            "optionalParameters": [],
+            "agvActions": [
+                {"actionType": "beep", "actionScopes": ["NODE"], "actionParameters": [parameter]},
+            ],
+        },
+        "agvGeometry": {},
+        "loadSpecification": {},
+    }

@@ -1,0 +1,30 @@
+from __future__ import annotations
+
+import pytest
+
+from nena_shared.vda5050.error import ErrorLevel, ErrorReference, ErrorType, error
+
+
+@pytest.mark.parametrize(
+    ("kind", "level"),
+    [
+        (ErrorType.VALIDATION_FAILURE, ErrorLevel.WARNING),
+        (ErrorType.UNSUPPORTED_PARAMETER, ErrorLevel.CRITICAL),
+        (ErrorType.INSUFFICIENT_MEMORY, ErrorLevel.URGENT),
+        (ErrorType.NODE_UNREACHABLE, ErrorLevel.CRITICAL),
+        (ErrorType.LOCALIZATION_ERROR, ErrorLevel.FATAL),
+        (ErrorType.NO_ORDER_TO_CANCEL, ErrorLevel.WARNING),
+        (ErrorType.OUTSIDE_OF_CORRIDOR, ErrorLevel.CRITICAL),
+    ],
+)
+def test_level_is_that_of_the_standards_table(kind: ErrorType, level: ErrorLevel) -> None:
+    assert error(kind, "why").error_level is level
+
+
+def test_references_are_camel_case_text_and_only_what_is_known() -> None:
+    entry = error(ErrorType.VALIDATION_FAILURE, "why", order_update_id=3, order_id=None, topic="order")
+
+    assert entry.error_references == (
+        ErrorReference(reference_key="orderUpdateId", reference_value="3"),
+        ErrorReference(reference_key="topic", reference_value="order"),
+    )
