@@ -36,8 +36,8 @@ plugins:
 """
 
 AMQTT_NOTICE = (
-    "No Mosquitto on this machine: the demo uses amqtt, a broker in Python. It notices a dead robot only when "
-    "its socket closes, and keeps no sessions. For more than a look: apt-get install mosquitto"
+    "No Mosquitto on this machine: the demo uses amqtt, a broker in Python. It notices a dead robot only "
+    "when its socket closes, and keeps no sessions. For more than a look: apt-get install mosquitto"
 )
 
 
@@ -57,7 +57,11 @@ async def start_broker(processes: Processes, port: int, kind: str) -> Child:
     """
     mosquitto = mosquitto_path() if kind in ("auto", "mosquitto") else None
     if mosquitto:
-        command = [mosquitto, "-c", str(_write(processes.folder / "mosquitto.conf", MOSQUITTO_CONFIGURATION, port))]
+        command = [
+            mosquitto,
+            "-c",
+            str(_write(processes.folder / "mosquitto.conf", MOSQUITTO_CONFIGURATION, port)),
+        ]
     else:
         configuration = _write(processes.folder / "amqtt.yaml", AMQTT_CONFIGURATION, port)
         command = [console_script("amqtt"), "-c", str(configuration)]

@@ -58,6 +58,10 @@ class Processes:
     folder: Path
     children: list[Child] = field(default_factory=list)
 
+    def __post_init__(self) -> None:
+        """Make the folder for logs and files."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+
     async def __aenter__(self) -> Self:
         """Begin with no child."""
         return self

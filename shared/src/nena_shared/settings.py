@@ -138,6 +138,7 @@ def load(model: type[S], argv: Sequence[str], *, program: str, description: str)
     """
     parser = argparse.ArgumentParser(
         prog=program,
+        usage="%(prog)s [--config FILE] [--SETTING VALUE]...",
         description=description,
         epilog="Every setting can also stand in the TOML file, or in the environment as NENA_<SETTING>, "
         "with two underscores for each dot: NENA_MQTT__HOST=broker.example",

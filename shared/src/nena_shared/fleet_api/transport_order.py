@@ -123,8 +123,8 @@ class TransportOrderStatus(Resource):
     """Why it is in this state, or what it waits for, in words."""
     type: str
     priority: int
-    intended_vehicle: str | None
-    processing_vehicle: str | None
+    intended_vehicle: str | None = None
+    processing_vehicle: str | None = None
     drive_orders: tuple[DriveOrderStatus, ...]
     current_drive_order_index: int
     """-1 before the first."""
@@ -151,8 +151,8 @@ class CreationAnswer(Resource):
 
     status: int
     """As in HTTP: 201 made, 200 was there already under the same key, 4xx refused, 5xx failed."""
-    name: str | None
+    name: str | None = None
     """Of the request or of the order made."""
-    idempotency_key: str | None
+    idempotency_key: str | None = None
     transport_order: TransportOrderStatus | None = None
     problem: Problem | None = None

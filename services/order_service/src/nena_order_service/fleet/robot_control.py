@@ -289,15 +289,16 @@ class RobotControl:
             yield RobotChanged(self.robot.key)
 
     def _signature(self, now: float) -> tuple[object, ...]:
-        """Give what makes a change worth telling: all but poses, speeds and fractions of a percent."""
+        """Give what makes a change worth telling: all but where on its map it is, speeds, parts of a percent."""
         state, run = self.robot.state, self._run
         mission = (run.mission.mission_id, run.phase, self._mission_note(now)) if run else None
         common = (self.robot.link(now), self._availability(now), mission)
         if state is None:
             return common
-        power = state.power_supply
+        power, position = state.power_supply, state.mobile_robot_position
         return (
             *common,
+            position and (position.map_id, position.localized),
             state.operating_mode,
             state.last_node_id,
             state.errors,

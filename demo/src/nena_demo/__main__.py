@@ -1,0 +1,118 @@
+"""Command line of the demo: ``nena-demo run`` for people, ``nena-demo smoke`` for machines."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import shutil
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from nena_demo.broker import AMQTT_NOTICE, mosquitto_path
+from nena_demo.host import RefusedError
+from nena_demo.main_job import JobFailedError
+from nena_demo.processes import ChildFailedError
+from nena_demo.session import DemoSession
+from nena_demo.stack import Choices, NotReadyError
+from nena_demo.teller import Teller
+from nena_shared import log
+from nena_shared.settings import LogSettings
+from nena_shared.tasks import stop_on_signals
+
+EXIT_STOPPED = 130
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the demo and give the exit status: 0 done, 1 something stood still, 130 stopped by a person."""
+    arguments = _parser().parse_args(argv)
+    log.configure(LogSettings(level="error"))
+    teller = Teller(sys.stdout)
+    if arguments.broker != "mosquitto" and mosquitto_path() is None:
+        teller.say(AMQTT_NOTICE)
+    folder = Path(tempfile.mkdtemp(prefix="nena-demo-"))
+    try:
+        return asyncio.run(_until_stopped(arguments, folder, teller))
+    except (ChildFailedError, JobFailedError, RefusedError, NotReadyError) as error:
+        teller.say(f"FAILED: {error}")
+        _keep_logs(folder, arguments.keep_logs, teller)
+        return 1
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+async def _until_stopped(arguments: argparse.Namespace, folder: Path, teller: Teller) -> int:
+    stop = asyncio.Event()
+    stop_on_signals(stop)
+    work = asyncio.create_task(_work(arguments, folder, teller), name="demo")
+    stopping = asyncio.create_task(stop.wait(), name="wait for stop")
+    await asyncio.wait({work, stopping}, return_when=asyncio.FIRST_COMPLETED)
+    stopping.cancel()
+    if not work.done():
+        teller.say("stopping everything")
+        work.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await work
+        return EXIT_STOPPED
+    return work.result()
+
+
+async def _work(arguments: argparse.Namespace, folder: Path, teller: Teller) -> int:
+    choices = Choices(
+        broker=arguments.broker,
+        time_factor=arguments.time_factor,
+        domain_id=arguments.domain_id,
+        panel_port=arguments.panel_port,
+        rest_port=arguments.rest_port,
+    )
+    async with DemoSession(folder, choices, teller) as session:
+        await session.do_main_job()
+        if arguments.command == "smoke":
+            await session.check_end_state()
+            teller.say("smoke run passed")
+            return 0
+        await session.go_on_for_ever()
+        return 0
+
+
+def _keep_logs(folder: Path, target: Path | None, teller: Teller) -> None:
+    if target is not None:
+        shutil.copytree(folder, target, dirs_exist_ok=True)
+        teller.say(f"logs kept in {target}")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="nena-demo",
+        description="Starts NeNa on this machine with two simulated Nav2 robots and runs the main job.",
+    )
+    parser.add_argument(
+        "command",
+        choices=("run", "smoke"),
+        help="run: go on until Ctrl-C, with the control panel; smoke: check the end state and stop",
+    )
+    parser.add_argument(
+        "--broker",
+        choices=("auto", "mosquitto", "amqtt"),
+        default="auto",
+        help="MQTT broker to start (default: Mosquitto where it is installed)",
+    )
+    parser.add_argument(
+        "--time-factor", type=float, default=5.0, help="how much faster than life robots drive (default 5)"
+    )
+    parser.add_argument(
+        "--domain-id",
+        type=int,
+        default=Choices().domain_id,
+        help="ROS domain of the robots (default: by chance)",
+    )
+    parser.add_argument("--panel-port", type=int, default=0, help="port of the control panel (default: free)")
+    parser.add_argument("--rest-port", type=int, default=0, help="port of the order service (default: free)")
+    parser.add_argument("--keep-logs", type=Path, help="folder for all logs if something goes wrong")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

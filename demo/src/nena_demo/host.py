@@ -1,0 +1,130 @@
+"""A host system in small: asks for transport orders over REST and MQTT, and follows what becomes of them."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+import httpx
+from pydantic import ValidationError
+
+from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.fleet_api.transport_order import (
+    CreationAnswer,
+    TransportOrderRequest,
+    TransportOrderStatus,
+)
+from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.settings import MqttSettings
+
+HOST_ID = "demo-host"
+ANSWER_SECONDS = 10.0
+
+
+class RefusedError(Exception):
+    """The order service refused a request; the text is its own."""
+
+
+class Host:
+    """Follows every order and vehicle by MQTT; ``on_change`` is told of each change."""
+
+    def __init__(
+        self, broker: MqttSettings, rest_url: str, on_change: Callable[[str, str, str, str], None]
+    ) -> None:
+        """Prepare; ``on_change(kind, name, state, reason)`` with kind ``order`` or ``vehicle``."""
+        self._topics = FleetTopics()
+        self._on_change = on_change
+        self._changed = asyncio.Event()
+        self._answers: dict[str, CreationAnswer] = {}
+        self.rest = httpx.AsyncClient(base_url=rest_url, timeout=ANSWER_SECONDS)
+        self.orders: dict[str, TransportOrderStatus] = {}
+        self.vehicles: dict[str, VehicleStatus] = {}
+        self.link = MqttLink(broker, client_id="nena-demo-host")
+        self.link.subscribe(self._topics.creation_answer(HOST_ID), self._on_answer)
+        self.link.subscribe(self._topics.all_order_statuses, self._on_order)
+        self.link.subscribe(self._topics.all_vehicle_statuses, self._on_vehicle)
+
+    async def create_by_rest(self, request: TransportOrderRequest) -> TransportOrderStatus:
+        """Ask for an order over REST.
+
+        Raises:
+            RefusedError: with what the order service says.
+
+        """
+        answer = await self.rest.post("/v1/transportOrders", content=_body(request), headers=_JSON)
+        if answer.is_error:
+            raise RefusedError(answer.text)
+        return TransportOrderStatus.model_validate_json(answer.content)
+
+    async def create_by_mqtt(self, request: TransportOrderRequest) -> TransportOrderStatus:
+        """Ask for an order over MQTT and await the answer; ``request`` needs an idempotency key.
+
+        Raises:
+            RefusedError: with what the order service says, or that it says nothing.
+
+        """
+        key = request.idempotency_key or ""
+        self.link.publish(Outbound(self._topics.creation_request(HOST_ID), _body(request)))
+        try:
+            await self.wait_for(lambda: key in self._answers, ANSWER_SECONDS)
+        except TimeoutError as error:
+            message = f"no answer over MQTT within {ANSWER_SECONDS:.0f} s to the request for {request.name}"
+            raise RefusedError(message) from error
+        answer = self._answers.pop(key)
+        if answer.transport_order is None:
+            raise RefusedError(answer.problem.detail if answer.problem else "refused without a reason")
+        return answer.transport_order
+
+    async def wait_for(self, condition: Callable[[], bool], seconds: float) -> None:
+        """Wait until ``condition`` holds; it is looked at after each message.
+
+        Raises:
+            TimeoutError: it does not hold in time.
+
+        """
+        async with asyncio.timeout(seconds):
+            while not condition():
+                self._changed.clear()
+                await self._changed.wait()
+
+    def _on_answer(self, message: Inbound) -> None:
+        answer = CreationAnswer.model_validate_json(message.payload)
+        self._answers[answer.idempotency_key or ""] = answer
+        self._changed.set()
+
+    def _on_order(self, message: Inbound) -> None:
+        if not message.payload:
+            return  # the retained status of an ended order is cleared
+        order = TransportOrderStatus.model_validate_json(message.payload)
+        before = self.orders.get(order.name)
+        self.orders[order.name] = order
+        self._changed.set()
+        if before is None or before.state != order.state:
+            self._on_change("order", order.name, order.state, order.reason)
+
+    def _on_vehicle(self, message: Inbound) -> None:
+        try:
+            vehicle = VehicleStatus.model_validate_json(message.payload)
+        except ValidationError:
+            return  # a vehicle that is gone is cleared with an empty message
+        before = self.vehicles.get(vehicle.name)
+        self.vehicles[vehicle.name] = vehicle
+        self._changed.set()
+        if before is None or (before.state, before.connection) != (vehicle.state, vehicle.connection):
+            self._on_change("vehicle", vehicle.name, f"{vehicle.connection} {vehicle.state}", vehicle.reason)
+
+
+_JSON = {"Content-Type": "application/json"}
+
+
+def _body(request: TransportOrderRequest) -> bytes:
+    return request.model_dump_json(by_alias=True, exclude_none=True).encode()
+
+
+def field_of(document: Any, *path: str) -> Any:  # noqa: ANN401 - JSON of another service
+    """Follow ``path`` through nested JSON objects; None where it ends."""
+    for key in path:
+        document = document.get(key) if isinstance(document, dict) else None
+    return document

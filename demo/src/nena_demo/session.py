@@ -1,0 +1,138 @@
+"""One run of the demo, from the first process to the last."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Awaitable, Mapping
+from functools import partial
+from itertools import cycle
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import httpx
+
+from nena_demo import main_job, stack
+from nena_demo.end_state import check_fleet, check_metrics
+from nena_demo.host import Host
+from nena_demo.main_job import JobFailedError, transport
+from nena_demo.processes import Processes
+from nena_demo.stack import Choices, Stack
+from nena_demo.teller import Teller
+
+PAUSE_SECONDS = 2.0
+
+AGGREGATOR_SECONDS = 15.0
+"""How long the aggregator may lag behind what the order service told."""
+
+ROUND_TRIP = (
+    ("Goods in", "Storage"),
+    ("Storage", "Goods out"),
+    ("Goods in", "Packing"),
+    ("Packing", "Goods out"),
+)
+
+
+class DemoSession:
+    """Starts the stack, does the job, checks it, and ends everything on leaving."""
+
+    def __init__(self, folder: Path, choices: Choices, teller: Teller) -> None:
+        self._choices = choices
+        self._teller = teller
+        self._cleanup = contextlib.AsyncExitStack()
+        self._processes = Processes(folder)
+        self._stack: Stack
+        self._host: Host
+
+    async def __aenter__(self) -> Self:
+        """Start every process and connect the host."""
+        try:
+            await self._cleanup.enter_async_context(self._processes)
+            self._teller.say(
+                "starting broker, order service, status aggregator, simulator and two edge agents"
+            )
+            self._stack = await stack.start(self._processes, self._choices)
+            self._teller.say(f"order service at {self._stack.rest_url}/docs")
+            self._teller.say(f"control panel at {self._stack.panel_url}/")
+            self._host = Host(self._stack.mqtt, self._stack.rest_url, self._teller.change)
+            self._cleanup.push_async_callback(self._host.rest.aclose)
+            link = asyncio.create_task(self._host.link.run(), name="host link")
+            self._cleanup.push_async_callback(_cancelled, link)
+        except BaseException:
+            await self._cleanup.aclose()
+            raise
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End everything."""
+        await self._cleanup.aclose()
+
+    async def do_main_job(self) -> None:
+        """Run the two orders to their end.
+
+        Raises:
+            JobFailedError: something stood still or failed.
+            ChildFailedError: a process ended.
+
+        """
+        await self._watched(main_job.wait_for_robots(self._host, len(stack.ROBOTS)))
+        await self._watched(main_job.run(self._host))
+        self._teller.say("both transport orders are FINISHED")
+
+    async def check_end_state(self) -> None:
+        """Compare what the aggregator shows and counts with what was done.
+
+        Raises:
+            JobFailedError: they differ.
+
+        """
+        expected = {name: order.state for name, order in self._host.orders.items()}
+        async with httpx.AsyncClient(base_url=self._stack.panel_url, timeout=5.0) as client:
+            problems = await _problems(client, expected)
+            end = asyncio.get_running_loop().time() + AGGREGATOR_SECONDS
+            while problems and asyncio.get_running_loop().time() < end:
+                await asyncio.sleep(0.2)
+                problems = await _problems(client, expected)
+        if problems:
+            raise JobFailedError("the aggregator disagrees: " + "; ".join(problems))
+        self._teller.say("fleet state and metrics agree")
+
+    async def go_on_for_ever(self) -> None:
+        """Give one order after the other until cancelled, so that there is something to look at."""
+        self._teller.say(f"orders go on; look at {self._stack.panel_url}/ and stop with Ctrl-C")
+        for load_at, unload_at in cycle(ROUND_TRIP):
+            order = await self._host.create_by_rest(transport(load_at, unload_at))
+            ended = partial(self._ended, order.name)
+            await self._watched(self._host.wait_for(ended, main_job.ORDERS_SECONDS))
+            await asyncio.sleep(PAUSE_SECONDS)
+
+    def _ended(self, name: str) -> bool:
+        return name in self._host.orders and self._host.orders[name].state.final
+
+    async def _watched(self, work: Awaitable[object]) -> None:
+        """Do ``work`` while looking after the processes."""
+        task = asyncio.ensure_future(work)
+        try:
+            while not task.done():
+                self._processes.check()
+                await asyncio.wait({task}, timeout=0.5)
+            await task
+        finally:
+            task.cancel()
+
+
+async def _problems(client: httpx.AsyncClient, expected: Mapping[str, str]) -> tuple[str, ...]:
+    fleet, metrics = await client.get("/api/v1/fleet"), await client.get("/metrics")
+    return (
+        *check_fleet(fleet.json(), expected, stack.ROBOTS),
+        *check_metrics(metrics.text, expected, stack.ROBOTS),
+    )
+
+
+async def _cancelled(task: asyncio.Task[None]) -> None:
+    task.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await task

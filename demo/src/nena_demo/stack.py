@@ -1,0 +1,188 @@
+"""The whole system on one machine: broker, order service, aggregator, and robots with their edge agents."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import httpx
+
+from nena_demo.broker import start_broker
+from nena_demo.plants import sample_plant_path
+from nena_demo.ports import free_port
+from nena_demo.processes import Processes, console_script
+from nena_shared.settings import MqttSettings
+
+READY_SECONDS = 60.0
+
+MAP_ID = "sample-hall"
+
+HIGHEST_SAFE_DOMAIN = 101
+"""Above it, ROS's ports reach into those that Linux gives to clients."""
+
+
+class NotReadyError(Exception):
+    """A service does not say that it is ready."""
+
+    def __init__(self, url: str) -> None:
+        super().__init__(f"{url}/readyz did not answer 'ready' within {READY_SECONDS:.0f} s")
+        self.url = url
+
+
+@dataclass(frozen=True, slots=True)
+class DemoRobot:
+    """One robot of the demo: where it stands in the plant, m and rad, and in which part of ROS it lives."""
+
+    serial_number: str
+    namespace: str
+    x: float
+    y: float
+    theta: float
+
+
+ROBOTS = (
+    DemoRobot("robot-01", "r1", x=1.0, y=7.0, theta=0.0),
+    DemoRobot("robot-02", "r2", x=23.0, y=7.0, theta=3.14159),
+)
+"""They stand on the points `Parking bay` and `Packing stand` of the sample plant."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choices:
+    """What the caller of the demo may choose."""
+
+    broker: str = "auto"
+    time_factor: float = 5.0
+    domain_id: int = field(default_factory=lambda: 1 + secrets.randbelow(HIGHEST_SAFE_DOMAIN))
+    panel_port: int = 0
+    rest_port: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Stack:
+    """The running system, and where its doors are."""
+
+    processes: Processes
+    mqtt: MqttSettings
+    rest_url: str
+    panel_url: str
+
+
+async def start(processes: Processes, choices: Choices) -> Stack:
+    """Start everything and wait until each service says that it is ready.
+
+    Raises:
+        ChildFailedError: one of them ended.
+        NotReadyError: one of them is not ready in time.
+
+    """
+    stack = await start_services(processes, choices)
+    await start_robots(processes, choices, environment(processes.folder, stack.mqtt.port))
+    return stack
+
+
+async def start_services(processes: Processes, choices: Choices) -> Stack:
+    """Start broker, order service and aggregator; raises as :func:`start`."""
+    broker_port = free_port()
+    rest_port, panel_port = choices.rest_port or free_port(), choices.panel_port or free_port()
+    await start_broker(processes, broker_port, choices.broker)
+    variables = environment(processes.folder, broker_port)
+    order_service = [
+        console_script("nena-order-service"),
+        "--plant",
+        str(sample_plant_path()),
+        "--http.port",
+        str(rest_port),
+        "--store.url",
+        f"sqlite:///{processes.folder / 'orders.sqlite3'}",
+    ]
+    aggregator = [console_script("nena-status-aggregator"), "--http.port", str(panel_port)]
+    await processes.start("order-service", order_service, environment=variables)
+    await processes.start("status-aggregator", aggregator, environment=variables)
+    stack = Stack(
+        processes,
+        MqttSettings(port=broker_port),
+        f"http://127.0.0.1:{rest_port}",
+        f"http://127.0.0.1:{panel_port}",
+    )
+    await _wait_until_ready(stack)
+    return stack
+
+
+async def start_robots(processes: Processes, choices: Choices, variables: Mapping[str, str]) -> None:
+    """Start the simulator and an edge agent for each of its robots."""
+    simulator = processes.folder / "robot-simulator.toml"
+    simulator.write_text(_simulator_file(choices), encoding="utf-8")
+    command = [console_script("nena-robot-simulator"), "--config", str(simulator)]
+    await processes.start("robot-simulator", command, environment=variables)
+    for robot in ROBOTS:
+        name = f"edge-agent-{robot.serial_number}"
+        configuration = processes.folder / f"{name}.toml"
+        configuration.write_text(_agent_file(robot, processes.folder, choices), encoding="utf-8")
+        command = [console_script("nena-edge-agent"), "--config", str(configuration)]
+        await processes.start(name, command, environment=variables)
+
+
+def environment(folder: Path, broker_port: int) -> dict[str, str]:
+    """Give the variables by which the services find the broker, and ROS keeps to this machine."""
+    return {
+        "NENA_MQTT__HOST": "127.0.0.1",
+        "NENA_MQTT__PORT": str(broker_port),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_LOG_DIR": str(folder / "ros"),
+    }
+
+
+def _simulator_file(choices: Choices) -> str:
+    robots = "".join(
+        f"""
+[[robots]]
+name = "{robot.serial_number}"
+namespace = "{robot.namespace}"
+domain_id = {choices.domain_id}
+start = {{ x = {robot.x}, y = {robot.y}, yaw = {robot.theta} }}
+"""
+        for robot in ROBOTS
+    )
+    return f"""\
+time_factor = {choices.time_factor}
+map = {{ min_x = -1.0, min_y = -1.0, max_x = 25.0, max_y = 15.0 }}
+{robots}"""
+
+
+def _agent_file(robot: DemoRobot, folder: Path, choices: Choices) -> str:
+    return f"""\
+manufacturer = "NeNa"
+serial_number = "{robot.serial_number}"
+map_id = "{MAP_ID}"
+driver = "nav2"
+journal = {{ folder = "{folder / "journal"}" }}
+drive = {{ strategy = "pass_through" }}
+
+[ros]
+namespace = "{robot.namespace}"
+domain_id = {choices.domain_id}
+"""
+
+
+async def _wait_until_ready(stack: Stack) -> None:
+    """Ask each HTTP service for /readyz until it says yes; a child that ended meanwhile ends the wait."""
+    loop = asyncio.get_running_loop()
+    end = loop.time() + READY_SECONDS
+    async with httpx.AsyncClient(timeout=5.0) as client:
+        for url in (stack.rest_url, stack.panel_url):
+            while not await _is_ready(client, url):
+                stack.processes.check()
+                if loop.time() > end:
+                    raise NotReadyError(url)
+                await asyncio.sleep(0.1)
+
+
+async def _is_ready(client: httpx.AsyncClient, url: str) -> bool:
+    try:
+        return (await client.get(f"{url}/readyz")).status_code == httpx.codes.OK
+    except httpx.HTTPError:
+        return False

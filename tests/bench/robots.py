@@ -1,0 +1,140 @@
+"""Robots of the benchmark: they answer orders at once, in VDA 5050 2.1, outside of the measured processes."""
+
+from __future__ import annotations
+
+import queue
+import time
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from bench.wire import Wire
+from nena_shared.vda5050.action import ActionState, ActionStatus
+from nena_shared.vda5050.connection import Connection, ConnectionState
+from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.state import (
+    EmergencyStop,
+    MobileRobotPosition,
+    OperatingMode,
+    PowerSupply,
+    SafetyState,
+    State,
+)
+from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
+from nena_shared.vda5050.v2_1 import CODEC
+
+SCHEME = TopicScheme("uagv")
+
+
+@dataclass
+class Start:
+    """Where a robot stands at first: a point of the plant, m."""
+
+    serial_number: str
+    node_id: str
+    x: float
+    y: float
+    map_id: str = "sample-hall"
+
+
+class InstantRobots:
+    """Robots that drive and act in no time."""
+
+    def __init__(self, port: int, starts: tuple[Start, ...], manufacturer: str = "NeNa") -> None:
+        self.orders: queue.SimpleQueue[tuple[str, str, float]] = queue.SimpleQueue()
+        """(serial number, orderId, moment of arrival) of each order as it comes."""
+        self._manufacturer = manufacturer
+        self._states = {start.serial_number: self._first_state(start) for start in starts}
+        self._wire = Wire(port, "bench-robots", (SCHEME.for_all(Topic.ORDER),), self._on_order)
+        for serial in self._states:
+            self._say_hello(serial)
+
+    def close(self) -> None:
+        """Disconnect."""
+        self._wire.close()
+
+    def say_state(self, serial: str) -> None:
+        """Publish the robot's state."""
+        state = self._states[serial]
+        self._states[serial] = state.model_copy(
+            update={"header_id": state.header_id + 1, "timestamp": datetime.now(UTC)}
+        )
+        self._publish(serial, Topic.STATE, self._states[serial])
+
+    def _on_order(self, topic: str, payload: bytes, moment: float) -> None:
+        serial = topic.split("/")[-2]
+        order = CODEC.decode(Order, payload)
+        self.orders.put((serial, order.order_id, moment))
+        last = order.nodes[-1]
+        position = last.node_position
+        before = self._states[serial]
+        self._states[serial] = before.model_copy(
+            update={
+                "order_id": order.order_id,
+                "order_update_id": order.order_update_id,
+                "last_node_id": last.node_id,
+                "last_node_sequence_id": last.sequence_id,
+                "action_states": tuple(
+                    ActionState(
+                        action_id=action.action_id,
+                        action_type=action.action_type,
+                        action_status=ActionStatus.FINISHED,
+                    )
+                    for node in order.nodes
+                    for action in node.actions
+                ),
+                "mobile_robot_position": MobileRobotPosition(
+                    x=position.x, y=position.y, theta=0.0, map_id=position.map_id, localized=True
+                )
+                if position
+                else before.mobile_robot_position,
+            }
+        )
+        self.say_state(serial)
+
+    def _say_hello(self, serial: str) -> None:
+        online = Connection(
+            header_id=0,
+            timestamp=datetime.now(UTC),
+            version="2.1.0",
+            manufacturer=self._manufacturer,
+            serial_number=serial,
+            connection_state=ConnectionState.ONLINE,
+        )
+        self._publish(serial, Topic.CONNECTION, online, retain=True)
+        self.say_state(serial)
+
+    def _publish(
+        self, serial: str, topic: Topic, message: Connection | State, *, retain: bool = False
+    ) -> None:
+        name = SCHEME.of(RobotKey(self._manufacturer, serial), topic)
+        self._wire.publish(name, CODEC.encode(message), retain=retain)
+
+    def _first_state(self, start: Start) -> State:
+        return State(
+            header_id=0,
+            timestamp=datetime.now(UTC),
+            version="2.1.0",
+            manufacturer=self._manufacturer,
+            serial_number=start.serial_number,
+            order_id="",
+            order_update_id=0,
+            last_node_id=start.node_id,
+            last_node_sequence_id=0,
+            node_states=(),
+            edge_states=(),
+            driving=False,
+            action_states=(),
+            instant_action_states=(),
+            power_supply=PowerSupply(state_of_charge=80.0, charging=False),
+            operating_mode=OperatingMode.AUTOMATIC,
+            errors=(),
+            safety_state=SafetyState(active_emergency_stop=EmergencyStop.NONE, field_violation=False),
+            mobile_robot_position=MobileRobotPosition(
+                x=start.x, y=start.y, theta=0.0, map_id=start.map_id, localized=True
+            ),
+        )
+
+
+def now() -> float:
+    """Give the clock that all moments of a benchmark are of."""
+    return time.perf_counter()

@@ -1,0 +1,118 @@
+"""Runs the benchmarks on this machine and writes their figures as JSON; see docs/benchmarks.md."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import os
+import platform
+import shutil
+import sys
+import tempfile
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+TESTS = str(Path(__file__).parents[1])
+sys.path.insert(0, TESTS)
+os.environ["PYTHONPATH"] = TESTS  # the yardsticks are processes of their own
+
+import psutil
+
+from bench import rest_to_wire, state_cost, wire_to_goal
+from bench.robots import InstantRobots, Start
+from nena_demo import stack
+from nena_demo.broker import start_broker
+from nena_demo.ports import free_port
+from nena_demo.processes import Child, Processes, console_script
+from nena_shared.vda5050.topics import RobotKey
+
+DOMAIN_ID = 78
+LOOPBACK_ROBOTS = 50
+LOOPBACK_SECONDS = 20.0
+STARTS = (
+    Start("robot-01", "Parking bay", 1.0, 7.0),
+    Start("robot-02", "Packing stand", 23.0, 7.0),
+)
+
+
+async def main() -> None:
+    """Run what was asked for and write the figures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--output", type=Path, default=Path("bench.json"))
+    parser.add_argument("--samples", type=int, default=200, help="orders per latency")
+    parser.add_argument("--seconds", type=float, default=10.0, help="of states for the CPU figures")
+    arguments = parser.parse_args()
+    folder = Path(tempfile.mkdtemp(prefix="nena-bench-"))
+    try:
+        figures = {
+            "when": datetime.now(UTC).isoformat(timespec="seconds"),
+            "machine": f"{platform.machine()}, {psutil.cpu_count()} cores, "
+            f"Python {platform.python_version()}",
+            "services": await _services(folder / "services", arguments.samples, arguments.seconds),
+            "edge_agent": await _edge_agent(folder / "agent", arguments.samples),
+            "memory_50_loopback_robots": await _memory(folder / "memory"),
+        }
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    text = json.dumps(figures, indent=2)
+    arguments.output.write_text(text + "\n", encoding="utf-8")
+    sys.stdout.write(text + "\n")
+
+
+async def _services(folder: Path, samples: int, seconds: float) -> dict[str, Any]:
+    """(a) and (c): order service and aggregator with robots that finish at once."""
+    async with Processes(folder) as processes:
+        running = await stack.start_services(processes, stack.Choices())
+        robots = InstantRobots(running.mqtt.port, STARTS)
+        latency = await asyncio.to_thread(
+            rest_to_wire.measure, running.rest_url, running.mqtt.port, robots, samples
+        )
+        pids = {child.name: child.process.pid for child in processes.children if child.name != "broker"}
+        cost = await asyncio.to_thread(state_cost.measure, running.mqtt.port, pids, seconds)
+        robots.close()
+        return {"a_rest_to_wire": latency, "c_cpu_per_state": cost}
+
+
+async def _edge_agent(folder: Path, samples: int) -> dict[str, Any]:
+    """(b), and (d) for a robot on ROS."""
+    choices = stack.Choices(domain_id=DOMAIN_ID, time_factor=10.0)
+    async with Processes(folder) as processes:
+        port = free_port()
+        await start_broker(processes, port, "mosquitto")
+        await stack.start_robots(processes, choices, stack.environment(folder, port))
+        latency = await asyncio.to_thread(
+            wire_to_goal.measure, port, DOMAIN_ID, "r1", RobotKey("NeNa", "robot-01"), samples
+        )
+        return {"b_wire_to_goal": latency, "d_rss_mb": _memory_of(processes.children)}
+
+
+async def _memory(folder: Path) -> dict[str, float]:
+    """(d): all processes with 50 loopback robots that report."""
+    async with Processes(folder) as processes:
+        running = await stack.start_services(processes, stack.Choices())
+        await processes.start(
+            "edge-agent-50-loopback",
+            [
+                console_script("nena-edge-agent"),
+                "--driver",
+                "loopback",
+                "--loopback.count",
+                str(LOOPBACK_ROBOTS),
+            ],
+            environment=stack.environment(folder, running.mqtt.port),
+        )
+        await asyncio.sleep(LOOPBACK_SECONDS)
+        processes.check()
+        return _memory_of(processes.children)
+
+
+def _memory_of(children: list[Child]) -> dict[str, float]:
+    return {
+        child.name: round(psutil.Process(child.process.pid).memory_info().rss / 1e6, 1) for child in children
+    }
+
+
+if __name__ == "__main__":
+    asyncio.run(main())

@@ -1,0 +1,148 @@
+"""(c) CPU per state in order service and aggregator, beside a bare subscriber that only parses JSON."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+from datetime import UTC, datetime
+
+import psutil
+
+from bench.figures import Figures
+from bench.wire import Wire
+from nena_shared.vda5050.order import NodePosition
+from nena_shared.vda5050.state import (
+    EdgeState,
+    EmergencyStop,
+    MobileRobotPosition,
+    NodeState,
+    OperatingMode,
+    PowerSupply,
+    SafetyState,
+    State,
+)
+from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
+from nena_shared.vda5050.v2_1 import CODEC
+
+SCHEME = TopicScheme("uagv")
+ROBOTS = 50
+RATE = 500.0
+"""States per second over all robots."""
+
+SETTLE_SECONDS = 2.0
+
+_BARE = """
+import json, sys
+from bench.wire import Wire
+parse = lambda topic, payload, moment: json.loads(payload)
+wire = Wire(int(sys.argv[1]), "bench-bare", ("uagv/v2/+/+/state",), parse)
+print("ready", flush=True)
+sys.stdin.read()
+"""
+
+
+def measure(port: int, services: dict[str, int], seconds: float) -> dict[str, Figures]:
+    """Publish states of 4 KB for ``seconds``; give the CPU that each process (name to pid) took per state."""
+    bare = subprocess.Popen(
+        [sys.executable, "-c", _BARE, str(port)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert bare.stdout is not None
+        bare.stdout.readline()
+        return _measure(port, {**services, "bare_subscriber": bare.pid}, seconds)
+    finally:
+        bare.communicate(timeout=SETTLE_SECONDS * 5)
+
+
+def _measure(port: int, processes: dict[str, int], seconds: float) -> dict[str, Figures]:
+    wire = Wire(port, "bench-states", ())
+    for number in range(ROBOTS):
+        _publish(wire, number, 0)
+    _pass_time(SETTLE_SECONDS)
+    start = _cpu(processes)
+    _pass_time(seconds)
+    between = _cpu(processes)
+    sent = _publish_states(wire, seconds)
+    _pass_time(seconds - sent / RATE + SETTLE_SECONDS)
+    end = _cpu(processes)
+    wire.close()
+    idle_per_second = {name: (between[name] - start[name]) / seconds for name in processes}
+    return {
+        name: {
+            "cpu_us_per_state": round(
+                (end[name] - between[name] - idle_per_second[name] * (seconds + SETTLE_SECONDS)) / sent * 1e6,
+                1,
+            ),
+            "states": sent,
+            "state_bytes": len(_payload(0, 1)),
+        }
+        for name in processes
+    }
+
+
+def _cpu(processes: dict[str, int]) -> dict[str, float]:
+    times = {name: psutil.Process(pid).cpu_times() for name, pid in processes.items()}
+    return {name: each.user + each.system for name, each in times.items()}
+
+
+def _publish_states(wire: Wire, seconds: float) -> int:
+    """Publish at the set rate, in small batches; give how many."""
+    start = time.perf_counter()
+    sent = 0
+    while (elapsed := time.perf_counter() - start) < seconds:
+        while sent < elapsed * RATE:
+            _publish(wire, sent % ROBOTS, 1 + sent // ROBOTS)
+            sent += 1
+        _pass_time(0.002)
+    return sent
+
+
+def _pass_time(seconds: float) -> None:
+    """Let time go by, which is what is measured here."""
+    threading.Event().wait(max(0.0, seconds))
+
+
+def _publish(wire: Wire, number: int, header_id: int) -> None:
+    robot = RobotKey("Bench", f"bench-{number:03d}")
+    wire.publish(SCHEME.of(robot, Topic.STATE), _payload(number, header_id))
+
+
+def _payload(number: int, header_id: int) -> bytes:
+    x = (header_id % 100) / 10
+    state = State(
+        header_id=header_id,
+        timestamp=datetime.now(UTC),
+        version="2.1.0",
+        manufacturer="Bench",
+        serial_number=f"bench-{number:03d}",
+        order_id="bench-order",
+        order_update_id=0,
+        last_node_id="node-0",
+        last_node_sequence_id=0,
+        node_states=tuple(
+            NodeState(
+                node_id=f"node-{index}",
+                sequence_id=2 * index,
+                released=True,
+                node_position=NodePosition(x=float(index), y=2.0, theta=0.0, map_id="sample-hall"),
+            )
+            for index in range(1, 18)
+        ),
+        edge_states=tuple(
+            EdgeState(edge_id=f"node-{index} --- node-{index + 1}", sequence_id=2 * index + 1, released=True)
+            for index in range(17)
+        ),
+        driving=True,
+        action_states=(),
+        instant_action_states=(),
+        power_supply=PowerSupply(state_of_charge=80.0, charging=False),
+        operating_mode=OperatingMode.AUTOMATIC,
+        errors=(),
+        safety_state=SafetyState(active_emergency_stop=EmergencyStop.NONE, field_violation=False),
+        mobile_robot_position=MobileRobotPosition(
+            x=x, y=2.0, theta=0.0, map_id="sample-hall", localized=True
+        ),
+    )
+    return CODEC.encode(state)

@@ -1,0 +1,91 @@
+"""The demo as a user starts it: it does the job, and leaves nothing behind however it ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+from support.ros import wait_until
+
+DEMO = str(Path(sys.executable).with_name("nena-demo"))
+pytestmark = [pytest.mark.e2e, pytest.mark.ros, pytest.mark.broker, pytest.mark.timeout(420)]
+
+
+@pytest.fixture
+def temporary_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    tempfile.tempdir = None
+    return tmp_path
+
+
+@pytest.fixture
+def running_demo(temporary_folder: Path) -> Iterator[subprocess.Popen[str]]:
+    """A demo whose services are all started."""
+    process = subprocess.Popen(
+        [DEMO, "run", "--time-factor", "10", "--domain-id", "81"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    assert process.stdout is not None
+    for line in process.stdout:
+        if "control panel at" in line:
+            break
+    yield process
+    if process.poll() is None:
+        process.kill()
+        process.wait()
+
+
+@pytest.mark.parametrize("broker", ["mosquitto", "amqtt"])
+def test_smoke_run_carries_out_an_order_over_rest_and_one_over_mqtt(
+    temporary_folder: Path, broker: str
+) -> None:
+    result = subprocess.run(
+        [DEMO, "smoke", "--broker", broker, "--time-factor", "10", "--domain-id", "80"],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert result.stdout.count("FINISHED") >= 2
+    assert "fleet state and metrics agree" in result.stdout
+    assert list(temporary_folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_every_process_and_removes_every_file(
+    running_demo: subprocess.Popen[str], temporary_folder: Path, number: signal.Signals
+) -> None:
+    children = psutil.Process(running_demo.pid).children(recursive=True)
+    assert len(children) >= 5
+
+    running_demo.send_signal(number)
+    output, _ = running_demo.communicate(timeout=60)
+
+    assert running_demo.returncode == 130, output
+    assert [child for child in children if _lives(child)] == []
+    assert list(temporary_folder.iterdir()) == []
+
+
+def test_children_end_when_the_demo_is_killed(running_demo: subprocess.Popen[str]) -> None:
+    children = psutil.Process(running_demo.pid).children(recursive=True)
+    assert len(children) >= 5
+
+    os.kill(running_demo.pid, signal.SIGKILL)
+
+    wait_until(lambda: not any(_lives(child) for child in children), timeout=30, what="end of all children")
+
+
+def _lives(process: psutil.Process) -> bool:
+    return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
