@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from contextlib import suppress
 from dataclasses import dataclass
+
+from fastapi import FastAPI
 
 from nena_order_service.dispatch.way import WayFinder
 from nena_order_service.fleet import FleetLink, OperationMap
@@ -20,6 +21,7 @@ from nena_order_service.rest.bodies import Readiness
 from nena_order_service.routing import Router
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.database import StoreError, open_database
+from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.store import Store
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.topics import FleetTopics
@@ -45,7 +47,7 @@ class OrderService:
     fleet: FleetLink
     door: MqttDoor
     mqtt: MqttLink
-    http: HttpServer
+    app: FastAPI
 
 
 def build(settings: OrderServiceSettings) -> OrderService:
@@ -53,7 +55,7 @@ def build(settings: OrderServiceSettings) -> OrderService:
 
     Raises:
         ConfigurationError: the plant model cannot be used.
-        StartError: the store cannot be used, or the port is taken.
+        StartError: the store cannot be used.
 
     """
     plant = load_plant(settings.plant)
@@ -83,37 +85,41 @@ def build(settings: OrderServiceSettings) -> OrderService:
         readiness=lambda: readiness(mqtt, store),
         max_body=settings.max_body,
     )
-    return OrderService(store, kernel, fleet, door, mqtt, HttpServer(app, settings.http))
+    return OrderService(store, kernel, fleet, door, mqtt, app)
 
 
 async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
-    """Run the order service until ``stop`` is set."""
+    """Run the order service until ``stop`` is set.
+
+    Raises:
+        ConfigurationError, StartError: as :func:`build` does; also when the port is taken.
+        TaskFailedError: a part that the rest cannot do without has failed.
+
+    """
     service = build(settings)
+    http = HttpServer(service.app, settings.http)
     async with Supervisor() as supervisor:
         supervisor.start("store", service.store.run())
         await service.kernel.start(service.fleet)
         supervisor.start("mqtt", service.mqtt.run())
         supervisor.start("fleet control", service.fleet.run())
         supervisor.start("kernel", service.kernel.run())
-        http = supervisor.start("http", service.http.run())
+        answering = supervisor.start("http", http.run())
         try:
             await supervisor.wait(stop)
         finally:
-            await _shut_down(service, http)
+            http.stop()
+            await asyncio.wait({answering}, timeout=SHUTDOWN_PATIENCE + 1)
+            await _shut_down(service)
     service.store.close()
     log.info("order service ended")
 
 
-async def _shut_down(service: OrderService, http: asyncio.Task[None]) -> None:
-    """Answer what is open, then write and send what waits."""
-    service.http.stop()
-    with suppress(TimeoutError):
-        await asyncio.wait_for(asyncio.shield(http), SHUTDOWN_PATIENCE + 1)
+async def _shut_down(service: OrderService) -> None:
+    """Write and send what waits."""
     await service.door.close()
     if not await service.store.drain(DRAIN_PATIENCE):
-        log.error(
-            "the store has not taken all changes; what was answered is in it", reason=service.store.problem
-        )
+        log.error("the store has not taken all that was not answered yet", reason=service.store.problem)
     await service.mqtt.drain(DRAIN_PATIENCE)
 
 
@@ -135,7 +141,8 @@ def readiness(mqtt: MqttLink, store: Store) -> Readiness:
 
 def _open_store(settings: OrderServiceSettings) -> Store:
     try:
-        return Store(open_database(settings.store.url))
+        lock = InstanceLock.take(settings.store.url)
+        return Store(open_database(settings.store.url), lock)
     except StoreError as error:
         raise StartError(str(error)) from error
 

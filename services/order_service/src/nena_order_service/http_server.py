@@ -39,6 +39,7 @@ class HttpServer:
             app,
             lifespan="off",
             log_config=None,
+            log_level="warning",
             access_log=False,
             server_header=False,
             limit_concurrency=CONCURRENT_REQUESTS,

@@ -16,6 +16,7 @@ from nena_order_service.fleet import (
     FleetLink,
     FleetOutput,
     InstantActionEnded,
+    LinkStatus,
     Mission,
     MissionAccepted,
     MissionCancelled,
@@ -27,7 +28,7 @@ from nena_order_service.fleet import (
     RobotView,
 )
 from nena_order_service.kernel.dispatching import Candidate, Dispatching
-from nena_order_service.kernel.instant_actions import PendingInstantActions
+from nena_order_service.kernel.instant_actions import PendingInstantActions, state_request
 from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.mission_record import MissionRecord
 from nena_order_service.kernel.missions import MissionPlanner
@@ -98,6 +99,7 @@ class Kernel:
         self._fleet: FleetLink | None = None
         self._missions = MissionBook(self.book)
         self._dispatching = Dispatching(registry, self._missions, planner, self.view)
+        self._asked: set[RobotKey] = set()
         self._effects: list[Callable[[], None]] = []
         self._changed_vehicles: set[str] = set()
 
@@ -240,12 +242,21 @@ class Kernel:
 
     def _robot_changed(self, robot: RobotKey) -> None:
         vehicle = self.registry.discover(robot)
-        state = self.view(vehicle).state
-        if state and state.mobile_robot_position:
-            self.registry.learn_map(vehicle, state.mobile_robot_position.map_id)
+        view = self.view(vehicle)
+        if view.state and view.state.mobile_robot_position:
+            self.registry.learn_map(vehicle, view.state.mobile_robot_position.map_id)
+        self._ask_for_state(view)
         self._changed_vehicles.add(vehicle.name)
         if self._missions.order_number(robot) is None:
             self._dispatch()
+
+    def _ask_for_state(self, view: RobotView) -> None:
+        """Ask a robot that is there and has told no state yet, so that nobody waits for its next one."""
+        if view.link is not LinkStatus.ONLINE:
+            self._asked.discard(view.key)
+        elif view.state is None and view.key not in self._asked:
+            self._asked.add(view.key)
+            self._effects.append(lambda: self.fleet.instant_action(view.key, state_request()))
 
     def _mission_news(
         self,

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from http import HTTPStatus
 
+from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from nena_order_service.rest.problems import answer
 from nena_shared.fleet_api.transport_order import Problem
-
-
-class _TooLongError(Exception):
-    """The body has more bytes than allowed."""
 
 
 class BodyLimit:
@@ -20,6 +17,7 @@ class BodyLimit:
     def __init__(self, app: ASGIApp, limit: int) -> None:
         self._app = app
         self._limit = limit
+        self._detail = f"The body is longer than {limit} bytes. Send less at once, or raise max_body."
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on, counting its bytes."""
@@ -30,31 +28,20 @@ class BodyLimit:
             await self._refuse(scope, receive, send)
             return
         received = 0
-        started = False
 
         async def counted() -> Message:
             nonlocal received
             message = await receive()
             received += len(message.get("body", b""))
             if received > self._limit:
-                raise _TooLongError
+                raise HTTPException(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, self._detail)
             return message
 
-        async def watched(message: Message) -> None:
-            nonlocal started
-            started = True
-            await send(message)
-
-        try:
-            await self._app(scope, counted, watched)
-        except _TooLongError:
-            if not started:
-                await self._refuse(scope, receive, send)
+        await self._app(scope, counted, send)
 
     async def _refuse(self, scope: Scope, receive: Receive, send: Send) -> None:
         status = HTTPStatus.REQUEST_ENTITY_TOO_LARGE
-        detail = f"The body is longer than {self._limit} bytes. Send less at once, or raise max_body."
-        response = answer(Problem(title="Body too long", status=status, detail=detail))
+        response = answer(Problem(title=status.phrase, status=status, detail=self._detail))
         await response(scope, receive, send)
 
 

@@ -60,15 +60,15 @@ def open_database(url: str) -> Engine:
 
     """
     try:
-        parsed = make_url(url)
-        engine = create_engine(parsed)
+        engine = create_engine(make_url(url))
         if engine.dialect.name == "sqlite":
             event.listen(engine, "connect", _make_sqlite_durable)
         with engine.begin() as connection:
             _prepare(connection)
     except (ArgumentError, ImportError, SQLAlchemyError) as error:
+        # The URL may hold a password, so it is not repeated.
         reason = str(getattr(error, "orig", None) or error)
-        message = f"store.url {url!r} cannot be used: {reason}. Name a file that can be written: sqlite:///orders.db"
+        message = f"store.url cannot be used: {reason}. Name a file that can be written: sqlite:///orders.db"
         raise StoreError(message) from error
     return engine
 

@@ -14,6 +14,7 @@ from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import database
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import OrderFilter, Unfinished
+from nena_order_service.store.instance_lock import InstanceLock
 from nena_shared.log import get_logger
 
 log = get_logger(__name__)
@@ -34,8 +35,9 @@ class Store:
     the changes is told to anybody. Every method is for the event loop's thread.
     """
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: Engine, lock: InstanceLock | None = None) -> None:
         self._engine = engine
+        self._lock = lock
         self._writer = ThreadPoolExecutor(1, thread_name_prefix="store writer")
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="store reader")
         self._changes = Changes()
@@ -86,10 +88,12 @@ class Store:
         return True
 
     def close(self) -> None:
-        """End the threads and close the database."""
+        """End the threads, close the database and let go of its lock."""
         self._writer.shutdown()
         self._reader.shutdown()
         self._engine.dispose()
+        if self._lock:
+            self._lock.release()
 
     async def unfinished(self) -> Unfinished:
         """Read all that a restart takes up."""

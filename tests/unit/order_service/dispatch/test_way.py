@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+import pytest
+
+from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.routing import NoRouteError, Router
+from nena_shared.fleet_api.transport_order import Coordinate, Destination
+from nena_shared.plant import Link, Location, LocationType, PlantModel
+from support.plants import path, plant, point
+
+ONE_WAY = plant(
+    path("A B"),
+    path("B C"),
+    path("C D", 5000),
+    points="Z",
+    location_types=(LocationType(name="T", allowed_operations=("Load",)),),
+    locations=(Location(name="L", type="T", links=(Link(point="D"), Link(point="B"))),),
+)
+FINDER = WayFinder(ONE_WAY, Router(ONE_WAY))
+
+
+def at(name: str, operation: str = "MOVE") -> Destination:
+    return Destination(location_name=name, operation=operation)
+
+
+def test_location_is_served_from_its_cheapest_access_point() -> None:
+    way = FINDER.find("A", [at("L", "Load")])
+    assert [leg.points for leg in way.legs] == [("A", "B")]
+    assert way.cost == 1000
+
+
+def test_one_leg_for_each_destination() -> None:
+    assert [leg.points for leg in FINDER.find("A", [at("B"), at("C")]).legs] == [("A", "B"), ("B", "C")]
+
+
+def test_way_without_a_route_is_refused() -> None:
+    with pytest.raises(NoRouteError):
+        FINDER.find("C", [at("A")])
+
+
+def test_coordinate_is_driven_to_straight_and_left_from_the_nearest_point() -> None:
+    points = (point("A"), point("B", 1000), point("C", 9000))
+    model = PlantModel(name="line", points=points, paths=(path("A B"),))
+    finder = WayFinder(model, Router(model))
+    way = finder.find("C", [Destination(coordinate=Coordinate(x=0.3, y=0.4)), at("B")])
+    assert [leg.points for leg in way.legs] == [(), ("A", "B")]
+    assert way.legs[0].cost == pytest.approx(8709, abs=1)
+
+
+def test_routability_tries_every_access_point_of_the_first_destination_as_a_start() -> None:
+    # From D, the nearer access point by name, there is no way to C; from B there is.
+    assert FINDER.why_unroutable([at("L", "Load"), at("C")], frozenset()) is None
+
+
+def test_unroutable_says_why() -> None:
+    assert "No route from 'C' to 'A'" in (FINDER.why_unroutable([at("C"), at("A")], frozenset()) or "")
+
+
+def test_resources_to_avoid_make_an_order_unroutable() -> None:
+    assert FINDER.why_unroutable([at("A"), at("C")], frozenset({"B"})) is not None
+
+
+def test_coordinates_are_routable_from_the_nearest_point() -> None:
+    model = PlantModel(
+        name="line", points=(point("A"), point("B", 5000), point("Z", 90_000)), paths=(path("B A"),)
+    )
+    finder = WayFinder(model, Router(model))
+    near, far = Destination(coordinate=Coordinate(x=4, y=0)), Destination(coordinate=Coordinate(x=80, y=0))
+    assert finder.why_unroutable([near, at("A")], frozenset()) is None
+    assert "from 'Z' to 'A'" in (finder.why_unroutable([far, at("A")], frozenset()) or "")

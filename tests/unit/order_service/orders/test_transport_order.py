@@ -1,0 +1,223 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import timedelta
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
+
+from nena_order_service.orders.event_code import EventCode
+from nena_order_service.orders.transport_order import SUCCESSORS, IllegalTransitionError, TransportOrder
+from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
+from support.order_service import NOW, assigned_order, dispatchable_order, raw_order
+
+S = TransportOrderState
+D = DriveOrderState
+
+
+def drive_states(order: TransportOrder) -> list[DriveOrderState]:
+    return [each.state for each in order.status.drive_orders]
+
+
+def codes(order: TransportOrder) -> list[str]:
+    return [entry.event_code for entry in order.status.history]
+
+
+def test_goes_through_all_states_to_finished() -> None:
+    order = assigned_order("A", "B")
+    assert order.state is S.BEING_PROCESSED
+    assert drive_states(order) == [D.TRAVELLING, D.PRISTINE]
+
+    order = order.operating(0, NOW)
+    assert drive_states(order) == [D.OPERATING, D.PRISTINE]
+    order = order.drive_order_finished(0, NOW)
+    assert drive_states(order) == [D.FINISHED, D.TRAVELLING]
+    assert order.status.current_drive_order_index == 1
+    order = order.drive_order_finished(1, NOW).finished(NOW)
+
+    assert order.state is S.FINISHED
+    assert drive_states(order) == [D.FINISHED, D.FINISHED]
+    assert order.status.finished == NOW
+    assert codes(order) == [
+        EventCode.ORDER_CREATED,
+        EventCode.ASSIGNED_TO_VEHICLE,
+        EventCode.OPERATION_STARTED,
+        EventCode.DRIVE_ORDER_FINISHED,
+        EventCode.DRIVE_ORDER_FINISHED,
+        EventCode.FINAL_STATE_REACHED,
+    ]
+
+
+def test_finished_ends_every_drive_order_even_when_no_news_of_it_came() -> None:
+    assert drive_states(assigned_order("A", "B", "C").finished(NOW)) == [D.FINISHED] * 3
+
+
+def test_failure_keeps_what_was_done_and_says_why() -> None:
+    order = assigned_order("A", "B").drive_order_finished(0, NOW).failed("wheel lost", NOW)
+    assert drive_states(order) == [D.FINISHED, D.FAILED]
+    assert order.status.reason == "wheel lost"
+    assert order.status.history[-1].supplements == ("FAILED", "wheel lost")
+
+
+def test_withdrawal_of_an_order_that_waits_ends_it_at_once() -> None:
+    assert dispatchable_order().withdrawn("not needed", NOW).state is S.FAILED
+
+
+def test_withdrawal_of_an_order_under_way_waits_for_the_vehicle() -> None:
+    order = assigned_order().withdrawn("not needed", NOW)
+    assert order.state is S.WITHDRAWN
+    assert "V-1" in order.status.reason
+    assert order.failed("let go", NOW).state is S.FAILED
+
+
+def test_news_of_a_withdrawn_order_keeps_the_reason_of_the_withdrawal() -> None:
+    withdrawn = assigned_order("A", "B").withdrawn("not needed", NOW)
+    after = withdrawn.operating(0, NOW).drive_order_finished(0, NOW)
+    assert after.status.reason == withdrawn.status.reason
+
+
+def test_unroutable_is_final() -> None:
+    order = raw_order().unroutable("no way", NOW)
+    assert (order.state, order.status.reason) == (S.UNROUTABLE, "no way")
+    with pytest.raises(IllegalTransitionError):
+        order.activated()
+
+
+def test_same_deferral_again_changes_nothing() -> None:
+    order = dispatchable_order().deferred("nobody is free", NOW)
+    assert order.deferred("nobody is free", NOW + timedelta(hours=1)) is order
+
+
+def test_deferrals_in_a_row_are_one_entry_of_the_history() -> None:
+    order = dispatchable_order().deferred("nobody is free", NOW).deferred("all are offline", NOW)
+    assert codes(order) == [EventCode.ORDER_CREATED, EventCode.DISPATCHING_DEFERRED]
+    assert order.status.history[-1].supplements == ("all are offline",)
+
+
+def test_news_of_a_drive_order_that_is_over_changes_nothing() -> None:
+    order = assigned_order("A", "B").drive_order_finished(0, NOW)
+    assert order.drive_order_finished(0, NOW) is order
+    assert order.operating(0, NOW) is order
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda order: order.deferred("x", NOW),
+        lambda order: order.finished(NOW),
+        lambda order: order.failed("x", NOW),
+        lambda order: order.withdrawn("x", NOW),
+        lambda order: order.adopted(NOW),
+        lambda order: order.operating(0, NOW),
+        lambda order: order.drive_order_finished(0, NOW),
+    ],
+)
+def test_nothing_changes_an_order_at_its_end(change: Callable[[TransportOrder], TransportOrder]) -> None:
+    with pytest.raises(IllegalTransitionError, match="FINISHED"):
+        change(assigned_order().finished(NOW))
+
+
+def test_priority_goes_before_deadline_before_age() -> None:
+    soon, later = NOW + timedelta(minutes=1), NOW + timedelta(minutes=9)
+    orders = [
+        dispatchable_order(number=1),
+        dispatchable_order(number=2, deadline=later),
+        dispatchable_order(number=3, deadline=soon),
+        dispatchable_order(number=4, priority=1),
+        dispatchable_order(number=5, deadline=soon),
+    ]
+    assert [order.number for order in sorted(orders, key=lambda order: order.urgency)] == [4, 3, 5, 2, 1]
+
+
+def test_resources_to_avoid_are_read_from_the_property() -> None:
+    order = raw_order(properties=[{"key": "tcs:resourcesToAvoid", "value": "Gate, A --- B ,"}])
+    assert order.resources_to_avoid == {"Gate", "A --- B"}
+
+
+@given(st.integers(-1000, 1000), st.integers(-1000, 1000))
+def test_greater_priority_is_more_urgent(one: int, other: int) -> None:
+    first, second = dispatchable_order(priority=one), dispatchable_order(priority=other)
+    assert (first.urgency < second.urgency) == (one > other)
+
+
+CHANGES = (
+    "activated",
+    "dispatchable",
+    "unroutable",
+    "deferred",
+    "assigned",
+    "operating",
+    "drive_order_finished",
+    "finished",
+    "failed",
+    "withdrawn",
+    "adopted",
+)
+
+
+class LifeCycle(RuleBasedStateMachine):
+    """Whatever is asked of an order, in whatever order: it keeps the life cycle, or refuses unchanged."""
+
+    @initialize(stops=st.integers(1, 4))
+    def create(self, stops: int) -> None:
+        self.order = raw_order(*"ABCD"[:stops])
+        self.before = self.order
+
+    @rule(
+        change=st.sampled_from(CHANGES),
+        index=st.integers(0, 3),
+        text=st.sampled_from(["a", "b"]),
+    )
+    def change(self, change: str, index: int, text: str) -> None:
+        self.before = self.order
+        index %= len(self.order.status.drive_orders)
+        routes = [("A",) for _ in self.order.status.drive_orders]
+        arguments = {
+            "activated": (),
+            "dispatchable": (),
+            "assigned": ("V", routes, text, NOW),
+            "operating": (index, NOW),
+            "drive_order_finished": (index, NOW),
+            "finished": (NOW,),
+            "adopted": (NOW,),
+        }.get(change, (text, NOW))
+        try:
+            self.order = getattr(self.order, change)(*arguments)
+        except IllegalTransitionError:
+            assert self.order is self.before
+
+    @invariant()
+    def states_follow_each_other(self) -> None:
+        if self.order.state is not self.before.state:
+            assert self.order.state in SUCCESSORS[self.before.state]
+
+    @invariant()
+    def versions_count_the_changes(self) -> None:
+        changed = self.order is not self.before
+        assert self.order.status.version == self.before.status.version + changed
+
+    @invariant()
+    def history_is_never_rewritten_but_for_a_deferral(self) -> None:
+        old, new = self.before.status.history, self.order.status.history
+        kept = old if old[-1].event_code != EventCode.DISPATCHING_DEFERRED else old[:-1]
+        assert new[: len(kept)] == kept
+        assert len(new) >= len(old)
+
+    @invariant()
+    def end_is_said_with_time_and_reason(self) -> None:
+        assert (self.order.status.finished is not None) == self.order.state.final
+        assert self.order.status.reason
+        if self.order.state.final:
+            assert self.order.status.history[-1].event_code == EventCode.FINAL_STATE_REACHED
+
+    @invariant()
+    @precondition(lambda self: self.order.state is S.BEING_PROCESSED)
+    def at_most_one_drive_order_is_under_way(self) -> None:
+        states = drive_states(self.order)
+        assert sum(state in (D.TRAVELLING, D.OPERATING) for state in states) <= 1
+        assert D.FINISHED not in states[self.order.status.current_drive_order_index + 1 :]
+
+
+TestLifeCycle = LifeCycle.TestCase

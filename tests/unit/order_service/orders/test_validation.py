@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from nena_demo.plants import sample_plant_path
+from nena_order_service.orders.validation import InvalidRequestError, check_order, check_request
+from nena_shared.fleet_api.transport_order import TransportOrderRequest
+from nena_shared.plant import PlantModel
+from nena_shared.plant.opentcs_xml import read
+from support.order_service import dispatchable_order, request
+from support.plants import plant
+
+PLANT = read(sample_plant_path().read_bytes()).model
+VEHICLES = ("Robot-01", "Robot-02")
+
+
+def findings(wanted: TransportOrderRequest) -> tuple[list[str], bool]:
+    with pytest.raises(InvalidRequestError) as caught:
+        check_request(wanted, PLANT, VEHICLES)
+    return [finding.text for finding in caught.value.findings], caught.value.only_unknown
+
+
+@pytest.mark.parametrize(
+    "wanted",
+    [
+        request("Goods in:Load cargo", "Storage:Unload cargo", intended_vehicle="Robot-01"),
+        request("Goods in:NOP"),
+        request("Middle 1", "Parking bay:PARK"),
+        TransportOrderRequest.model_validate({"destinations": [{"coordinate": {"x": 1, "y": 2}}]}),
+        request("Storage:NOP", properties=[{"key": "tcs:resourcesToAvoid", "value": "Middle gate,Packing"}]),
+    ],
+)
+def test_sensible_requests_pass(wanted: TransportOrderRequest) -> None:
+    check_request(wanted, PLANT, VEHICLES)
+
+
+def test_everything_wrong_is_told_at_once() -> None:
+    wanted = request(
+        "Goods out:Load cargo",
+        "Storage:Unload cargo",
+        "Nowhere",
+        "Middle 1:Load cargo",
+        intended_vehicle="Robot-10",
+        properties=[{"key": "tcs:resourcesToAvoid", "value": "Gone"}],
+    )
+    texts, only_unknown = findings(wanted)
+    assert [text.split(":")[0] for text in texts[:3]] == ["Destination 1", "Destination 3", "Destination 4"]
+    assert "Unload cargo" in texts[0]
+    assert "'Nowhere'" in texts[1]
+    assert "MOVE or PARK" in texts[2]
+    assert "Did you mean" in texts[3]
+    assert "'Gone'" in texts[4]
+    assert not only_unknown
+
+
+def test_only_unknown_names_are_told_apart() -> None:
+    texts, only_unknown = findings(request("Goods inn:Load cargo"))
+    assert "Did you mean 'Goods in'" in texts[0]
+    assert only_unknown
+
+
+def test_operation_at_a_coordinate_is_refused() -> None:
+    wanted: dict[str, Any] = {"destinations": [{"coordinate": {"x": 1, "y": 2}, "operation": "Load cargo"}]}
+    texts, _ = findings(TransportOrderRequest.model_validate(wanted))
+    assert "a coordinate" in texts[0]
+
+
+def test_locked_and_unlinked_locations_are_refused() -> None:
+    storage, packing = PLANT.location("Storage"), PLANT.location("Packing")
+    locked, unlinked = (
+        storage.model_copy(update={"locked": True}),
+        packing.model_copy(update={"links": ()}),
+    )
+    changed = PlantModel(
+        name="changed", points=PLANT.points, location_types=PLANT.location_types, locations=(locked, unlinked)
+    )
+    with pytest.raises(InvalidRequestError) as caught:
+        check_request(request("Storage:NOP", "Packing:NOP"), changed, ())
+    assert [finding.text.split(": ")[1].split(";")[0] for finding in caught.value.findings] == [
+        "location 'Storage' is locked",
+        "location 'Packing' is linked to no point, so no vehicle can serve it.",
+    ]
+
+
+def test_stored_order_is_checked_against_a_changed_plant() -> None:
+    order = dispatchable_order("Storage:NOP").status
+    check_order(order, PLANT)
+    with pytest.raises(InvalidRequestError, match="'Storage'"):
+        check_order(order, plant(points="A"))

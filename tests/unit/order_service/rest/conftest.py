@@ -1,0 +1,33 @@
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from nena_demo.plants import sample_plant_path
+from nena_order_service.app import OrderService, build
+from nena_order_service.settings import OrderServiceSettings, StoreSettings
+from nena_shared.tasks import Supervisor
+
+
+@pytest.fixture
+async def service(tmp_path: Path) -> AsyncIterator[OrderService]:
+    """Give an order service without a broker, so that orders are taken and wait."""
+    settings = OrderServiceSettings(
+        plant=sample_plant_path(), store=StoreSettings(url=f"sqlite:///{tmp_path}/orders.db"), max_body=4096
+    )
+    made = build(settings)
+    async with Supervisor() as supervisor:
+        supervisor.start("store", made.store.run())
+        await made.kernel.start(made.fleet)
+        yield made
+    made.store.close()
+
+
+@pytest.fixture
+async def client(service: OrderService) -> AsyncIterator[httpx.AsyncClient]:
+    transport = httpx.ASGITransport(service.app, raise_app_exceptions=False)
+    async with httpx.AsyncClient(transport=transport, base_url="http://order-service") as made:
+        yield made

@@ -1,0 +1,183 @@
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from typing import Any
+
+import httpx
+import pytest
+from structlog.testing import capture_logs
+
+from nena_order_service.app import OrderService
+from nena_shared.fleet_api.transport_order import Problem, TransportOrderStatus
+
+ORDERS = "/v1/transportOrders"
+BODY: dict[str, Any] = {"destinations": [{"locationName": "Goods in", "operation": "Load cargo"}]}
+
+
+def problem(answer: httpx.Response, status: int) -> Problem:
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    found = Problem.model_validate_json(answer.content)
+    assert found.status == status
+    assert found.detail.endswith(".")
+    return found
+
+
+async def test_created_order_is_answered_where_it_is_and_is_in_the_store(
+    client: httpx.AsyncClient, service: OrderService
+) -> None:
+    answer = await client.post(ORDERS, json={**BODY, "name": "T-1"})
+    assert answer.status_code == 201
+    assert answer.headers["location"] == "/v1/transportOrders/T-1"
+    order = TransportOrderStatus.model_validate_json(answer.content)
+    assert order.state == "DISPATCHABLE"
+    assert "no connection to the MQTT broker" in order.reason
+    stored = await service.store.order(name="T-1")
+    assert stored is not None
+    assert stored.status == order
+    assert (await client.get(answer.headers["location"])).json() == answer.json()
+
+
+async def test_names_are_made_and_completed(client: httpx.AsyncClient) -> None:
+    made = (await client.post(ORDERS, json=BODY)).json()["name"]
+    completed = [
+        (await client.post(ORDERS, json={**BODY, "name": "Night", "incompleteName": True})).json()["name"]
+        for _ in range(2)
+    ]
+    assert made.startswith("TOrder-")
+    assert all(name.startswith("Night-") for name in completed)
+    assert len({made, *completed}) == 3
+
+
+async def test_name_that_is_taken_is_refused(client: httpx.AsyncClient) -> None:
+    await client.post(ORDERS, json={**BODY, "name": "T-1"})
+    assert "'T-1'" in problem(await client.post(ORDERS, json={**BODY, "name": "T-1"}), 409).detail
+
+
+async def test_same_key_gives_the_same_order_also_by_header(client: httpx.AsyncClient) -> None:
+    first = await client.post(ORDERS, json={**BODY, "idempotencyKey": "k"})
+    again = await client.post(ORDERS, json={**BODY, "idempotencyKey": "k"})
+    header = await client.post(ORDERS, json=BODY, headers={"Idempotency-Key": "k"})
+    assert [first.status_code, again.status_code, header.status_code] == [201, 200, 200]
+    assert first.json() == again.json() == header.json()
+    assert len((await client.get(ORDERS)).json()["transportOrders"]) == 1
+
+
+async def test_requests_of_one_key_at_the_same_moment_make_one_order(client: httpx.AsyncClient) -> None:
+    body = {**BODY, "idempotencyKey": "k", "name": "T-1"}
+    answers = await asyncio.gather(*(client.post(ORDERS, json=body) for _ in range(20)))
+    assert sorted(answer.status_code for answer in answers) == [200] * 19 + [201]
+    assert {answer.json()["name"] for answer in answers} == {"T-1"}
+
+
+async def test_requests_of_one_name_at_the_same_moment_make_one_order(client: httpx.AsyncClient) -> None:
+    answers = await asyncio.gather(*(client.post(ORDERS, json={**BODY, "name": "T-1"}) for _ in range(20)))
+    assert sorted(answer.status_code for answer in answers) == [201] + [409] * 19
+
+
+async def test_unroutable_order_is_made_and_says_why(client: httpx.AsyncClient) -> None:
+    body = {"destinations": [{"locationName": "Packing stand"}, {"locationName": "Parking bay"}]}
+    body["properties"] = [{"key": "tcs:resourcesToAvoid", "value": "Middle 4"}]
+    order = (await client.post(ORDERS, json=body)).json()
+    assert order["state"] == "UNROUTABLE"
+    assert "No route" in order["reason"]
+
+
+@pytest.mark.parametrize(
+    ("body", "status", "said"),
+    [
+        (b"{", 400, "not JSON"),
+        (b"[]", 422, "form"),
+        (b'{"destinations": []}', 422, "form"),
+        (b'{"destinations": [{}]}', 422, "form"),
+        (b'{"destinations": [{"locationName": "X"}], "colour": "red"}', 422, "form"),
+        (b'{"destinations": [{"locationName": "Nowhere"}]}', 404, "plant"),
+        (b'{"destinations": [{"locationName": "Goods in", "operation": "Fly"}]}', 422, "plant"),
+        (b'{"name": "a/b", "destinations": [{"locationName": "Goods in"}]}', 422, "form"),
+        (b'{"destinations": [{"locationName": "Middle 1"}], "intendedVehicle": "R2D2"}', 404, "plant"),
+        (b'{"destinations": [{"coordinate": {"x": NaN, "y": 0}}]}', 422, "form"),
+        (b'{"destinations": [{"coordinate": {"x": 1e999, "y": 0}}]}', 422, "form"),
+    ],
+)
+async def test_bad_requests_are_told_what_to_do_and_make_nothing(
+    client: httpx.AsyncClient, body: bytes, status: int, said: str
+) -> None:
+    found = problem(
+        await client.post(ORDERS, content=body, headers={"content-type": "application/json"}), status
+    )
+    assert said in found.detail
+    assert found.errors
+    assert (await client.get(ORDERS)).json()["transportOrders"] == []
+
+
+async def test_all_problems_are_told_at_once(client: httpx.AsyncClient) -> None:
+    body = {"destinations": [{"locationName": "Nowhere"}, {"locationName": "Goods in", "operation": "Fly"}]}
+    found = problem(await client.post(ORDERS, json=body), 422)
+    assert [error.split(":")[0] for error in found.errors] == ["Destination 1", "Destination 2"]
+
+
+async def test_body_that_is_too_long_is_refused(client: httpx.AsyncClient) -> None:
+    async def in_pieces() -> AsyncIterator[bytes]:
+        for _ in range(100):
+            yield b" " * 100
+
+    for content in (b" " * 5000, in_pieces()):
+        answer = await client.post(ORDERS, content=content, headers={"content-type": "application/json"})
+        assert "4096 bytes" in problem(answer, 413).detail
+
+
+async def test_list_is_filtered_and_paged(client: httpx.AsyncClient) -> None:
+    for number in range(5):
+        vehicle = {"intendedVehicle": "Robot-01"} if number % 2 else {}
+        await client.post(ORDERS, json={**BODY, "name": f"T-{number}", **vehicle})
+    await client.post(f"{ORDERS}/T-0/withdrawal")
+
+    page = (await client.get(ORDERS, params={"limit": 2})).json()
+    assert [order["name"] for order in page["transportOrders"]] == ["T-4", "T-3"]
+    following = (await client.get(ORDERS, params={"limit": 3, "after": page["next"]})).json()
+    assert [order["name"] for order in following["transportOrders"]] == ["T-2", "T-1", "T-0"]
+    assert following["next"] is None
+    failed = (await client.get(ORDERS, params={"state": ["FAILED", "FINISHED"]})).json()
+    assert [order["name"] for order in failed["transportOrders"]] == ["T-0"]
+    intended = (await client.get(ORDERS, params={"intendedVehicle": "Robot-01"})).json()
+    assert [order["name"] for order in intended["transportOrders"]] == ["T-3", "T-1"]
+    problem(await client.get(ORDERS, params={"limit": 0}), 422)
+    problem(await client.get(ORDERS, params={"after": "x"}), 422)
+
+
+async def test_withdrawal_of_a_waiting_order_ends_it(client: httpx.AsyncClient) -> None:
+    await client.post(ORDERS, json={**BODY, "name": "T-1"})
+    answer = await client.post(f"{ORDERS}/T-1/withdrawal", json={"reason": "customer cancelled"})
+    assert answer.status_code == 200
+    assert (answer.json()["state"], answer.json()["reason"]) == ("FAILED", "customer cancelled")
+    assert "FAILED already" in problem(await client.post(f"{ORDERS}/T-1/withdrawal"), 409).detail
+
+
+async def test_what_is_not_there_is_a_problem(client: httpx.AsyncClient) -> None:
+    assert "'T-9'" in problem(await client.get(f"{ORDERS}/T-9"), 404).detail
+    problem(await client.post(f"{ORDERS}/T-9/withdrawal"), 404)
+    problem(await client.get("/v2/everything"), 404)
+    problem(await client.delete(ORDERS), 405)
+
+
+async def test_fault_of_the_service_gives_no_inside_view(
+    client: httpx.AsyncClient, service: OrderService, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        message = "secret"
+        raise KeyError(message)
+
+    monkeypatch.setattr(service.kernel, "create", fail)
+    with capture_logs() as logged:
+        assert "secret" not in problem(await client.post(ORDERS, json=BODY), 500).model_dump_json()
+    assert [(line["event"], line["path"]) for line in logged] == [("request failed", ORDERS)]
+
+
+async def test_store_that_takes_nothing_promises_nothing(
+    client: httpx.AsyncClient, service: OrderService
+) -> None:
+    service.store.problem = "disk full"
+    found = problem(await client.post(ORDERS, json=BODY), 503)
+    assert "disk full" in found.detail
+    assert service.kernel.book.dispatchable() == ()

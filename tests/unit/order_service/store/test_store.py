@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+import asyncio
+import sqlite3
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+
+import pytest
+
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.store import store as store_module
+from nena_order_service.store.changes import Changes
+from nena_order_service.store.store import Store
+from support.order_service import NOW, dispatchable_order
+from support.waiting import until
+
+
+@asynccontextmanager
+async def running(store: Store) -> AsyncIterator[Store]:
+    task = asyncio.create_task(store.run())
+    try:
+        yield store
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+def change(order: TransportOrder, before: TransportOrder | None = None) -> Changes:
+    made = Changes()
+    made.put_order(order, before)
+    return made
+
+
+def fail() -> None:
+    raise RuntimeError
+
+
+async def test_told_only_when_it_is_in_the_store(make_store: Callable[[], Store]) -> None:
+    other = make_store()
+    async with running(make_store()) as store:
+        told = asyncio.Event()
+        store.commit(change(dispatchable_order()), told.set)
+        assert not told.is_set()
+        await told.wait()
+        assert await other.order(name="T-1") == dispatchable_order()
+
+
+async def test_what_waits_is_committed_together_and_told_in_order(make_store: Callable[[], Store]) -> None:
+    told: list[int] = []
+    async with running(make_store()) as store:
+        for number in range(1, 101):
+            store.commit(change(dispatchable_order(number=number)), lambda n=number: told.append(n))  # type: ignore[misc] # n is bound at once
+        store.commit(Changes(), lambda: told.append(0))
+        await until(lambda: len(told) == 101)
+        assert told == [*range(1, 101), 0]
+        assert store.commits <= 2
+
+
+async def test_nothing_to_write_is_told_at_once(make_store: Callable[[], Store]) -> None:
+    told: list[str] = []
+    make_store().commit(Changes(), lambda: told.append("now"))
+    assert told == ["now"]
+
+
+async def test_changes_of_one_order_while_it_is_written_are_all_kept(make_store: Callable[[], Store]) -> None:
+    async with running(make_store()) as store:
+        order: TransportOrder | None = None
+        last = dispatchable_order()
+        for number in range(50):
+            before, order = order, last
+            store.commit(change(order, before), lambda: None)
+            last = order.deferred(f"reason {number}", NOW)
+            await asyncio.sleep(0)
+        assert await store.drain(10)
+        assert await store.order(name="T-1") == order
+
+
+async def test_listener_that_fails_keeps_no_other_from_being_told(make_store: Callable[[], Store]) -> None:
+    async with running(make_store()) as store:
+        told = asyncio.Event()
+        store.commit(change(dispatchable_order()), fail)
+        store.commit(Changes(), told.set)
+        async with asyncio.timeout(10):
+            await told.wait()
+
+
+async def test_locked_database_is_waited_for(
+    make_store: Callable[[], Store], url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(store_module, "RETRY_PAUSE", 0.01)
+    store = make_store()
+    blocker = sqlite3.connect(url.removeprefix("sqlite:///"), isolation_level=None)
+    blocker.execute("BEGIN IMMEDIATE")
+    async with running(store):
+        told = asyncio.Event()
+        store.commit(change(dispatchable_order()), told.set)
+        await until(lambda: store.problem, timeout=15)
+        assert "locked" in store.problem
+        assert not store.ready
+        assert not told.is_set()
+        blocker.execute("ROLLBACK")
+        blocker.close()
+        async with asyncio.timeout(15):
+            await told.wait()
+        await until(lambda: store.ready)
+        assert await store.order(name="T-1") == dispatchable_order()
+
+
+async def test_drain_tells_when_the_store_takes_nothing(make_store: Callable[[], Store]) -> None:
+    store = make_store()
+    store.commit(change(dispatchable_order()), lambda: None)
+    assert not await store.drain(0.01)
+
+
+async def test_too_many_waiting_steps_make_it_unready(
+    make_store: Callable[[], Store], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(store_module, "WAITING_LIMIT", 3)
+    store = make_store()
+    for number in range(1, 4):
+        assert store.ready
+        store.commit(change(dispatchable_order(number=number)), lambda: None)
+    assert not store.ready
