@@ -6,8 +6,13 @@ from collections.abc import Iterator
 from uuid import uuid4
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from support.broker import Broker
+
+# How long an example takes says something about the machine and its load, not about the code.
+settings.register_profile("nena", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("nena")
 
 
 @pytest.fixture(scope="session")

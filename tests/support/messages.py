@@ -59,10 +59,10 @@ def _with_graph(orders: st.SearchStrategy[Order]) -> st.SearchStrategy[Order]:
     return st.builds(
         _graph,
         orders,
-        st.lists(messages(Node), min_size=1, max_size=4),
-        st.lists(messages(Edge), min_size=3, max_size=3),
+        st.lists(messages(Node), min_size=1, max_size=3),
+        st.lists(messages(Edge), min_size=2, max_size=2),
         first=st.integers(0, 5).map(lambda half: 2 * half),
-        base=st.integers(1, 4),
+        base=st.integers(1, 3),
     )
 
 
