@@ -203,7 +203,7 @@ class Bench:
         return next(state.action_status.value for state in states if state.action_id == action_id)
 
     def statuses(self) -> dict[str, str]:
-        return {state.action_id: state.action_status.value for state in self.state.action_states}
+        return {state.action_id: state.action_status.value for state in self.core.parts.actions.states}
 
     @property
     def idle(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nena_edge_agent.protocol.effects import Halt, PauseAction, ResumeAction
+from nena_edge_agent.protocol.effects import Halt, PauseAction, ResumeAction, StartAction
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import ActionStatus
 from support.robot_core import Bench, action, order
@@ -78,3 +78,16 @@ def test_a_pause_that_has_not_come_to_a_stand_is_taken_back() -> None:
     bench.halted()
 
     assert len(bench.goals) == 2
+
+
+def test_a_held_action_is_resumed_and_not_begun_again() -> None:
+    bench = Bench()
+    bench.send(order("n0", node_actions={"n0": [action("a")]}))
+    bench.runs("a")
+    bench.instant(START)
+    bench.do(ActionReport("a", ActionStatus.PAUSED))
+
+    bench.instant(STOP)
+
+    assert len(bench.effects_of(StartAction)) == 1
+    assert len(bench.effects_of(ResumeAction)) == 1

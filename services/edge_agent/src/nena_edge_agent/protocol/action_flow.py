@@ -31,7 +31,9 @@ class ActionFlow:
         if parts.paused or parts.cancelling:
             return
         for action_id in parts.queue.runnable():
-            if parts.actions.change(action_id, ActionStatus.INITIALIZING):
+            record = parts.actions.get(action_id)
+            if record and record.status is ActionStatus.WAITING:
+                parts.actions.change(action_id, ActionStatus.INITIALIZING)
                 self._start(action_id)
 
     def report(self, report: ActionReport) -> None:

@@ -28,15 +28,16 @@ def _localisation(parts: RobotParts) -> ErrorEntry | None:
 
 
 def _navigation(parts: RobotParts) -> ErrorEntry | None:
-    """Show that navigation is missing, once an order needs it."""
+    """Show that navigation is missing, also without an order, so that fleet control sends none."""
     navigation = parts.senses.navigation
-    if navigation.available or parts.progress.next_node is None:
+    if navigation.available:
         return None
+    order_id = parts.progress.order_id if parts.progress.next_node else None
     return error(
         ErrorType.NAVIGATION_NOT_AVAILABLE,
         f"the robot cannot drive now: {navigation.reason}",
-        hint="the order goes on by itself when navigation is back",
-        order_id=parts.progress.order_id,
+        hint="what was ordered goes on by itself when navigation is back",
+        order_id=order_id,
     )
 
 
