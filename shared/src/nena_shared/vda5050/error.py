@@ -42,6 +42,7 @@ class ErrorType(StrEnum):
     LOCALIZATION_ERROR = "LOCALIZATION_ERROR"
     ACTION_FAILED = "ACTION_FAILED"
     NAVIGATION_NOT_AVAILABLE = "NAVIGATION_NOT_AVAILABLE"
+    """The robot waits for its own navigation; what it was ordered goes on by itself, hence a WARNING."""
 
 
 class ErrorReference(WireObject):
@@ -68,7 +69,6 @@ LEVELS: dict[ErrorType, ErrorLevel] = {
     ErrorType.NODE_UNREACHABLE: ErrorLevel.CRITICAL,
     ErrorType.LOCALIZATION_ERROR: ErrorLevel.FATAL,
     ErrorType.ACTION_FAILED: ErrorLevel.CRITICAL,
-    ErrorType.NAVIGATION_NOT_AVAILABLE: ErrorLevel.CRITICAL,
 }
 """Levels by the table of section 6.6.5.4; every type that is not here is a WARNING."""
 

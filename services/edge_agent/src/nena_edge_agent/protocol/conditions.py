@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nena_edge_agent.protocol.parts import RobotParts
+from nena_edge_agent.protocol.parts import NOT_REPORTED, RobotParts
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
 
 JOURNAL_NOT_WRITTEN = "JOURNAL_NOT_WRITTEN"
@@ -30,9 +30,9 @@ def _localisation(parts: RobotParts) -> ErrorEntry | None:
 def _navigation(parts: RobotParts) -> ErrorEntry | None:
     """Show that navigation is missing, also without an order, so that fleet control sends none."""
     navigation = parts.senses.navigation
-    if navigation.available:
-        return None
     order_id = parts.progress.order_id if parts.progress.next_node else None
+    if navigation.available or (navigation is NOT_REPORTED and order_id is None):
+        return None
     return error(
         ErrorType.NAVIGATION_NOT_AVAILABLE,
         f"the robot cannot drive now: {navigation.reason}",

@@ -44,14 +44,19 @@ def unfit(state: State) -> str | None:
     position = state.mobile_robot_position
     if position is not None and not position.localized:
         return "does not know where it is: set its initial position"
-    return None
+    return _without_navigation(state)
 
 
 def hindered(state: State) -> str | None:
     """Say what keeps a robot from driving now, though it takes orders; None if nothing."""
     if state.safety_state.active_emergency_stop is not EmergencyStop.NONE:
         return "has an active emergency stop"
-    return "is paused" if state.paused else None
+    return "is paused" if state.paused else _without_navigation(state)
+
+
+def _without_navigation(state: State) -> str | None:
+    waiting = reported_errors.no_navigation(state.errors)
+    return f"waits: {reported_errors.in_words(waiting)}" if waiting else None
 
 
 def vehicle_state(state: State | None, link: LinkStatus, instant_ids: Collection[str]) -> VehicleState:

@@ -20,6 +20,10 @@ UNREACHABLE: Final[frozenset[str]] = frozenset(
     {ErrorType.NODE_UNREACHABLE, WRITTEN[ErrorType.NODE_UNREACHABLE]}
 )
 
+NO_NAVIGATION: Final[frozenset[str]] = frozenset(
+    {ErrorType.NAVIGATION_NOT_AVAILABLE, WRITTEN[ErrorType.NAVIGATION_NOT_AVAILABLE]}
+)
+
 STOPPING: Final = frozenset({ErrorLevel.CRITICAL, ErrorLevel.FATAL})
 """Levels with which a robot does not go on."""
 
@@ -43,6 +47,11 @@ def in_words(error: ErrorEntry) -> str:
 def fatal(errors: Iterable[ErrorEntry]) -> ErrorEntry | None:
     """Give the first error that needs a person, if there is one."""
     return next((error for error in errors if error.error_level is ErrorLevel.FATAL), None)
+
+
+def no_navigation(errors: Iterable[ErrorEntry]) -> ErrorEntry | None:
+    """Give the error by which a robot says that it waits for its own navigation, if there is one."""
+    return next((error for error in errors if error.error_type in NO_NAVIGATION), None)
 
 
 def refusals(

@@ -8,7 +8,7 @@ from typing import Final
 
 from nena_order_service.fleet import availability
 from nena_order_service.fleet.errors import RobotBusyError
-from nena_order_service.fleet.instant_run import InstantRun, cancel_order
+from nena_order_service.fleet.instant_run import CANCEL_ORDER, InstantRun, cancel_order
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.mission_run import MissionRun
 from nena_order_service.fleet.outputs import (
@@ -151,7 +151,7 @@ class RobotControl:
             self._run = None
         elif run:
             yield from self._send_order(run, now)
-            if run.wants_cancel(self.robot.state) and self._may_instruct(now):
+            if run.wants_cancel(self.robot.state) and not self._unsendable(CANCEL_ORDER, now):
                 run.cancel = self._begin_instant(cancel_order(self._new_id()), requested=False)
         self._stop_stray(now)
         if self._instants:
@@ -207,31 +207,23 @@ class RobotControl:
         reason = away or (availability.hindered(state) if state else None)
         return f"the robot {reason}" if reason else ""
 
-    def _may_instruct(self, now: float) -> bool:
-        return self._uninstructable(now) is None
-
-    def _uninstructable(self, now: float) -> str | None:
-        """Say why the robot must not be sent instant actions now; None if it may."""
+    def _unsendable(self, action_type: str, now: float) -> str | None:
+        """Say why the robot must not be sent such an instant action now; None if it may."""
         link = self.robot.link(now)
-        away = availability.away(
-            LinkStatus.ONLINE if link is LinkStatus.SILENT else link, broker=self._broker
-        )
-        if away:
-            return away
+        link = LinkStatus.ONLINE if link is LinkStatus.SILENT else link
+        away = availability.away(link, broker=self._broker)
         state = self.robot.state
-        if state is not None and not state.operating_mode.takes_orders:
-            return f"is in operating mode {state.operating_mode}, which takes no instant actions"
-        return None
+        if away or state is None or state.operating_mode.takes_orders or action_type in ALWAYS_ALLOWED:
+            return away
+        return f"is in operating mode {state.operating_mode}, which takes no instant actions"
 
     def _refusal(self, action: Action, now: float) -> str | None:
         if len(self._instants) >= INSTANT_ACTIONS_LIMIT:
             return f"{INSTANT_ACTIONS_LIMIT} instant actions are under way at the robot"
         if action.action_id in self._instant_ids:
             return f"the actionId {action.action_id!r} has been used before"
-        reason = self._uninstructable(now)
-        if reason is None or (action.action_type in ALWAYS_ALLOWED and self.robot.reachable and self._broker):
-            return None
-        return f"the robot {reason}"
+        reason = self._unsendable(action.action_type, now)
+        return f"the robot {reason}" if reason else None
 
     def _begin_instant(self, action: Action, *, requested: bool) -> InstantRun:
         run = InstantRun(action, self._settings, requested=requested)
@@ -240,9 +232,11 @@ class RobotControl:
         return run
 
     def _send_instants(self, now: float) -> Iterator[FleetOutput]:
-        if not (self._broker and self.robot.reachable):
-            return
-        due = tuple(each.action for each in self._instants.values() if each.wants_sending(now))
+        due = tuple(
+            each.action
+            for each in self._instants.values()
+            if not self._unsendable(each.action.action_type, now) and each.wants_sending(now)
+        )
         if due:
             yield PublishInstantActions(self.robot.key, due)
 
@@ -255,12 +249,12 @@ class RobotControl:
         yield from self._drop_ended_instants()
 
     def _tick_instants(self, now: float) -> Iterator[FleetOutput]:
-        reachable = self._broker and self.robot.reachable
         for run in self._instants.values():
-            if reachable:
+            reason = self._unsendable(run.action.action_type, now)
+            if reason is None:
                 run.on_tick(now)
             else:
-                run.hold(now)
+                run.hold(f"the robot {reason}", now)
         yield from self._drop_ended_instants()
 
     def _drop_ended_instants(self) -> Iterator[FleetOutput]:
@@ -276,7 +270,7 @@ class RobotControl:
         if state is None or state.order_id not in self._ended or now < self._next_stray_cancel:
             return
         cancelling = any(each.cancels for each in self._instants.values())
-        if cancelling or is_idle(state, self._instant_ids) or not self._may_instruct(now):
+        if cancelling or is_idle(state, self._instant_ids) or self._unsendable(CANCEL_ORDER, now):
             return
         self._next_stray_cancel = now + STRAY_PAUSE
         self._begin_instant(cancel_order(self._new_id()), requested=False)
@@ -289,7 +283,7 @@ class RobotControl:
             yield RobotChanged(self.robot.key)
 
     def _signature(self, now: float) -> tuple[object, ...]:
-        """Give what makes a change worth telling: all but where on its map it is, speeds, parts of a percent."""
+        """Give what makes a change worth telling: not its place on the map, speeds, parts of a percent."""
         state, run = self.robot.state, self._run
         mission = (run.mission.mission_id, run.phase, self._mission_note(now)) if run else None
         common = (self.robot.link(now), self._availability(now), mission)
