@@ -60,9 +60,10 @@ class RosSession:
 
         """
         self.state = SessionState.INITIATING
-        threading.Thread(
+        self._thread = threading.Thread(
             target=self._run, args=(populate,), name=f"ros {self._node_name}", daemon=True
-        ).start()
+        )
+        self._thread.start()
         try:
             async with asyncio.timeout(seconds):
                 await self._began.wait()
@@ -83,6 +84,7 @@ class RosSession:
         try:
             async with asyncio.timeout(seconds):
                 await self._ended.wait()
+            self._thread.join(1.0)  # its last deed was to tell that it has ended
         except TimeoutError:
             log.warning("the ROS thread does not end; it is left to the end of the process", seconds=seconds)
 

@@ -1,0 +1,139 @@
+"""Nav2 that is not there, comes, hangs, goes and comes back; the driver beside it."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from pathlib import Path
+
+import pytest
+from std_msgs.msg import String
+
+from nena_edge_agent.driver.port import (
+    Arrived,
+    DriveFailed,
+    DriveFailure,
+    GoalReport,
+    NavigationReport,
+    PoseReport,
+)
+from nena_edge_agent.ros.settings import GoalSettings
+from support.nav2_driver import QUICK, DrivenRobot, goal_at
+from support.ros import RosPeer
+from support.simulator import SimulatorProcess, publisher_to, simulated_robot
+from support.waiting import until
+
+pytestmark = pytest.mark.ros
+
+PATIENT = GoalSettings(**{**QUICK.model_dump(), "confirmation_time": 3.5})
+
+
+def one_robot(directory: Path, domain_id: int) -> str:
+    file = directory / "simulator.toml"
+    file.write_text(f"time_factor = 5\n[[robots]]\ndomain_id = {domain_id}\n", encoding="utf-8")
+    return str(file)
+
+
+async def test_nav2_absent_at_the_start_then_there(domain_id: int) -> None:
+    async with DrivenRobot(domain_id, "r1", goals=PATIENT) as robot:
+        missing = await robot.hears(NavigationReport)
+        assert not missing.available
+        assert "no node publishes navigate_to_pose/_action/status in namespace /r1" in missing.reason
+        assert f"domain {domain_id}" in missing.reason
+        robot.driver.go_to(goal_at(1, 3.0))
+        with simulated_robot(domain_id, "r1"):
+            assert await robot.hears(Arrived) == Arrived(1)
+
+
+async def test_goal_for_a_nav2_that_never_comes(domain_id: int) -> None:
+    async with DrivenRobot(domain_id) as robot:
+        robot.driver.go_to(goal_at(1, 3.0))
+        failed = await robot.hears(DriveFailed)
+    assert failed.failure is DriveFailure.NOT_TAKEN_UP
+    assert "is Nav2 running there?" in failed.description
+
+
+async def test_inactive_nav2(domain_id: int, peer: RosPeer) -> None:
+    with simulated_robot(domain_id):
+        async with DrivenRobot(domain_id) as robot:
+            await (await robot.ready()).driving(goal_at(1, 30.0))
+            faults = publisher_to(peer, String, "simulator/fault")
+            faults.publish(String(data='{"kind": "inactive"}'))
+            assert (await robot.hears(DriveFailed)).failure is DriveFailure.ABORTED
+            await robot.hears(NavigationReport, lambda report: "not active" in report.reason)
+            faults.publish(String(data='{"kind": "inactive", "active": false}'))
+            await until(lambda: robot.all(NavigationReport)[-1].available, what="Nav2 active again")
+
+
+async def test_nav2_ends_in_order_in_mid_drive_and_comes_back(domain_id: int, tmp_path: Path) -> None:
+    file = one_robot(tmp_path, domain_id)
+    async with DrivenRobot(domain_id) as robot:
+        with SimulatorProcess("--config", file, directory=tmp_path) as nav2:
+            await (await robot.ready()).driving(goal_at(1, 30.0))
+            nav2.stop(signal.SIGTERM)
+            failed = await robot.hears(DriveFailed, seconds=5.0)
+            nav2.ended()
+        assert failed.failure is DriveFailure.NAVIGATION_GONE
+        await until(lambda: not robot.all(NavigationReport)[-1].available, what="word that Nav2 is gone")
+        with SimulatorProcess("--config", file, directory=tmp_path):
+            await until(lambda: robot.all(NavigationReport)[-1].available, timeout=20.0, what="Nav2 again")
+            robot.driver.go_to(goal_at(2, 3.0))
+            assert await robot.hears(Arrived) == Arrived(2)
+
+
+async def test_nav2_that_hangs_is_told(domain_id: int, tmp_path: Path) -> None:
+    async with DrivenRobot(domain_id, call_timeout=0.3) as robot:
+        with SimulatorProcess("--config", one_robot(tmp_path, domain_id), directory=tmp_path) as nav2:
+            await robot.ready()
+            nav2.stop(signal.SIGSTOP)
+            await robot.hears(NavigationReport, lambda report: "does not answer" in report.reason)
+        assert not robot.all(NavigationReport)[-1].available
+
+
+async def test_ros_thread_that_fails_is_told_and_made_anew(domain_id: int) -> None:
+    def fail() -> None:
+        message = "out of order"
+        raise RuntimeError(message)
+
+    with simulated_robot(domain_id):
+        async with DrivenRobot(domain_id) as robot:
+            await (await robot.ready()).driving(goal_at(1, 30.0))
+            assert robot.driver._node is not None
+            robot.driver._node._session._executor.create_task(fail)
+            await robot.hears(NavigationReport, lambda report: "out of order" in report.reason)
+            assert (await robot.hears(DriveFailed)).failure is DriveFailure.NAVIGATION_GONE
+            await until(lambda: robot.all(NavigationReport)[-1].available, what="the node again")
+            robot.driver.go_to(goal_at(2, 3.0))
+            assert await robot.hears(Arrived) == Arrived(2)
+
+
+async def test_twenty_starts_and_stops_leave_nothing_behind(domain_id: int) -> None:
+    def threads() -> int:
+        return len(list(Path("/proc/self/task").iterdir()))
+
+    def descriptors() -> int:
+        return len(list(Path("/proc/self/fd").iterdir()))
+
+    async def live_to_hear_a_pose() -> None:
+        async with DrivenRobot(domain_id) as robot:
+            await robot.hears(PoseReport)
+
+    with simulated_robot(domain_id):
+        await live_to_hear_a_pose()  # what is loaded once stays
+        before = threads(), descriptors()
+        for _ in range(20):
+            async with DrivenRobot(domain_id):
+                pass
+        await live_to_hear_a_pose()
+        await until(lambda: (threads(), descriptors()) <= before, what=f"threads and descriptors at {before}")
+        assert descriptors() <= before[1]
+
+
+async def test_stop_is_bounded_where_nav2_does_not_stop_the_robot(domain_id: int, tmp_path: Path) -> None:
+    async with DrivenRobot(domain_id, stop_timeout=0.5, call_timeout=0.3) as robot:
+        with SimulatorProcess("--config", one_robot(tmp_path, domain_id), directory=tmp_path) as nav2:
+            await (await robot.ready()).driving(goal_at(1, 30.0))
+            assert robot.all(GoalReport)[-1].status == "EXECUTING"
+            nav2.stop(signal.SIGSTOP)
+            async with asyncio.timeout(3.0):
+                await robot.driver.stop()

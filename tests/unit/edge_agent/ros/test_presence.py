@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+import pytest
+
+from nena_edge_agent.ros.presence import Lifecycle, LifecycleWatch, Presence, judge
+from nena_edge_agent.ros.settings import RosSettings
+
+SETTINGS = RosSettings(namespace="r1", domain_id=7)
+GID = frozenset({"gid"})
+
+
+@pytest.mark.parametrize("lifecycle", [Lifecycle.ACTIVE, Lifecycle.ABSENT])
+def test_nav2_that_can_take_goals(lifecycle: Lifecycle) -> None:
+    report = judge(Presence(GID, 1, lifecycle), SETTINGS, pose_known=True)
+    assert report.available
+    assert report.reason == ""
+
+
+@pytest.mark.parametrize(
+    ("presence", "pose_known", "reason"),
+    [
+        (Presence(frozenset(), 0, Lifecycle.ABSENT), False, "is Nav2 running there?"),
+        (Presence(GID, 0, Lifecycle.ACTIVE), True, "no node listens to goal_pose"),
+        (Presence(GID, 1, Lifecycle.INACTIVE), True, "not active"),
+        (Presence(GID, 1, Lifecycle.SILENT), True, "does not answer"),
+        (Presence(GID, 1, Lifecycle.ACTIVE), False, "no pose has come on amcl_pose"),
+    ],
+)
+def test_what_is_missing_is_said_in_words(presence: Presence, *, pose_known: bool, reason: str) -> None:
+    report = judge(presence, SETTINGS, pose_known=pose_known)
+    assert not report.available
+    assert reason in report.reason
+    assert "in namespace /r1, domain 7" in report.reason
+
+
+def test_one_answer_that_stays_out_is_chance_and_two_are_silence() -> None:
+    watch = LifecycleWatch()
+    answers: list[bool | None] = [True, None, True, None, None, None, False]
+    assert [watch.judge(there=True, active=active) for active in answers] == [
+        Lifecycle.ACTIVE,
+        Lifecycle.ACTIVE,
+        Lifecycle.ACTIVE,
+        Lifecycle.ACTIVE,
+        Lifecycle.SILENT,
+        Lifecycle.SILENT,
+        Lifecycle.INACTIVE,
+    ]
+
+
+def test_service_that_goes_takes_its_word_with_it() -> None:
+    watch = LifecycleWatch()
+    watch.judge(there=True, active=False)
+    assert watch.judge(there=False, active=None) is Lifecycle.ABSENT
+    assert watch.judge(there=True, active=None) is Lifecycle.ABSENT
