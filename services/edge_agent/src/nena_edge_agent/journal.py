@@ -8,11 +8,8 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from nena_edge_agent.protocol.memory import Memory
-from nena_shared.log import get_logger
 from nena_shared.program import StartError
 from nena_shared.vda5050.topics import RobotKey
-
-log = get_logger(__name__)
 
 
 class Journal:
@@ -40,7 +37,6 @@ class Journal:
         try:
             return Memory.model_validate_json(content)
         except ValidationError as error:
-            log.exception("journal not readable", file=str(self._file))
             message = f"the journal {self._file} is damaged; look at where the robot is, then remove the file"
             raise StartError(message) from error
 

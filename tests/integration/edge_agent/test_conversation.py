@@ -1,0 +1,220 @@
+"""A loopback agent over a real broker: what fleet control sends, and what it reads."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import AsyncIterator, Iterator
+from pathlib import Path
+
+import pytest
+
+from nena_shared.vda5050.topics import Topic
+from support.broker import Broker, MqttPeer
+from support.edge_agent import (
+    FleetControl,
+    agent_settings,
+    ended,
+    error_types,
+    running_agent,
+    status_of,
+)
+from support.robot_core import action, order
+from support.schemas import schema_problems
+from support.waiting import until
+
+pytestmark = pytest.mark.broker
+
+
+@pytest.fixture
+def peer(broker: Broker, interface_name: str) -> Iterator[MqttPeer]:
+    with MqttPeer(broker, f"{interface_name}/#") as peer:
+        yield peer
+
+
+@pytest.fixture
+async def fleet(
+    broker: Broker, peer: MqttPeer, interface_name: str, tmp_path: Path
+) -> AsyncIterator[FleetControl]:
+    """Give fleet control of a robot that has told its first state."""
+    fleet = FleetControl(peer, interface_name)
+    async with running_agent(agent_settings(broker, interface_name, tmp_path)):
+        await fleet.state()
+        yield fleet
+
+
+async def test_an_order_is_driven_to_its_end(fleet: FleetControl) -> None:
+    work = {"n1": [action("a", "HARD", "pick")], "n3": [action("b", "HARD", "drop")]}
+    fleet.send(order("n0", "n1", "n2", "n3", node_actions=work))
+
+    state = await fleet.state(ended("o1"))
+
+    assert (state["lastNodeId"], state["lastNodeSequenceId"]) == ("n3", 6)
+    assert (status_of(state, "a"), status_of(state, "b")) == ("FINISHED", "FINISHED")
+    assert state["agvPosition"]["x"] == pytest.approx(30.0, abs=0.3)
+    assert not state["driving"]
+    assert not state["errors"]
+    visited = list(dict.fromkeys(each["lastNodeId"] for each in fleet.states if each["orderId"]))
+    assert visited == ["n0", "n1", "n2", "n3"]
+    assert any(each["loads"] for each in fleet.states)
+    assert state["loads"] == []
+
+
+async def test_headers_are_counted_per_topic(fleet: FleetControl) -> None:
+    fleet.send(order("n0", "n1"))
+    await fleet.state(ended("o1"))
+    await fleet.peer.wait_for(fleet.topic(Topic.VISUALIZATION))
+
+    for topic in (Topic.STATE, Topic.VISUALIZATION):
+        numbers = [json.loads(each)["headerId"] for each in fleet.peer.payloads(fleet.topic(topic))]
+        assert numbers == list(range(len(numbers)))
+
+
+async def test_a_base_that_is_extended_in_time_is_driven_on(fleet: FleetControl) -> None:
+    fleet.send(order("n0", "n1", "n2", released=2))
+    waiting = await fleet.state(lambda state: state["lastNodeId"] == "n1")
+    assert [each["nodeId"] for each in waiting["nodeStates"]] == ["n2"]
+    await fleet.state(lambda state: state["newBaseRequest"])
+
+    fleet.send(order("n1", "n2", "n3", update=1, first=2))
+
+    state = await fleet.state(ended("o1"))
+    assert (state["orderUpdateId"], state["lastNodeId"]) == (1, "n3")
+
+
+async def test_a_malformed_order_is_answered_and_the_robot_lives_on(fleet: FleetControl) -> None:
+    fleet.peer.publish(fleet.topic(Topic.ORDER), '{"orderId": "bad", "orderUpdateId": 3, "nodes": []}')
+    state = await fleet.state(lambda state: state["errors"])
+    (error,) = state["errors"]
+    assert (error["errorType"], error["errorLevel"]) == ("validationError", "WARNING")
+    references = {each["referenceKey"]: each["referenceValue"] for each in error["errorReferences"]}
+    assert references == {"topic": "order", "orderId": "bad", "orderUpdateId": "3"}
+    assert state["orderId"] == ""
+
+    for rubbish in (b"", b"\xff\xfe", b"[]", b"null", b'{"nodes": ' + b"[" * 5000):
+        fleet.peer.publish(fleet.topic(Topic.ORDER), rubbish)
+        fleet.peer.publish(fleet.topic(Topic.INSTANT_ACTIONS), rubbish)
+    fleet.send(order("n0", "n1"))
+
+    state = await fleet.state(ended("o1"))
+    assert not state["errors"]
+
+
+async def test_an_order_for_another_robot_is_refused(fleet: FleetControl) -> None:
+    wrong = json.dumps(
+        {
+            "headerId": 5,
+            "timestamp": "2026-01-01T00:00:00Z",
+            "version": "2.1.0",
+            "manufacturer": "ACME",
+            "serialNumber": "0002",
+            "actions": [],
+        }
+    )
+    fleet.peer.publish(fleet.topic(Topic.INSTANT_ACTIONS), wrong)
+
+    state = await fleet.state(lambda state: state["errors"])
+
+    assert error_types(state) == ["validationError"]
+    assert "ACME/0002" in state["errors"][0]["errorDescription"]
+
+
+@pytest.mark.parametrize(("version", "taken"), [("2.0.0", True), ("3.0.0", False)])
+async def test_the_major_version_decides(fleet: FleetControl, version: str, taken: bool) -> None:  # noqa: FBT001
+    fleet.send(order("n0", "n1", order_id="first"))
+    await fleet.state(ended("first"))
+    payload = json.loads(fleet.peer.payloads(fleet.topic(Topic.ORDER))[0])
+    payload |= {"version": version, "orderId": "second", "nodes": payload["nodes"][1:], "edges": []}
+    payload["nodes"][0]["sequenceId"] = 0
+
+    fleet.peer.publish(fleet.topic(Topic.ORDER), json.dumps(payload))
+
+    state = await fleet.state(lambda state: state["orderId"] == "second" or state["errors"])
+    assert (state["orderId"] == "second") is taken
+
+
+async def test_a_cancel_stops_the_robot_on_its_way(
+    broker: Broker, peer: MqttPeer, interface_name: str, tmp_path: Path
+) -> None:
+    slow = {"speed": 2.0, "pose_interval": 0.02, "turn_rate": 50.0}
+    fleet = FleetControl(peer, interface_name)
+    async with running_agent(agent_settings(broker, interface_name, tmp_path, loopback=slow)):
+        await fleet.state()
+        fleet.send(order("n0", "n1", "n2"))
+        await fleet.state(lambda state: state["driving"])
+
+        fleet.instant(action("c", "NONE", "cancelOrder"))
+
+        state = await fleet.state(lambda state: status_of(state, "c") == "FINISHED")
+        assert (state["nodeStates"], state["edgeStates"], state["driving"]) == ([], [], False)
+        assert (state["orderId"], state["lastNodeId"]) == ("o1", "n0")
+        assert state["agvPosition"]["x"] < 10.0
+
+
+async def test_a_retained_order_is_not_executed(
+    broker: Broker, peer: MqttPeer, interface_name: str, tmp_path: Path
+) -> None:
+    fleet = FleetControl(peer, interface_name)
+    fleet.send(order("n0", "n1"))
+    (payload,) = await until(lambda: peer.payloads(fleet.topic(Topic.ORDER)))
+    peer.publish(fleet.topic(Topic.ORDER), payload, retain=True)
+
+    async with running_agent(agent_settings(broker, interface_name, tmp_path)):
+        await fleet.state()
+        fleet.instant(action("r", "NONE", "stateRequest"))
+        state = await fleet.state(lambda state: status_of(state, "r") == "FINISHED")
+
+    assert (state["orderId"], state["errors"]) == ("", [])
+    peer.publish(fleet.topic(Topic.ORDER), b"", retain=True)
+
+
+async def test_connection_factsheet_and_state_come_at_the_start_and_offline_at_the_end(
+    broker: Broker, peer: MqttPeer, interface_name: str, tmp_path: Path
+) -> None:
+    fleet = FleetControl(peer, interface_name)
+    async with running_agent(agent_settings(broker, interface_name, tmp_path)):
+        await fleet.state()
+        topics = [each.topic.rsplit("/", 1)[1] for each in peer.received()]
+        assert topics[:3] == ["connection", "factsheet", "state"]
+        with MqttPeer(broker, f"{interface_name}/#") as late:
+            kept = await late.wait_for(fleet.topic(Topic.CONNECTION))
+            assert kept.retained
+            assert json.loads(kept.payload)["connectionState"] == "ONLINE"
+            assert (await late.wait_for(fleet.topic(Topic.FACTSHEET))).retained
+
+    await until(lambda: len(fleet.connections) > 1)
+    assert fleet.connections == ["ONLINE", "OFFLINE"]
+
+
+async def test_a_factsheet_request_is_answered(fleet: FleetControl) -> None:
+    fleet.instant(action("f", "NONE", "factsheetRequest"))
+
+    await fleet.state(lambda state: status_of(state, "f") == "FINISHED")
+    await until(lambda: len(fleet.peer.payloads(fleet.topic(Topic.FACTSHEET))) == 2)
+
+
+async def test_what_the_robot_publishes_fits_the_official_schemas(fleet: FleetControl) -> None:
+    fleet.send(order("n0", "n1", "n2", released=2, node_actions={"n1": [action("a", "SOFT", "pick")]}))
+    await fleet.state(lambda state: status_of(state, "a") == "FINISHED")
+    fleet.send(order("n5", order_id="o2"))
+    fleet.instant(action("x", "NONE", "dance"))
+    await fleet.state(lambda state: len(state["errors"]) > 1)
+    await fleet.peer.wait_for(fleet.topic(Topic.VISUALIZATION))
+
+    for topic in (Topic.STATE, Topic.CONNECTION, Topic.FACTSHEET, Topic.VISUALIZATION):
+        for payload in fleet.peer.payloads(fleet.topic(topic)):
+            assert not schema_problems("2.1.0", topic.value, payload)
+
+
+async def test_a_fleet_of_loopback_robots_runs_in_one_process(
+    broker: Broker, peer: MqttPeer, interface_name: str, tmp_path: Path
+) -> None:
+    many = {"count": 5, "spacing": 10.0, "speed": 50.0, "turn_rate": 50.0}
+    async with running_agent(agent_settings(broker, interface_name, tmp_path, loopback=many)):
+        fleets = [FleetControl(peer, interface_name, f"0001-{number}") for number in range(1, 6)]
+        for index, fleet in enumerate(fleets):
+            await fleet.state()
+            fleet.send(order(f"n{index}", f"n{index + 5}"))
+        for index, fleet in enumerate(fleets):
+            state = await fleet.state(ended("o1"))
+            assert state["lastNodeId"] == f"n{index + 5}"
+            assert state["serialNumber"] == f"0001-{index + 1}"

@@ -1,0 +1,165 @@
+"""An edge agent for tests, in this process or in one of its own, and fleet control's view of it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any, Self
+
+from nena_edge_agent.__main__ import serve
+from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.vda5050.action import Action, InstantActions
+from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
+from nena_shared.vda5050.v2_1 import CODEC
+from support.broker import Broker, MqttPeer
+from support.robot_core import HEADER, MAP
+from support.waiting import until
+
+MANUFACTURER = "ACME"
+SERIAL = "0001"
+QUICK = {"speed": 50.0, "turn_rate": 50.0, "pose_interval": 0.02}
+
+
+def agent_settings(broker: Broker, interface_name: str, folder: Path, **changes: Any) -> EdgeAgentSettings:
+    """Give the settings of a quick loopback robot."""
+    values: dict[str, Any] = {
+        "mqtt": broker.settings.model_dump(),
+        "manufacturer": MANUFACTURER,
+        "serial_number": SERIAL,
+        "interface_name": interface_name,
+        "map_id": MAP,
+        "driver": "loopback",
+        "loopback": QUICK,
+        "journal": {"folder": folder},
+        "interval": {"state_minimum": 0.02, "visualization": 0.2},
+        "operations": [
+            {"action_type": "pick", "seconds": 0.05, "load": "take"},
+            {"action_type": "drop", "seconds": 0.05, "load": "give"},
+        ],
+    }
+    return EdgeAgentSettings(**(values | changes))
+
+
+@asynccontextmanager
+async def running_agent(settings: EdgeAgentSettings) -> AsyncIterator[asyncio.Event]:
+    """Run the agent in this loop; it ends in order when the block does, or the given event is set."""
+    stop = asyncio.Event()
+    task = asyncio.create_task(serve(settings, stop), name="agent under test")
+    try:
+        yield stop
+        stop.set()
+        await asyncio.wait_for(task, 10)
+    finally:
+        task.cancel()
+
+
+class AgentProcess:
+    """The program ``nena-edge-agent`` in a process of its own; killed at the end of the block."""
+
+    def __init__(self, broker: Broker, interface_name: str, folder: Path, *options: str) -> None:
+        self._command = [
+            sys.executable,
+            "-m",
+            "nena_edge_agent",
+            *("--driver", "loopback", "--map_id", MAP, "--interface_name", interface_name),
+            *("--manufacturer", MANUFACTURER, "--serial_number", SERIAL),
+            *("--mqtt.host", broker.host, "--mqtt.port", str(broker.port)),
+            *("--mqtt.reconnect_min", "0.02", "--mqtt.reconnect_max", "0.1"),
+            *("--journal.folder", str(folder), "--interval.state_minimum", "0.02"),
+            *options,
+        ]
+        self.process = self._start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.process.poll() is None:
+            self.kill()
+
+    def kill(self) -> None:
+        """End it as ``kill -9`` does."""
+        self.process.send_signal(signal.SIGKILL)
+        self.process.wait()
+
+    def terminate(self) -> int:
+        """End it in order; gives the exit status."""
+        self.process.terminate()
+        return self.process.wait(15)
+
+    def restart(self) -> None:
+        """Start it once more with the same options."""
+        self.process = self._start()
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        environment = {key: value for key, value in os.environ.items() if not key.startswith("NENA_")}
+        return subprocess.Popen(self._command, env=environment)
+
+
+class FleetControl:
+    """Sends to one robot, and reads what it says."""
+
+    def __init__(self, peer: MqttPeer, interface_name: str, serial: str = SERIAL) -> None:
+        self.peer = peer
+        self.robot = RobotKey(MANUFACTURER, serial)
+        self._topics = TopicScheme(interface_name)
+
+    def topic(self, topic: Topic) -> str:
+        return self._topics.of(self.robot, topic)
+
+    def send(self, order: Order) -> None:
+        header = {"manufacturer": self.robot.manufacturer, "serial_number": self.robot.serial_number}
+        self.peer.publish(self.topic(Topic.ORDER), CODEC.encode(order.model_copy(update=header)))
+
+    def instant(self, *actions: Action) -> None:
+        message = InstantActions(
+            **HEADER | {"manufacturer": self.robot.manufacturer, "serial_number": self.robot.serial_number},
+            actions=tuple(actions),
+        )
+        self.peer.publish(self.topic(Topic.INSTANT_ACTIONS), CODEC.encode(message))
+
+    @property
+    def states(self) -> list[dict[str, Any]]:
+        return [json.loads(each) for each in self.peer.payloads(self.topic(Topic.STATE))]
+
+    @property
+    def connections(self) -> list[str]:
+        messages = self.peer.payloads(self.topic(Topic.CONNECTION))
+        return [json.loads(each)["connectionState"] for each in messages]
+
+    async def state(
+        self, accept: Callable[[dict[str, Any]], Any] = lambda _: True, *, within: float = 15.0
+    ) -> dict[str, Any]:
+        """Wait for a state, also an earlier one, that ``accept`` takes."""
+        return await until(
+            lambda: next((each for each in self.states if accept(each)), None),
+            timeout=within,
+            what=f"a state of {self.robot}; the last ones were {self.states[-2:]}",
+        )
+
+
+def ended(order_id: str) -> Callable[[dict[str, Any]], bool]:
+    """Accept a state in which ``order_id`` is over."""
+
+    def accept(state: dict[str, Any]) -> bool:
+        actions = [each["actionStatus"] in ("FINISHED", "FAILED") for each in state["actionStates"]]
+        return state["orderId"] == order_id and not state["nodeStates"] and all(actions)
+
+    return accept
+
+
+def status_of(state: dict[str, Any], action_id: str) -> str | None:
+    found = (each["actionStatus"] for each in state["actionStates"] if each["actionId"] == action_id)
+    return next(found, None)
+
+
+def error_types(state: dict[str, Any]) -> Sequence[str]:
+    return [each["errorType"] for each in state["errors"]]
