@@ -60,14 +60,15 @@ def mosquitto() -> str:
 class Broker:
     """A Mosquitto process; keeps its port over :meth:`restart`, forgets everything else.
 
-    With ``users`` (name to password) it lets nobody else in.
+    With ``users`` (name to password) it lets nobody else in; ``more`` is added to its configuration.
     """
 
     host = "127.0.0.1"
 
-    def __init__(self, *, users: dict[str, str] | None = None) -> None:
+    def __init__(self, *, users: dict[str, str] | None = None, more: str = "") -> None:
         self.port = free_port()
         self._users = users or {}
+        self._more = more
         self._folder = Path(tempfile.mkdtemp(prefix="nena-test-broker-"))
         self._process: subprocess.Popen[bytes] | None = None
         self._configure()
@@ -149,7 +150,7 @@ class Broker:
             passwords.write_text("".join(f"{name}:{word}\n" for name, word in self._users.items()))
             subprocess.run(["mosquitto_passwd", "-U", str(passwords)], check=True, timeout=30)
             text += f"password_file {passwords}\n"
-        (self._folder / "mosquitto.conf").write_text(text)
+        (self._folder / "mosquitto.conf").write_text(text + self._more)
 
 
 class MqttPeer:

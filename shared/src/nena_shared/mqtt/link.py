@@ -7,15 +7,16 @@ import math
 import socket
 from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import Self
 
 import aiomqtt
 
 from nena_shared.log import get_logger
 from nena_shared.mqtt.message import Inbound, Outbound
 from nena_shared.mqtt.topic_filter import matches
-from nena_shared.settings import MqttSettings
+from nena_shared.settings import ConfigurationError, MqttSettings
 
 log = get_logger(__name__)
 
@@ -23,9 +24,6 @@ Handler = Callable[[Inbound], None]
 
 CONNECT_TIMEOUT = 10.0
 """Seconds that a broker has to answer CONNECT or SUBSCRIBE."""
-
-REFUSED = 128
-"""Return code from which a SUBACK means refusal (MQTT 3.1.1 section 3.9.3)."""
 
 IN_FLIGHT_LIMIT = 200
 """Messages of QoS 1 that may be without the broker's answer at the same time."""
@@ -59,6 +57,22 @@ class _Session:
     deliveries: dict[asyncio.Task[None], Outbound] = field(default_factory=dict)
 
 
+class _Client(aiomqtt.Client):
+    """Closes its socket also when the broker does not answer CONNECT.
+
+    Left open, such connections pile up at a broker that hangs; when it goes on, each takes over the client id
+    of the one before, and the wills of all of them are sent.
+    """
+
+    async def __aenter__(self) -> Self:
+        """Connect to the broker."""
+        try:
+            return await super().__aenter__()
+        except BaseException:
+            self._client.disconnect()
+            raise
+
+
 class MqttLink:
     """Publishes and receives for one program; every method is for the event loop's thread.
 
@@ -83,10 +97,15 @@ class MqttLink:
             settings: where the broker is, and limits.
             client_id: MQTT client id unless the settings give one; unique per program at the broker.
             will: makes the last will, at each connect.
-            on_connected: gives what is published first, before the subscriptions are made.
+            on_connected: gives what is published first, before the subscriptions are made; made anew at
+                each connect, therefore never kept over a break.
             on_lost: is told when a connection that stood has gone.
 
+        Raises:
+            ConfigurationError: the password file cannot be read.
+
         """
+        settings.secret()
         self._settings = settings
         self._client_id = settings.client_id or client_id
         self._will = will
@@ -119,8 +138,8 @@ class MqttLink:
             connects = self.state.connects
             try:
                 await self._serve()
-            except (aiomqtt.MqttError, OSError) as error:
-                self._tell_failure(error)
+            except (aiomqtt.MqttError, OSError, ConfigurationError) as error:
+                self._tell_failure(error, lost=self.state.connects > connects)
             if self.state.connects > connects:
                 pause = self._settings.reconnect_min
             await asyncio.sleep(pause)
@@ -149,7 +168,7 @@ class MqttLink:
 
     def _make_client(self) -> aiomqtt.Client:
         will = self._will() if self._will else None
-        client = aiomqtt.Client(
+        client = _Client(
             self._settings.host,
             self._settings.port,
             username=self._settings.username,
@@ -170,11 +189,12 @@ class MqttLink:
     async def _greet(self, session: _Session) -> None:
         """Publish what comes first, subscribe, then let the outbox go."""
         for first in self._on_connected():
-            self._deliver(session, first)
+            self._deliver(session, replace(first, keep=False))
         await self._subscribe(session.client)
         self._session = session
         self.state.connected = True
         self.state.connects += 1
+        self.state.last_error = ""
         log.info("broker connected", host=self._settings.host, port=self._settings.port)
         self._refill()
 
@@ -183,21 +203,20 @@ class MqttLink:
             return
         granted = await client.subscribe([(each.topic_filter, each.qos) for each in self._subscriptions])
         for each, code in zip(self._subscriptions, granted, strict=True):
-            if isinstance(code, int) and code >= REFUSED:
+            if getattr(code, "is_failure", False):
                 log.error(
                     "the broker refuses a subscription; look at its access list", topic=each.topic_filter
                 )
 
     def _leave(self, session: _Session) -> None:
         """Take back what the broker has not confirmed, in its old order, before what waits already."""
-        unsent = [message for message in session.deliveries.values() if message.keep]
+        unsent = [*session.deliveries.values(), *self._outbox]
         for task in session.deliveries:
             task.cancel()
         session.deliveries.clear()
-        self._outbox.extendleft(reversed(unsent))
-        while len(self._outbox) > self._settings.outgoing_limit:
-            self._outbox.popleft()
-            self.state.dropped += 1
+        kept = [message for message in unsent if message.keep][-self._settings.outgoing_limit :]
+        self._outbox = deque(kept)
+        self.state.dropped += len(unsent) - len(kept)
         if self._session is session:
             self._session = None
             self.state.connected = False
@@ -233,10 +252,14 @@ class MqttLink:
         await client.publish(message.topic, message.payload, message.qos, message.retain, timeout=math.inf)
 
     def _delivered(self, session: _Session, task: asyncio.Task[None]) -> None:
-        if task.cancelled() or task.exception() is not None:
+        if task.cancelled() or isinstance(error := task.exception(), aiomqtt.MqttError):
             return  # the connection is about to end: what stays in `deliveries` is taken back then
-        session.deliveries.pop(task, None)
-        self.state.published += 1
+        message = session.deliveries.pop(task, None)
+        if error is None:
+            self.state.published += 1
+        elif message is not None:
+            self.state.dropped += 1
+            log.error("a message cannot be sent, dropped", topic=message.topic, reason=str(error))
         self._refill()
 
     def _refill(self) -> None:
@@ -244,11 +267,11 @@ class MqttLink:
         while session and self._outbox and len(session.deliveries) < IN_FLIGHT_LIMIT:
             self._deliver(session, self._outbox.popleft())
 
-    def _tell_failure(self, error: Exception) -> None:
-        text = str(error) or type(error).__name__
-        if text != self.state.last_error or self.state.connects == 0:
+    def _tell_failure(self, error: Exception, *, lost: bool) -> None:
+        text = str(error.__cause__ or error) or type(error).__name__
+        if text != self.state.last_error:
             log.warning(
-                "broker not reached, trying on",
+                "broker connection lost" if lost else "broker not reached, trying on",
                 host=self._settings.host,
                 port=self._settings.port,
                 reason=text,

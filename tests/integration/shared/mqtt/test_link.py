@@ -1,0 +1,445 @@
+"""The MQTT link over a real broker that is killed, restarted, frozen and thawed."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, suppress
+from itertools import pairwise
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import pytest
+from pydantic import SecretStr
+from structlog.testing import capture_logs
+
+from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.mqtt import link as link_module
+from nena_shared.settings import ConfigurationError, MqttSettings
+from support.broker import Broker, MqttPeer, free_port
+from support.waiting import until
+
+pytestmark = pytest.mark.broker
+
+
+@asynccontextmanager
+async def running(link: MqttLink, *, connected: bool = True) -> AsyncIterator[asyncio.Task[None]]:
+    """Run ``link`` for the time of the block, by default from the moment it is connected."""
+    task = asyncio.create_task(link.run())
+    try:
+        if connected:
+            await until(lambda: link.state.connected, what="the link's connection")
+        yield task
+    finally:
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task
+
+
+def numbered(topic: str, numbers: range, **options: Any) -> list[Outbound]:
+    return [Outbound(topic, str(number).encode(), **options) for number in numbers]
+
+
+def numbers(payloads: list[bytes]) -> list[int]:
+    return [int(payload) for payload in payloads]
+
+
+async def test_publishes_in_order(broker: Broker, interface_name: str) -> None:
+    link = MqttLink(broker.settings, client_id=interface_name)
+    with MqttPeer(broker, f"{interface_name}/#") as peer:
+        async with running(link):
+            for message in numbered(f"{interface_name}/a", range(1000)):
+                link.publish(message)
+            assert await link.drain(10)
+        await until(lambda: len(peer.payloads()) >= 1000)
+
+        assert numbers(peer.payloads()) == list(range(1000))
+    assert (link.state.published, link.state.dropped) == (1000, 0)
+
+
+async def test_receives_by_topic(broker: Broker, interface_name: str) -> None:
+    one: list[Inbound] = []
+    every: list[Inbound] = []
+    link = MqttLink(broker.settings, client_id=interface_name)
+    link.subscribe(f"{interface_name}/+/state", one.append)
+    link.subscribe(f"{interface_name}/other", every.append)
+    with MqttPeer(broker) as peer:
+        peer.publish(f"{interface_name}/r1/state", b"kept", retain=True)
+        async with running(link):
+            peer.publish(f"{interface_name}/r2/state", b"\x00fresh")
+            peer.publish(f"{interface_name}/r2/order", b"for somebody else")
+            peer.publish(f"{interface_name}/other", b"last")
+            await until(lambda: every)
+
+    assert one == [
+        Inbound(f"{interface_name}/r1/state", b"kept", retained=True),
+        Inbound(f"{interface_name}/r2/state", b"\x00fresh", retained=False),
+    ]
+    assert link.state.received == 3
+
+
+async def test_handler_that_fails_ends_nothing(broker: Broker, interface_name: str) -> None:
+    seen: list[bytes] = []
+
+    def handler(message: Inbound) -> None:
+        seen.append(message.payload)
+        if message.payload == b"bad":
+            raise RuntimeError(message.payload)
+
+    link = MqttLink(broker.settings, client_id=interface_name)
+    link.subscribe(interface_name, handler)
+    with MqttPeer(broker) as peer, capture_logs() as logs:
+        async with running(link):
+            peer.publish(interface_name, b"bad")
+            peer.publish(interface_name, b"good")
+            await until(lambda: seen[-1:] == [b"good"])
+
+    assert link.state.handler_failures == 1
+    assert [line["topic"] for line in logs if line["log_level"] == "error"] == [interface_name]
+
+
+async def test_message_that_cannot_be_sent_harms_no_other(broker: Broker, interface_name: str) -> None:
+    link = MqttLink(broker.settings, client_id=interface_name)
+    with MqttPeer(broker, f"{interface_name}/#") as peer, capture_logs() as logs:
+        async with running(link):
+            link.publish(Outbound(f"{interface_name}/+", b"a wildcard is no topic"))
+            link.publish(Outbound(f"{interface_name}/a", b"fine"))
+            await peer.wait_for(f"{interface_name}/a")
+            assert await link.drain(5)
+
+    assert (link.state.published, link.state.dropped) == (1, 1)
+    assert [line["topic"] for line in logs if line["log_level"] == "error"] == [f"{interface_name}/+"]
+
+
+async def test_will_is_sent_when_the_connection_breaks(broker: Broker, interface_name: str) -> None:
+    topic = f"{interface_name}/connection"
+    link = MqttLink(
+        broker.settings, client_id=interface_name, will=lambda: Outbound(topic, b"broken", retain=True)
+    )
+    with MqttPeer(broker, topic) as peer:
+        async with running(link):
+            open_socket(link).shutdown(socket.SHUT_RDWR)
+            assert (await peer.wait_for(topic)).payload == b"broken"
+
+
+async def test_will_is_not_sent_after_an_orderly_end(broker: Broker, interface_name: str) -> None:
+    topic = f"{interface_name}/connection"
+    link = MqttLink(broker.settings, client_id=interface_name, will=lambda: Outbound(topic, b"broken"))
+    with MqttPeer(broker, f"{interface_name}/#") as peer:
+        async with running(link):
+            pass
+        peer.publish(f"{interface_name}/after", b"")
+        await peer.wait_for(f"{interface_name}/after")
+
+        assert peer.payloads(topic) == []
+
+
+async def test_comes_back_after_the_broker_was_killed(own_broker: Broker) -> None:
+    seen: list[bytes] = []
+    greetings = iter(range(10))
+    lost: list[bool] = []
+    link = MqttLink(
+        own_broker.settings,
+        client_id="link",
+        on_connected=lambda: [Outbound("greeting", str(next(greetings)).encode(), retain=True)],
+        on_lost=lambda: lost.append(True),
+    )
+    link.subscribe("orders", lambda message: seen.append(message.payload))
+    async with running(link):
+        own_broker.kill()
+        await until(lambda: not link.state.connected)
+        assert lost == [True]
+        own_broker.restart()
+        await until(lambda: link.state.connects == 2)
+        with MqttPeer(own_broker, "greeting") as peer:
+            peer.publish("orders", b"go on")
+            await until(lambda: seen)
+
+            assert (await peer.wait_for("greeting")).payload == b"1"
+    assert seen == [b"go on"]
+
+
+async def test_greeting_goes_out_before_what_has_waited(own_broker: Broker) -> None:
+    link = MqttLink(
+        own_broker.settings, client_id="link", on_connected=lambda: [Outbound("all/greeting", b"")]
+    )
+    for message in numbered("all/waiting", range(5)):
+        link.publish(message)
+    with MqttPeer(own_broker, "all/#") as peer:
+        async with running(link):
+            await until(lambda: len(peer.received()) == 6)
+
+        assert peer.received()[0].topic == "all/greeting"
+        assert numbers(peer.payloads("all/waiting")) == list(range(5))
+
+
+async def test_greeting_of_a_broken_connection_is_never_sent_later(own_broker: Broker) -> None:
+    greetings = iter(range(10))
+    link = MqttLink(
+        own_broker.settings.model_copy(update={"keep_alive": 2}),
+        client_id="link",
+        on_connected=lambda: [Outbound("greeting", str(next(greetings)).encode())],
+    )
+    with MqttPeer(own_broker, "greeting") as peer:
+        async with running(link):
+            await peer.wait_for("greeting", lambda each: each.payload == b"0")
+            own_broker.freeze()
+            open_socket(link).shutdown(socket.SHUT_RDWR)
+            await until(lambda: not link.state.connected)
+            own_broker.thaw()
+            await until(lambda: link.state.connects == 2)
+            link.publish(Outbound("greeting", b"99"))
+            await peer.wait_for("greeting", lambda each: each.payload == b"99")
+
+        assert numbers(peer.payloads()) == sorted(numbers(peer.payloads()))
+
+
+@pytest.mark.parametrize("burst", [1, 50, 450])
+async def test_outbox_keeps_its_order_over_breaks(own_broker: Broker, burst: int) -> None:
+    """Messages may come twice over a break (QoS 1), but none is lost and none overtakes another for good."""
+    link = MqttLink(own_broker.settings.model_copy(update={"outgoing_limit": 5000}), client_id="link")
+    total, sent = 6 * burst, iter(range(6 * burst))
+    with MqttPeer(own_broker, "numbers") as peer:
+        async with running(link):
+            for _ in range(3):
+                publish_next(link, sent, burst)
+                open_socket(link).shutdown(socket.SHUT_RDWR)
+                publish_next(link, sent, burst)
+                connects = link.state.connects
+                await until(lambda connects=connects: link.state.connects > connects)  # type: ignore[misc]
+            await until(lambda: total - 1 in numbers(peer.payloads()))
+            assert await link.drain(10)
+        received = numbers(peer.payloads())
+
+    assert sorted(set(received)) == list(range(total))
+    steps_back = [after for before, after in pairwise(received) if after <= before]
+    assert len(steps_back) <= 3, "each break sends again from one place on, at most"
+    assert first_times(received) == list(range(total))
+
+
+def publish_next(link: MqttLink, numbers_to_send: Any, count: int) -> None:
+    for _ in range(count):
+        link.publish(Outbound("numbers", str(next(numbers_to_send)).encode()))
+
+
+def first_times(values: list[int]) -> list[int]:
+    return list(dict.fromkeys(values))
+
+
+async def test_outbox_drops_the_oldest_when_it_is_full(own_broker: Broker) -> None:
+    link = MqttLink(own_broker.settings.model_copy(update={"outgoing_limit": 10}), client_id="link")
+    for message in numbered("numbers", range(25)):
+        link.publish(message)
+    assert link.state.dropped == 15
+    with MqttPeer(own_broker, "numbers") as peer:
+        async with running(link):
+            await until(lambda: len(peer.payloads()) == 10)
+
+        assert numbers(peer.payloads()) == list(range(15, 25))
+
+
+async def test_taking_back_keeps_to_the_limit(own_broker: Broker) -> None:
+    link = MqttLink(own_broker.settings.model_copy(update={"outgoing_limit": 10}), client_id="link")
+    with MqttPeer(own_broker, "numbers") as peer:
+        async with running(link):
+            own_broker.freeze()
+            for message in numbered("numbers", range(40)):
+                link.publish(message)
+            open_socket(link).shutdown(socket.SHUT_RDWR)
+            await until(lambda: not link.state.connected)
+            assert link.state.dropped == 30
+            own_broker.thaw()
+            await peer.wait_for("numbers", lambda each: each.payload == b"39")
+
+
+async def test_what_is_not_to_be_kept_is_gone_after_a_break(own_broker: Broker) -> None:
+    link = MqttLink(own_broker.settings, client_id="link")
+    link.publish(Outbound("numbers", b"0", keep=False))
+    with MqttPeer(own_broker, "numbers") as peer:
+        async with running(link):
+            own_broker.freeze()
+            for message in numbered("numbers", range(1, 400), keep=False):
+                link.publish(message)
+            own_broker.kill()
+            await until(lambda: not link.state.connected)
+            own_broker.restart()
+            await until(lambda: link.state.connects == 2)
+            assert link.state.dropped == 400
+            with MqttPeer(own_broker, "numbers") as later:
+                link.publish(Outbound("numbers", b"400"))
+                await later.wait_for("numbers")
+
+                assert later.payloads() == [b"400"]
+        assert peer.payloads() == []
+
+
+async def test_frozen_broker_is_noticed_by_keep_alive(own_broker: Broker) -> None:
+    link = MqttLink(own_broker.settings.model_copy(update={"keep_alive": 2}), client_id="link")
+    async with running(link):
+        own_broker.freeze()
+        await until(lambda: not link.state.connected, timeout=8, what="the loss of a frozen broker")
+        own_broker.thaw()
+        await until(lambda: link.state.connects == 2, timeout=15)
+
+
+async def test_connections_to_a_frozen_broker_do_not_pile_up(
+    own_broker: Broker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(link_module, "CONNECT_TIMEOUT", 0.05)
+    link = MqttLink(own_broker.settings, client_id="link", will=lambda: Outbound("will", b"broken"))
+    own_broker.freeze()
+    before = open_files()
+    tries = count_calls(link, "_make_client", monkeypatch)
+    async with running(link, connected=False):
+        await until(lambda: tries() > 10)
+        assert open_files() <= before + 2
+        monkeypatch.setattr(link_module, "CONNECT_TIMEOUT", 10)
+        own_broker.thaw()
+        await until(lambda: link.state.connected)
+
+
+async def test_a_broker_that_is_not_there_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = MqttSettings(port=free_port(), reconnect_min=0.01, reconnect_max=0.01)
+    with capture_logs() as logs:
+        link = MqttLink(settings, client_id="link")
+        tries = count_calls(link, "_make_client", monkeypatch)
+        async with running(link, connected=False):
+            await until(lambda: tries() > 5)
+
+    assert [line["log_level"] for line in logs] == ["warning"]
+    assert "refused" in logs[0]["reason"].lower()
+    assert logs[0]["port"] == settings.port
+    assert link.state.last_error == logs[0]["reason"]
+
+
+async def test_wrong_password_is_told_once_in_words(
+    locked_broker: Broker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wrong = locked_broker.settings.model_copy(update={"username": "robot", "password": SecretStr("guess")})
+    with capture_logs() as logs:
+        link = MqttLink(wrong, client_id="link")
+        tries = count_calls(link, "_make_client", monkeypatch)
+        async with running(link, connected=False):
+            await until(lambda: tries() > 3)
+
+    assert [line["log_level"] for line in logs] == ["warning"]
+    assert "not authori" in logs[0]["reason"].lower()
+    assert "guess" not in str(logs)
+
+
+async def test_password_from_a_file_opens_the_door(locked_broker: Broker, tmp_path: Path) -> None:
+    file = tmp_path / "password"
+    file.write_text("open sesame\n")
+    settings = locked_broker.settings.model_copy(update={"username": "robot", "password_file": file})
+    link = MqttLink(settings, client_id="link")
+    async with running(link):
+        assert link.state.last_error == ""
+
+        file.unlink()
+        open_socket(link).shutdown(socket.SHUT_RDWR)
+        await until(lambda: "password" in link.state.last_error)
+        file.write_text("open sesame\n")
+        await until(lambda: link.state.connects == 2)
+
+
+def test_missing_password_file_is_told_at_the_start(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"mqtt\.password_file: "):
+        MqttLink(MqttSettings(password_file=tmp_path / "none"), client_id="link")
+
+
+async def test_refused_subscription_is_told(broker_without_subscriptions: Broker) -> None:
+    link = MqttLink(broker_without_subscriptions.settings, client_id="link")
+    link.subscribe("secret/#", lambda _: None)
+    with capture_logs() as logs:
+        async with running(link):
+            pass
+
+    assert [line["topic"] for line in logs if line["log_level"] == "error"] == ["secret/#"]
+
+
+async def test_drain_tells_what_is_left(own_broker: Broker) -> None:
+    link = MqttLink(own_broker.settings, client_id="link")
+    assert not await link.drain(0.01)
+    async with running(link):
+        assert await link.drain(0.01)
+        own_broker.freeze()
+        link.publish(Outbound("a", b""))
+        assert not await link.drain(0.05)
+        own_broker.thaw()
+        assert await link.drain(10)
+
+
+async def test_small_messages_do_not_wait_for_each_other(broker: Broker, interface_name: str) -> None:
+    """Without TCP_NODELAY at both ends a round trip of steady messages takes up to 44 ms."""
+    back: asyncio.Queue[bytes] = asyncio.Queue()
+    link = MqttLink(broker.settings, client_id=interface_name)
+    link.subscribe(f"{interface_name}/ping", lambda _: link.publish(Outbound(f"{interface_name}/pong", b"")))
+    link.subscribe(f"{interface_name}/pong", lambda message: back.put_nowait(message.payload))
+    async with running(link):
+        assert open_socket(link).getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+        start = perf_counter()
+        for _ in range(200):
+            link.publish(Outbound(f"{interface_name}/ping", b""))
+            await asyncio.wait_for(back.get(), 5)
+
+    assert (perf_counter() - start) / 200 < 0.02
+
+
+async def test_flood_within_the_limit_arrives_whole(broker: Broker, interface_name: str) -> None:
+    seen: list[int] = []
+    link = MqttLink(broker.settings, client_id=interface_name)
+    link.subscribe(interface_name, lambda message: seen.append(int(message.payload)))
+    sender = MqttLink(
+        broker.settings.model_copy(update={"outgoing_limit": 5000}), client_id=f"{interface_name}-2"
+    )
+    async with running(link), running(sender):
+        for message in numbered(interface_name, range(5000)):
+            sender.publish(message)
+        await until(lambda: len(seen) >= 5000, timeout=30)
+
+    assert seen == list(range(5000))
+
+
+def open_socket(link: MqttLink) -> socket.socket:
+    """Give the TCP socket under a connected link, to break it or to look at its options."""
+    assert link._session is not None
+    found = link._session.client._client.socket()
+    assert isinstance(found, socket.socket)
+    return found
+
+
+def open_files() -> int:
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
+def count_calls(target: object, method: str, monkeypatch: pytest.MonkeyPatch) -> Callable[[], int]:
+    """Count the calls of a method, which does its work as before."""
+    original, calls = getattr(target, method), []
+
+    def counted() -> Any:
+        calls.append(method)
+        return original()
+
+    monkeypatch.setattr(target, method, counted)
+    return lambda: len(calls)
+
+
+@pytest.fixture
+def locked_broker() -> Iterator[Broker]:
+    broker = Broker(users={"robot": "open sesame"})
+    yield broker
+    broker.close()
+
+
+@pytest.fixture
+def broker_without_subscriptions(tmp_path: Path) -> Iterator[Broker]:
+    plugins = [*Path("/usr/lib").glob("**/mosquitto_dynamic_security.so")]
+    if not plugins:
+        pytest.skip("this Mosquitto has no plug-in that can refuse a subscription")
+    rules = tmp_path / "rules.json"
+    rules.write_text('{"defaultACLAccess": {"subscribe": false}}')
+    broker = Broker(more=f"plugin {plugins[0]}\nplugin_opt_config_file {rules}\n")
+    yield broker
+    broker.close()
