@@ -104,6 +104,35 @@ def test_an_action_for_an_absent_robot_is_not_kept_for_later() -> None:
     assert bench.sent == []
 
 
+def test_an_action_that_was_perhaps_lost_is_not_sent_to_a_robot_that_comes_back() -> None:
+    bench = Bench().online()
+    bench.instruct(action("startPause"))
+    bench.lose()
+    bench.connection(ConnectionState.CONNECTION_BROKEN)
+    bench.tick()
+    assert "has lost its connection to the broker; whether it got the action" in ended(bench).reason
+    bench.connection(ConnectionState.ONLINE)
+    bench.wait(30, reporting=True)
+    assert bench.instants_sent() == ["startPause"]
+
+
+def test_a_cancel_is_not_sent_again_in_manual_mode_but_afterwards() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.deliver()
+    bench.report()
+    bench.cancel()
+    bench.lose()
+    bench.robot.mode = OperatingMode.MANUAL  # and it takes its time to clear the order
+    bench.wait(30, reporting=True)
+    assert bench.instants_sent() == ["cancelOrder"]
+    bench.robot.mode = OperatingMode.AUTOMATIC
+    bench.report()
+    bench.deliver()
+    bench.report()
+    assert bench.story()[-1] == "MissionCancelled"
+
+
 def test_a_robot_in_manual_mode_is_only_asked_for_what_harms_nobody() -> None:
     bench = Bench().online()
     bench.robot.set_mode(OperatingMode.MANUAL)

@@ -70,11 +70,18 @@ class InstantRun:
             limit = f"{self._settings.instant_action_limit:g}"
             self.outcome = Outcome(None, f"the robot has not ended it within {limit} s")
 
-    def hold(self, now: float) -> None:
-        """Let no time pass for the action: the robot cannot be reached."""
-        self._delivery.hold()
+    def hold(self, reason: str, now: float) -> None:
+        """Let no time pass for the action while it cannot be sent, for ``reason``.
+
+        One that somebody has asked for and that the robot may never have got ends instead: nobody wants a
+        pause that comes hours later.
+        """
         if self._seen_at is not None:
             self._seen_at = now
+        elif self.requested:
+            self.outcome = Outcome(None, f"{reason}; whether it got the action is not known")
+        else:
+            self._delivery.hold()
 
 
 def cancel_order(action_id: str) -> Action:

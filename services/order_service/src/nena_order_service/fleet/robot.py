@@ -52,7 +52,7 @@ class Robot:
         A state that comes after OFFLINE or a last will shows that the robot is there again: the broker may
         tell the will of an old connection only after the new connection stands.
         """
-        if not self._order.is_new(message.header_id, message.timestamp):
+        if not self._order.is_new(message.header_id, message.timestamp, now):
             return False
         self.state = message
         self.state_at = self._heard_at = now
