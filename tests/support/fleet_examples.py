@@ -81,6 +81,7 @@ def way(*node_ids: str, first: int = 2, released: int | None = None) -> dict[str
     edges = [
         {"edge_id": f"to {name}", "sequence_id": first - 1 + 2 * at, "released": at < base}
         for at, name in enumerate(node_ids)
+        if first + at > 0
     ]
     return {"node_states": tuple(nodes), "edge_states": tuple(edges)}
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncGenerator, Callable
 from itertools import islice
 
 from nena_status_aggregator.settings import EventSettings
@@ -64,7 +64,7 @@ class EventStream:
         self._closed = True
         self._wake()
 
-    async def follow(self, last_id: str | None) -> AsyncIterator[bytes]:
+    async def follow(self, last_id: str | None) -> AsyncGenerator[bytes, None]:
         """Yield what a client gets that knows everything up to ``last_id``; None: that knows nothing."""
         self.clients += 1
         try:

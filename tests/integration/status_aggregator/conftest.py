@@ -1,0 +1,17 @@
+"""Fixtures for tests with a running aggregator."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+
+import pytest
+
+from support.broker import Broker
+from support.served_aggregator import Served, serving
+
+
+@pytest.fixture
+async def served(broker: Broker, interface_name: str) -> AsyncIterator[Served]:
+    """Give a running aggregator with topics of its own."""
+    async with serving(broker, interface_name) as made:
+        yield made

@@ -1,0 +1,173 @@
+"""What robots and the order service publish shows up in the API, the metrics and the event stream."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+
+import pytest
+
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
+from nena_shared.vda5050.v2_1 import CODEC
+from support.broker import Broker, MqttPeer
+from support.fleet_examples import (
+    ROBOT,
+    START,
+    connection,
+    factsheet,
+    order_status,
+    position,
+    sample_plant,
+    state,
+    vehicle_status,
+    visualization,
+    way,
+)
+from support.served_aggregator import EventReader, Served, serving
+
+pytestmark = pytest.mark.broker
+
+
+async def test_a_robot_from_its_first_message_to_its_end(broker: Broker, served: Served) -> None:
+    robot = "/api/v1/robots/ACME/r1"
+    with MqttPeer(broker) as peer:
+        served.send(peer, Topic.CONNECTION, connection(), retain=True)
+        served.send(peer, Topic.FACTSHEET, factsheet(), retain=True)
+        served.send(peer, Topic.STATE, state(order_id="o1", driving=True, last_node_id="A", **way("B", "C")))
+        busy = await served.until(robot, lambda shown: shown.get("condition") == "BUSY")
+        assert (busy["reason"], busy["order"]["progress"]) == ("Drives to B.", 0)
+        served.send(peer, Topic.VISUALIZATION, visualization(x=3.5))
+        await served.until(robot, lambda shown: (shown["position"] or {}).get("x") == 3.5)
+        done = state(2, at=1, order_id="o1", last_node_id="C", last_node_sequence_id=4)
+        served.send(peer, Topic.STATE, done)
+        idle = await served.until(robot, lambda shown: shown["condition"] == "IDLE")
+        assert idle["order"]["progress"] == 100
+        await served.metric('nena_robots{condition="IDLE"} 1.0')
+        will = connection("CONNECTION_BROKEN", 0, at=-50)
+        served.send(peer, Topic.CONNECTION, will, retain=True)
+        broken = await served.until(robot, lambda shown: shown["condition"] == "BROKEN")
+        assert broken["connection"] == "CONNECTION_BROKEN"
+        await served.metric('nena_robots{condition="BROKEN"} 1.0')
+
+
+@pytest.mark.parametrize(
+    "payload", [b"", b"{", b"[]", b'{"headerId": "one"}', b"\xff\xfe", b'{"headerId": 1e999}']
+)
+async def test_a_malformed_state_is_counted_and_changes_nothing(
+    broker: Broker, served: Served, payload: bytes
+) -> None:
+    with MqttPeer(broker) as peer:
+        served.send(peer, Topic.STATE, state(last_node_id="A"))
+        peer.publish(served.robots.of(ROBOT, Topic.STATE), payload)
+        fleet = await served.until("/api/v1/fleet", lambda shown: shown["malformed"]["counts"])
+        assert fleet["malformed"]["counts"] == {"state": 1}
+        assert fleet["malformed"]["lastTopic"].endswith("ACME/r1/state")
+        (robot,) = fleet["robots"]
+        assert (robot["condition"], robot["order"], robot["malformed"]) == ("IDLE", None, 1)
+        await served.metric('nena_messages_malformed_total{topic="state"} 1.0')
+        served.send(peer, Topic.STATE, state(2, at=1, driving=True))
+        await served.until("/api/v1/robots/ACME/r1", lambda shown: shown["condition"] == "BUSY")
+
+
+async def test_orders_vehicles_and_plant_of_the_order_service(broker: Broker, served: Served) -> None:
+    with MqttPeer(broker) as peer:
+        plant = sample_plant()
+        peer.publish(served.fleet.plant_model, plant.to_json(), retain=True)
+        vehicle = vehicle_status(transport_order="TO-1")
+        peer.publish(served.fleet.vehicle_status("r1"), vehicle.model_dump_json(by_alias=True), retain=True)
+        order_topic = served.fleet.order_status("TO-1")
+        peer.publish(order_topic, order_status().model_dump_json(by_alias=True), retain=True)
+        served.send(peer, Topic.STATE, state(last_node_id="C"))
+        orders = await served.until("/api/v1/orders", lambda shown: shown and shown[0]["progress"])
+        assert (orders[0]["processingVehicle"], orders[0]["progress"]) == ("Vehicle-1", 25)
+        fleet = await served.get("/api/v1/fleet")
+        assert fleet["plant"] == {
+            "version": 1,
+            "name": plant.name,
+            "points": len(plant.points),
+            "paths": len(plant.paths),
+            "locations": len(plant.locations),
+        }
+        assert fleet["robots"][0]["name"] == "Vehicle-1"
+        final = order_status(version=2, state=TransportOrderState.FINISHED, finished=datetime.now(UTC))
+        peer.publish(order_topic, final.model_dump_json(by_alias=True), retain=True)
+        peer.publish(order_topic, b"", retain=True)
+        ended = await served.until("/api/v1/orders", lambda shown: shown[0]["final"])
+        assert ended[0]["progress"] == 100
+        await served.metric('nena_transport_orders_ended_total{state="FINISHED"} 1.0')
+        peer.publish(served.fleet.plant_model, b"no plant")
+        await served.metric('nena_messages_malformed_total{topic="plantModel"} 1.0')
+        assert (await served.get("/api/v1/fleet"))["plant"] is not None
+
+
+async def test_what_was_kept_before_the_start_is_known(broker: Broker, interface_name: str) -> None:
+    with MqttPeer(broker) as peer:
+        robots = TopicScheme(interface_name)
+        old = state(at=(datetime.now(UTC) - START).total_seconds() - 300)
+        for topic, message in ((Topic.CONNECTION, connection()), (Topic.STATE, old)):
+            peer.publish(robots.of(ROBOT, topic), CODEC.encode(message), retain=True)
+        async with serving(broker, interface_name) as served:
+            robot = "/api/v1/robots/ACME/r1"
+            shown = await served.until(robot, lambda shown: shown.get("lastState"))
+            assert shown["condition"] == "SILENT"
+            assert 299 < shown["stateAge"] < 320
+
+
+async def test_the_event_stream_tells_it_all_and_lets_a_client_catch_up(
+    broker: Broker, served: Served
+) -> None:
+    with MqttPeer(broker) as peer:
+        async with EventReader.open(served.http) as events:
+            snapshot = await events.next("snapshot")
+            assert snapshot["robots"] == []
+            served.send(peer, Topic.STATE, state(mobile_robot_position=position(1, 2)))
+            delta = await events.next("delta", lambda data: "robots" in data)
+            assert delta["robots"][0]["position"]["x"] == 1
+            number = events.last_id
+        served.send(peer, Topic.STATE, state(2, at=1, driving=True))
+        await served.until("/api/v1/robots/ACME/r1", lambda shown: shown["condition"] == "BUSY")
+        async with EventReader.open(served.http, last_id=number) as events:
+            missed = await events.next("delta")
+            assert missed["id"] == delta["id"] + 1
+            assert missed["robots"][0]["condition"] == "BUSY"
+            assert "manufacturer" not in missed["robots"][0]
+
+
+async def test_a_silent_robot_is_told_without_any_message(broker: Broker, interface_name: str) -> None:
+    async with serving(broker, interface_name, silence_limit=0.3) as served:
+        with MqttPeer(broker) as peer:
+            async with EventReader.open(served.http) as events:
+                served.send(peer, Topic.STATE, state())
+                silent = await events.next(
+                    "delta", lambda data: data.get("robots", [{}])[0].get("condition") == "SILENT"
+                )
+        assert silent["robots"][0]["reason"].startswith("No state since")
+
+
+async def test_the_broker_goes_and_comes_back(own_broker: Broker, interface_name: str) -> None:
+    async with serving(own_broker, interface_name) as served:
+        with MqttPeer(own_broker) as peer:
+            order = order_status().model_dump_json(by_alias=True)
+            peer.publish(served.fleet.order_status("TO-1"), order, retain=True)
+            await served.until("/api/v1/orders", bool)
+        own_broker.kill()
+        await served.until("/api/v1/fleet", lambda fleet: not fleet["link"]["connected"])
+        assert (await served.http.get("/readyz")).status_code == 503
+        await served.until("/api/v1/orders", lambda orders: not orders[0]["confirmed"])
+        own_broker.start()
+        await served.until("/api/v1/fleet", lambda fleet: fleet["link"]["connected"])
+        with MqttPeer(own_broker) as peer:
+            peer.publish(served.fleet.order_status("TO-1"), order, retain=True)
+            served.send(peer, Topic.STATE, state())
+            await served.until("/api/v1/orders", lambda orders: orders[0]["confirmed"])
+            await served.until("/api/v1/robots/ACME/r1", lambda shown: shown.get("condition") == "IDLE")
+        await served.metric("nena_mqtt_connects_total 2.0")
+
+
+async def test_other_interfaces_and_odd_topics_are_not_ours(broker: Broker, served: Served) -> None:
+    with MqttPeer(broker) as peer:
+        peer.publish(f"other/v2/ACME/r9/{Topic.STATE}", b"{}")
+        served.send(peer, Topic.STATE, state(robot=RobotKey("ACME", "r2")), robot=RobotKey("ACME", "r2"))
+        fleet = await served.until("/api/v1/fleet", lambda shown: shown["robots"])
+        assert [each["id"] for each in fleet["robots"]] == ["ACME/r2"]
+        assert fleet["malformed"]["counts"] == {}

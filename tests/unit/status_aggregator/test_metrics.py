@@ -1,0 +1,137 @@
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
+
+import pytest
+from prometheus_client.metrics_core import Metric
+from prometheus_client.parser import text_string_to_metric_families
+
+from nena_shared.clock import ManualClock
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.vda5050.topics import RobotKey
+from nena_status_aggregator.aggregator import Aggregator
+from nena_status_aggregator.fleet_model.message_kind import MessageKind
+from nena_status_aggregator.metrics import exposition, make_registry
+from nena_status_aggregator.settings import AggregatorSettings
+from support.fleet_examples import ROBOT, START, connection, order_status, state
+from support.reference import PROJECT
+
+ROW = re.compile(r"^\| `(?P<name>nena_\w+)` \| (?P<type>\w+) \|(?P<labels>[^|]*)\|", re.MULTILINE)
+PARTS_OF_HISTOGRAM = {"le"}
+
+
+@pytest.fixture
+def aggregator() -> Aggregator:
+    """Give an aggregator that has met one of everything."""
+    made = Aggregator(AggregatorSettings(), ManualClock(start=START))
+    model, now = made.model, made.now()
+    broken = RobotKey("ACME", 'r"2\\')
+    model.on_state(
+        ROBOT,
+        state(
+            power_supply={"state_of_charge": 41.0, "charging": True},
+            errors=({"error_type": "orderError", "error_level": "WARNING"},),
+        ),
+        now,
+    )
+    model.on_connection(broken, connection("CONNECTION_BROKEN", robot=broken), now)
+    model.on_malformed(MessageKind.STATE, "t", "p", now)
+    model.on_order_status(order_status("living"))
+    model.on_order_status(
+        order_status("ended", state=TransportOrderState.FINISHED, finished=START.replace(minute=1))
+    )
+    made.publish_changes()
+    return made
+
+
+def exposed(aggregator: Aggregator) -> str:
+    return exposition(make_registry(aggregator)).decode()
+
+
+def families(aggregator: Aggregator) -> Iterator[Metric]:
+    for family in text_string_to_metric_families(exposed(aggregator)):
+        if family.name.startswith("nena_"):
+            yield family
+
+
+def value(aggregator: Aggregator, name: str, **labels: str) -> float | None:
+    for family in families(aggregator):
+        for sample in family.samples:
+            if sample.name == name and sample.labels == labels:
+                return float(sample.value)
+    return None
+
+
+def test_the_documentation_names_exactly_what_is_exposed(aggregator: Aggregator) -> None:
+    documented = {
+        row["name"]: (row["type"], frozenset(re.findall(r"`(\w+)`", row["labels"])))
+        for row in ROW.finditer((PROJECT / "docs" / "metrics.md").read_text(encoding="utf-8"))
+    }
+    found = {
+        f"{family.name}_total" if family.type == "counter" else family.name: (
+            family.type,
+            frozenset(label for each in family.samples for label in each.labels) - PARTS_OF_HISTOGRAM,
+        )
+        for family in families(aggregator)
+    }
+    assert found == documented
+
+
+def test_robots_by_condition(aggregator: Aggregator) -> None:
+    assert value(aggregator, "nena_robots", condition="CHARGING") == 1
+    assert value(aggregator, "nena_robots", condition="BROKEN") == 1
+    assert value(aggregator, "nena_robots", condition="IDLE") == 0
+
+
+def test_figures_of_one_robot(aggregator: Aggregator) -> None:
+    robot = {"manufacturer": "ACME", "serial_number": "r1"}
+    assert value(aggregator, "nena_robot_condition", **robot, condition="CHARGING") == 1
+    assert value(aggregator, "nena_robot_battery_ratio", **robot) == 0.41
+    assert value(aggregator, "nena_robot_charging", **robot) == 1
+    assert value(aggregator, "nena_robot_state_age_seconds", **robot) == 0
+    assert isinstance(aggregator.clock, ManualClock)
+    aggregator.clock.advance(12)
+    assert value(aggregator, "nena_robot_state_age_seconds", **robot) == 12
+
+
+def test_a_robot_without_a_state_has_no_age_instead_of_a_wrong_one(aggregator: Aggregator) -> None:
+    labels = {"manufacturer": "ACME", "serial_number": 'r"2\\'}
+    assert value(aggregator, "nena_robot_condition", **labels, condition="BROKEN") == 1
+    assert value(aggregator, "nena_robot_state_age_seconds", **labels) is None
+
+
+def test_errors_messages_and_orders(aggregator: Aggregator) -> None:
+    error = {"error_type": "orderError", "error_level": "WARNING"}
+    assert value(aggregator, "nena_robot_errors", **error) == 1
+    assert value(aggregator, "nena_robot_errors_raised_total", **error) == 1
+    assert value(aggregator, "nena_messages_received_total", topic="state") == 2
+    assert value(aggregator, "nena_messages_malformed_total", topic="state") == 1
+    assert value(aggregator, "nena_transport_orders", state="BEING_PROCESSED") == 1
+    assert value(aggregator, "nena_transport_orders_ended_total", state="FINISHED") == 1
+    assert value(aggregator, "nena_mqtt_connected") == 0
+
+
+def test_durations_are_a_histogram(aggregator: Aggregator) -> None:
+    name = "nena_transport_order_duration_seconds"
+    assert value(aggregator, f"{name}_bucket", state="FINISHED", le="30.0") == 0
+    assert value(aggregator, f"{name}_bucket", state="FINISHED", le="60.0") == 1
+    assert value(aggregator, f"{name}_bucket", state="FINISHED", le="+Inf") == 1
+    assert value(aggregator, f"{name}_sum", state="FINISHED") == 60
+
+
+def test_prometheus_finds_nothing_to_complain_about(aggregator: Aggregator) -> None:
+    promtool = shutil.which("promtool")
+    if promtool is None:
+        pytest.skip("promtool is not there: apt-get install prometheus")
+    told = subprocess.run(
+        [promtool, "check", "metrics"],
+        input=exposed(aggregator),
+        text=True,
+        capture_output=True,
+        timeout=30,
+        check=False,
+    )
+    assert (told.returncode, told.stdout, told.stderr) == (0, "", "")
