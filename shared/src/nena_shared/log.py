@@ -7,9 +7,18 @@ import sys
 from typing import TextIO, cast
 
 import structlog
-from structlog.typing import FilteringBoundLogger, Processor
+from structlog.typing import EventDict, FilteringBoundLogger, Processor, WrappedLogger
 
 from nena_shared.settings import LogSettings
+
+COMMON: tuple[Processor, ...] = (
+    structlog.contextvars.merge_contextvars,
+    structlog.processors.add_log_level,
+    structlog.processors.TimeStamper(fmt="iso", utc=True),
+    structlog.processors.StackInfoRenderer(),
+    structlog.processors.format_exc_info,
+)
+"""What is done with each line before it is written out."""
 
 
 def get_logger(name: str) -> FilteringBoundLogger:
@@ -24,21 +33,29 @@ def configure(settings: LogSettings, stream: TextIO | None = None) -> None:
     renderer: Processor = (
         structlog.processors.JSONRenderer()
         if settings.form == "json"
-        else structlog.dev.ConsoleRenderer(colors=out.isatty())
+        else structlog.dev.ConsoleRenderer(
+            colors=out.isatty(), exception_formatter=structlog.dev.plain_traceback
+        )
     )
     structlog.configure(
-        processors=[
-            structlog.contextvars.merge_contextvars,
-            structlog.processors.add_log_level,
-            structlog.processors.TimeStamper(fmt="iso", utc=True),
-            structlog.processors.StackInfoRenderer(),
-            structlog.processors.format_exc_info,
-            renderer,
-        ],
+        processors=[*COMMON, renderer],
         wrapper_class=structlog.make_filtering_bound_logger(level),
         logger_factory=structlog.PrintLoggerFactory(out),
         cache_logger_on_first_use=False,
     )
-    logging.basicConfig(
-        level=level, stream=out, format="%(asctime)s [%(levelname)s] %(name)s: %(message)s", force=True
+    handler = logging.StreamHandler(out)
+    handler.setFormatter(_formatter_for_libraries(renderer))
+    logging.basicConfig(level=level, handlers=[handler], force=True)
+
+
+def _formatter_for_libraries(renderer: Processor) -> logging.Formatter:
+    """Give lines of libraries, which log in the standard library's way, the form of our own."""
+    return structlog.stdlib.ProcessorFormatter(
+        foreign_pre_chain=[_name_module, *COMMON],
+        processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, renderer],
     )
+
+
+def _name_module(_logger: WrappedLogger, _method: str, event: EventDict) -> EventDict:
+    event["module"] = event["_record"].name
+    return event

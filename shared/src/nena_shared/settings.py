@@ -3,7 +3,7 @@
 Each program has one settings model, a subclass of :class:`ServiceSettings`. Environment variables are
 called ``NENA_<FIELD>``, with two underscores between the levels (``NENA_MQTT__HOST``); options are called
 like the fields (``--mqtt.host``). A setting that nobody knows is an error, so that a spelling mistake is
-found at the start and not at night.
+found at the start and not at night; only in the environment, which programs share, the first level is open.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, SecretStr, ValidationError
+from pydantic_core import ErrorDetails
 from pydantic_settings import (
     BaseSettings,
     CliSettingsSource,
@@ -105,7 +106,6 @@ class ServiceSettings(BaseSettings):
     model_config = SettingsConfigDict(
         env_prefix="NENA_",
         env_nested_delimiter="__",
-        nested_model_default_partial_update=True,
         extra="forbid",
         frozen=True,
         validate_default=True,
@@ -146,7 +146,7 @@ def load(model: type[S], argv: Sequence[str], *, program: str, description: str)
         allow_abbrev=False,
     )
     parser.add_argument("--config", metavar="FILE", type=Path, help="TOML file with settings")
-    chosen, _ = _config_only_parser().parse_known_args(list(argv))
+    chosen, _ = _config_only_parser(program).parse_known_args(list(argv))
     from_file = _read_file(chosen.config) if chosen.config else {}
     command_line = CliSettingsSource[argparse.ArgumentParser](
         model,
@@ -159,9 +159,9 @@ def load(model: type[S], argv: Sequence[str], *, program: str, description: str)
     return _build(model, command_line, from_file)
 
 
-def _config_only_parser() -> argparse.ArgumentParser:
+def _config_only_parser(program: str) -> argparse.ArgumentParser:
     """Make a parser that sees nothing but ``--config``, so that the file can be read before the rest."""
-    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    parser = argparse.ArgumentParser(prog=program, add_help=False, allow_abbrev=False)
     parser.add_argument("--config", type=Path)
     return parser
 
@@ -178,11 +178,25 @@ def _read_file(path: Path) -> dict[str, Any]:
 
 def _build(model: type[S], command_line: PydanticBaseSettingsSource, from_file: dict[str, Any]) -> S:
     try:
-        return model(**_merged(_merged(from_file, EnvSettingsSource(model)()), command_line()))
+        given = _merged(_merged(from_file, EnvSettingsSource(model)()), command_line())
+        return model(**_merged(_defaults_of_groups(model), given))
     except ValidationError as error:
         raise ConfigurationError(_problems(error)) from error
     except SettingsError as error:
         raise ConfigurationError([str(error)]) from error
+
+
+def _defaults_of_groups(model: type[S]) -> dict[str, Any]:
+    """Give what a program sets in its groups by default, so that naming one value keeps the others."""
+    defaults = {
+        name: field.get_default(call_default_factory=True, validated_data={})
+        for name, field in model.model_fields.items()
+    }
+    return {
+        name: default.model_dump(exclude_unset=True)
+        for name, default in defaults.items()
+        if isinstance(default, SettingsGroup)
+    }
 
 
 def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
@@ -195,4 +209,10 @@ def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
 
 
 def _problems(error: ValidationError) -> list[str]:
-    return [f"{'.'.join(str(part) for part in item['loc'])}: {item['msg']}" for item in error.errors()]
+    return [f"{'.'.join(map(str, item['loc']))}: {_words(item)}" for item in error.errors()]
+
+
+def _words(problem: ErrorDetails) -> str:
+    if problem["type"] == "extra_forbidden":
+        return "there is no such setting"
+    return problem["msg"].removeprefix("Value error, ")

@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+import io
+import json
+import logging
+
+import pytest
+
+from nena_shared import log
+from nena_shared.settings import LogSettings
+
+pytestmark = pytest.mark.usefixtures("own_logging")
+
+
+def lines(out: io.StringIO) -> list[dict[str, str]]:
+    return [json.loads(line) for line in out.getvalue().splitlines()]
+
+
+def test_json_lines_hold_event_level_module_time_and_keys() -> None:
+    out = io.StringIO()
+    log.configure(LogSettings(form="json"), out)
+
+    log.get_logger("nena.example").bind(robot="r1").warning("stopped", order="o1")
+
+    (line,) = lines(out)
+    assert line.pop("timestamp").endswith("Z")
+    assert line == {
+        "event": "stopped",
+        "level": "warning",
+        "module": "nena.example",
+        "robot": "r1",
+        "order": "o1",
+    }
+
+
+def test_loggers_made_before_follow_the_configuration() -> None:
+    early = log.get_logger("early")
+    out = io.StringIO()
+    log.configure(LogSettings(form="json"), out)
+
+    early.info("now")
+
+    assert lines(out)[0]["module"] == "early"
+
+
+def test_level_cuts_off_below() -> None:
+    out = io.StringIO()
+    log.configure(LogSettings(level="warning", form="json"), out)
+
+    log.get_logger("example").info("not this")
+    log.get_logger("example").error("but this")
+
+    assert [line["event"] for line in lines(out)] == ["but this"]
+
+
+def test_libraries_log_in_the_same_form() -> None:
+    out = io.StringIO()
+    log.configure(LogSettings(form="json"), out)
+
+    logging.getLogger("library").warning("%d pending", 3)
+    logging.getLogger("library").debug("not this")
+
+    (line,) = lines(out)
+    assert (line["event"], line["level"], line["module"]) == ("3 pending", "warning", "library")
+
+
+@pytest.mark.parametrize("source", ["own", "library"])
+@pytest.mark.parametrize("form", ["json", "text"])
+def test_failures_are_logged_with_their_trace(form: str, source: str) -> None:
+    out = io.StringIO()
+    log.configure(LogSettings.model_validate({"form": form}), out)
+    logger = log.get_logger("example") if source == "own" else logging.getLogger("library")
+    try:
+        int("why")
+    except ValueError:
+        logger.exception("failed")
+
+    assert "failed" in out.getvalue()
+    assert "ValueError: " in out.getvalue()
+    if form == "json":
+        assert "ValueError: " in lines(out)[0]["exception"]

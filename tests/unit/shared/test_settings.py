@@ -1,0 +1,205 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel, Field, ValidationError
+
+from nena_shared.settings import (
+    ConfigurationError,
+    HttpSettings,
+    MqttSettings,
+    ServiceSettings,
+    SettingsGroup,
+    TopicPrefix,
+    load,
+)
+
+
+class Robot(SettingsGroup):
+    name: str = Field("r1", description="What the robot is called.")
+
+
+class Example(ServiceSettings):
+    """A program's settings."""
+
+    colour: str = Field("default", description="Any colour.")
+    loud: bool = Field(default=False, description="Whether it beeps.")
+    robot: Robot = Field(default_factory=Robot, description="The robot.")
+    http: HttpSettings = Field(default_factory=lambda: HttpSettings(port=8080), description="The door.")
+
+
+@pytest.fixture
+def toml(tmp_path: Path) -> Path:
+    return tmp_path / "settings.toml"
+
+
+def read(*argv: str) -> Example:
+    return load(Example, argv, program="example", description="Shows settings.")
+
+
+def problems(*argv: str) -> tuple[str, ...]:
+    with pytest.raises(ConfigurationError) as caught:
+        read(*argv)
+    return caught.value.problems
+
+
+def test_defaults_are_enough() -> None:
+    settings = read()
+
+    assert (settings.colour, settings.mqtt.host, settings.http.port) == ("default", "127.0.0.1", 8080)
+
+
+def test_file_is_over_defaults(toml: Path) -> None:
+    toml.write_text('colour = "of the file"\n[mqtt]\nport = 2000\n')
+
+    settings = read("--config", str(toml))
+
+    assert (settings.colour, settings.mqtt.port, settings.mqtt.host) == ("of the file", 2000, "127.0.0.1")
+
+
+def test_environment_is_over_file_and_command_line_over_both(
+    toml: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    toml.write_text('colour = "file"\n[mqtt]\nhost = "file"\nport = 2000\nkeep_alive = 30\n')
+    monkeypatch.setenv("NENA_MQTT__HOST", "environment")
+    monkeypatch.setenv("NENA_MQTT__PORT", "3000")
+
+    mqtt = read(f"--config={toml}", "--mqtt.port", "4000").mqtt
+
+    assert (mqtt.keep_alive, mqtt.host, mqtt.port) == (30, "environment", 4000)
+
+
+def test_naming_one_value_keeps_the_programs_other_defaults(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NENA_HTTP__HOST", "192.0.2.1")
+
+    assert read().http == HttpSettings(host="192.0.2.1", port=8080)
+
+
+def test_switches(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert read("--loud").loud
+    monkeypatch.setenv("NENA_LOUD", "true")
+    assert read().loud
+    assert not read("--no-loud").loud
+
+
+def test_help_names_every_setting(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        read("--help")
+    text = capsys.readouterr().out
+
+    assert caught.value.code == 0
+    for option in _options(Example):
+        assert f"--{option}" in text
+    for words in ("--config FILE", "Any colour.", "What the robot is called.", "NENA_MQTT__HOST"):
+        assert words in text
+
+
+def _options(model: type[BaseModel], prefix: str = "") -> list[str]:
+    options = []
+    for name, field in model.model_fields.items():
+        assert field.description, f"{prefix}{name} needs a description"
+        kind = field.annotation
+        if isinstance(kind, type) and issubclass(kind, BaseModel):
+            options += _options(kind, f"{prefix}{name}.")
+        else:
+            options.append(prefix + name)
+    return options
+
+
+@pytest.mark.parametrize("option", [["--color", "red"], ["--mqtt.hots", "x"], ["--col", "red"], ["red"]])
+def test_unknown_option_is_refused_with_its_name(
+    option: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as caught:
+        read(*option)
+
+    assert caught.value.code == 2
+    assert capsys.readouterr().err.endswith(f"example: error: unrecognized arguments: {' '.join(option)}\n")
+
+
+def test_unknown_name_in_the_file_is_refused(toml: Path) -> None:
+    toml.write_text('color = "red"\n[mqtt]\nhots = "x"\n')
+
+    assert sorted(problems("--config", str(toml))) == [
+        "color: there is no such setting",
+        "mqtt.hots: there is no such setting",
+    ]
+
+
+def test_unknown_name_in_the_environment_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NENA_MQTT__HOTS", "x")
+
+    assert problems() == ("mqtt.hots: there is no such setting",)
+
+
+def test_value_that_does_not_fit_is_named_but_not_shown() -> None:
+    found = problems("--mqtt.port", "seventy thousand", "--log.level", "loud")
+
+    assert sorted(problem.split(":")[0] for problem in found) == ["log.level", "mqtt.port"]
+    assert "seventy" not in str(found)
+
+
+def test_file_that_is_not_there(toml: Path) -> None:
+    assert problems("--config", str(toml)) == (
+        f"cannot read the settings file {toml}: No such file or directory",
+    )
+
+
+@pytest.mark.parametrize("content", [b"colour =\n", b"\xff\xfe"])
+def test_file_that_is_no_toml(toml: Path, content: bytes) -> None:
+    toml.write_bytes(content)
+
+    assert problems("--config", str(toml))[0].startswith(f"{toml} is not TOML: ")
+
+
+def test_config_without_a_file_is_told_by_the_program(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        read("--config")
+
+    assert "example: error: argument --config: expected one argument" in capsys.readouterr().err
+
+
+def test_bad_json_in_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NENA_MQTT", "{")
+
+    assert '"mqtt"' in problems()[0]
+
+
+def test_password_comes_from_its_file_without_the_line_end(tmp_path: Path) -> None:
+    file = tmp_path / "password"
+    file.write_text("open sesame\n")
+
+    assert MqttSettings(password_file=file).secret() == "open sesame"
+
+
+def test_password_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NENA_MQTT__PASSWORD", "open sesame")
+    settings = read()
+
+    assert settings.mqtt.secret() == "open sesame"
+    assert "sesame" not in f"{settings} {settings!r} {settings.model_dump_json()}"
+
+
+def test_no_password_is_none() -> None:
+    assert MqttSettings().secret() is None
+
+
+def test_password_file_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"mqtt\.password_file: .*No such file"):
+        MqttSettings(password_file=tmp_path / "none").secret()
+
+
+class Prefixed(SettingsGroup):
+    prefix: TopicPrefix
+
+
+@pytest.mark.parametrize("prefix", ["uagv", "site/hall 1"])
+def test_topic_prefix(prefix: str) -> None:
+    assert Prefixed(prefix=prefix).prefix == prefix
+
+
+@pytest.mark.parametrize("prefix", ["", "/uagv", "uagv/", "a/+/b", "a/#", "x" * 201])
+def test_bad_topic_prefix(prefix: str) -> None:
+    with pytest.raises(ValidationError):
+        Prefixed(prefix=prefix)

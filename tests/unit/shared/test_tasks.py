@@ -1,0 +1,87 @@
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+from structlog.testing import capture_logs
+
+from nena_shared.tasks import Supervisor, TaskFailedError, forever
+from support.waiting import until
+
+
+async def nothing() -> None:
+    pass
+
+
+async def fail() -> None:
+    raise RuntimeError("why")
+
+
+async def endless() -> None:
+    await asyncio.Event().wait()
+
+
+async def test_stop_ends_the_wait_and_then_the_tasks() -> None:
+    stop = asyncio.Event()
+    async with Supervisor() as tasks:
+        task = tasks.start("endless", endless())
+        asyncio.get_running_loop().call_soon(stop.set)
+        await asyncio.wait_for(tasks.wait(stop), 5)
+        assert not task.done()
+
+    assert task.cancelled()
+
+
+@pytest.mark.parametrize("work", [fail, nothing])
+async def test_vital_task_that_ends_in_any_way_ends_the_wait(work: object) -> None:
+    with capture_logs() as logs:
+        async with Supervisor() as tasks:
+            tasks.start("the heart", fail() if work is fail else nothing())
+            with pytest.raises(TaskFailedError, match="'the heart' has ended") as caught:
+                await asyncio.wait_for(tasks.wait(asyncio.Event()), 5)
+
+    assert caught.value.name == "the heart"
+    assert [line["task"] for line in logs] == (["the heart"] if work is fail else [])
+
+
+async def test_other_tasks_fail_alone_but_not_unseen() -> None:
+    stop = asyncio.Event()
+    with capture_logs() as logs:
+        async with Supervisor() as tasks:
+            tasks.start("helper", fail(), vital=False)
+            await until(lambda: logs)
+            stop.set()
+            await asyncio.wait_for(tasks.wait(stop), 5)
+
+    assert [(line["event"], line["task"]) for line in logs] == [("task failed", "helper")]
+    assert str(logs[0]["exc_info"]) == "why"
+
+
+async def test_tasks_are_named() -> None:
+    async with Supervisor() as tasks:
+        assert tasks.start("r1 driver", endless()).get_name() == "r1 driver"
+
+
+async def test_waiting_outside_is_a_mistake() -> None:
+    with pytest.raises(RuntimeError, match="enter the supervisor"):
+        await Supervisor().wait(asyncio.Event())
+
+
+async def test_forever_goes_on_after_a_failure() -> None:
+    calls = 0
+    third = asyncio.Event()
+
+    async def work() -> None:
+        nonlocal calls
+        calls += 1
+        if calls < 3:
+            raise RuntimeError("why")
+        third.set()
+        await endless()
+
+    with capture_logs() as logs:
+        async with Supervisor() as tasks:
+            tasks.start("poll", forever("poll", work, pause=0.001))
+            await asyncio.wait_for(third.wait(), 5)
+
+    assert [line["task"] for line in logs] == ["poll", "poll"]
