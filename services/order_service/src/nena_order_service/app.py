@@ -18,6 +18,7 @@ from nena_order_service.mqtt_door import MqttDoor
 from nena_order_service.plant_file import load_plant
 from nena_order_service.rest.api import make_app
 from nena_order_service.rest.bodies import Readiness
+from nena_order_service.retained_sweep import RetainedSweep
 from nena_order_service.routing import Router
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.database import StoreError, open_database
@@ -46,6 +47,7 @@ class OrderService:
     kernel: Kernel
     fleet: FleetLink
     door: MqttDoor
+    sweep: RetainedSweep
     mqtt: MqttLink
     app: FastAPI
 
@@ -64,9 +66,10 @@ def build(settings: OrderServiceSettings) -> OrderService:
     store = _open_store(settings)
     kernel = _make_kernel(settings, plant, store, clock)
     requests = HostRequests(kernel, settings.kernel)
+    client_id = f"nena-order-service-{settings.interface_name.replace('/', '-')}"
     mqtt = MqttLink(
         settings.mqtt,
-        client_id=f"nena-order-service-{settings.interface_name.replace('/', '-')}",
+        client_id=client_id,
         on_connected=lambda: door.greeting(),  # noqa: PLW0108 - the door is made below, of this link
     )
     fleet = FleetLink(
@@ -79,13 +82,16 @@ def build(settings: OrderServiceSettings) -> OrderService:
     topics = FleetTopics(settings.topic_prefix)
     door = MqttDoor(mqtt, topics, kernel, requests, plant_json=plant_json, max_body=settings.max_body)
     kernel.listeners.append(door)
+    sweep = RetainedSweep(
+        settings.mqtt, topics, client_id=f"{client_id}-sweep", mqtt=mqtt, kernel=kernel, door=door
+    )
     app = make_app(
         requests,
         plant_json=plant_json,
         readiness=lambda: readiness(mqtt, store),
         max_body=settings.max_body,
     )
-    return OrderService(store, kernel, fleet, door, mqtt, app)
+    return OrderService(store, kernel, fleet, door, sweep, mqtt, app)
 
 
 async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
@@ -104,6 +110,7 @@ async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
         supervisor.start("mqtt", service.mqtt.run())
         supervisor.start("fleet control", service.fleet.run())
         supervisor.start("kernel", service.kernel.run())
+        supervisor.start("retained sweep", service.sweep.run(), vital=False)
         answering = supervisor.start("http", http.run())
         try:
             await supervisor.wait(stop)

@@ -98,6 +98,8 @@ class MqttDoor:
         return Outbound(self._topics.vehicle_status(status.serial_number), body, retain=True)
 
     def _request_came(self, message: Inbound) -> None:
+        if not message.payload:
+            return  # somebody clears a retained request
         host = self._topics.host_of(message.topic)
         self.counters.requests += 1
         request = self._read(message)

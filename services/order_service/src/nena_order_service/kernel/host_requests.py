@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import time
+from dataclasses import dataclass
+from math import hypot
 from secrets import token_hex
 from uuid import uuid4
 
@@ -24,10 +26,19 @@ from nena_order_service.orders.validation import check_request
 from nena_order_service.store.database import OrderFilter
 from nena_shared.fleet_api.transport_order import TransportOrderRequest, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
-from nena_shared.plant import MapTransform, Pose
+from nena_shared.plant import Point, Pose
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 
 NAME_PREFIX = "TOrder"
+
+
+@dataclass(frozen=True, slots=True)
+class RobotPose:
+    """A pose on a robot's map, and the point of the plant that is there, empty for none."""
+
+    pose: Pose
+    map_id: str
+    point: str
 
 
 class HostRequests:
@@ -115,11 +126,13 @@ class HostRequests:
         seconds = self._settings.instant_action_timeout
         return action, await self._kernel.instant_actions.wait(action.action_id, end, seconds)
 
-    def robot_pose(self, name: str, pose: Pose) -> tuple[Pose, str]:
-        """Give a pose of the plant as the vehicle's map has it, and the id of that map."""
+    def robot_pose(self, name: str, pose: Pose) -> RobotPose:
+        """Give a pose of the plant in the words of a vehicle's robot."""
         vehicle = self._vehicle(name)
-        transform: MapTransform = vehicle.profile.transform
-        return transform.pose_to_map(pose), vehicle.profile.map_id
+        profile = vehicle.profile
+        nearest = min(self._kernel.plant.points, key=lambda point: _distance(point, pose))
+        near = _distance(nearest, pose) <= profile.deviation_xy
+        return RobotPose(profile.transform.pose_to_map(pose), profile.map_id, nearest.name if near else "")
 
     async def _find(self, name: str | None, key: str | None) -> TransportOrder | None:
         """Give the order of this key, else of this name; from the store where it is not at hand."""
@@ -152,6 +165,11 @@ class HostRequests:
                 await self._kernel.committed()
         except TimeoutError:
             raise StoreNotReadyError("it has not answered in time") from None
+
+
+def _distance(point: Point, pose: Pose) -> float:
+    """Give the distance in m."""
+    return hypot(point.x_m - pose.x_m, point.y_m - pose.y_m)
 
 
 def _sortable_id() -> str:

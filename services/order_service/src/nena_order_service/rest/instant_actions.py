@@ -25,12 +25,13 @@ def parameters_of(
 
 
 def _pose(pose: InitialPose, requests: HostRequests, vehicle: str) -> tuple[ActionParameter, ...]:
-    on_map, map_id = requests.robot_pose(vehicle, Pose(pose.x, pose.y, pose.theta))
+    robot = requests.robot_pose(vehicle, Pose(pose.x, pose.y, pose.theta))
     return (
-        ActionParameter(key="x", value=on_map.x_m),
-        ActionParameter(key="y", value=on_map.y_m),
-        ActionParameter(key="theta", value=on_map.heading_rad),
-        ActionParameter(key="mapId", value=pose.map_id or map_id),
+        ActionParameter(key="x", value=robot.pose.x_m),
+        ActionParameter(key="y", value=robot.pose.y_m),
+        ActionParameter(key="theta", value=robot.pose.heading_rad),
+        ActionParameter(key="mapId", value=pose.map_id or robot.map_id),
+        ActionParameter(key="lastNodeId", value=robot.point),
     )
 
 

@@ -1,0 +1,30 @@
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from support.broker import Broker
+from support.order_service_fleet import Fleet, running
+
+
+@pytest.fixture
+def fleet(broker: Broker, interface_name: str, tmp_path: Path) -> Iterator[Fleet]:
+    made = Fleet(broker, interface_name, tmp_path)
+    with made.stack:
+        yield made
+
+
+@pytest.fixture
+async def service(fleet: Fleet) -> AsyncIterator[Callable[..., Awaitable[httpx.AsyncClient]]]:
+    """Give a function that starts the order service in this process, and a client of it."""
+    async with AsyncExitStack() as stack:
+
+        async def start(**settings: Any) -> httpx.AsyncClient:
+            return await stack.enter_async_context(running(fleet.settings(**settings)))
+
+        yield start

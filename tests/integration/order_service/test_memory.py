@@ -1,0 +1,28 @@
+from __future__ import annotations
+
+import pytest
+
+from support.order_service_fleet import Fleet, awaited, every_order_ended
+
+pytestmark = [pytest.mark.broker, pytest.mark.e2e]
+
+ROBOTS = 50
+LIMIT_MB = 120
+
+
+async def test_fifty_robots_need_little_memory(fleet: Fleet) -> None:
+    program = fleet.order_service("--kernel.adopt_unknown")
+    client = await program.client()
+    fleet.agent("many", count=ROBOTS, x=3.0, y=2.0)
+
+    async def idle() -> int:
+        vehicles = (await client.get("/v1/vehicles")).json()["vehicles"]
+        return sum(vehicle["state"] == "IDLE" for vehicle in vehicles)
+
+    await awaited(idle, lambda count: count == ROBOTS, seconds=60, what=f"{ROBOTS} robots are there")
+    for number in range(2 * ROBOTS):
+        body = {"name": f"T-{number}", "destinations": [{"locationName": "South 2"}]}
+        assert (await client.post("/v1/transportOrders", json=body)).status_code == 201
+    orders = await every_order_ended(client, 90)
+    assert [order["state"] for order in orders] == ["FINISHED"] * 2 * ROBOTS
+    assert program.memory_mb <= LIMIT_MB

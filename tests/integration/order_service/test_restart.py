@@ -1,0 +1,135 @@
+"""The order service is killed in mid-work: nothing is lost, nothing is done twice."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections import Counter
+
+import httpx
+import pytest
+
+from support.broker import MqttPeer
+from support.order_service_fleet import Fleet, every_order_ended, order_in, vehicle_idle
+from support.waiting import until
+
+pytestmark = [pytest.mark.broker, pytest.mark.e2e]
+
+LOAD = {"locationName": "Goods in", "operation": "Load cargo"}
+UNLOAD = {"locationName": "Storage", "operation": "Unload cargo"}
+
+
+def actions_done(wire: MqttPeer, fleet: Fleet) -> Counter[str]:
+    """Count, over the whole conversation, how many actions of each VDA order were seen FINISHED."""
+    finished: set[tuple[str, str]] = set()
+    for message in wire.received(f"{fleet.interface}/v2/+/+/state"):
+        state = json.loads(message.payload)
+        for action in state["actionStates"]:
+            if action["actionStatus"] == "FINISHED" and action["actionType"] in ("pick", "drop"):
+                finished.add((state["orderId"], action["actionId"]))
+    return Counter(order for order, _ in finished)
+
+
+async def test_killed_in_mid_order_it_goes_on_where_the_robot_is(fleet: Fleet) -> None:
+    wire = fleet.peer()
+    program = fleet.order_service()
+    client = await program.client()
+    fleet.agent(speed=6.0)
+    await vehicle_idle(client)
+    for number in range(3):
+        body = {"name": f"T-{number}", "idempotencyKey": f"k-{number}", "destinations": [LOAD, UNLOAD]}
+        assert (await client.post("/v1/transportOrders", json=body)).status_code == 201
+    await order_in(client, "T-0", "BEING_PROCESSED")
+    await until(lambda: any(b'"driving":true' in state for state in wire.payloads("+/v2/+/+/state")))
+    program.kill()
+
+    client = await fleet.order_service().client()
+    again = {"name": "T-0", "idempotencyKey": "k-0", "destinations": [LOAD, UNLOAD]}
+    answer = await client.post("/v1/transportOrders", json=again)
+    assert (answer.status_code, answer.json()["name"]) == (200, "T-0")
+
+    orders = await every_order_ended(client, 90)
+    assert {order["name"]: order["state"] for order in orders} == {f"T-{n}": "FINISHED" for n in range(3)}
+    adopted = next(order for order in orders if order["name"] == "T-0")
+    assert "nena:adoptedAfterRestart" in [entry["eventCode"] for entry in adopted["history"]]
+    assert actions_done(wire, fleet) == {f"T-{order}-{leg}": 1 for order in range(3) for leg in range(2)}
+
+
+async def test_killed_again_and_again_under_load_every_order_is_done_once(fleet: Fleet) -> None:
+    wire = fleet.peer()
+    fleet.agent("robot-01")
+    fleet.agent("robot-02", x=15.0, y=2.0)
+    answered: set[str] = set()
+    for turn in range(4):
+        program = fleet.order_service()
+        client = await program.client()
+        for number in range(4):
+            name = f"T-{turn}-{number}"
+            body = {"name": name, "idempotencyKey": name, "destinations": [LOAD, UNLOAD]}
+            assert (await client.post("/v1/transportOrders", json=body)).status_code == 201
+            answered.add(name)
+        seen = len(wire.received(f"{fleet.interface}/v2/+/+/order"))
+        await until(lambda seen=seen: len(wire.received("+/v2/+/+/order")) > seen + 1, timeout=30)  # type: ignore[misc] # bound at once
+        program.kill()
+
+    client = await fleet.order_service().client()
+    orders = await every_order_ended(client, 90)
+    assert {order["name"] for order in orders} == answered
+    assert {order["state"] for order in orders} == {"FINISHED"}, [order["reason"] for order in orders]
+    done = actions_done(wire, fleet)
+    assert done == {f"{name}-{leg}": 1 for name in answered for leg in range(2)}
+
+
+async def test_withdrawn_order_is_withdrawn_after_the_restart_too(fleet: Fleet) -> None:
+    program = fleet.order_service()
+    client = await program.client()
+    agent = fleet.agent(speed=0.5)
+    await vehicle_idle(client)
+    await client.post("/v1/transportOrders", json={"name": "T-1", "destinations": [LOAD]})
+    await order_in(client, "T-1", "BEING_PROCESSED")
+    agent.process.send_signal(19)
+    try:
+        answer = await client.post("/v1/transportOrders/T-1/withdrawal")
+        assert answer.json()["state"] == "WITHDRAWN"
+        program.kill()
+    finally:
+        agent.process.send_signal(18)
+    client = await fleet.order_service().client()
+    assert "withdrawn" in (await order_in(client, "T-1", "FAILED"))["reason"]
+    await vehicle_idle(client)
+
+
+async def test_end_that_was_never_told_is_told_after_the_restart(fleet: Fleet) -> None:
+    program = fleet.order_service()
+    client = await program.client()
+    await client.post("/v1/transportOrders", json={"name": "T-1", "destinations": [LOAD]})
+    topic = f"{fleet.prefix}/transportOrders/T-1/status"
+    with MqttPeer(fleet.broker, topic) as host:
+        stale = await host.wait_for(topic)
+    await client.post("/v1/transportOrders/T-1/withdrawal")
+    program.kill()
+    host = fleet.peer(topic)
+    host.publish(topic, stale.payload, retain=True)  # as if the kill had come before the end was told
+    await host.wait_for(topic)
+    host.clear()
+
+    fleet.order_service()
+    await host.wait_for(topic, lambda message: message.payload == b"")
+    assert json.loads(host.payloads(topic)[0])["state"] == "FAILED"
+
+
+async def test_second_order_service_is_kept_away_from_the_store(fleet: Fleet) -> None:
+    await fleet.order_service().client()
+    second = fleet.order_service()
+    await until(lambda: second.process.poll() is not None)
+    assert second.process.returncode == 1
+    assert "another order service uses" in second.log
+
+
+async def test_what_was_answered_is_in_the_file(fleet: Fleet) -> None:
+    program = fleet.order_service()
+    client = await program.client()
+    answer: httpx.Response = await client.post("/v1/transportOrders", json={"destinations": [LOAD]})
+    program.kill()
+    with sqlite3.connect(fleet.folder / "orders.db") as store:
+        assert store.execute("SELECT name FROM transport_orders").fetchall() == [(answer.json()["name"],)]

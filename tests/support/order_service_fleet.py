@@ -1,0 +1,195 @@
+"""A fleet of its own for each test: topics, a store, loopback robots and the order service."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import ExitStack, asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+import httpx
+
+from nena_demo.plants import sample_plant_path
+from nena_order_service.app import serve
+from nena_order_service.settings import OrderServiceSettings
+from support.broker import Broker, MqttPeer, free_port
+from support.programs import OrderServiceProgram, Program
+from support.waiting import LOOK_EVERY
+
+T = TypeVar("T")
+
+AGENT_FILE = """
+driver = "loopback"
+interface_name = "{interface}"
+map_id = "sample-hall"
+serial_number = "{serial}"
+[mqtt]
+port = {port}
+reconnect_min = 0.05
+reconnect_max = 0.2
+[journal]
+folder = "{folder}"
+[loopback]
+count = {count}
+x = {x}
+y = {y}
+speed = {speed}
+turn_rate = 100.0
+pose_interval = 0.05
+[[operations]]
+action_type = "pick"
+seconds = 0.1
+load = "take"
+[[operations]]
+action_type = "drop"
+seconds = 0.1
+load = "give"
+"""
+
+
+@dataclass
+class Fleet:
+    """One fleet on the shared broker: its topics, its store, its programs."""
+
+    broker: Broker
+    interface: str
+    folder: Path
+    stack: ExitStack = field(default_factory=ExitStack)
+
+    @property
+    def prefix(self) -> str:
+        return f"{self.interface}/hosts"
+
+    def arguments(self) -> list[object]:
+        return [
+            *("--plant", sample_plant_path()),
+            *("--store.url", f"sqlite:///{self.folder}/orders.db"),
+            *("--mqtt.port", self.broker.port),
+            *("--mqtt.reconnect_max", 0.2),
+            *("--interface_name", self.interface),
+            *("--topic_prefix", self.prefix),
+        ]
+
+    def settings(self, **more: Any) -> OrderServiceSettings:
+        return OrderServiceSettings.model_validate(
+            {
+                "plant": sample_plant_path(),
+                "store": {"url": f"sqlite:///{self.folder}/orders.db"},
+                "mqtt": self.broker.settings,
+                "interface_name": self.interface,
+                "topic_prefix": self.prefix,
+                "http": {"port": free_port()},
+                **more,
+            }
+        )
+
+    def agent(
+        self, serial: str = "robot-01", *, x: float = 3.0, y: float = 2.0, speed: float = 40.0, count: int = 1
+    ) -> Program:
+        """Start a loopback robot; it stands on the point `South 1` unless told otherwise."""
+        file = self.folder / f"{serial}.toml"
+        file.write_text(
+            AGENT_FILE.format(
+                interface=self.interface,
+                serial=serial,
+                port=self.broker.port,
+                folder=self.folder / "journal",
+                count=count,
+                x=x,
+                y=y,
+                speed=speed,
+            )
+        )
+        agent = Program("nena-edge-agent", "--config", file, log=self.folder / f"{serial}.log")
+        return self.stack.enter_context(agent)
+
+    def order_service(self, *more: object) -> OrderServiceProgram:
+        """Start the order service as a process of its own."""
+        program = OrderServiceProgram(*self.arguments(), *more, log=self.folder / "order-service.log")
+        return self.stack.enter_context(program)
+
+    def peer(self, *topic_filters: str) -> MqttPeer:
+        """Connect a client that records what is said below the fleet's topics."""
+        return self.stack.enter_context(MqttPeer(self.broker, *(topic_filters or (f"{self.interface}/#",))))
+
+
+@asynccontextmanager
+async def running(settings: OrderServiceSettings) -> AsyncIterator[httpx.AsyncClient]:
+    """Run the order service in this process until the block ends."""
+    stop = asyncio.Event()
+    task = asyncio.create_task(serve(settings, stop))
+    url = f"http://127.0.0.1:{settings.http.port}"
+    try:
+        async with httpx.AsyncClient(base_url=url, timeout=20) as client:
+            await _answering(client, task)
+            yield client
+    finally:
+        stop.set()
+        await task
+
+
+async def _answering(client: httpx.AsyncClient, task: asyncio.Task[None]) -> None:
+    """Wait until the service answers; its own failure comes out here."""
+
+    async def look() -> bool:
+        if task.done():
+            await task
+        try:
+            await client.get("/healthz")
+        except httpx.TransportError:
+            return False
+        return True
+
+    await awaited(look, bool, seconds=20, what="the order service answers")
+
+
+async def awaited(
+    look: Callable[[], Awaitable[T]], accept: Callable[[T], bool], *, seconds: float, what: str
+) -> T:
+    """Ask again and again until ``accept`` takes the answer, and give it."""
+    loop = asyncio.get_running_loop()
+    end = loop.time() + seconds
+    while not accept(answer := await look()):
+        assert loop.time() < end, f"{what} did not come true in {seconds} s; last: {answer!r}"
+        await asyncio.sleep(LOOK_EVERY)
+    return answer
+
+
+async def order_in(client: httpx.AsyncClient, name: str, *states: str, seconds: float = 30) -> dict[str, Any]:
+    """Wait until an order is in one of ``states``, and give it."""
+
+    async def look() -> dict[str, Any]:
+        found: dict[str, Any] = (await client.get(f"/v1/transportOrders/{name}")).json()
+        return found
+
+    return await awaited(
+        look, lambda order: order.get("state") in states, seconds=seconds, what=f"{name} in {states}"
+    )
+
+
+async def vehicle_idle(client: httpx.AsyncClient, name: str = "Robot-01") -> dict[str, Any]:
+    """Wait until a vehicle is there and could take an order."""
+
+    async def look() -> dict[str, Any]:
+        found: dict[str, Any] = (await client.get(f"/v1/vehicles/{name}")).json()
+        return found
+
+    return await awaited(look, lambda vehicle: vehicle.get("state") == "IDLE", seconds=30, what=f"{name} is idle")
+
+
+async def every_order_ended(client: httpx.AsyncClient, seconds: float = 60) -> list[dict[str, Any]]:
+    """Wait until no order is under way, and give them all."""
+
+    async def look() -> list[dict[str, Any]]:
+        found = await client.get("/v1/transportOrders", params={"limit": 1000})
+        orders: list[dict[str, Any]] = found.json()["transportOrders"]
+        return orders
+
+    return await awaited(
+        look,
+        lambda orders: all(order["finished"] for order in orders),
+        seconds=seconds,
+        what="every order is at its end",
+    )

@@ -1,0 +1,85 @@
+"""Programs of this project as processes of their own, for tests that kill them or measure them."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Self
+
+import httpx
+import psutil
+
+from support.waiting import until
+
+ENDED_WITHIN = 15.0
+"""Seconds that a program has to end in order."""
+
+
+class Program:
+    """A console script of the virtual environment; its log goes into a file."""
+
+    def __init__(self, script: str, *arguments: object, log: Path) -> None:
+        self.log_file = log
+        command = [str(Path(sys.executable).with_name(script)), *map(str, arguments)]
+        with log.open("ab") as out:
+            self.process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT, env=_environment()
+            )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        try:
+            self.process.wait(ENDED_WITHIN)
+        except subprocess.TimeoutExpired:
+            self.kill()
+
+    @property
+    def log(self) -> str:
+        """What the program has written."""
+        return self.log_file.read_text(encoding="utf-8")
+
+    @property
+    def memory_mb(self) -> float:
+        """Resident memory in MB."""
+        return float(psutil.Process(self.process.pid).memory_info().rss) / 1e6
+
+    def kill(self) -> None:
+        """End it as a power cut would."""
+        self.process.kill()
+        self.process.wait()
+
+    async def logged(self, pattern: str, *, start: int = 0) -> re.Match[str]:
+        """Give the first match of ``pattern`` in the log behind ``start``; fails when the program ends."""
+
+        def found() -> re.Match[str] | None:
+            match = re.search(pattern, self.log[start:])
+            assert match or self.process.poll() is None, f"the program has ended:\n{self.log}"
+            return match
+
+        return await until(found, timeout=30, what=f"{pattern} in the log of {self.process.args!r}")
+
+
+class OrderServiceProgram(Program):
+    """The order service on a port of its own choice."""
+
+    def __init__(self, *arguments: object, log: Path) -> None:
+        self._start = len(log.read_text(encoding="utf-8")) if log.exists() else 0
+        super().__init__("nena-order-service", "--http.port", 0, *arguments, log=log)
+
+    async def client(self) -> httpx.AsyncClient:
+        """Give a client once the program listens."""
+        url = (await self.logged(r"http listening.* url=(\S+)", start=self._start)).group(1)
+        return httpx.AsyncClient(base_url=url, timeout=20)
+
+
+def _environment() -> dict[str, str]:
+    """Pass on nothing that would set a setting of a program."""
+    return {name: value for name, value in os.environ.items() if not name.startswith("NENA_")}
