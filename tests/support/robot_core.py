@@ -28,10 +28,17 @@ from nena_edge_agent.protocol.events import (
     OrderReceived,
     Started,
 )
-from nena_edge_agent.protocol.instant_actions import PREDEFINED
 from nena_edge_agent.protocol.memory import Memory
+from nena_edge_agent.protocol.predefined import PREDEFINED
 from nena_edge_agent.protocol.robot import RobotCore
-from nena_shared.vda5050.action import Action, ActionParameter, ActionStatus, BlockingType, InstantActions
+from nena_shared.vda5050.action import (
+    Action,
+    ActionParameter,
+    ActionState,
+    ActionStatus,
+    BlockingType,
+    InstantActions,
+)
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
 from nena_shared.vda5050.order import AllowedDeviationXY, Edge, Node, NodePosition, Order
 from nena_shared.vda5050.state import State
@@ -199,11 +206,17 @@ class Bench:
         return [error.error_type for error in self.state.errors]
 
     def status(self, action_id: str) -> str:
-        states: Iterable[Any] = (*self.state.action_states, *self.state.instant_action_states)
+        states: Iterable[ActionState] = (*self.state.action_states, *self.state.instant_action_states)
         return next(state.action_status.value for state in states if state.action_id == action_id)
 
     def statuses(self) -> dict[str, str]:
         return {state.action_id: state.action_status.value for state in self.core.parts.actions.states}
+
+    def waits(self) -> bool:
+        return self.core.waits
+
+    def asks_for_base(self) -> bool:
+        return bool(self.state.new_base_request)
 
     @property
     def idle(self) -> bool:

@@ -41,17 +41,17 @@ def test_an_error_ends_with_its_own_cause_only() -> None:
     errors.end(Until.INSTANT_ACTION_ACCEPTED)
     assert len(errors.entries) == 2
     errors.end(Until.ORDER_ACCEPTED, Until.ORDER_OVER)
-    assert errors.entries == (lost(),)
+    assert list(errors.entries) == [lost()]
 
 
 def test_a_condition_is_shown_once_and_goes_with_its_cause() -> None:
     errors = ActiveErrors()
     errors.condition(ErrorType.LOCALIZATION_ERROR, lost("a"))
     errors.condition(ErrorType.LOCALIZATION_ERROR, lost("b"))
-    assert errors.entries == (lost("b"),)
+    assert list(errors.entries) == [lost("b")]
 
     errors.condition(ErrorType.LOCALIZATION_ERROR, None)
-    assert errors.entries == ()
+    assert list(errors.entries) == []
 
 
 def test_a_condition_about_something_else_replaces_the_old_one() -> None:
@@ -60,7 +60,7 @@ def test_a_condition_about_something_else_replaces_the_old_one() -> None:
         entry = error(ErrorType.NAVIGATION_NOT_AVAILABLE, "gone", order_id=order_id)
         errors.condition(ErrorType.NAVIGATION_NOT_AVAILABLE, entry)
 
-    assert errors.entries == (entry,)
+    assert list(errors.entries) == [entry]
 
 
 def test_the_number_of_errors_is_bounded_and_the_oldest_goes() -> None:

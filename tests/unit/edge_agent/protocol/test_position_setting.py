@@ -56,13 +56,13 @@ def test_a_position_that_the_localisation_refuses_fails() -> None:
 def test_a_silent_localisation_fails_the_action_after_a_time() -> None:
     bench = Bench()
     bench.instant(be_at())
-    assert bench.core.waits
+    assert bench.waits()
 
     bench.now += 31
     bench.do(TimePassed())
 
     assert bench.status("i") == "FAILED"
-    assert not bench.core.waits
+    assert not bench.waits()
     bench.do(DONE)
     assert bench.state.last_node_id == ""
 

@@ -35,7 +35,7 @@ from nena_edge_agent.protocol.effects import (
 from nena_edge_agent.protocol.events import ActionReport, OrderReceived, Started
 from nena_edge_agent.protocol.memory import Memory
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
-from nena_shared.vda5050.order import Node, Order
+from nena_shared.vda5050.order import Edge, Node, Order
 from support.robot_core import Bench, action, at, order
 
 BLOCKING = st.sampled_from([each.value for each in BlockingType])
@@ -43,6 +43,10 @@ KINDS = st.sampled_from(["work", "press", "lamp"])
 ENDED = ("FINISHED", "FAILED")
 ACTIVE = ("INITIALIZING", "RUNNING", "PAUSED")
 STANDING = ("SOFT", "HARD")
+DURABLE = (
+    *("order_id", "order_update_id", "last_node_id", "last_node_sequence_id", "paused"),
+    *("node_states", "edge_states", "action_states", "loads"),
+)
 THERE = NavigationReport(available=True, reason="")
 
 
@@ -74,7 +78,8 @@ class Oracle:
         self.base += way[1:released]
         self.horizon = way[released:]
         self.horizon_actions = set()
-        for part in (*order.nodes[1:], *order.edges):
+        parts: tuple[Node | Edge, ...] = (*order.nodes[1:], *order.edges)
+        for part in parts:
             for each in part.actions:
                 if part.released:
                     self.base_actions[each.action_id] = each
@@ -172,9 +177,8 @@ class RobotMachine(RuleBasedStateMachine):
         for each in self.actions_in(*ACTIVE):
             self.starts[each] = 0  # what ran may be begun anew
         self.bench = Bench(memory=Memory.model_validate_json(kept), ready=False, strategy=self.strategy)
-        same = ("order_id", "order_update_id", "last_node_id", "last_node_sequence_id", "paused")
-        same += ("node_states", "edge_states", "action_states", "loads")
-        assert all(getattr(self.bench.state, name) == getattr(before, name) for name in same)
+        after = self.bench.state
+        assert all(getattr(after, name) == getattr(before, name) for name in DURABLE)
         for event in (Started(), self.pose(), THERE):
             self.follow(self.bench.do(event))
 
@@ -242,13 +246,17 @@ class RobotMachine(RuleBasedStateMachine):
 
     def follow(self, effects: list[Effect]) -> None:
         """Answer as driver and plug-ins would, until the core wants nothing more."""
+        self.answer(effects)
+        self.ended |= set(self.actions_in(*ENDED))
+
+    def answer(self, effects: list[Effect]) -> None:
         for effect in effects:
             match effect:
                 case Drive(goal):
                     self.goes_to_the_next_node_of_the_base(goal)
                 case StartAction(started):
                     self.may_start(started.action_id)
-                    self.follow(self.bench.runs(started.action_id))
+                    self.answer(self.bench.runs(started.action_id))
                 case CancelAction(action_id):
                     self.report(action_id, ActionStatus.FAILED)
                 case PauseAction(action_id):
@@ -257,10 +265,9 @@ class RobotMachine(RuleBasedStateMachine):
                     self.report(action_id, ActionStatus.RUNNING)
                 case _:
                     pass
-        self.ended |= set(self.actions_in(*ENDED))
 
     def report(self, action_id: str, status: ActionStatus) -> None:
-        self.follow(self.bench.do(ActionReport(action_id, status)))
+        self.answer(self.bench.do(ActionReport(action_id, status)))
 
     def may_start(self, action_id: str) -> None:
         self.starts[action_id] += 1

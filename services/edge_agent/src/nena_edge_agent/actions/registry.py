@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 from nena_edge_agent.actions.plugin import ActionPlugin
 from nena_edge_agent.protocol.declaration import ActionDeclaration
-from nena_edge_agent.protocol.instant_actions import PREDEFINED
+from nena_edge_agent.protocol.predefined import PREDEFINED
 from nena_shared.settings import ConfigurationError
 
 

@@ -9,6 +9,7 @@ from nena_edge_agent.protocol.effects import CancelAction, PauseAction, ResumeAc
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import ActionReport
 from nena_edge_agent.protocol.parts import RobotParts
+from nena_edge_agent.protocol.predefined import PREDEFINED
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.error import ErrorLevel, ErrorType, error
 from nena_shared.vda5050.order import Edge
@@ -87,9 +88,8 @@ class ActionFlow:
         """After a restart of the agent: begin anew what may be begun anew, fail what may not."""
         for states in (self._parts.actions, self._parts.instants):
             for record in [each for each in states if each.active]:
-                if self._parts.capabilities.actions.get(record.action.action_type) is None:
-                    continue  # the core's own instant actions go on by themselves
-                self._take_up(record)
+                if record.action.action_type not in PREDEFINED:  # the core's own go on by themselves
+                    self._take_up(record)
 
     def _take_up(self, record: ActionRecord) -> None:
         action_id = record.action.action_id

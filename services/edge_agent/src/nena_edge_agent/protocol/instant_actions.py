@@ -5,53 +5,28 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from nena_edge_agent.protocol.action_states import ActionRecord
-from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
 from nena_edge_agent.protocol.effects import SendFactsheet, StartAction
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.order_cancel import OrderCancel
-from nena_edge_agent.protocol.parts import CANCEL_ORDER, RobotParts
-from nena_edge_agent.protocol.pause import START_PAUSE, STOP_PAUSE, Pause
-from nena_edge_agent.protocol.position_setting import INITIALIZE_POSITION, PositionSetting
+from nena_edge_agent.protocol.parts import RobotParts
+from nena_edge_agent.protocol.pause import Pause
+from nena_edge_agent.protocol.position_setting import PositionSetting
+from nena_edge_agent.protocol.predefined import (
+    CANCEL_ORDER,
+    FACTSHEET_REQUEST,
+    INITIALIZE_POSITION,
+    START_PAUSE,
+    STATE_REQUEST,
+    STOP_PAUSE,
+)
 from nena_shared.vda5050.action import Action, ActionStatus, InstantActions
 from nena_shared.vda5050.error import ErrorType, error
-from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
+from nena_shared.vda5050.factsheet import ActionScope
 
 STATES_KEPT = 200
 """States of instant actions shown at most; beyond it the oldest ended ones go."""
 IDS_KNOWN = 1000
 """Ids of instant actions that are recognised when they come again."""
-
-_POSITION = (
-    Parameter("x", ValueDataType.NUMBER, description="m"),
-    Parameter("y", ValueDataType.NUMBER, description="m"),
-    Parameter("theta", ValueDataType.NUMBER, description="rad"),
-    Parameter("mapId", ValueDataType.STRING),
-    Parameter("lastNodeId", ValueDataType.STRING),
-)
-
-
-def _instant(action_type: str, description: str, parameters: tuple[Parameter, ...] = ()) -> ActionDeclaration:
-    return ActionDeclaration(
-        action_type, scopes=(ActionScope.INSTANT,), parameters=parameters, description=description
-    )
-
-
-PREDEFINED: dict[str, ActionDeclaration] = {
-    each.action_type: each
-    for each in (
-        _instant(
-            CANCEL_ORDER,
-            "Stops the robot where it is and ends the order.",
-            (Parameter("orderId", ValueDataType.STRING, required=False),),
-        ),
-        _instant(START_PAUSE, "Stops driving and holds actions that can be held."),
-        _instant(STOP_PAUSE, "Lets driving and held actions go on."),
-        _instant("stateRequest", "Has the robot send its state."),
-        _instant("factsheetRequest", "Has the robot send its factsheet."),
-        _instant(INITIALIZE_POSITION, "Tells the localisation where the robot is.", _POSITION),
-    )
-}
-"""The actions that the core itself does."""
 
 
 class InstantActionFlow:
@@ -66,8 +41,8 @@ class InstantActionFlow:
             START_PAUSE: pause.start,
             STOP_PAUSE: pause.stop,
             INITIALIZE_POSITION: position.request,
-            "stateRequest": self._finish,
-            "factsheetRequest": self._send_factsheet,
+            STATE_REQUEST: self._finish,
+            FACTSHEET_REQUEST: self._send_factsheet,
         }
 
     def take(self, message: InstantActions) -> None:

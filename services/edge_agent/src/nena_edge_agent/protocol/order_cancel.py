@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from nena_edge_agent.protocol.action_flow import ActionFlow
 from nena_edge_agent.protocol.errors import Until
-from nena_edge_agent.protocol.parts import CANCEL_ORDER, RobotParts
+from nena_edge_agent.protocol.parts import RobotParts
+from nena_edge_agent.protocol.predefined import CANCEL_ORDER
 from nena_edge_agent.protocol.travel import Travel
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.error import ErrorType, error

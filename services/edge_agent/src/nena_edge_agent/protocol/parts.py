@@ -15,7 +15,6 @@ from nena_edge_agent.protocol.order_progress import OrderProgress
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.state import Load, OperatingMode
 
-CANCEL_ORDER = "cancelOrder"
 NOT_REPORTED = NavigationReport(available=False, reason="navigation has not reported yet")
 
 

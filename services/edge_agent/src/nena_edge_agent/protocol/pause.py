@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from nena_edge_agent.protocol.action_flow import ActionFlow
 from nena_edge_agent.protocol.parts import RobotParts
+from nena_edge_agent.protocol.predefined import START_PAUSE
 from nena_edge_agent.protocol.travel import Travel
 from nena_shared.vda5050.action import Action, ActionStatus
-
-START_PAUSE = "startPause"
-STOP_PAUSE = "stopPause"
 
 
 class Pause:

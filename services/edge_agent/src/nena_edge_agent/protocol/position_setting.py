@@ -7,9 +7,9 @@ from math import pi
 from nena_edge_agent.driver.port import Pose, PositionInitialized
 from nena_edge_agent.protocol.effects import SetPosition
 from nena_edge_agent.protocol.parts import RobotParts
+from nena_edge_agent.protocol.predefined import INITIALIZE_POSITION
 from nena_shared.vda5050.action import Action, ActionStatus
 
-INITIALIZE_POSITION = "initializePosition"
 PATIENCE = 30.0
 """Seconds that the localisation has to take over a position."""
 

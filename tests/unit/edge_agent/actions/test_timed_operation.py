@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import pytest
+
+from nena_edge_agent.actions.settings import OperationSettings
+from nena_edge_agent.actions.timed_operation import TimedOperation
+from nena_edge_agent.protocol.events import ActionReport
+from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.state import Load
+from support.robot_core import action
+from support.waiting import until
+
+BOX = (Load(load_id="box"),)
+
+
+class Trial:
+    """One operation, and what it reports."""
+
+    def __init__(self, loads: tuple[Load, ...] = (), **settings: object) -> None:
+        operation = TimedOperation(
+            OperationSettings.model_validate({"action_type": "op", "seconds": 0.02, **settings})
+        )
+        self.reports: list[ActionReport] = []
+        made = action("a", "HARD", "op", loadId="box", loadType="EPAL")
+        self.running = operation.start(made, loads, self.reports.append)
+
+    @property
+    def statuses(self) -> list[ActionStatus]:
+        return [report.status for report in self.reports]
+
+    async def ends(self) -> ActionReport:
+        return await until(lambda: next((each for each in self.reports if each.status.ended), None))
+
+
+async def test_it_runs_and_is_finished_after_its_time() -> None:
+    trial = Trial()
+    assert trial.statuses == [ActionStatus.RUNNING]
+
+    end = await trial.ends()
+
+    assert (end.status, end.loads, end.charging) == (ActionStatus.FINISHED, None, None)
+
+
+async def test_taking_loads_the_robot_and_giving_unloads_it() -> None:
+    assert (await Trial(load="take").ends()).loads == (Load(load_id="box", load_type="EPAL"),)
+    assert (await Trial(BOX, load="give").ends()).loads == ()
+
+
+@pytest.mark.parametrize(("load", "loads"), [("take", BOX), ("give", ())])
+async def test_a_load_that_does_not_fit_fails_at_once(load: str, loads: tuple[Load, ...]) -> None:
+    trial = Trial(loads, load=load)
+
+    (report,) = trial.reports
+    assert report.status is ActionStatus.FAILED
+    assert report.result
+
+
+@pytest.mark.parametrize("charging", [True, False])
+async def test_it_may_say_whether_the_robot_charges(charging: bool) -> None:  # noqa: FBT001
+    assert (await Trial(charging=charging).ends()).charging is charging
+
+
+async def test_its_time_does_not_run_while_it_is_held() -> None:
+    trial = Trial(seconds=3600)
+    trial.running.pause()
+    assert trial.statuses == [ActionStatus.RUNNING, ActionStatus.PAUSED]
+    assert 3599 < trial.running._left <= 3600  # type: ignore[attr-defined]  # there is no other sight of it
+
+    trial.running.resume()
+    trial.running.resume()
+    assert trial.statuses[2:] == [ActionStatus.RUNNING]
+    trial.running.cancel()
+    assert trial.statuses[3:] == [ActionStatus.FAILED]
+
+
+async def test_a_cancelled_operation_changes_no_load() -> None:
+    trial = Trial(load="take")
+    trial.running.cancel()
+
+    other = Trial(seconds=0.05)
+    await other.ends()
+
+    assert trial.statuses == [ActionStatus.RUNNING, ActionStatus.FAILED]
+    assert trial.reports[-1].loads is None
+
+
+def test_its_declaration_follows_the_settings() -> None:
+    declaration = TimedOperation(OperationSettings(action_type="op", interruptible=False)).declaration
+
+    assert (declaration.pause_allowed, declaration.cancel_allowed) == (False, False)
+    assert declaration.restartable

@@ -1,0 +1,133 @@
+"""What an agent does with its memory (recollection of a robot that was interrupted)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nena_edge_agent.driver.port import Halted, NavigationReport
+from nena_edge_agent.protocol.effects import Halt, SetPosition, StartAction
+from nena_edge_agent.protocol.events import JournalReport, Started
+from nena_edge_agent.protocol.memory import Memory
+from support.robot_core import MAP, Bench, action, at, order
+
+
+def restarted(bench: Bench) -> Bench:
+    kept = bench.core.memory().model_dump_json(exclude_defaults=True)
+    return Bench(memory=Memory.model_validate_json(kept))
+
+
+def test_an_order_that_was_driven_goes_on() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", "n2", "n3", released=3))
+    bench.arrive()
+
+    again = restarted(bench)
+
+    assert again.nodes == ["n2", "n3"]
+    assert again.goal.pose.x == 20.0
+    again.arrive()
+    again.send(order("n2", "n3", update=1, first=4))
+    again.arrive()
+    assert again.idle
+
+
+def test_no_goal_is_given_before_the_robot_knows_where_it_is() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    kept = bench.core.memory()
+
+    again = Bench(memory=kept, ready=False)
+    again.do(Started(), NavigationReport(available=True, reason=""))
+    assert not again.goals
+    assert again.errors == ["LOCALIZATION_ERROR"]
+
+    again.do(at(3.0))
+    assert len(again.goals) == 1
+    assert not again.errors
+
+
+def test_what_may_be_begun_anew_is_and_what_may_not_fails() -> None:
+    bench = Bench()
+    actions = [action("work", "SOFT"), action("press", "SOFT", "press"), action("later", "HARD")]
+    bench.send(order("n0", node_actions={"n0": actions}))
+    bench.runs("work", "press")
+
+    again = restarted(bench)
+
+    assert again.statuses() == {"work": "INITIALIZING", "press": "FAILED", "later": "WAITING"}
+    assert [effect.action.action_id for effect in again.effects_of(StartAction)] == ["work"]
+    again.finishes("work")
+    assert again.status("later") == "INITIALIZING"
+
+
+def test_an_action_that_ended_stays_ended() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", node_actions={"n0": [action("a", "HARD")]}))
+    bench.finishes("a")
+
+    again = restarted(bench)
+
+    assert again.status("a") == "FINISHED"
+    assert not again.effects_of(StartAction)
+    assert len(again.goals) == 1
+
+
+def test_a_cancel_is_brought_to_its_end() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.instant(action("c", "NONE", "cancelOrder"))
+
+    again = restarted(bench)
+
+    assert len(again.effects_of(Halt)) == 1
+    assert again.status("c") == "RUNNING"
+    again.do(Halted())
+    assert (again.status("c"), again.nodes) == ("FINISHED", [])
+    again.send(order("n0", "n1", update=1))
+    assert again.errors == ["ORDER_UPDATE_FOLLOWING_CANCEL"]
+
+
+def test_a_pause_lasts() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.instant(action("p", "NONE", "startPause"))
+
+    again = restarted(bench)
+    assert (again.state.paused, again.goals) == (True, [])
+    again.halted()
+    assert again.status("p") == "FINISHED"
+    again.instant(action("s", "NONE", "stopPause"))
+    assert len(again.goals) == 1
+
+
+def test_an_instant_action_that_comes_again_is_still_known() -> None:
+    bench = Bench()
+    bench.instant(action("i"))
+    bench.finishes("i")
+
+    again = restarted(bench)
+    again.instant(action("i"))
+
+    assert not again.effects_of(StartAction)
+
+
+def test_a_position_that_was_being_set_fails() -> None:
+    bench = Bench()
+    place: dict[str, Any] = {"x": 1.0, "y": 0.0, "theta": 0.0, "mapId": MAP, "lastNodeId": "n1"}
+    bench.instant(action("i", "NONE", "initializePosition", **place))
+
+    again = restarted(bench)
+
+    assert again.status("i") == "FAILED"
+    assert not again.effects_of(SetPosition)
+
+
+def test_a_journal_that_cannot_be_written_is_shown_until_it_can() -> None:
+    bench = Bench()
+
+    bench.do(JournalReport("No space left on device"))
+    (error,) = bench.state.errors
+    assert "No space left" in str(error.error_description)
+
+    bench.do(JournalReport(""))
+    assert not bench.errors

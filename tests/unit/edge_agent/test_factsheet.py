@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+import json
+
+from nena_edge_agent.actions.registry import ActionRegistry
+from nena_edge_agent.actions.settings import OperationSettings
+from nena_edge_agent.actions.timed_operation import TimedOperation
+from nena_edge_agent.actions.wait import Wait
+from nena_edge_agent.factsheet import make_factsheet
+from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.vda5050.action import BlockingType
+from nena_shared.vda5050.factsheet import ActionScope, Factsheet
+from nena_shared.vda5050.v2_1 import CODEC
+from support.robot_core import HEADER
+from support.schemas import schema_problems
+
+
+def factsheet(*operations: OperationSettings, **changes: object) -> Factsheet:
+    settings = EdgeAgentSettings.model_validate({"operations": operations, **changes})
+    registry = ActionRegistry([*(TimedOperation(each) for each in settings.operations), Wait()])
+    return make_factsheet(HEADER, settings, registry.declarations.values(), maximum_nodes=100)
+
+
+def test_it_lists_exactly_the_actions_that_the_robot_does() -> None:
+    lift = OperationSettings(
+        action_type="lift",
+        load="take",
+        scopes=(ActionScope.NODE,),
+        blocking_types=(BlockingType.HARD,),
+        interruptible=False,
+    )
+
+    actions = {each.action_type: each for each in factsheet(lift).protocol_features.mobile_robot_actions}
+
+    assert set(actions) == {
+        "cancelOrder",
+        "startPause",
+        "stopPause",
+        "stateRequest",
+        "factsheetRequest",
+        "initializePosition",
+        "wait",
+        "lift",
+    }
+    assert actions["lift"].action_scopes == (ActionScope.NODE,)
+    assert actions["lift"].blocking_types == (BlockingType.HARD,)
+    assert not actions["lift"].cancel_allowed
+    (duration,) = actions["wait"].action_parameters or ()
+    assert (duration.key, duration.is_optional) == ("duration", False)
+
+
+def test_it_follows_the_settings() -> None:
+    sheet = factsheet(
+        interval={"state_minimum": 0.5, "state_maximum": 10.0, "visualization": 0},
+        description={"series_name": "Mule", "length": 1.0, "width": 0.5},
+    )
+
+    assert sheet.type_specification.series_name == "Mule"
+    assert sheet.protocol_limits.timing.minimum_state_interval == 0.5
+    assert sheet.protocol_limits.timing.visualization_interval is None
+    assert sheet.protocol_limits.maximum_array_lengths.order_edges == 99
+    (footprint,) = sheet.mobile_robot_geometry.envelopes2d or ()
+    assert max(point.x for point in footprint.vertices) == 0.5
+    assert sheet.load_specification.load_positions == ()
+
+
+def test_it_fits_the_official_schema() -> None:
+    payload = CODEC.encode(factsheet(OperationSettings(action_type="pick", load="take")))
+
+    assert not schema_problems("2.1.0", "factsheet", payload)
+    assert json.loads(payload)["protocolFeatures"]["agvActions"]

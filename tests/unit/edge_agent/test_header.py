@@ -1,0 +1,30 @@
+from __future__ import annotations
+
+from datetime import timedelta
+
+from nena_edge_agent.header import WRAP, HeaderMaker
+from nena_shared.clock import ManualClock
+from nena_shared.vda5050.topics import RobotKey, Topic
+
+
+def test_each_topic_is_counted_for_itself_from_0() -> None:
+    clock = ManualClock()
+    maker = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=clock)
+
+    first = maker.make(Topic.STATE)
+    clock.advance(2.0)
+    second = maker.make(Topic.STATE)
+    other = maker.make(Topic.CONNECTION)
+
+    assert (first["header_id"], second["header_id"], other["header_id"]) == (0, 1, 0)
+    assert second["timestamp"] - first["timestamp"] == timedelta(seconds=2)
+    assert (first["manufacturer"], first["serial_number"], first["version"]) == ("ACME", "1", "2.1.0")
+    assert (maker.last_id(Topic.STATE), maker.last_id(Topic.FACTSHEET)) == (1, 0)
+
+
+def test_the_count_stays_within_32_bits() -> None:
+    maker = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=ManualClock())
+    maker._counts[Topic.STATE] = WRAP - 1
+
+    assert maker.make(Topic.STATE)["header_id"] == WRAP - 1
+    assert maker.make(Topic.STATE)["header_id"] == 0

@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from nena_edge_agent.journal import Journal
+from nena_shared.program import StartError
+from nena_shared.vda5050.topics import RobotKey
+from support.robot_core import Bench, action, order
+
+ROBOT = RobotKey("ACME", "0001")
+
+
+def busy() -> Bench:
+    bench = Bench()
+    bench.send(order("n0", "n1", "n2", node_actions={"n1": [action("a", "HARD")]}))
+    return bench
+
+
+def test_there_is_nothing_before_the_first_record(tmp_path: Path) -> None:
+    assert Journal(tmp_path / "new" / "folder", ROBOT).read() is None
+
+
+def test_the_newest_record_is_read_back_as_it_was(tmp_path: Path) -> None:
+    bench, journal = busy(), Journal(tmp_path, ROBOT)
+    journal.read()
+    journal.write(bench.core.memory())
+    bench.arrive()
+    journal.write(bench.core.memory())
+
+    assert Journal(tmp_path, ROBOT).read() == bench.core.memory()
+    assert Journal(tmp_path, RobotKey("ACME", "0002")).read() is None
+
+
+def test_a_torn_write_leaves_the_old_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench, journal = busy(), Journal(tmp_path, ROBOT)
+    journal.write(bench.core.memory())
+    old = bench.core.memory()
+    bench.arrive()
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space"):
+        journal.write(bench.core.memory())
+
+    assert Journal(tmp_path, ROBOT).read() == old
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"format": 1}', '{"format": 2}'])
+def test_a_damaged_record_is_never_guessed_at(tmp_path: Path, content: str) -> None:
+    (tmp_path / "ACME.0001.json").write_text(content)
+
+    with pytest.raises(StartError, match="remove the file"):
+        Journal(tmp_path, ROBOT).read()
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+
+    with pytest.raises(StartError, match="cannot be used"):
+        Journal(tmp_path / "file", ROBOT).read()
