@@ -1,0 +1,218 @@
+"""The page in a real browser, over a real aggregator and a real broker."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import pytest
+from playwright.async_api import Browser, Page, expect
+
+from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
+from nena_shared.vda5050.v2_1 import CODEC
+from support.aggregator_process import AggregatorProcess
+from support.broker import Broker, MqttPeer, free_port
+from support.fleet_examples import (
+    ROBOT,
+    START,
+    connection,
+    order_status,
+    position,
+    sample_plant,
+    state,
+    vehicle_status,
+    way,
+)
+
+pytestmark = [pytest.mark.e2e, pytest.mark.broker]
+
+OTHER = RobotKey("ACME", "r2")
+
+
+def seconds_now() -> float:
+    """Seconds from the examples' start to now, so that robots' clocks are right."""
+    return (datetime.now(UTC) - START).total_seconds()
+
+
+@dataclass
+class Hall:
+    """Robots and order service of the test's own, beside the aggregator that watches them."""
+
+    peer: MqttPeer
+    port: int
+    options: tuple[str, ...]
+    robots: TopicScheme
+    fleet: FleetTopics
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}/"
+
+    def send(self, topic: Topic, message: Header, *, robot: RobotKey = ROBOT, retain: bool = False) -> None:
+        self.peer.publish(self.robots.of(robot, topic), CODEC.encode(message), retain=retain)
+
+    def publish_plant(self) -> None:
+        self.peer.publish(self.fleet.plant_model, sample_plant().to_json(), retain=True)
+
+    def publish_order(self, version: int, state: TransportOrderState) -> None:
+        status = order_status(version=version, state=state).model_dump_json(by_alias=True)
+        self.peer.publish(self.fleet.order_status("TO-1"), status, retain=True)
+
+    def aggregator(self) -> AggregatorProcess:
+        return AggregatorProcess(*self.options)
+
+
+@pytest.fixture
+def hall(broker: Broker, interface_name: str) -> Iterator[Hall]:
+    port = free_port()
+    fleet = FleetTopics(f"{interface_name}/nena")
+    options = ("--http.port", str(port), "--mqtt.port", str(broker.port), "--prefix", fleet.prefix)
+    with MqttPeer(broker) as peer:
+        named = (*options, "--interface_name", interface_name)
+        yield Hall(peer, port, named, TopicScheme(interface_name), fleet)
+
+
+@asynccontextmanager
+async def opened(browser: Browser, url: str, *, width: int = 1280, dark: bool = False) -> AsyncIterator[Page]:
+    """Open the page; whatever the browser complains about fails the test."""
+    page = await browser.new_page(
+        viewport={"width": width, "height": 800}, color_scheme="dark" if dark else "light"
+    )
+    complaints: list[str] = []
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("console", lambda line: complaints.append(line.text) if line.type == "error" else None)
+    await page.goto(url)
+    yield page
+    lost_line = "net::ERR_"  # said by the browser while the aggregator is away
+    assert [each for each in complaints if lost_line not in each] == []
+    await page.close()
+
+
+async def test_an_empty_page_says_what_to_do(hall: Hall, browser: Browser) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        async with opened(browser, hall.url) as page:
+            await expect(page.get_by_text("No plant model yet")).to_be_visible()
+            await expect(page.get_by_text("No robot has been heard of yet")).to_be_visible()
+            await expect(page.get_by_text("Start an edge agent on the same broker")).to_be_visible()
+            await expect(page.get_by_text("No transport order yet")).to_be_visible()
+            await expect(page.locator("nena-link-banner")).to_be_hidden()
+
+
+async def test_robots_and_orders_live(hall: Hall, browser: Browser) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        async with opened(browser, hall.url) as page:
+            hall.publish_plant()
+            hall.send(Topic.CONNECTION, connection(), retain=True)
+            busy = state(
+                at=seconds_now(),
+                order_id="o1",
+                driving=True,
+                last_node_id="South 1",
+                last_node_sequence_id=2,
+                mobile_robot_position=position(5, 2),
+                **way("South 2", "South 3", "Middle 3", first=4),
+            )
+            hall.send(Topic.STATE, busy)
+            robot = page.get_by_role("row").filter(has_text="ACME")
+            await expect(robot).to_contain_text("Busy")
+            await expect(robot).to_contain_text("Drives to South 2.")
+            await expect(robot).to_contain_text("80 %")
+            await expect(robot.get_by_role("progressbar")).to_have_attribute("value", "25")
+            hall.publish_order(1, TransportOrderState.BEING_PROCESSED)
+            order = page.locator("tr[data-order='TO-1']")
+            await expect(order).to_contain_text("Under way")
+            await expect(order).to_contain_text("Goods in: Load")
+            hall.publish_order(2, TransportOrderState.FINISHED)
+            await expect(order).to_contain_text("Finished")
+            vehicle = vehicle_status().model_dump_json(by_alias=True)
+            hall.peer.publish(hall.fleet.vehicle_status("r1"), vehicle, retain=True)
+            await expect(page.get_by_role("button", name="Show Vehicle-1 on the map")).to_be_visible()
+            hall.send(Topic.CONNECTION, connection("CONNECTION_BROKEN"), retain=True)
+            await expect(page.locator("tr[data-robot='ACME/r1']")).to_contain_text("Connection broken")
+            await expect(page.locator("nena-fleet-summary")).to_contain_text("1 Connection broken")
+
+
+async def test_a_robot_is_picked_on_the_map_and_from_the_keyboard(hall: Hall, browser: Browser) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        hall.publish_plant()
+        for robot, x in ((ROBOT, 5.0), (OTHER, 15.0)):
+            here = state(robot=robot, at=seconds_now(), mobile_robot_position=position(x, 2))
+            hall.send(Topic.STATE, here, robot=robot)
+        async with opened(browser, hall.url) as page:
+            rows = {name: page.locator(f"tr[data-robot='ACME/{name}']") for name in ("r1", "r2")}
+            await expect(rows["r2"]).to_be_visible()
+            canvas = page.locator("nena-fleet-map canvas")
+            await expect(canvas).to_have_attribute("aria-label", re.compile("^Map of Sample hall with"))
+            x, y = await page.evaluate("document.querySelector('nena-fleet-map').view.toScreen(15, 2)")
+            await canvas.click(position={"x": x, "y": y})
+            await expect(rows["r2"]).to_have_class("selected")
+            await page.get_by_role("button", name="Show r1 on the map").focus()
+            await page.keyboard.press("Enter")
+            await expect(rows["r1"]).to_have_class("selected")
+            await expect(rows["r2"]).not_to_have_class("selected")
+            before = await page.evaluate("document.querySelector('nena-fleet-map').view.scale")
+            await canvas.focus()
+            await page.keyboard.press("+")
+            after = await page.evaluate("document.querySelector('nena-fleet-map').view.scale")
+            assert after == pytest.approx(before * 1.25)
+
+
+async def test_the_page_outlives_the_aggregator(hall: Hall, browser: Browser) -> None:
+    first = hall.aggregator()
+    with first:
+        await first.logged("broker connected")
+        hall.send(Topic.STATE, state(at=seconds_now()))
+        async with opened(browser, hall.url) as page:
+            row = page.locator("tr[data-robot='ACME/r1']")
+            await expect(row).to_contain_text("Idle")
+            assert first.end() == 0
+            banner = page.locator("nena-link-banner")
+            await expect(banner).to_contain_text("Connection to the status aggregator lost")
+            await expect(row).to_contain_text("Idle")
+            with hall.aggregator() as second:
+                await second.logged("broker connected")
+                await expect(banner).to_be_hidden(timeout=15_000)
+                await expect(row).to_have_count(0)
+                hall.send(Topic.STATE, state(2, at=seconds_now(), operating_mode="MANUAL"))
+                await expect(row).to_contain_text("Manual")
+
+
+async def test_a_lost_broker_is_said(own_broker: Broker, browser: Browser) -> None:
+    port = free_port()
+    with AggregatorProcess("--http.port", str(port), "--mqtt.port", str(own_broker.port)) as aggregator:
+        await aggregator.logged("broker connected")
+        async with opened(browser, f"http://127.0.0.1:{port}/") as page:
+            banner = page.locator("nena-link-banner")
+            await expect(banner).to_be_hidden()
+            own_broker.kill()
+            await expect(banner).to_contain_text("no link to the MQTT broker")
+            own_broker.start()
+            await expect(banner).to_be_hidden(timeout=15_000)
+
+
+@pytest.mark.parametrize("dark", [False, True])
+async def test_nothing_sticks_out_of_a_telephone(hall: Hall, browser: Browser, *, dark: bool) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        hall.publish_plant()
+        hall.publish_order(1, TransportOrderState.BEING_PROCESSED)
+        long_text = "x" * 300
+        error = {"error_type": long_text, "error_level": "FATAL", "error_description": long_text}
+        hall.send(Topic.STATE, state(at=seconds_now(), errors=(error,)))
+        hall.peer.publish(hall.robots.of(OTHER, Topic.STATE), "{" * 300)
+        async with opened(browser, hall.url, width=390, dark=dark) as page:
+            await expect(page.locator("tr[data-robot='ACME/r2']")).to_be_visible()
+            await expect(page.locator("tr[data-order='TO-1']")).to_be_visible()
+            wide = await page.evaluate("document.documentElement.scrollWidth")
+            assert wide <= 390
+            page_colour = await page.evaluate("getComputedStyle(document.documentElement).backgroundColor")
+            assert page_colour == ("rgb(15, 20, 26)" if dark else "rgb(244, 246, 248)")

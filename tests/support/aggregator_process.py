@@ -1,0 +1,66 @@
+"""The status aggregator as a process of its own."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from support.waiting import until
+
+END_WITHIN = 10.0
+"""Seconds."""
+
+
+class AggregatorProcess:
+    """``nena-status-aggregator`` with options; its log is read as JSON lines."""
+
+    def __init__(self, *options: str) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="nena-test-aggregator-")
+        self._stderr = Path(self._folder.name) / "stderr"
+        command = [sys.executable, "-m", "nena_status_aggregator", "--log.form", "json", *options]
+        with self._stderr.open("wb") as stderr:
+            self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=stderr)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait(END_WITHIN)
+        self._folder.cleanup()
+
+    @property
+    def output(self) -> str:
+        """What it has written to standard error."""
+        return self._stderr.read_text(encoding="utf-8")
+
+    def events(self, event: str) -> list[dict[str, Any]]:
+        """Give the log lines of one event."""
+        lines = [line for line in self.output.splitlines() if line.startswith("{") and line.endswith("}")]
+        return [line for line in map(json.loads, lines) if line["event"] == event]
+
+    async def logged(self, event: str) -> dict[str, Any]:
+        """Wait for the first log line of one event."""
+        found = await until(
+            lambda: self.events(event), timeout=20, what=f"log event '{event}': {self.output}"
+        )
+        return found[0]
+
+    async def url(self) -> str:
+        """Wait until it serves, and say where."""
+        line = await self.logged("http listening")
+        return f"http://{line['host']}:{line['port']}"
+
+    def end(self) -> int:
+        """Ask it to end, and give its exit status."""
+        self.process.send_signal(signal.SIGTERM)
+        return self.process.wait(END_WITHIN)
