@@ -385,6 +385,18 @@ class TestArrival:
         talk.later(2.1)
         assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
 
+    def test_a_goal_that_ended_with_the_one_before_it_is_given_again_once(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.at(4.8)
+        talk.go_to(goal(2, 9.0))
+        talk.array("A:6 B:4")
+        assert talk.given == [1, 2, 2]
+        talk.array("A:6 B:4 C:4")
+        talk.later(2.1)
+        assert talk.given == [1, 2, 2]
+        assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
+
 
 class TestStatuses:
     @pytest.mark.parametrize("status", [0, 1, 2, 3, 7, -1])

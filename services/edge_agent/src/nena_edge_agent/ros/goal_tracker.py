@@ -44,6 +44,8 @@ class _Drive:
 
     goal: DriveGoal
     times_given: int = 0
+    preempts: bool = False
+    """Whether it was given while a goal of ours was driven."""
     give_up_at: float | None = None
     goal_id: str | None = None
     reached_at: float | None = None
@@ -200,12 +202,23 @@ class GoalTracker:
             return
         if self._pose is not None and agrees(self._pose, drive.goal):
             self._arrive(drive)
+        elif drive.preempts and not self._may_agree(drive.goal):
+            self._give_anew(drive)
         elif now - drive.reached_at < self._settings.pose_wait:
             self._ask_for_pose(drive, now)
         elif self._pose_at < drive.reached_at and self._may_agree(drive.goal):
             self._arrive(drive)
         else:
             self._fail(drive, DriveFailure.OUTSIDE_TOLERANCE, self._disagreement(drive.goal))
+
+    def _give_anew(self, drive: _Drive) -> None:
+        """Give a goal again that got the result of the one before it.
+
+        A goal that comes in the very round in which Nav2 ends the one before is ended with it, undriven. The
+        new goal has nothing to pre-empt, so this happens once.
+        """
+        log.info("a goal ended with the one before it and is given again", generation=drive.goal.generation)
+        self._drive = _Drive(drive.goal)
 
     def _ask_for_pose(self, drive: _Drive, now: float) -> None:
         if drive.pose_asked_at is None or self._pose_at > drive.pose_asked_at:
@@ -239,6 +252,7 @@ class GoalTracker:
             self._fail(drive, DriveFailure.NOT_TAKEN_UP, self._refusal(drive))
         elif self._may_give(now):
             drive.times_given += 1
+            drive.preempts = drive.preempts or bool(self._ledger.live)
             self._ledger.given(now)
             self._out.append(PublishGoal(drive.goal))
 
