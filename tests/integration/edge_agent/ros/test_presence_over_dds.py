@@ -81,6 +81,20 @@ async def test_nav2_ends_in_order_in_mid_drive_and_comes_back(domain_id: int, tm
             assert await robot.hears(Arrived) == Arrived(2)
 
 
+async def test_crashed_nav2_is_told_in_seconds_and_its_drive_ends_with_the_lease(
+    domain_id: int, tmp_path: Path
+) -> None:
+    file = one_robot(tmp_path, domain_id)
+    async with DrivenRobot(domain_id, call_timeout=0.3) as robot:
+        with SimulatorProcess("--config", file, directory=tmp_path) as nav2:
+            await (await robot.ready()).driving(goal_at(1, 30.0))
+            nav2.stop(signal.SIGKILL)
+            await robot.hears(NavigationReport, lambda report: "not answer" in report.reason, seconds=5.0)
+            assert robot.ends == []
+            # Nobody says goodbye: DDS gives a silent participant 20 s.
+            assert (await robot.hears(DriveFailed, seconds=25.0)).failure is DriveFailure.NAVIGATION_GONE
+
+
 async def test_nav2_that_hangs_is_told(domain_id: int, tmp_path: Path) -> None:
     async with DrivenRobot(domain_id, call_timeout=0.3) as robot:
         with SimulatorProcess("--config", one_robot(tmp_path, domain_id), directory=tmp_path) as nav2:

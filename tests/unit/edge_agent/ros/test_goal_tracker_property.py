@@ -2,7 +2,7 @@
 
 The server below follows Nav2's SimpleActionServer: a current goal, a pending one, a loop that looks at cancel
 requests of the pending goal first. Goals get lost, arrays are late and merged, cancel calls go unanswered,
-other clients give and cancel goals, the server is started anew.
+other clients give and cancel goals, the server is started anew, the network breaks.
 """
 
 from __future__ import annotations
@@ -98,6 +98,9 @@ class HonestServer:
 
     def _set(self, goal_id: str, status: GoalStatus) -> None:
         self.statuses[goal_id] = status
+        self.show()
+
+    def show(self) -> None:
         self.arrays.append([GoalEntry(known, state) for known, state in self.statuses.items()])
 
 
@@ -114,10 +117,11 @@ class TrackedRobot(RuleBasedStateMachine):
         self.goals_to_lose = 0
         self.cancels_to_lose = 0
         self.gids = count(1)
+        self.gid = "gid 0"
 
     @initialize()
     def appear(self) -> None:
-        self._do(self.tracker.on_servers(frozenset({"gid 0"}), self.now))
+        self._do(self.tracker.on_servers(frozenset({self.gid}), self.now))
         self._do(self.tracker.on_navigation(NavigationReport(available=True, reason=""), self.now))
 
     @rule()
@@ -179,7 +183,17 @@ class TrackedRobot(RuleBasedStateMachine):
     @rule()
     def restart_server(self) -> None:
         self.server.restart()
-        self._do(self.tracker.on_servers(frozenset({f"gid {next(self.gids)}"}), self.now))
+        self.gid = f"gid {next(self.gids)}"
+        self._do(self.tracker.on_servers(frozenset({self.gid}), self.now))
+
+    @precondition(lambda self: self._all_goals_accounted_for())
+    @rule()
+    def break_the_network(self) -> None:
+        """Lose sight of the server, and find it again as it was."""
+        self._do(self.tracker.on_servers(frozenset(), self.now))
+        self._do(self.tracker.on_servers(frozenset({self.gid}), self.now))
+        if self.server.statuses:
+            self.server.show()
 
     @invariant()
     def quiet_tracker_wants_nothing(self) -> None:

@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import pytest
+
+from nena_edge_agent.driver.port import GoalReport
+from nena_edge_agent.ros.goal_ledger import GoalLedger
+from nena_edge_agent.ros.goal_status import GoalEntry, GoalStatus
+
+EXECUTING, SUCCEEDED, ABORTED = GoalStatus.EXECUTING, GoalStatus.SUCCEEDED, GoalStatus.ABORTED
+
+
+@pytest.fixture
+def ledger() -> GoalLedger:
+    """A ledger that knows the one old goal of its server."""
+    ledger = GoalLedger(confirmation_time=3.0, settle_time=2.0)
+    ledger.set_servers(frozenset({"gid"}), 0.0)
+    ledger.update([GoalEntry("old", ABORTED)], 0.0)
+    return ledger
+
+
+def test_as_many_new_ids_are_ours_as_goals_were_given(ledger: GoalLedger) -> None:
+    ledger.given(1.0)
+    ledger.given(4.0)
+    entries = [GoalEntry(name, EXECUTING) for name in ("old", "A", "B", "C")]
+    assert ledger.update(entries, 4.1).claimed == ("A", "B")
+    assert ledger.live == ("A", "B")
+
+
+def test_given_goal_is_awaited_and_claims_an_id_for_twice_as_long(ledger: GoalLedger) -> None:
+    ledger.given(1.0)
+    assert ledger.awaiting(3.9)
+    assert not ledger.awaiting(4.0)
+    assert ledger.update([GoalEntry("A", EXECUTING)], 6.9).claimed == ("A",)
+
+
+def test_claim_ends_at_last(ledger: GoalLedger) -> None:
+    ledger.given(1.0)
+    news = ledger.update([GoalEntry("A", EXECUTING)], 7.0)
+    assert news.claimed == ()
+    assert news.reports == (GoalReport("A", external=True, status="EXECUTING"),)
+
+
+def test_goal_of_ours_that_is_listed_no_more_is_lost_unless_it_had_ended(ledger: GoalLedger) -> None:
+    for name in ("A", "B"):
+        ledger.given(1.0)
+        ledger.update([GoalEntry("A", SUCCEEDED), GoalEntry(name, EXECUTING)], 1.0)
+    assert ledger.update([GoalEntry("X", EXECUTING)], 2.0).lost == {"B"}
+
+
+def test_goals_of_before_are_known_by_an_array_or_by_time() -> None:
+    ledger = GoalLedger(confirmation_time=3.0, settle_time=2.0)
+    assert not ledger.settled(100.0)
+    ledger.set_servers(frozenset({"gid"}), 100.0)
+    assert not ledger.settled(101.9)
+    assert ledger.settled(102.0)
+
+
+def test_new_server_has_to_settle_too(ledger: GoalLedger) -> None:
+    assert ledger.settled(0.0)
+    assert ledger.set_servers(frozenset({"other"}), 10.0)
+    assert not ledger.settled(10.0)
+    assert ledger.settled(12.0)
+
+
+def test_status_is_told_when_it_changes_and_history_is_not(ledger: GoalLedger) -> None:
+    ledger.given(1.0)
+    arrays = [EXECUTING, EXECUTING, SUCCEEDED, EXECUTING]
+    told = [ledger.update([GoalEntry("A", status)], 1.0).reports for status in arrays]
+    assert [[report.status for report in reports] for reports in told] == [
+        ["EXECUTING"],
+        [],
+        ["SUCCEEDED"],
+        [],
+    ]
+
+
+def test_goal_that_the_server_does_not_know_is_over(ledger: GoalLedger) -> None:
+    ledger.given(1.0)
+    ledger.update([GoalEntry("A", EXECUTING)], 1.0)
+    ledger.forget("A")
+    ledger.forget("never heard of")
+    assert ledger.live == ()
+
+
+def test_who_has_taken_over(ledger: GoalLedger) -> None:
+    ledger.given(1.0)
+    ledger.update([GoalEntry("old", ABORTED), GoalEntry("A", EXECUTING)], 1.0)
+    assert ledger.taken_over("A") is None
+    ledger.update([GoalEntry("A", ABORTED), GoalEntry("X", EXECUTING)], 1.1)
+    assert ledger.taken_over("A") == "X"
+    assert ledger.taken_over("unknown") is None
