@@ -32,7 +32,6 @@ STOPPING = {
     "localizationError",
     "outsideOfCorridor",
     "actionFailed",
-    "navigationNotAvailable",
 }
 ORDER_FIELDS = {"orderId", "orderUpdateId", "nodes", "edges"}
 
@@ -225,7 +224,7 @@ def test_every_error_type_has_a_name_of_2_x() -> None:
 
 
 @pytest.mark.parametrize("kind", ErrorType)
-def test_rejections_are_warnings(state: JsonObject, kind: ErrorType) -> None:
+def test_only_what_stops_the_robot_is_fatal(state: JsonObject, kind: ErrorType) -> None:
     entry = error(kind, "why", hint="do this", order_id="o1")
     stops_the_robot = WRITTEN[kind] in STOPPING
 
