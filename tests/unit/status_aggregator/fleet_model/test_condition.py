@@ -56,6 +56,12 @@ def test_no_state_ever() -> None:
     assert text.startswith("No state has come yet")
 
 
+def test_a_vehicle_that_only_the_order_service_knows_is_not_silent() -> None:
+    condition, text = conclude(state=None, connection=None, fleet_remark="Never connected.")
+    assert condition is Condition.OFFLINE
+    assert text.startswith("Nothing has been heard of it yet")
+
+
 def test_no_state_that_could_be_read() -> None:
     condition, text = conclude(state=None, problem="headerId: missing")
     assert (condition, text) == (Condition.SILENT, "No state that could be read: headerId: missing")

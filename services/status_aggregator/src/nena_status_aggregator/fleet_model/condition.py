@@ -15,7 +15,7 @@ class Condition(StrEnum):
     """The conditions, in the order in which they are judged: the first that holds is the robot's."""
 
     OFFLINE = "OFFLINE"
-    """It has logged off, or sleeps, on purpose."""
+    """It has logged off, or sleeps, on purpose, or was never switched on."""
     BROKEN = "BROKEN"
     """The broker has lost it, and no state has come since."""
     SILENT = "SILENT"
@@ -38,6 +38,7 @@ TEXTS = {
     "offline": "Logged off at {since}.",
     "hibernating": "Sleeps since {since}; it answers nothing but a call to wake up.",
     "broken": "The broker lost its connection at {since}: no power, no radio, or its program has ended.",
+    "unheard": "Nothing has been heard of it yet; the order service knows it from the plant model.",
     "stateless": "No state has come yet. Is its program running, and does it speak this version of VDA 5050?",
     "unreadable": "No state that could be read: {problem}",
     "silent": "No state since {since}; one was due within {limit} s.",
@@ -90,8 +91,8 @@ class Evidence:
     link_up: bool
     problem: str = ""
     """What was wrong with its last state, if that could not be read."""
-    fleet_remark: str = ""
-    """What the order service says about the vehicle."""
+    fleet_remark: str | None = None
+    """What the order service says about the vehicle; None: it does not know it."""
 
 
 Judgement = tuple[Condition, Reason]
@@ -99,14 +100,17 @@ Judgement = tuple[Condition, Reason]
 
 def judge(evidence: Evidence) -> Judgement:
     """Tell the condition of a robot, and why."""
+    if away := _away(evidence):
+        return away
     state = evidence.state
-    absent = _absent(evidence)
-    if absent or state is None:
-        return absent or (Condition.SILENT, Reason("stateless"))
+    if state is None:
+        return _without_state(evidence)
+    if evidence.overdue:
+        return Condition.SILENT, _silence_reason(evidence)
     return _held(state) or _working(state) or _free(state, evidence.fleet_remark)
 
 
-def _absent(evidence: Evidence) -> Judgement | None:
+def _away(evidence: Evidence) -> Judgement | None:
     since: dict[str, str | float] = {"since": evidence.connection_since}
     match evidence.connection:
         case ConnectionState.OFFLINE:
@@ -115,18 +119,21 @@ def _absent(evidence: Evidence) -> Judgement | None:
             return Condition.OFFLINE, Reason("hibernating", since)
         case ConnectionState.CONNECTION_BROKEN if not evidence.state_after_connection:
             return Condition.BROKEN, Reason("broken", since)
-    return _silent(evidence)
+    return None
 
 
-def _silent(evidence: Evidence) -> Judgement | None:
-    if evidence.state is None and evidence.problem:
+def _without_state(evidence: Evidence) -> Judgement:
+    if evidence.problem:
         return Condition.SILENT, Reason("unreadable", {"problem": evidence.problem})
-    if evidence.state is None or not evidence.overdue:
-        return None
+    if evidence.connection is None and evidence.fleet_remark is not None:
+        return Condition.OFFLINE, Reason("unheard")
+    return Condition.SILENT, Reason("stateless")
+
+
+def _silence_reason(evidence: Evidence) -> Reason:
     if not evidence.link_up:
-        return Condition.SILENT, Reason("blind", {"since": evidence.state_time})
-    limit = round(evidence.silence_limit)
-    return Condition.SILENT, Reason("silent", {"since": evidence.state_time, "limit": limit})
+        return Reason("blind", {"since": evidence.state_time})
+    return Reason("silent", {"since": evidence.state_time, "limit": round(evidence.silence_limit)})
 
 
 def _held(state: State) -> Judgement | None:
@@ -162,7 +169,7 @@ def _working(state: State) -> Judgement | None:
     return None
 
 
-def _free(state: State, remark: str) -> Judgement:
+def _free(state: State, remark: str | None) -> Judgement:
     if state.power_supply.charging:
         return Condition.CHARGING, Reason("charging", {"charge": round(state.power_supply.state_of_charge)})
     return Condition.IDLE, Reason("idle_why", {"why": remark}) if remark else Reason("idle")

@@ -14,6 +14,7 @@ def view_order(order: TrackedOrder, last_node: str | None) -> OrderView:
     status = order.status
     return {
         "id": status.name,
+        "name": status.name,
         "version": status.version,
         "state": status.state.value,
         "final": status.state.final,

@@ -119,7 +119,7 @@ class Robot:
                 silence_limit=limit,
                 link_up=link_up,
                 problem=self.problem,
-                fleet_remark=self.vehicle.reason if self.vehicle else "",
+                fleet_remark=self.vehicle.reason if self.vehicle else None,
             )
         )
         if condition is not self.condition:

@@ -147,9 +147,10 @@ class DestinationView(TypedDict):
 
 
 class OrderView(TypedDict):
-    """One transport order."""
+    """One transport order; ``id`` is its name."""
 
     id: str
+    name: str
     version: int
     state: str
     final: bool
