@@ -1,0 +1,206 @@
+"""Fleet control and a robot over a real broker."""
+
+from __future__ import annotations
+
+import json
+import socket
+from collections.abc import AsyncIterator
+
+import pytest
+
+from nena_order_service.fleet import FleetSettings, LinkStatus, MissionFailed
+from nena_shared.vda5050.topics import RobotKey, Topic
+from support.broker import Broker, MqttPeer
+from support.fleet import make_mission
+from support.honest_robot import ROBOT, HonestRobot
+from support.waiting import until
+from support.wired_robot import QUICK, WiredFleet, WiredRobot
+
+pytestmark = pytest.mark.broker
+
+
+@pytest.fixture
+async def fleet(broker: Broker, interface_name: str) -> AsyncIterator[WiredFleet]:
+    async with WiredFleet(broker, interface_name).connected() as wired:
+        yield wired
+
+
+@pytest.fixture
+async def robot(broker: Broker, interface_name: str) -> AsyncIterator[WiredRobot]:
+    async with WiredRobot(broker, interface_name).connected() as wired:
+        yield wired
+
+
+async def free(fleet: WiredFleet, robot: RobotKey = ROBOT) -> None:
+    await until(lambda: fleet.fleet.view(robot).availability.can_take_order, what="a free robot")
+
+
+async def test_a_mission_goes_its_whole_way(fleet: WiredFleet, robot: WiredRobot) -> None:
+    await free(fleet)
+    fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B", operation="pick"))
+    await fleet.wait_for("MissionAccepted")
+    for _ in range(3):
+        robot.step()
+    await fleet.wait_for("MissionFinished")
+    assert robot.received == {"m": 1}
+    assert fleet.story() == [
+        "MissionAccepted",
+        "NodePassed",
+        "NodePassed",
+        "OperationStarted",
+        "MissionFinished",
+    ]
+
+
+async def test_what_is_sent_is_what_the_standard_wants(
+    fleet: WiredFleet, robot: WiredRobot, broker: Broker, interface_name: str
+) -> None:
+    await free(fleet)
+    assert robot.robot.key == ROBOT
+    with MqttPeer(
+        broker, f"{interface_name}/v2/+/+/order", f"{interface_name}/v2/+/+/instantActions"
+    ) as peer:
+        fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B", operation="pick"))
+        first = await peer.wait_for(f"{interface_name}/v2/Honest/robot-1/order")
+        fleet.fleet.cancel_mission(ROBOT)
+        second = await peer.wait_for(f"{interface_name}/v2/Honest/robot-1/instantActions")
+    order, cancel = json.loads(first.payload), json.loads(second.payload)
+    assert not first.retained
+    assert (order["version"], order["manufacturer"], order["serialNumber"]) == ("2.1.0", "Honest", "robot-1")
+    assert (order["orderId"], order["orderUpdateId"], order["headerId"]) == ("m", 0, 0)
+    assert order["edges"][0]["startNodeId"] == "A"
+    assert [each["actionType"] for each in cancel["actions"]] == ["cancelOrder"]
+    assert cancel["headerId"] == 0
+
+
+async def test_an_order_is_sent_again_with_new_headers_until_it_is_heard(
+    fleet: WiredFleet, robot: WiredRobot
+) -> None:
+    await free(fleet)
+    robot.deaf = True
+    fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B"))
+    await until(lambda: robot.received["m"] >= 3, what="the third sending")
+    robot.deaf = False
+    await fleet.wait_for("MissionAccepted")
+    robot.step()
+    await fleet.wait_for("MissionFinished")
+    assert robot.headers == list(range(len(robot.headers)))
+    assert robot.robot.accepted == ["m"]
+
+
+async def test_an_order_that_is_never_heard_fails(fleet: WiredFleet, robot: WiredRobot) -> None:
+    await free(fleet)
+    robot.deaf = True
+    fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B"))
+    failed = await fleet.wait_for("MissionFailed")
+    assert isinstance(failed, MissionFailed)
+    assert failed.reason == "the order was sent 5 times, but the robot never took it up"
+    assert robot.received["m"] == 5
+
+
+async def test_a_refused_order_fails_with_the_robots_words(broker: Broker, interface_name: str) -> None:
+    far = HonestRobot(position=(50.0, 0.0, 0.0))
+    async with (
+        WiredFleet(broker, interface_name).connected() as fleet,
+        WiredRobot(broker, interface_name, far).connected(),
+    ):
+        await free(fleet)
+        fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B"))
+        failed = await fleet.wait_for("MissionFailed")
+    assert isinstance(failed, MissionFailed)
+    assert failed.details == ("noRouteError: no",)
+
+
+async def test_a_cancelled_mission_is_cancelled_at_the_robot(fleet: WiredFleet, robot: WiredRobot) -> None:
+    await free(fleet)
+    fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B"))
+    await fleet.wait_for("MissionAccepted")
+    fleet.fleet.cancel_mission(ROBOT)
+    await fleet.wait_for("MissionCancelled")
+    assert robot.robot.idle
+    assert robot.received == {"m": 1, "cancelOrder": 1}
+
+
+async def test_the_last_will_and_silence_are_told_apart(
+    fleet: WiredFleet, broker: Broker, interface_name: str
+) -> None:
+    wired = WiredRobot(broker, interface_name)
+    async with wired.connected():
+        await free(fleet)
+        await until(lambda: fleet.fleet.view(ROBOT).link is LinkStatus.SILENT, what="silence")
+        wired.report()
+        await free(fleet)
+        wired.link._settings = wired.link._settings.model_copy(update={"reconnect_min": 60.0})
+        session = wired.link._session
+        assert session is not None
+        session.client._client.socket().shutdown(socket.SHUT_RDWR)  # type: ignore[union-attr] # a cut cable
+        await until(
+            lambda: fleet.fleet.view(ROBOT).link is LinkStatus.CONNECTION_BROKEN, what="the last will"
+        )
+
+
+async def test_malformed_messages_are_counted_and_change_nothing(
+    fleet: WiredFleet, robot: WiredRobot
+) -> None:
+    await free(fleet)
+    before = fleet.fleet.view(ROBOT)
+    for topic in (Topic.STATE, Topic.CONNECTION, Topic.FACTSHEET):
+        robot.say(topic, b'{"headerId": "one"')
+    robot.say(Topic.STATE, b"{}")
+    await until(lambda: fleet.fleet.malformed == 4, what="four malformed messages")
+    after = fleet.fleet.view(ROBOT)
+    assert (after.state, after.link, after.malformed) == (before.state, before.link, 4)
+    fleet.fleet.start_mission(ROBOT, make_mission("m", "A"))
+    await fleet.wait_for("MissionFinished")
+
+
+async def test_there_is_a_limit_to_the_robots_that_are_listened_to(
+    broker: Broker, interface_name: str
+) -> None:
+    settings = QUICK.model_copy(update={"robots_limit": 1})
+    one_too_many = HonestRobot(key=RobotKey("Honest", "robot-2"))
+    async with (
+        WiredFleet(broker, interface_name, settings).connected() as fleet,
+        WiredRobot(broker, interface_name).connected(),
+    ):
+        await free(fleet)
+        async with WiredRobot(broker, interface_name, one_too_many).connected():
+            await until(lambda: fleet.fleet.ignored >= 2, what="its two messages")
+        assert fleet.fleet.robots() == (ROBOT,)
+
+
+async def test_a_mission_outlives_a_restart_of_the_broker(own_broker: Broker, interface_name: str) -> None:
+    patient = FleetSettings(tick_interval=0.02, resend_after=0.1)
+    async with (
+        WiredFleet(own_broker, interface_name, patient).connected() as fleet,
+        WiredRobot(own_broker, interface_name).connected() as robot,
+    ):
+        await free(fleet)
+        fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B", "C"))
+        await fleet.wait_for("MissionAccepted")
+        own_broker.kill()
+        await until(lambda: "no connection" in fleet.fleet.view(ROBOT).mission_note, what="the note")
+        fleet.fleet.cancel_mission(ROBOT)
+        own_broker.restart()
+        await until(lambda: robot.link.state.connects == 2, what="the robot's return")
+        robot.report()
+        await fleet.wait_for("MissionCancelled")
+        assert robot.robot.idle
+
+
+async def test_a_mission_is_adopted_by_a_new_process(
+    broker: Broker, interface_name: str, robot: WiredRobot
+) -> None:
+    mission = make_mission("m", "A", "B", "C")
+    async with WiredFleet(broker, interface_name).connected() as first:
+        robot.report()
+        await free(first)
+        first.fleet.start_mission(ROBOT, mission)
+        await first.wait_for("MissionAccepted")
+    robot.step()
+    second = WiredFleet(broker, interface_name)
+    second.fleet.adopt_mission(ROBOT, mission, accepted=True)
+    async with second.connected():
+        robot.step()
+        await second.wait_for("MissionFinished")
+    assert robot.received == {"m": 1}

@@ -1,0 +1,137 @@
+"""Fleet control and the edge agent, each as it is, over a real broker."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from nena_order_service.fleet import (
+    InstantActionEnded,
+    MissionFailed,
+    NodePassed,
+    OperationMap,
+    RobotProfile,
+    build_mission,
+    locate,
+)
+from nena_order_service.routing import Router
+from nena_shared.fleet_api.transport_order import Coordinate
+from nena_shared.plant import PlantModel
+from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
+from nena_shared.vda5050.topics import RobotKey
+from support.broker import Broker
+from support.edge_agent import MANUFACTURER, QUICK, SERIAL, agent_settings, running_agent
+from support.plants import path, point
+from support.robot_core import MAP
+from support.waiting import until
+from support.wired_robot import WiredFleet
+
+pytestmark = pytest.mark.broker
+
+AGENT = RobotKey(MANUFACTURER, SERIAL)
+PROFILE = RobotProfile(map_id=MAP)
+PLANT = PlantModel(
+    name="row",
+    points=(point("A"), point("B", 2000), point("C", 4000, orientation_deg=90.0)),
+    paths=(path("A B"), path("B C"), path("C A")),
+)
+
+
+@pytest.fixture
+async def fleet(broker: Broker, interface_name: str) -> AsyncIterator[WiredFleet]:
+    async with WiredFleet(broker, interface_name).connected() as wired:
+        yield wired
+
+
+async def start(fleet: WiredFleet, name: str, goal: str | Coordinate, operation: str = "MOVE") -> None:
+    view = await until(
+        lambda: fleet.fleet.view(AGENT) if fleet.fleet.view(AGENT).availability.can_take_order else None,
+        what="a free agent",
+    )
+    assert view.state is not None
+    standing = locate(PLANT, view.state, PROFILE)
+    to_point = isinstance(goal, str)
+    mission = build_mission(
+        name,
+        plant=PLANT,
+        standing=standing,
+        profile=PROFILE,
+        route=Router(PLANT).route(standing.point, goal) if isinstance(goal, str) else None,
+        coordinate=None if to_point else goal,  # type: ignore[arg-type] # a coordinate then
+        actions=OperationMap().actions(operation, {}),
+    )
+    fleet.fleet.start_mission(AGENT, mission)
+
+
+async def test_drive_and_pick(fleet: WiredFleet, broker: Broker, interface_name: str, tmp_path: Path) -> None:
+    async with running_agent(agent_settings(broker, interface_name, tmp_path)):
+        await start(fleet, "m-0", "C", "Load cargo")
+        await fleet.wait_for("MissionFinished")
+        passed = [each.node_id for each in fleet.news if isinstance(each, NodePassed)]
+        assert passed == ["A", "B", "C"]
+        assert "OperationStarted" in fleet.story()
+        await start(fleet, "m-1", Coordinate(x=3.0, y=2.0, theta=1.0))
+        await until(lambda: fleet.story().count("MissionFinished") == 2, what="the coordinate reached")
+        await start(fleet, "m-2", "A", "Unload cargo")
+        await until(lambda: fleet.story().count("MissionFinished") == 3, what="the load dropped")
+        state = fleet.fleet.view(AGENT).state
+        assert state is not None
+        assert (state.last_node_id, state.loads) == ("A", ())
+
+
+async def test_an_operation_that_the_robot_cannot_do_is_refused(
+    fleet: WiredFleet, broker: Broker, interface_name: str, tmp_path: Path
+) -> None:
+    async with running_agent(agent_settings(broker, interface_name, tmp_path)):
+        await start(fleet, "m-0", "C", "dance")
+        failed = await fleet.wait_for("MissionFailed")
+    assert isinstance(failed, MissionFailed)
+    assert failed.reason == "the robot refuses the order"
+    assert "dance" in failed.details[0]
+
+
+@pytest.fixture
+def slow() -> dict[str, Any]:
+    return {"loopback": QUICK | {"speed": 0.6}}
+
+
+async def test_cancel_on_the_way_and_go_on_from_there(
+    fleet: WiredFleet, broker: Broker, interface_name: str, tmp_path: Path, slow: dict[str, Any]
+) -> None:
+    async with running_agent(agent_settings(broker, interface_name, tmp_path, **slow)):
+        await start(fleet, "m-0", "C")
+        await fleet.wait_for("MissionAccepted")
+        fleet.fleet.cancel_mission(AGENT)
+        await fleet.wait_for("MissionCancelled")
+        assert 0.0 < _x(fleet) < 2.0, "it stands between A and B"
+        await start(fleet, "m-1", "B")
+        await fleet.wait_for("MissionFinished")
+
+
+async def test_pause_and_go_on(
+    fleet: WiredFleet, broker: Broker, interface_name: str, tmp_path: Path, slow: dict[str, Any]
+) -> None:
+    async with running_agent(agent_settings(broker, interface_name, tmp_path, **slow)):
+        await start(fleet, "m-0", "B")
+        await fleet.wait_for("MissionAccepted")
+        for action_type in ("startPause", "stopPause"):
+            fleet.news.clear()
+            action = Action(action_type=action_type, action_id=action_type, blocking_type=BlockingType.HARD)
+            fleet.fleet.instant_action(AGENT, action)
+            ended = await fleet.wait_for("InstantActionEnded")
+            assert isinstance(ended, InstantActionEnded)
+            assert ended.status is ActionStatus.FINISHED
+            state = fleet.fleet.view(AGENT).state
+            assert state is not None
+            assert state.paused is (action_type == "startPause")
+        await fleet.wait_for("MissionFinished")
+
+
+def _x(fleet: WiredFleet) -> float:
+    state = fleet.fleet.view(AGENT).state
+    assert state is not None
+    assert state.mobile_robot_position is not None
+    return state.mobile_robot_position.x

@@ -1,0 +1,125 @@
+"""An honest robot, and fleet control, each at a real broker with a link of its own."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from nena_order_service.fleet import FleetLink, FleetOutput, FleetSettings, RobotChanged
+from nena_shared.clock import SystemClock
+from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.vda5050.action import InstantActions
+from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.topics import Topic, TopicScheme
+from nena_shared.vda5050.v2_1 import CODEC
+from support.broker import Broker
+from support.honest_robot import HonestRobot
+from support.waiting import until
+
+QUICK = FleetSettings(
+    silent_after=2.0, resend_after=0.1, resend_at_most_after=0.4, sendings=5, tick_interval=0.02
+)
+
+
+class WiredRobot:
+    """Takes orders from the broker, and reports whenever it has done something."""
+
+    def __init__(self, broker: Broker, interface_name: str, robot: HonestRobot | None = None) -> None:
+        self.robot = robot or HonestRobot()
+        self.scheme = TopicScheme(interface_name)
+        self.deaf = False
+        """Whether orders and instant actions pass it by."""
+        self.received: Counter[str] = Counter()
+        self.headers: list[int] = []
+        self.link = MqttLink(
+            broker.settings,
+            client_id=f"robot-{interface_name}-{self.robot.key.serial_number}",
+            will=lambda: self._connection(ConnectionState.CONNECTION_BROKEN),
+            on_connected=lambda: [self._connection(ConnectionState.ONLINE)],
+        )
+        self.link.subscribe(self.scheme.of(self.robot.key, Topic.ORDER), self._take_order)
+        self.link.subscribe(self.scheme.of(self.robot.key, Topic.INSTANT_ACTIONS), self._take_actions)
+
+    @asynccontextmanager
+    async def connected(self) -> AsyncIterator[WiredRobot]:
+        """Be at the broker; the end of the block is a break of the connection, not a farewell."""
+        task = asyncio.create_task(self.link.run(), name="robot under test")
+        try:
+            await until(lambda: self.link.state.connected, what="the robot's connection")
+            self.report()
+            yield self
+        finally:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+
+    def report(self) -> None:
+        seconds = asyncio.get_running_loop().time()
+        payload = CODEC.encode(self.robot.state(seconds))
+        self.link.publish(Outbound(self.scheme.of(self.robot.key, Topic.STATE), payload, keep=False))
+
+    def step(self) -> None:
+        self.robot.step()
+        self.report()
+
+    def say(self, topic: Topic, payload: bytes) -> None:
+        self.link.publish(Outbound(self.scheme.of(self.robot.key, topic), payload))
+
+    def _connection(self, state: ConnectionState) -> Outbound:
+        payload = CODEC.encode(self.robot.connection(state))
+        return Outbound(self.scheme.of(self.robot.key, Topic.CONNECTION), payload, qos=1, retain=True)
+
+    def _take_order(self, inbound: Inbound) -> None:
+        order = CODEC.decode(Order, inbound.payload)
+        self.received[order.order_id] += 1
+        self.headers.append(order.header_id)
+        if not self.deaf:
+            self.robot.take_order(order)
+            self.report()
+
+    def _take_actions(self, inbound: Inbound) -> None:
+        message = CODEC.decode(InstantActions, inbound.payload)
+        self.received.update(each.action_type for each in message.actions)
+        if not self.deaf:
+            self.robot.take_instant_actions(message)
+            self.report()
+
+
+class WiredFleet:
+    """Fleet control at the broker, and its news."""
+
+    def __init__(self, broker: Broker, interface_name: str, settings: FleetSettings = QUICK) -> None:
+        self.news: list[FleetOutput] = []
+        self.mqtt = MqttLink(broker.settings, client_id=f"fleet-{interface_name}")
+        self.fleet = FleetLink(
+            self.mqtt,
+            scheme=TopicScheme(interface_name),
+            settings=settings,
+            clock=SystemClock(),
+            on_news=self.news.append,
+        )
+
+    @asynccontextmanager
+    async def connected(self) -> AsyncIterator[WiredFleet]:
+        """Be at the broker, and look after what is overdue."""
+        tasks = [asyncio.create_task(self.mqtt.run()), asyncio.create_task(self.fleet.run())]
+        try:
+            await until(lambda: self.mqtt.state.connected, what="the fleet's connection")
+            yield self
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    def story(self) -> list[str]:
+        """Name the news but RobotChanged."""
+        return [type(each).__name__ for each in self.news if not isinstance(each, RobotChanged)]
+
+    async def wait_for(self, name: str) -> FleetOutput:
+        """Give the first news of this kind."""
+        return await until(
+            lambda: next((each for each in self.news if type(each).__name__ == name), None),
+            what=f"{name}, told was {self.story()}",
+        )
