@@ -79,7 +79,7 @@ async def test_orders_vehicles_and_plant_of_the_order_service(broker: Broker, se
         peer.publish(order_topic, order_status().model_dump_json(by_alias=True), retain=True)
         served.send(peer, Topic.STATE, state(last_node_id="C"))
         orders = await served.until("/api/v1/orders", lambda shown: shown and shown[0]["progress"])
-        assert (orders[0]["processingVehicle"], orders[0]["progress"]) == ("Vehicle-1", 25)
+        assert (orders[0]["processingVehicle"], orders[0]["progress"]) == ("Vehicle-1", 22.5)
         fleet = await served.get("/api/v1/fleet")
         assert fleet["plant"] == {
             "version": 1,
@@ -171,3 +171,7 @@ async def test_other_interfaces_and_odd_topics_are_not_ours(broker: Broker, serv
         fleet = await served.until("/api/v1/fleet", lambda shown: shown["robots"])
         assert [each["id"] for each in fleet["robots"]] == ["ACME/r2"]
         assert fleet["malformed"]["counts"] == {}
+        endless = RobotKey("A" * 300, "r1")
+        served.send(peer, Topic.STATE, state(), robot=endless)
+        await served.metric('nena_messages_malformed_total{topic="state"} 1.0')
+        assert len((await served.get("/api/v1/fleet"))["robots"]) == 1

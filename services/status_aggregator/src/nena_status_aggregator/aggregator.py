@@ -38,6 +38,7 @@ class Aggregator:
 
     def publish_changes(self) -> None:
         """Bring the conditions up to date, and tell the clients what has changed."""
+        self.link.notice()
         delta = self.model.flush(self.now())
         if delta is not None:
             self.events.publish(delta["id"], to_json(delta))

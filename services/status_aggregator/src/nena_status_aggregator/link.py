@@ -13,7 +13,7 @@ from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
-from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.mqtt import Inbound, MqttLink
 from nena_shared.plant.model import PlantModel
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
@@ -32,6 +32,9 @@ log = get_logger(__name__)
 PROBLEMS_REMEMBERED = 1000
 """Topics whose last problem is remembered, so that a robot that repeats itself does not fill the log."""
 
+KEY_LENGTH = 200
+"""Characters of manufacturer and serial number together."""
+
 RobotReader = Callable[[RobotKey, Inbound, Instant], None]
 
 
@@ -49,7 +52,6 @@ class FleetLink:
             settings.mqtt,
             # several aggregators may watch one broker: the id must differ
             client_id=f"nena-status-aggregator-{token_hex(4)}",
-            on_connected=self._connected,
             on_lost=self._lost,
         )
         self._subscribe()
@@ -57,6 +59,11 @@ class FleetLink:
     async def run(self) -> None:
         """Keep the link up until cancelled."""
         await self.mqtt.run()
+
+    def notice(self) -> None:
+        """Tell the model when the link stands again, subscriptions and all."""
+        if self.mqtt.state.connected and not self._model.link_up:
+            self._model.on_link(connected=True, at=Instant.of(self._clock))
 
     def _subscribe(self) -> None:
         readers: dict[Topic, tuple[MessageKind, RobotReader]] = {
@@ -76,10 +83,6 @@ class FleetLink:
         ):
             self.mqtt.subscribe(topic_filter, partial(self._on_fleet_message, kind, take))
 
-    def _connected(self) -> tuple[Outbound, ...]:
-        self._model.on_link(connected=True, at=Instant.of(self._clock))
-        return ()
-
     def _lost(self) -> None:
         self._model.on_link(connected=False, at=Instant.of(self._clock))
 
@@ -88,6 +91,9 @@ class FleetLink:
         if key is None or (inbound.retained and not inbound.payload):
             return
         at = Instant.of(self._clock)
+        if len(str(key)) > KEY_LENGTH:
+            self._malformed(kind, inbound.topic, f"a robot's name is longer than {KEY_LENGTH}", at, None)
+            return
         try:
             read(key, inbound, at)
         except MalformedMessageError as error:

@@ -34,7 +34,7 @@ def test_free() -> None:
 
 
 def test_free_says_why_in_the_words_of_the_order_service() -> None:
-    assert conclude(fleet_remark="No order waits.") == (Condition.IDLE, "Free. No order waits.")
+    assert conclude(fleet_remark="No order waits.") == (Condition.IDLE, "No order waits.")
 
 
 def test_silent_says_since_when() -> None:

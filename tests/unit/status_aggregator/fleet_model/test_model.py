@@ -160,7 +160,7 @@ def test_the_order_service_names_the_robot_and_says_why_it_is_free() -> None:
     fleet.on_state(ROBOT, state(), at(0))
     fleet.on_vehicle_status(vehicle_status(), at(0))
     view = told(fleet)
-    assert (view["name"], view["reason"]) == ("Vehicle-1", "Free. No order waits for it.")
+    assert (view["name"], view["reason"]) == ("Vehicle-1", "No order waits for it.")
 
 
 def test_an_order_advances_with_its_vehicle() -> None:
@@ -172,7 +172,7 @@ def test_an_order_advances_with_its_vehicle() -> None:
     fleet.on_state(ROBOT, state(2, at=2, last_node_id="C"), at(2))
     delta = fleet.flush(at(2))
     assert delta is not None
-    assert delta["orders"] == [{"id": "TO-1", "progress": 25.0}]
+    assert delta["orders"] == [{"id": "TO-1", "progress": 22.5}]
 
 
 def test_a_forgotten_robot_is_told_as_gone() -> None:

@@ -85,7 +85,7 @@ def test_never_more_than_the_limit_and_never_one_twice(
 
 
 @pytest.mark.parametrize(
-    ("last_node", "percent"), [(None, 0), ("A", 0), ("C", 25), ("E", 49.5), ("elsewhere", 0)]
+    ("last_node", "percent"), [(None, 0), ("A", 0), ("C", 22.5), ("E", 45), ("elsewhere", 0)]
 )
 def test_progress_on_the_way_to_the_first_of_two(last_node: str | None, percent: float) -> None:
     assert progress(order_status(), last_node) == percent
@@ -100,7 +100,7 @@ def test_progress_counts_destinations() -> None:
     done = drive_order("Goods in", "Load", DriveOrderState.FINISHED)
     operating = drive_order("Packing", "Unload", DriveOrderState.OPERATING, ("A", "B"))
     status = order_status(drive_orders=(done, operating), current_drive_order_index=1)
-    assert progress(status, "B") == 50
+    assert progress(status, "B") == 95
 
 
 def test_progress_before_the_order_is_planned() -> None:

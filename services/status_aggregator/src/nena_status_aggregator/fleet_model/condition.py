@@ -57,7 +57,7 @@ TEXTS = {
     "action_waiting": "Waits at {place} to begin {action}.",
     "charging": "Charges, {charge} %.",
     "idle": "Free.",
-    "idle_why": "Free. {why}",
+    "idle_why": "{why}",
 }
 """The sentences, by the code under which a translation finds them."""
 

@@ -120,6 +120,8 @@ class FleetModel:
         if robot is None:
             return
         self._touch_order_of(robot)
+        if robot.vehicle:
+            self._key_of_vehicle.pop(robot.vehicle.name, None)
         robot.vehicle = status
         self._key_of_vehicle[status.name] = key
         self._touch_order_of(robot)

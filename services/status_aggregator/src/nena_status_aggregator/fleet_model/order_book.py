@@ -13,6 +13,9 @@ from dataclasses import dataclass
 
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderStatus
 
+WAY = 0.9
+"""Share of a destination that is done when the vehicle has come there."""
+
 
 @dataclass(slots=True)
 class TrackedOrder:
@@ -84,9 +87,10 @@ class OrderBook:
 
 
 def progress(status: TransportOrderStatus, last_node: str | None) -> float | None:
-    """Percent of a transport order: destinations done, and the share of the route to the present one.
+    """Percent of a transport order: destinations done, and how much of the present one.
 
-    ``last_node`` is where the processing vehicle was last. None for an order that ended without success.
+    The way there counts for nine tenths of a destination, what is done there for the rest. ``last_node`` is
+    where the processing vehicle was last. None for an order that ended without success.
     """
     if status.state.final:
         return 100.0 if status.state.value == "FINISHED" else None
@@ -101,7 +105,9 @@ def _share(status: TransportOrderStatus, last_node: str | None) -> float:
     if not 0 <= index < len(status.drive_orders):
         return 0.0
     current = status.drive_orders[index]
+    if current.state is DriveOrderState.OPERATING:
+        return WAY
     route = current.route or ()
-    if current.state is not DriveOrderState.TRAVELLING or len(route) < 2 or last_node not in route:  # noqa: PLR2004 - a way has two ends
+    if current.state is not DriveOrderState.TRAVELLING or last_node not in route:
         return 0.0
-    return min(route.index(last_node) / (len(route) - 1), 0.99)
+    return WAY * route.index(last_node) / max(1, len(route) - 1)

@@ -123,7 +123,8 @@ def _error(entry: ErrorEntry) -> ErrorView:
         "description": short(entry.error_description),
         "hint": short(entry.error_hint),
         "references": {
-            each.reference_key: each.reference_value for each in entry.error_references[:LIST_LIMIT]
+            each.reference_key: short(each.reference_value) or ""
+            for each in entry.error_references[:LIST_LIMIT]
         },
     }
 

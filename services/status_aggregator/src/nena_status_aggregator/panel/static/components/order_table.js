@@ -20,7 +20,7 @@ class OrderTable extends LiveTable {
       created: element("span", { class: "detail" }),
       chip: element("span", { class: "chip" }),
       reason: element("span", { class: "reason" }),
-      vehicle: element("span"),
+      vehicle: element("span", { class: "nowrap" }),
       destinations: element("ol", { class: "destinations" }),
       progress: progressBar(),
     };
