@@ -8,6 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from nena_edge_agent.driver.port import DriveGoal
+from nena_edge_agent.loopback.driver import LoopbackDriver
+from nena_edge_agent.protocol.order_intake import OrderIntake
+from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.topics import Topic
 from support.broker import Broker, MqttPeer
 from support.edge_agent import (
@@ -218,3 +222,58 @@ async def test_a_fleet_of_loopback_robots_runs_in_one_process(
             state = await fleet.state(ended("o1"))
             assert state["lastNodeId"] == f"n{index + 5}"
             assert state["serialNumber"] == f"0001-{index + 1}"
+
+
+async def test_a_disk_that_fails_is_shown_and_does_not_stop_the_robot(
+    fleet: FleetControl, tmp_path: Path
+) -> None:
+    journal = tmp_path / "ACME.0001.new"
+    journal.mkdir()
+    fleet.send(order("n0", "n1"))
+    state = await fleet.state(ended("o1"))
+    assert state["lastNodeId"] == "n1"
+    assert any("JOURNAL_NOT_WRITTEN" in error_types(each) for each in fleet.states)
+
+    journal.rmdir()
+    fleet.send(order("n1", "n2", order_id="o2"))
+
+    await fleet.state(lambda state: ended("o2")(state) and not state["errors"])
+
+
+async def test_a_fault_in_the_core_costs_one_message_and_not_the_robot(
+    fleet: FleetControl, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    take = OrderIntake.take
+
+    def take_or_fail(intake: OrderIntake, order: Order) -> object:
+        if order.order_id == "fatal":
+            message = "a fault of the program"
+            raise RuntimeError(message)
+        return take(intake, order)
+
+    monkeypatch.setattr(OrderIntake, "take", take_or_fail)
+    fleet.send(order("n0", "n1", order_id="fatal"))
+    fleet.send(order("n0", "n1", order_id="good"))
+
+    state = await fleet.state(ended("good"))
+    assert state["lastNodeId"] == "n1"
+
+
+async def test_a_driver_that_fails_is_an_error_in_the_state(
+    fleet: FleetControl, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_: LoopbackDriver, goal: DriveGoal) -> None:
+        message = f"no goal {goal.generation} today"
+        raise RuntimeError(message)
+
+    monkeypatch.setattr(LoopbackDriver, "go_to", fail)
+    fleet.send(order("n0", "n1"))
+
+    state = await fleet.state(lambda state: state["errors"])
+
+    assert error_types(state) == ["nodeUnreachable"]
+    assert "no goal 1 today" in state["errors"][0]["errorDescription"]
+    assert (state["lastNodeId"], state["driving"]) == ("n0", False)
+    fleet.instant(action("c", "NONE", "cancelOrder"))
+    state = await fleet.state(lambda state: status_of(state, "c") == "FINISHED")
+    assert not state["errors"]

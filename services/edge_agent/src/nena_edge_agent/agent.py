@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterator
+from typing import ParamSpec
 
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.runner import ActionRunner
-from nena_edge_agent.driver.port import Driver, Emit
+from nena_edge_agent.driver.port import DriveFailed, DriveFailure, DriveGoal, Driver, Emit
 from nena_edge_agent.factsheet import make_factsheet
 from nena_edge_agent.header import HeaderMaker
 from nena_edge_agent.inbox import Inbox
@@ -43,6 +44,7 @@ from nena_shared.vda5050.v2_1 import CODEC
 from nena_shared.vda5050.visualization import Visualization
 
 log = get_logger(__name__)
+P = ParamSpec("P")
 
 FAREWELL = 2.0
 """Seconds for the last messages to reach the broker."""
@@ -122,8 +124,8 @@ class RobotAgent:
             effects = self._handle(self._mailbox.take())
             await self._keep()
             for effect in effects:
-                self._perform(effect)
-            self._publish_due()
+                self._guarded(self._perform, effect)
+            self._guarded(self._publish_due)
 
     def _handle(self, events: list[Event]) -> list[Effect]:
         now = self._clock.monotonic()
@@ -133,8 +135,10 @@ class RobotAgent:
         for event in events:
             try:
                 effects.extend(self._core.handle(event, now))
-            except Exception:  # noqa: BLE001 - logged with its trace; the next event shall be handled
-                self._log.exception("an event was not handled", happened=type(event).__name__)
+            except Exception:
+                log.exception(
+                    "an event was not handled", robot=str(self.robot), event_type=type(event).__name__
+                )
         return effects
 
     async def _keep(self) -> None:
@@ -147,12 +151,15 @@ class RobotAgent:
             async with asyncio.timeout(JOURNAL_TIMEOUT):
                 await asyncio.to_thread(self._journal.write, memory)
         except (OSError, TimeoutError) as error:
-            self._log.exception("journal not written")
-            problem = getattr(error, "strerror", None) or type(error).__name__
+            self._tell_journal(str(error) or type(error).__name__)
         else:
             self._durable_version = version
-            problem = ""
+            self._tell_journal("")
+
+    def _tell_journal(self, problem: str) -> None:
+        """Have the state show whether the journal works, once for each change."""
         if problem != self._core.parts.journal_problem:
+            self._log.warning("journal", works=not problem, problem=problem)
             self._mailbox.put(JournalReport(problem))
 
     def _perform(self, effect: Effect) -> None:
@@ -160,7 +167,7 @@ class RobotAgent:
             case ReportState():
                 self._states.request(self._clock.monotonic())
             case Drive(goal):
-                self._driver.go_to(goal)
+                self._drive(goal)
             case Halt():
                 self._driver.halt()
             case SetPosition(pose):
@@ -180,6 +187,21 @@ class RobotAgent:
                 self._runner.resume(effect)
             case CancelAction():
                 self._runner.cancel(effect)
+
+    def _drive(self, goal: DriveGoal) -> None:
+        try:
+            self._driver.go_to(goal)
+        except Exception as error:
+            log.exception("the driver did not take a goal", robot=str(self.robot), goal=goal.generation)
+            text = f"the driver failed: {error}"
+            self._mailbox.put(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, text))
+
+    def _guarded(self, step: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
+        """Do ``step``; what goes wrong in it is logged, and the robot's task goes on."""
+        try:
+            step(*args, **kwargs)
+        except Exception:
+            log.exception("a step failed", robot=str(self.robot))
 
     def _next_due(self) -> float:
         due = min(self._states.due, self._visualizations.due)

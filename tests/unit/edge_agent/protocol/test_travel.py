@@ -369,3 +369,13 @@ def test_an_action_that_moves_from_horizon_to_base_keeps_its_state_and_others_go
     bench.send(order("n0", "n1", update=1, node_actions={"n1": [action("kept")]}))
 
     assert bench.statuses() == {"kept": "WAITING"}
+
+
+def test_an_edge_without_length_is_driven_by_a_robot_that_is_elsewhere() -> None:
+    """The first node may allow a large deviation; the next one at the same place need not."""
+    bench = Bench()
+    far = position(4.0, radius=5.0)
+    bench.send(order("n0", "n1", positions={"n0": far, "n1": position(4.0)}))
+
+    assert bench.nodes == ["n1"]
+    assert bench.goal.pose.x == 4.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isfinite
 from typing import Any
 
 from nena_edge_agent.driver.port import (
@@ -44,6 +45,9 @@ from nena_shared.vda5050.state import State
 
 REQUESTS = (OrderReceived, InstantActionsReceived, MessageRefused)
 """Events that are answered by a state even if nothing has changed: the sender waits for an echo."""
+
+FULL = 100.0
+"""Percent."""
 
 
 class RobotCore:
@@ -165,11 +169,15 @@ class RobotCore:
         self._parts.journal_problem = event.problem
 
     def _pose_reported(self, event: PoseReport) -> None:
-        self._parts.senses.pose = event
-        self._travel.pose_changed()
+        """Take a pose; one that is no place at all is passed over."""
+        if all(isfinite(each) for each in (event.pose.x, event.pose.y, event.pose.theta)):
+            self._parts.senses.pose = event
+            self._travel.pose_changed()
 
     def _battery_reported(self, event: BatteryReport) -> None:
-        self._parts.senses.battery = event
+        """Take a battery report; one without a charge between 0 and 100 % is passed over."""
+        if 0.0 <= event.state_of_charge <= FULL:
+            self._parts.senses.battery = event
 
     def _goal_reported(self, event: GoalReport) -> None:
         if event.external:

@@ -133,16 +133,17 @@ class Travel:
         node, pose = self._parts.progress.next_node, self._parts.senses.trusted_pose
         if node is None or node.node_position is None or pose is None:
             return False  # cannot be: acceptance and the callers have looked
-        if self._stands_at(node.node_position):
+        if self._stands_at(node.node_position, pose):
             self._traverse()
             return True
         self._give_goal(node, node.node_position, pose)
         return False
 
-    def _stands_at(self, position: NodePosition) -> bool:
-        """Tell whether an edge of no length leads to ``position``."""
+    def _stands_at(self, position: NodePosition, pose: Pose) -> bool:
+        """Tell whether an edge of no length leads to ``position``, and the robot is really there."""
         last = self._parts.progress.last_node if self._parts.progress.on_last_node else None
-        return bool(last and last.node_position and same_place(last.node_position, position))
+        same = last and last.node_position and same_place(last.node_position, position)
+        return bool(same) and in_place(pose, position, self._parts.capabilities.default_deviation_xy)
 
     def _give_goal(self, node: Node, position: NodePosition, pose: Pose) -> None:
         parts, goal = self._parts, self._parts.goal

@@ -1,0 +1,20 @@
+"""What the README shows works."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+from nena_edge_agent.settings import EdgeAgentSettings
+
+README = Path(__file__).parents[3] / "services" / "edge_agent" / "README.md"
+
+
+def test_the_settings_that_it_shows_are_settings() -> None:
+    (example,) = re.findall(r"```toml\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+
+    settings = EdgeAgentSettings(**tomllib.loads(example))
+
+    assert settings.serial_number == "0001"
+    assert [each.action_type for each in settings.operations] == ["pick", "startCharging"]
