@@ -6,12 +6,12 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import psutil
 import pytest
+
 from support.ros import wait_until
 
 DEMO = str(Path(sys.executable).with_name("nena-demo"))
@@ -19,14 +19,7 @@ pytestmark = [pytest.mark.e2e, pytest.mark.ros, pytest.mark.broker, pytest.mark.
 
 
 @pytest.fixture
-def temporary_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    tempfile.tempdir = None
-    return tmp_path
-
-
-@pytest.fixture
-def running_demo(temporary_folder: Path) -> Iterator[subprocess.Popen[str]]:
+def running_demo(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     """A demo whose services are all started."""
     process = subprocess.Popen(
         [DEMO, "run", "--time-factor", "10", "--domain-id", "81"],
@@ -34,6 +27,7 @@ def running_demo(temporary_folder: Path) -> Iterator[subprocess.Popen[str]]:
         stderr=subprocess.STDOUT,
         text=True,
         start_new_session=True,
+        env={**os.environ, "TMPDIR": str(tmp_path)},
     )
     assert process.stdout is not None
     for line in process.stdout:
@@ -46,26 +40,25 @@ def running_demo(temporary_folder: Path) -> Iterator[subprocess.Popen[str]]:
 
 
 @pytest.mark.parametrize("broker", ["mosquitto", "amqtt"])
-def test_smoke_run_carries_out_an_order_over_rest_and_one_over_mqtt(
-    temporary_folder: Path, broker: str
-) -> None:
+def test_smoke_run_carries_out_an_order_over_rest_and_one_over_mqtt(tmp_path: Path, broker: str) -> None:
     result = subprocess.run(
         [DEMO, "smoke", "--broker", broker, "--time-factor", "10", "--domain-id", "80"],
         capture_output=True,
         text=True,
         timeout=300,
         check=False,
+        env={**os.environ, "TMPDIR": str(tmp_path)},
     )
 
     assert result.returncode == 0, result.stdout + result.stderr
     assert result.stdout.count("FINISHED") >= 2
     assert "fleet state and metrics agree" in result.stdout
-    assert list(temporary_folder.iterdir()) == []
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_every_process_and_removes_every_file(
-    running_demo: subprocess.Popen[str], temporary_folder: Path, number: signal.Signals
+    running_demo: subprocess.Popen[str], tmp_path: Path, number: signal.Signals
 ) -> None:
     children = psutil.Process(running_demo.pid).children(recursive=True)
     assert len(children) >= 5
@@ -75,7 +68,7 @@ def test_a_signal_ends_every_process_and_removes_every_file(
 
     assert running_demo.returncode == 130, output
     assert [child for child in children if _lives(child)] == []
-    assert list(temporary_folder.iterdir()) == []
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_children_end_when_the_demo_is_killed(running_demo: subprocess.Popen[str]) -> None:

@@ -64,6 +64,7 @@ async def _work(arguments: argparse.Namespace, folder: Path, teller: Teller) -> 
         broker=arguments.broker,
         time_factor=arguments.time_factor,
         domain_id=arguments.domain_id,
+        separate_domains=arguments.separate_domains,
         panel_port=arguments.panel_port,
         rest_port=arguments.rest_port,
     )
@@ -107,6 +108,9 @@ def _parser() -> argparse.ArgumentParser:
         type=int,
         default=Choices().domain_id,
         help="ROS domain of the robots (default: by chance)",
+    )
+    parser.add_argument(
+        "--separate-domains", action="store_true", help="put the second robot into the next ROS domain"
     )
     parser.add_argument("--panel-port", type=int, default=0, help="port of the control panel (default: free)")
     parser.add_argument("--rest-port", type=int, default=0, help="port of the order service (default: free)")

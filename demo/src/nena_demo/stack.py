@@ -57,8 +57,14 @@ class Choices:
     broker: str = "auto"
     time_factor: float = 5.0
     domain_id: int = field(default_factory=lambda: 1 + secrets.randbelow(HIGHEST_SAFE_DOMAIN))
+    separate_domains: bool = False
+    """Whether the second robot lives in the domain after the first one's, instead of sharing it."""
     panel_port: int = 0
     rest_port: int = 0
+
+    def domain_of(self, robot: DemoRobot) -> int:
+        """Give the ROS domain that a robot of the demo lives in."""
+        return self.domain_id + (ROBOTS.index(robot) if self.separate_domains else 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +148,7 @@ def _simulator_file(choices: Choices) -> str:
 [[robots]]
 name = "{robot.serial_number}"
 namespace = "{robot.namespace}"
-domain_id = {choices.domain_id}
+domain_id = {choices.domain_of(robot)}
 start = {{ x = {robot.x}, y = {robot.y}, yaw = {robot.theta} }}
 """
         for robot in ROBOTS
@@ -164,7 +170,7 @@ drive = {{ strategy = "pass_through" }}
 
 [ros]
 namespace = "{robot.namespace}"
-domain_id = {choices.domain_id}
+domain_id = {choices.domain_of(robot)}
 """
 
 
