@@ -3,7 +3,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.dispatch.dispatcher import BUSY, IDLE, NO_ORDER_FITS, Decisions, FindWay, decide
+from nena_order_service.dispatch.dispatcher import BUSY, Decisions, FindWay, decide
 from nena_order_service.dispatch.way import Leg, Way
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing import NoRouteError
@@ -27,11 +27,10 @@ def test_cheapest_vehicle_gets_the_order() -> None:
     decisions = decide([dispatchable_order()], {"near": "", "far": ""}, by_cost({"near": 1, "far": 2}))
     assert pairs(decisions) == {"T-1": "near"}
     assert "cheapest" in decisions.assignments[0].why
-    assert decisions.vehicle_reasons == {"far": IDLE}
 
 
 def test_most_urgent_order_chooses_first() -> None:
-    orders = [dispatchable_order(number=1), dispatchable_order(number=2, priority=5)]
+    orders = [dispatchable_order(number=2), dispatchable_order(number=1)]
     decisions = decide(orders, {"near": "", "far": ""}, by_cost({"near": 1, "far": 2}))
     assert pairs(decisions) == {"T-2": "near", "T-1": "far"}
 
@@ -40,26 +39,24 @@ def test_intended_vehicle_is_waited_for_and_named() -> None:
     order = dispatchable_order(intended_vehicle="V-2")
     decisions = decide([order], {"V-1": "", "V-2": "is offline"}, by_cost({"V-1": 1, "V-2": 1}))
     assert pairs(decisions) == {}
-    assert decisions.order_reasons == {"T-1": "waits for vehicle 'V-2', which is offline"}
-    assert decisions.vehicle_reasons == {"V-1": NO_ORDER_FITS}
+    assert decisions.reasons == {"T-1": "waits for vehicle 'V-2', which is offline"}
 
 
 def test_reason_names_each_kind_of_obstacle_once_and_stays_the_same() -> None:
     obstacles = {"a": "is offline", "b": BUSY, "c": "is offline"}
     reason = f"waits for a vehicle: each of them is offline or {BUSY}"
-    assert decide([dispatchable_order()], obstacles, by_cost({})).order_reasons == {"T-1": reason}
+    assert decide([dispatchable_order()], obstacles, by_cost({})).reasons == {"T-1": reason}
     more = {**obstacles, "d": BUSY}
-    assert decide([dispatchable_order()], more, by_cost({})).order_reasons == {"T-1": reason}
+    assert decide([dispatchable_order()], more, by_cost({})).reasons == {"T-1": reason}
 
 
 def test_unreachable_destination_is_the_reason() -> None:
     decisions = decide([dispatchable_order()], {"V-1": ""}, by_cost({}))
-    assert "No route from 'X' to 'Y'" in decisions.order_reasons["T-1"]
-    assert decisions.vehicle_reasons == {"V-1": NO_ORDER_FITS}
+    assert "No route from 'X' to 'Y'" in decisions.reasons["T-1"]
 
 
 def test_fleet_without_vehicles_is_said() -> None:
-    reason = decide([dispatchable_order()], {}, by_cost({})).order_reasons["T-1"]
+    reason = decide([dispatchable_order()], {}, by_cost({})).reasons["T-1"]
     assert "the plant model has none" in reason
 
 
@@ -77,13 +74,11 @@ def test_every_order_is_assigned_once_or_has_a_reason(
     assert len(given_to) == len(decisions.assignments)
     assert len(set(given_to.values())) == len(given_to)
     for order in orders:
-        assert (order.name in given_to) != bool(decisions.order_reasons.get(order.name))
+        assert (order.name in given_to) != bool(decisions.reasons.get(order.name))
     for each in decisions.assignments:
         assert obstacles[each.vehicle] == ""
         assert each.vehicle in costs
         assert each.order.status.intended_vehicle in (None, each.vehicle)
-    free = {name for name, obstacle in obstacles.items() if not obstacle}
-    assert set(decisions.vehicle_reasons) == free - set(given_to.values())
 
 
 @given(costs=st.dictionaries(st.sampled_from("abcd"), st.floats(0, 10), min_size=1))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from nena_order_service.dispatch.way import Way
@@ -10,8 +10,6 @@ from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing import NoRouteError
 
 BUSY = "works on another order"
-IDLE = "has nothing to do: no order waits"
-NO_ORDER_FITS = "has nothing to do: the orders that wait are for other vehicles, or it cannot reach them"
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,13 +25,11 @@ class Assignment:
 
 @dataclass(slots=True)
 class Decisions:
-    """What is to be done now, and why all the rest is not; words that stay while they hold."""
+    """What is to be done now, and why all the rest is not."""
 
     assignments: list[Assignment] = field(default_factory=list)
-    order_reasons: dict[str, str] = field(default_factory=dict)
-    """Why each order that was not assigned waits, by its name."""
-    vehicle_reasons: dict[str, str] = field(default_factory=dict)
-    """Why each vehicle that could take an order has got none, by its name."""
+    reasons: dict[str, str] = field(default_factory=dict)
+    """Why each order that was not assigned waits, by its name; words that stay the same while they hold."""
 
 
 FindWay = Callable[[TransportOrder, str], Way]
@@ -41,35 +37,40 @@ FindWay = Callable[[TransportOrder, str], Way]
 
 
 def decide(orders: Iterable[TransportOrder], obstacles: Mapping[str, str], find_way: FindWay) -> Decisions:
-    """Assign what can be assigned of the dispatchable ``orders``.
+    """Assign what can be assigned of the dispatchable ``orders``, which come most urgent first.
 
     ``obstacles`` says of each vehicle, by its name, why it takes no order now (a predicate such as
     "is offline"); empty where it does. An order is never given to two vehicles, nor two to one.
     """
     decisions = Decisions()
     standing = dict(obstacles)
-    waiting = sorted(orders, key=lambda order: order.urgency)
-    for order in waiting:
-        best, reason = _best(order, standing, find_way)
-        if best:
+    nobody_free: dict[str | None, str] = {}
+    for order in orders:
+        intended = order.status.intended_vehicle
+        if intended in nobody_free:
+            decisions.reasons[order.name] = nobody_free[intended]
+            continue
+        free = _free(intended, standing)
+        if not free:
+            nobody_free[intended] = decisions.reasons[order.name] = _nobody_free(intended, standing)
+            continue
+        best = _best(order, free, find_way)
+        if isinstance(best, str):
+            decisions.reasons[order.name] = best
+        else:
             decisions.assignments.append(best)
             standing[best.vehicle] = BUSY
-        else:
-            decisions.order_reasons[order.name] = reason
-    idle = NO_ORDER_FITS if decisions.order_reasons else IDLE
-    decisions.vehicle_reasons = {name: idle for name, obstacle in standing.items() if not obstacle}
     return decisions
 
 
-def _best(
-    order: TransportOrder, obstacles: Mapping[str, str], find_way: FindWay
-) -> tuple[Assignment | None, str]:
+def _free(intended: str | None, obstacles: Mapping[str, str]) -> list[str]:
+    if intended is not None:
+        return [intended] if obstacles.get(intended) == "" else []
+    return [name for name, obstacle in obstacles.items() if not obstacle]
+
+
+def _best(order: TransportOrder, free: Sequence[str], find_way: FindWay) -> Assignment | str:
     """Give the cheapest assignment, or why there is none."""
-    intended = order.status.intended_vehicle
-    names = [intended] if intended is not None else list(obstacles)
-    free = [name for name in names if obstacles.get(name) == ""]
-    if not free:
-        return None, _nobody_free(intended, obstacles)
     ways: list[tuple[float, str, Way]] = []
     reason = ""
     for name in free:
@@ -80,9 +81,9 @@ def _best(
         else:
             ways.append((way.cost, name, way))
     if not ways:
-        return None, reason
+        return reason
     cost, name, way = min(ways, key=lambda each: each[:2])
-    return Assignment(order, name, way, _why(cost, len(free), intended)), ""
+    return Assignment(order, name, way, _why(cost, len(free), order.status.intended_vehicle))
 
 
 def _nobody_free(intended: str | None, obstacles: Mapping[str, str]) -> str:

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from nena_order_service.dispatch.dispatcher import BUSY, IDLE, Assignment, decide
+from nena_order_service.dispatch.dispatcher import BUSY, Assignment, decide
 from nena_order_service.dispatch.way import Way
 from nena_order_service.fleet import NotLocatedError, RobotView, Standing
 from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
 from nena_order_service.orders.transport_order import TransportOrder
+
+NO_ORDER = "has nothing to do: no order waits"
+NO_ORDER_FITS = "has nothing to do: the orders that wait are for other vehicles, or it cannot reach them"
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +34,7 @@ class Dispatched:
 
 
 class Dispatching:
-    """Asks the dispatcher, and remembers why vehicles have nothing to do."""
+    """Asks the dispatcher, and says why vehicles have nothing to do."""
 
     def __init__(
         self,
@@ -44,12 +47,10 @@ class Dispatching:
         self._missions = missions
         self._planner = planner
         self._view = view
-        self._idle_reasons: dict[str, str] = {}
 
     def dispatch(self, orders: Sequence[TransportOrder]) -> tuple[list[Dispatched], dict[str, str]]:
-        """Give what is to be assigned, and by the names of the other orders why they wait."""
+        """Give what is to be assigned of orders, most urgent first, and why the others wait, by name."""
         if not orders:
-            self._idle_reasons = {}
             return [], {}
         candidates: dict[str, Candidate] = {}
         obstacles: dict[str, str] = {}
@@ -65,16 +66,17 @@ class Dispatching:
             return self._planner.way(order, candidate.vehicle, candidate.standing)
 
         decisions = decide(orders, obstacles, find_way)
-        self._idle_reasons = decisions.vehicle_reasons
         dispatched = [Dispatched(each, candidates[each.vehicle]) for each in decisions.assignments]
-        return dispatched, decisions.order_reasons
+        return dispatched, decisions.reasons
 
-    def idle_reason(self, vehicle: FleetVehicle) -> str:
+    def idle_reason(self, vehicle: FleetVehicle, *, orders_wait: bool) -> str:
         """Say why a vehicle that works on no order has none."""
         if vehicle.obstacle:
             return vehicle.obstacle
         found = self._consider(vehicle)
-        return found if isinstance(found, str) else self._idle_reasons.get(vehicle.name, IDLE)
+        if isinstance(found, str):
+            return found
+        return NO_ORDER_FITS if orders_wait else NO_ORDER
 
     def _consider(self, vehicle: FleetVehicle) -> Candidate | str:
         """Give the vehicle as a candidate, or as a predicate why it is none."""

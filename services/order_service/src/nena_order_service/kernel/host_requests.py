@@ -81,7 +81,7 @@ class HostRequests:
         if order.state.final:
             raise OrderEndedError(name, order.state)
         self._require_store()
-        self._kernel.withdraw(order, reason)
+        self._kernel.withdraw(order.number, reason)
         await self._committed()
         return self._visible(order)
 

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
-from typing import Protocol
 
 from pydantic import ValidationError
 
 from nena_order_service.dispatch.dispatcher import Assignment
-from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.dispatch.way import Way, WayFinder
 from nena_order_service.fleet import (
-    FleetLink,
     FleetOutput,
     InstantActionEnded,
     LinkStatus,
@@ -24,6 +22,7 @@ from nena_order_service.fleet import (
     MissionFinished,
     NotLocatedError,
     OperationStarted,
+    RobotBusyError,
     RobotChanged,
     RobotView,
 )
@@ -33,6 +32,7 @@ from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.mission_record import MissionRecord
 from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.order_book import OrderBook
+from nena_order_service.kernel.ports import FleetControl, Listener
 from nena_order_service.kernel.vehicle_status import vehicle_status
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
 from nena_order_service.orders.transport_order import TransportOrder
@@ -43,7 +43,6 @@ from nena_shared.clock import Clock
 from nena_shared.fleet_api.transport_order import (
     TransportOrderRequest,
     TransportOrderState,
-    TransportOrderStatus,
 )
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
@@ -55,18 +54,6 @@ log = get_logger(__name__)
 
 REDISPATCH_INTERVAL = 2.0
 """Seconds between looks at orders that wait, for what changed without news: where robots stand."""
-
-
-class Listener(Protocol):
-    """Is told each change, once it is committed."""
-
-    def order_changed(self, status: TransportOrderStatus) -> None:
-        """Take notice of an order's new version."""
-        ...
-
-    def vehicle_changed(self, status: VehicleStatus) -> None:
-        """Take notice that a vehicle stands otherwise than before."""
-        ...
 
 
 class Kernel:
@@ -96,22 +83,23 @@ class Kernel:
         self.clock = clock
         self._finder = finder
         self._planner = planner
-        self._fleet: FleetLink | None = None
+        self._fleet: FleetControl | None = None
         self._missions = MissionBook(self.book)
         self._dispatching = Dispatching(registry, self._missions, planner, self.view)
+        self._dispatch_due = False
         self._asked: set[RobotKey] = set()
         self._effects: list[Callable[[], None]] = []
         self._changed_vehicles: set[str] = set()
 
     @property
-    def fleet(self) -> FleetLink:
+    def fleet(self) -> FleetControl:
         """Fleet control; there from :meth:`start` on."""
         if self._fleet is None:
             message = "start the kernel before anything is asked of it"
             raise RuntimeError(message)
         return self._fleet
 
-    async def start(self, fleet: FleetLink) -> None:
+    async def start(self, fleet: FleetControl) -> None:
         """Take up all that is not at its end; before the first message of a robot comes."""
         self._fleet = fleet
         found = await self.store.unfinished()
@@ -129,13 +117,16 @@ class Kernel:
         while True:
             await asyncio.sleep(REDISPATCH_INTERVAL)
             with self.step():
-                self._dispatch()
+                self._dispatch_due = True
 
     @contextmanager
     def step(self) -> Iterator[None]:
         """Make changes; at the end they go to the store, and are told and done when they are committed."""
         try:
             yield
+            while self._dispatch_due:
+                self._dispatch_due = False
+                self._dispatch(self.book.dispatchable())
         finally:
             changes, told = self.book.take_changes()
             effects, self._effects = self._effects, []
@@ -180,17 +171,19 @@ class Kernel:
             order = order.unroutable(why, now) if why else order.activated().dispatchable()
             self.book.put(order)
             if not why:
-                self._dispatch()
+                # Whatever is free was looked at for all the others before.
+                self._dispatch((order,))
+        order = self.book.get(order.number)
         log.info("order created", order=name, state=order.state.value)
         return order
 
-    def withdraw(self, order: TransportOrder, reason: str) -> None:
+    def withdraw(self, number: int, reason: str) -> None:
         """Withdraw an order that is not at its end; one that is withdrawn already stays as it is."""
+        order = self.book.get(number)
         if order.state is TransportOrderState.WITHDRAWN:
             return
         with self.step():
-            withdrawn = order.withdrawn(reason, self.clock.now())
-            self.book.put(withdrawn)
+            self.book.put(order.withdrawn(reason, self.clock.now()))
             if record := self._missions.of_order(order):
                 self._effects.append(lambda: self.fleet.cancel_mission(record.robot))
 
@@ -217,7 +210,9 @@ class Kernel:
             view,
             plant=self.plant,
             transport_order=order.name if order else None,
-            reason=order.status.reason if order else self._dispatching.idle_reason(vehicle),
+            reason=order.status.reason
+            if order
+            else self._dispatching.idle_reason(vehicle, orders_wait=self.book.orders_wait),
             last_state=None if age is None else self.clock.now() - age,
         )
 
@@ -248,7 +243,7 @@ class Kernel:
         self._ask_for_state(view)
         self._changed_vehicles.add(vehicle.name)
         if self._missions.order_number(robot) is None:
-            self._dispatch()
+            self._dispatch_due = True
 
     def _ask_for_state(self, view: RobotView) -> None:
         """Ask a robot that is there and has told no state yet, so that nobody waits for its next one."""
@@ -303,42 +298,59 @@ class Kernel:
             self._end(order.failed(f"there is no vehicle {order.vehicle!r} any more", self.clock.now()))
             return
         try:
-            standing = self._planner.standing(vehicle, self.view(vehicle))
-            way = self._planner.way(order, vehicle, standing)
+            candidate = Candidate(vehicle, self._planner.standing(vehicle, self.view(vehicle)))
+            way = self._planner.way(order, vehicle, candidate.standing)
         except (NotLocatedError, NoRouteError) as error:
             self._end(order.failed(f"vehicle {vehicle.name} cannot go on: {error}", self.clock.now()))
             return
-        self.book.put(order)
-        self._send(order, vehicle, self._planner.mission(order, vehicle, standing, way))
+        self._send(order, candidate, way)
 
-    def _send(self, order: TransportOrder, vehicle: FleetVehicle, mission: Mission) -> None:
-        record = MissionRecord.of(vehicle.key, mission, order.status.current_drive_order_index)
-        self._missions.put(order, record)
-        self._effects.append(lambda: self.fleet.start_mission(vehicle.key, mission))
+    def _send(self, order: TransportOrder, candidate: Candidate, way: Way) -> None:
+        """Send the mission of the current drive order, the first leg of ``way``."""
+        vehicle = candidate.vehicle
+        self._changed_vehicles.add(vehicle.name)
+        try:
+            mission = self._planner.mission(order, vehicle, candidate.standing, way)
+        except ValueError as error:
+            self._end(order.failed(f"no VDA 5050 order can be made of it: {error}", self.clock.now()))
+            return
+        self.book.put(order)
+        self._missions.put(
+            order, MissionRecord.of(vehicle.key, mission, order.status.current_drive_order_index)
+        )
+        self._effects.append(lambda: self._start(order, vehicle, mission))
+
+    def _start(self, order: TransportOrder, vehicle: FleetVehicle, mission: Mission) -> None:
+        try:
+            self.fleet.start_mission(vehicle.key, mission)
+        except RobotBusyError as error:
+            with self.step():
+                self._end(self.book.get(order.number).failed(str(error), self.clock.now()))
 
     def _end(self, order: TransportOrder) -> None:
         """Let an order be at its end, and its vehicle be free."""
         self.book.put(order)
         self._missions.forget(order)
         log.info("order ended", order=order.name, state=order.state.value, reason=order.status.reason)
-        self._dispatch()
+        self._dispatch_due = True
 
-    def _dispatch(self) -> None:
-        orders = self.book.dispatchable()
+    def _dispatch(self, orders: Sequence[TransportOrder]) -> None:
+        """Assign what can be assigned of these orders, and say of the others why not."""
         dispatched, reasons = self._dispatching.dispatch(orders)
         for each in dispatched:
             self._assign(each.assignment, each.candidate)
+        now = self.clock.now()
         for order in orders:
-            if reason := reasons.get(order.name):
-                self.book.put(order.deferred(reason, self.clock.now()))
+            reason = reasons.get(order.name, order.status.reason)
+            if reason != order.status.reason:
+                self.book.put(order.deferred(reason, now))
 
     def _assign(self, assignment: Assignment, candidate: Candidate) -> None:
         vehicle = candidate.vehicle
         routes = (leg.points for leg in assignment.way.legs)
         order = assignment.order.assigned(vehicle.name, routes, assignment.why, self.clock.now())
-        self.book.put(order)
-        self._send(order, vehicle, self._planner.mission(order, vehicle, candidate.standing, assignment.way))
         log.info("order assigned", order=order.name, vehicle=vehicle.name, why=assignment.why)
+        self._send(order, candidate, assignment.way)
 
     def _take_up(self, order: TransportOrder, document: str | None) -> None:
         """Take up an order from before a restart; what the robots say decides how it goes on."""

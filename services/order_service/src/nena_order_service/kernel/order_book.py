@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator
 
-from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.transport_order import TransportOrder, Urgency
 from nena_order_service.store.changes import Changes
 from nena_shared.fleet_api.transport_order import TransportOrderState
 
@@ -22,7 +23,7 @@ class OrderBook:
         self._orders: dict[int, TransportOrder] = {}
         self._by_name: dict[str, int] = {}
         self._by_key: dict[str, int] = {}
-        self._dispatchable: dict[int, TransportOrder] = {}
+        self._queue: list[Urgency] = []
         self._committed: dict[int, TransportOrder] = {}
         self._recent: OrderedDict[int, None] = OrderedDict()
         self._changes = Changes()
@@ -88,9 +89,14 @@ class OrderBook:
         """Give the order of this name as it is committed; None if it is not here or was never committed."""
         return self.visible(self._by_name.get(name))
 
+    @property
+    def orders_wait(self) -> bool:
+        """Whether any order waits for a vehicle."""
+        return bool(self._queue)
+
     def dispatchable(self) -> tuple[TransportOrder, ...]:
-        """Give the orders that wait for a vehicle."""
-        return tuple(self._dispatchable.values())
+        """Give the orders that wait for a vehicle, most urgent first."""
+        return tuple(self._orders[urgency[-1]] for urgency in self._queue)
 
     def unfinished(self) -> Iterator[TransportOrder]:
         """Yield the committed orders that are not at their end."""
@@ -101,10 +107,17 @@ class OrderBook:
         self._by_name[order.name] = order.number
         if order.idempotency_key is not None:
             self._by_key[order.idempotency_key] = order.number
-        if order.state is TransportOrderState.DISPATCHABLE:
-            self._dispatchable[order.number] = order
-        else:
-            self._dispatchable.pop(order.number, None)
+        self._queue_or_not(order)
+
+    def _queue_or_not(self, order: TransportOrder) -> None:
+        """Let an order stand in the queue exactly while it is dispatchable; its urgency never changes."""
+        place = bisect_left(self._queue, order.urgency)
+        queued = place < len(self._queue) and self._queue[place] == order.urgency
+        waits = order.state is TransportOrderState.DISPATCHABLE
+        if waits and not queued:
+            self._queue.insert(place, order.urgency)
+        elif queued and not waits:
+            del self._queue[place]
 
     def _forget(self, number: int) -> None:
         order = self._orders.pop(number)

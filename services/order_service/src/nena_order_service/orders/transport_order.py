@@ -31,6 +31,9 @@ SUCCESSORS: dict[TransportOrderState, frozenset[TransportOrderState]] = {
 }
 """Which states may follow which, in openTCS's life cycle."""
 
+Urgency = tuple[int, float, int]
+"""Less is more urgent; the last is the order's number."""
+
 RESOURCES_TO_AVOID = "tcs:resourcesToAvoid"
 """Property of an order: names of points, paths and locations that its routes must not use, with commas."""
 
@@ -103,7 +106,7 @@ class TransportOrder:
         return frozenset(name for part in listed.split(",") if (name := part.strip()))
 
     @property
-    def urgency(self) -> tuple[int, datetime | float, int]:
+    def urgency(self) -> Urgency:
         """Sort key of dispatching: greater priority, then earlier deadline, then age."""
         deadline = self.status.deadline
         return (-self.status.priority, deadline.timestamp() if deadline else float("inf"), self.number)

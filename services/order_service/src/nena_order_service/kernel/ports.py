@@ -1,0 +1,47 @@
+"""What the kernel needs of its neighbours."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from nena_order_service.fleet import Mission, RobotView
+from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.topics import RobotKey
+
+
+class FleetControl(Protocol):
+    """Sends to robots what it is told, and tells how they are; its news go to the kernel's ``on_news``."""
+
+    def start_mission(self, robot: RobotKey, mission: Mission) -> None:
+        """Send a mission; raises RobotBusyError."""
+        ...
+
+    def adopt_mission(self, robot: RobotKey, mission: Mission, *, accepted: bool) -> None:
+        """Take up a mission from before a restart; raises RobotBusyError."""
+        ...
+
+    def cancel_mission(self, robot: RobotKey) -> None:
+        """End the robot's mission early."""
+        ...
+
+    def instant_action(self, robot: RobotKey, action: Action) -> None:
+        """Send an instant action."""
+        ...
+
+    def view(self, robot: RobotKey) -> RobotView:
+        """Tell what is known of a robot."""
+        ...
+
+
+class Listener(Protocol):
+    """Is told each change, once it is committed."""
+
+    def order_changed(self, status: TransportOrderStatus) -> None:
+        """Take notice of an order's new version."""
+        ...
+
+    def vehicle_changed(self, status: VehicleStatus) -> None:
+        """Take notice that a vehicle stands otherwise than before."""
+        ...

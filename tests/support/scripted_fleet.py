@@ -1,0 +1,170 @@
+"""Fleet control whose robots do what the test says, and a store that is always done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.fleet import (
+    Availability,
+    LinkStatus,
+    Mission,
+    MissionAccepted,
+    MissionCancelled,
+    MissionFailed,
+    MissionFinished,
+    OperationMap,
+    RobotBusyError,
+    RobotChanged,
+    RobotView,
+)
+from nena_order_service.kernel import Kernel
+from nena_order_service.kernel.missions import MissionPlanner
+from nena_order_service.kernel.vehicles import VehicleRegistry
+from nena_order_service.routing import Router
+from nena_order_service.store.changes import Changes
+from nena_order_service.store.database import Unfinished
+from nena_order_service.store.store import Store
+from nena_shared.clock import ManualClock
+from nena_shared.fleet_api.vehicle import VehicleState
+from nena_shared.plant import PlantModel
+from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.topics import RobotKey
+from support.fleet_examples import state
+
+
+def key(name: str) -> RobotKey:
+    """Give the robot of the vehicle called ``name``."""
+    return RobotKey("NeNa", name)
+
+
+class MemoryStore(Store):
+    """Keeps what a restart takes up; while it is ``held``, what waits for a commit goes on waiting."""
+
+    def __init__(self) -> None:
+        self.held = False
+        self.found = Unfinished((), {}, 0)
+        self._waiting: list[Callable[[], None]] = []
+        self._orders: dict[int, object] = {}
+
+    def commit(self, changes: Changes, then: Callable[[], None]) -> None:
+        orders = {order.number: order for order in self.found.orders}
+        orders.update({number: change.order for number, change in changes.orders.items()})
+        missions = {**self.found.missions, **changes.missions}
+        self.found = Unfinished(
+            tuple(order for order in orders.values() if not order.state.final),
+            {number: document for number, document in missions.items() if document is not None},
+            max(orders, default=0),
+        )
+        self._waiting.append(then)
+        if not self.held:
+            self.release()
+
+    def release(self) -> None:
+        """Be done with what waits."""
+        self.held = False
+        while self._waiting:
+            self._waiting.pop(0)()
+
+    async def unfinished(self) -> Unfinished:
+        return self.found
+
+
+@dataclass
+class ScriptedFleet:
+    """Robots that are online at a point and take a mission; the test tells their news."""
+
+    at: dict[str, str]
+    """Where each robot stands, by the vehicle's name."""
+    mute: set[str] = field(default_factory=set)
+    """Robots that have told no state."""
+    kernel: Kernel | None = None
+    missions: dict[RobotKey, Mission] = field(default_factory=dict)
+    sent: list[tuple[str, Mission]] = field(default_factory=list)
+    adopted: list[tuple[str, str, bool]] = field(default_factory=list)
+    cancelled: list[str] = field(default_factory=list)
+    actions: list[tuple[str, str]] = field(default_factory=list)
+
+    def start_mission(self, robot: RobotKey, mission: Mission) -> None:
+        if robot in self.missions:
+            raise RobotBusyError(robot, self.missions[robot].mission_id)
+        self.missions[robot] = mission
+        self.sent.append((robot.serial_number, mission))
+
+    def adopt_mission(self, robot: RobotKey, mission: Mission, *, accepted: bool) -> None:
+        self.missions[robot] = mission
+        self.adopted.append((robot.serial_number, mission.mission_id, accepted))
+
+    def cancel_mission(self, robot: RobotKey) -> None:
+        self.cancelled.append(robot.serial_number)
+
+    def instant_action(self, robot: RobotKey, action: Action) -> None:
+        self.actions.append((robot.serial_number, action.action_type))
+
+    def view(self, robot: RobotKey) -> RobotView:
+        here = robot.serial_number in self.at
+        busy = robot in self.missions
+        free = here and not busy
+        told = here and robot.serial_number not in self.mute
+        return RobotView(
+            key=robot,
+            link=LinkStatus.ONLINE if here else LinkStatus.OFFLINE,
+            vehicle_state=VehicleState.IDLE if free else VehicleState.UNKNOWN,
+            availability=Availability(free, "" if free else "is busy" if busy else "is offline"),
+            state=state(robot=robot, last_node_id=self.at[robot.serial_number]) if told else None,
+            state_at=0.0 if here else None,
+            factsheet=None,
+            mission_id=None,
+            mission_phase=None,
+            mission_note="",
+            malformed=0,
+        )
+
+    def appear(self, name: str, point: str) -> None:
+        """Let a robot be there."""
+        self.at[name] = point
+        self._tell(RobotChanged(key(name)))
+
+    def accept(self, name: str) -> None:
+        """Let a robot echo its mission."""
+        self._tell(MissionAccepted(key(name), self.missions[key(name)].mission_id))
+
+    def finish(self, name: str, *, at: str | None = None) -> None:
+        """Let a robot have done its mission, and stand at the end of it unless told otherwise."""
+        mission = self.missions.pop(key(name))
+        self.at[name] = at or mission.nodes[-1].node_id
+        self._tell(MissionFinished(key(name), mission.mission_id))
+        self._tell(RobotChanged(key(name)))
+
+    def fail(self, name: str, reason: str = "wheel lost") -> None:
+        """Let a robot's mission have failed."""
+        mission = self.missions.pop(key(name))
+        self._tell(MissionFailed(key(name), mission.mission_id, reason, ("FATAL wheel",)))
+        self._tell(RobotChanged(key(name)))
+
+    def confirm_cancel(self, name: str) -> None:
+        """Let a robot have let its mission go."""
+        mission = self.missions.pop(key(name))
+        self._tell(MissionCancelled(key(name), mission.mission_id))
+        self._tell(RobotChanged(key(name)))
+
+    def _tell(self, news: object) -> None:
+        assert self.kernel is not None
+        self.kernel.on_news(news)  # type: ignore[arg-type] # one of the news above
+
+
+async def make_kernel(plant: PlantModel, store: MemoryStore, fleet: ScriptedFleet) -> Kernel:
+    """Start a kernel, as after a restart, over ``store`` and ``fleet``."""
+    finder = WayFinder(plant, Router(plant))
+    kernel = Kernel(
+        plant,
+        store=store,
+        registry=VehicleRegistry(plant, default_map_id="map", adopt_unknown=False),
+        finder=finder,
+        planner=MissionPlanner(plant, finder, OperationMap()),
+        clock=ManualClock(),
+    )
+    fleet.kernel = kernel
+    await kernel.start(fleet)
+    return kernel

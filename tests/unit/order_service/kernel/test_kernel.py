@@ -1,0 +1,266 @@
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_order_service.fleet import Mission
+from nena_order_service.kernel import Kernel
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
+from support.order_service import request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_kernel
+
+S = TransportOrderState
+
+PLANT = PlantModel(
+    name="ring",
+    points=tuple(point(name, 2000 * index) for index, name in enumerate("ABCD")),
+    paths=(path("A B"), path("B C"), path("C D"), path("D A"), path("B A")),
+    vehicles=(Vehicle(name="V1"), Vehicle(name="V2")),
+    location_types=(LocationType(name="T", allowed_operations=("Load",)),),
+    locations=(Location(name="L", type="T", links=(Link(point="C"),)),),
+)
+
+
+@dataclass
+class Ear:
+    orders: list[TransportOrderStatus] = field(default_factory=list)
+    vehicles: list[VehicleStatus] = field(default_factory=list)
+
+    def order_changed(self, status: TransportOrderStatus) -> None:
+        self.orders.append(status)
+
+    def vehicle_changed(self, status: VehicleStatus) -> None:
+        self.vehicles.append(status)
+
+
+@pytest.fixture
+def store() -> MemoryStore:
+    return MemoryStore()
+
+
+@pytest.fixture
+def fleet() -> ScriptedFleet:
+    return ScriptedFleet({"V1": "A"})
+
+
+@pytest.fixture
+async def kernel(store: MemoryStore, fleet: ScriptedFleet) -> Kernel:
+    return await make_kernel(PLANT, store, fleet)
+
+
+def now(kernel: Kernel, order: TransportOrder) -> TransportOrderStatus:
+    found = kernel.book.visible(order.number)
+    assert found is not None
+    return found.status
+
+
+def sent(fleet: ScriptedFleet) -> list[tuple[str, str]]:
+    return [(robot, mission.mission_id) for robot, mission in fleet.sent]
+
+
+async def test_nothing_is_sent_or_told_before_it_is_committed(
+    kernel: Kernel, store: MemoryStore, fleet: ScriptedFleet
+) -> None:
+    ear = Ear()
+    kernel.listeners.append(ear)
+    store.held = True
+    order = kernel.create(request("C"), "T")
+    assert (fleet.sent, ear.orders, kernel.book.visible(order.number)) == ([], [], None)
+    store.release()
+    assert sent(fleet) == [("V1", "T-0")]
+    assert [status.state for status in ear.orders] == [S.DISPATCHABLE, S.BEING_PROCESSED]
+    assert ear.vehicles[-1].transport_order == "T"
+
+
+async def test_each_drive_order_is_a_mission_from_where_the_robot_stands(
+    kernel: Kernel, fleet: ScriptedFleet
+) -> None:
+    order = kernel.create(request("L:Load", "A"), "T")
+    fleet.finish("V1")
+    fleet.finish("V1")
+    assert now(kernel, order).state is S.FINISHED
+    nodes = [[node.node_id for node in mission.nodes] for _, mission in fleet.sent]
+    assert nodes == [["A", "B", "C"], ["C", "D", "A"]]
+    assert [len(mission.actions) for _, mission in fleet.sent] == [1, 0]
+
+
+async def test_failed_mission_fails_the_order_and_frees_the_vehicle(
+    kernel: Kernel, fleet: ScriptedFleet
+) -> None:
+    first, second = kernel.create(request("B"), "T1"), kernel.create(request("B"), "T2")
+    assert now(kernel, second).state is S.DISPATCHABLE
+    fleet.fail("V1")
+    assert now(kernel, first).state is S.FAILED
+    assert now(kernel, first).reason == "wheel lost. FATAL wheel"
+    assert now(kernel, second).processing_vehicle == "V1"
+
+
+async def test_robot_that_does_not_take_the_mission_fails_the_order(
+    kernel: Kernel, store: MemoryStore, fleet: ScriptedFleet
+) -> None:
+    store.held = True
+    order = kernel.create(request("B", "C"), "T")
+    fleet.missions[key("V1")] = Mission(mission_id="other", nodes=(), edges=())
+    store.release()
+    assert now(kernel, order).state is S.FAILED
+    assert "'other'" in now(kernel, order).reason
+
+
+async def test_withdrawal_waits_for_the_robot(kernel: Kernel, fleet: ScriptedFleet) -> None:
+    order = kernel.create(request("B", "C"), "T")
+    kernel.withdraw(order.number, "not needed")
+    kernel.withdraw(order.number, "again")
+    assert (now(kernel, order).state, fleet.cancelled) == (S.WITHDRAWN, ["V1"])
+    fleet.confirm_cancel("V1")
+    assert now(kernel, order).state is S.FAILED
+
+
+async def test_robot_that_finishes_before_the_cancel_gets_no_more_of_a_withdrawn_order(
+    kernel: Kernel, fleet: ScriptedFleet
+) -> None:
+    order = kernel.create(request("B", "C"), "T")
+    kernel.withdraw(order.number, "not needed")
+    fleet.finish("V1")
+    assert now(kernel, order).state is S.FAILED
+    assert sent(fleet) == [("V1", "T-0")]
+
+
+async def test_vehicle_that_cannot_go_on_fails_the_order(kernel: Kernel, fleet: ScriptedFleet) -> None:
+    order = kernel.create(request("B", "C"), "T")
+    fleet.finish("V1", at="nowhere")
+    assert now(kernel, order).state is S.FAILED
+    assert "V1 cannot go on" in now(kernel, order).reason
+
+
+async def test_robot_that_appears_gets_what_waits_for_it(kernel: Kernel, fleet: ScriptedFleet) -> None:
+    order = kernel.create(request("B", intendedVehicle="V2"), "T")
+    assert now(kernel, order).reason == "waits for vehicle 'V2', which is offline"
+    fleet.appear("V2", "D")
+    assert now(kernel, order).processing_vehicle == "V2"
+
+
+@pytest.mark.usefixtures("kernel")
+async def test_robot_without_a_state_is_asked_for_it_once(fleet: ScriptedFleet) -> None:
+    fleet.mute.add("V2")
+    fleet.appear("V2", "D")
+    fleet.appear("V2", "D")
+    assert fleet.actions == [("V2", "stateRequest")]
+
+
+async def test_restart_takes_up_what_is_under_way(
+    kernel: Kernel, store: MemoryStore, fleet: ScriptedFleet
+) -> None:
+    running = kernel.create(request("B", "C"), "running")
+    waiting = kernel.create(request("B"), "waiting")
+    fleet.accept("V1")
+
+    after = ScriptedFleet({"V1": "A"})
+    again = await make_kernel(PLANT, store, after)
+    assert after.adopted == [("V1", "running-0", True)]
+    assert after.sent == []
+    after.finish("V1")
+    after.finish("V1")
+    after.finish("V1")
+    assert now(again, running).state is S.FINISHED
+    assert now(again, waiting).state is S.FINISHED
+    assert again.book.next_number() == 3
+
+
+async def test_restart_cancels_what_was_withdrawn(
+    kernel: Kernel, store: MemoryStore, fleet: ScriptedFleet
+) -> None:
+    order = kernel.create(request("B"), "T")
+    kernel.withdraw(order.number, "not needed")
+    after = ScriptedFleet({"V1": "A"})
+    again = await make_kernel(PLANT, store, after)
+    assert (after.adopted, after.cancelled) == ([("V1", "T-0", False)], ["V1"])
+    after.confirm_cancel("V1")
+    assert now(again, order).state is S.FAILED
+    assert fleet.cancelled == ["V1"]
+
+
+async def test_restart_with_another_plant_fails_what_is_not_possible_any_more(
+    kernel: Kernel, store: MemoryStore
+) -> None:
+    kernel.create(request("B"), "T1")
+    order = kernel.create(request("L:Load"), "T2")
+    smaller = PlantModel(name="small", points=(point("A"), point("B")), paths=(path("A B"),))
+    again = await make_kernel(smaller, store, ScriptedFleet({}))
+    assert now(again, order).state is S.FAILED
+    assert "not possible in this plant any more" in now(again, order).reason
+
+
+async def test_restart_without_the_mission_fails_the_order(kernel: Kernel, store: MemoryStore) -> None:
+    order = kernel.create(request("B"), "T")
+    store.found.missions.clear()
+    again = await make_kernel(PLANT, store, ScriptedFleet({"V1": "A"}))
+    assert now(again, order).state is S.FAILED
+
+
+STEPS = st.lists(
+    st.sampled_from(["create", "both", "V1", "V2", "withdraw", "finish", "fail", "cancel", "restart"]),
+    max_size=25,
+)
+
+
+@given(STEPS, st.randoms(use_true_random=False))
+def test_every_order_ends_once_whatever_happens(steps: list[str], chance: Random) -> None:
+    asyncio.run(_play(steps, chance))
+
+
+def _robot_acts(step: str, fleet: ScriptedFleet, chance: Random) -> None:
+    robot = chance.choice(list(fleet.missions)).serial_number
+    if step == "finish":
+        fleet.finish(robot)
+    elif step == "fail":
+        fleet.fail(robot)
+    elif robot in fleet.cancelled:
+        fleet.confirm_cancel(robot)
+    else:
+        fleet.accept(robot)
+
+
+async def _play(steps: list[str], chance: Random) -> None:
+    store, fleet, ear = MemoryStore(), ScriptedFleet({"V1": "A", "V2": "C"}), Ear()
+    kernel = await make_kernel(PLANT, store, fleet)
+    kernel.listeners.append(ear)
+    started: list[str] = []
+    count = 0
+    for step in steps:
+        if step in ("create", "both", "V1", "V2"):
+            count += 1
+            stops = chance.choice([("B",), ("C", "A"), ("L:Load",)])
+            vehicle = {"intendedVehicle": step} if step in ("V1", "V2") else {}
+            kernel.create(request(*stops, **vehicle), f"T{count}")
+        elif step == "withdraw" and (alive := list(kernel.book.unfinished())):
+            kernel.withdraw(chance.choice(alive).number, "x")
+        elif step == "restart":
+            started += [mission.mission_id for _, mission in fleet.sent]
+            missions, at = fleet.missions, fleet.at
+            fleet = ScriptedFleet(at)
+            kernel = await make_kernel(PLANT, store, fleet)
+            kernel.listeners.append(ear)
+            assert fleet.missions == missions
+        elif fleet.missions:
+            _robot_acts(step, fleet, chance)
+    while fleet.missions:
+        fleet.finish(next(iter(fleet.missions)).serial_number)
+
+    started += [mission.mission_id for _, mission in fleet.sent]
+    assert len(started) == len(set(started))
+    assert list(kernel.book.unfinished()) == []
+    ends = [status.name for status in ear.orders if status.state.final]
+    assert sorted(ends) == sorted(f"T{number}" for number in range(1, count + 1))
+    versions: dict[str, int] = {}
+    for status in ear.orders:
+        assert status.version > versions.get(status.name, 0)
+        versions[status.name] = status.version
