@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import AsyncIterator, Iterator
 from contextlib import AsyncExitStack, contextmanager
 
@@ -17,6 +18,7 @@ from nena_edge_agent.driver.port import (
     BatteryReport,
     DriveFailed,
     DriveFailure,
+    DriveGoal,
     GoalReport,
     Halted,
     NavigationReport,
@@ -155,12 +157,23 @@ async def test_stop_in_mid_drive_leaves_the_robot_standing(domain_id: int, peer:
         assert robot.ends == []
 
 
-async def test_place_on_another_map_is_not_driven_to(robot: DrivenRobot) -> None:
-    elsewhere = goal_at(1, 3.0)
-    robot.driver.go_to(type(elsewhere)(1, Pose(3.0, 0.0, 0.0, "attic"), 0.5))
+@pytest.mark.parametrize(
+    ("place", "reason"),
+    [(Pose(3.0, 0.0, 0.0, "attic"), "map 'attic'"), (Pose(math.nan, 0.0, 0.0, MAP), "no place to drive to")],
+)
+async def test_place_that_cannot_be_driven_to(robot: DrivenRobot, place: Pose, reason: str) -> None:
+    await robot.driving(goal_at(1, 30.0))
+    robot.driver.go_to(DriveGoal(2, place, deviation_xy=0.5))
     failed = await robot.hears(DriveFailed)
-    assert "attic" in failed.description
-    assert not robot.all(GoalReport)
+    assert failed.generation == 2
+    assert reason in failed.description
+    await robot.hears(GoalReport, lambda report: report.status == "CANCELED")
+    assert robot.ends == [failed]
+
+
+async def test_position_that_is_none_is_not_given_to_the_localisation(robot: DrivenRobot) -> None:
+    robot.driver.initialize_position(Pose(math.inf, 0.0, 0.0, MAP))
+    assert not (await robot.hears(PositionInitialized)).succeeded
 
 
 async def test_robot_that_does_not_know_where_it_is_is_told(domain_id: int) -> None:

@@ -563,6 +563,19 @@ class TestNavigationGone:
         talk.array("A:2")
         assert talk.cancelled == ["A"]
 
+    def test_halt_waits_for_what_a_navigation_that_is_back_has_to_show(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        for servers in ({"other"}, {"gid"}):
+            talk.said += talk.tracker.on_servers(frozenset(servers), talk.now)
+        talk.halt()
+        assert talk.events[1:] == []
+        talk.array("A:2")
+        assert talk.cancelled == ["A"]
+        talk.array("A:5")
+        talk.later(3.1)
+        assert talk.events[1:] == [Halted()]
+
     def test_halt_is_answered_when_navigation_goes(self, talk: Conversation) -> None:
         talk.go_to(goal(1))
         talk.array("A:2")

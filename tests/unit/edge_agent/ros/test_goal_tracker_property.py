@@ -64,12 +64,17 @@ class HonestServer:
             self._terminate(self.current, preempted=True)
             self.current, self.pending = self.pending, None
 
-    def finish(self, *, success: bool) -> int | None:
-        """End the current goal; its generation where it succeeded."""
+    def finish(self, *, success: bool, together: bool = False) -> int | None:
+        """End the current goal, ``together`` with a pending one; its generation where it succeeded."""
         if self.current is None:
             return None
-        ended, self.current, self.pending = self.current, self.pending, None
-        self._set(ended, GoalStatus.SUCCEEDED if success else GoalStatus.ABORTED)
+        ended, waiting = self.current, self.pending
+        status = GoalStatus.SUCCEEDED if success else GoalStatus.ABORTED
+        self.current, self.pending = waiting, None
+        self._set(ended, status)
+        if waiting is not None and together:
+            self.current = None
+            self._set(waiting, status)
         return self.generations[ended] if success else None
 
     def cancel(self, goal_id: str) -> int:
@@ -137,12 +142,17 @@ class TrackedRobot(RuleBasedStateMachine):
         self._do(self.tracker.halt(self.now))
 
     @rule()
+    def drop(self) -> None:
+        self.wanted = None
+        self._do(self.tracker.drop(self.now))
+
+    @rule()
     def loop(self) -> None:
         self.server.loop()
 
-    @rule(success=st.booleans(), at_place=st.booleans())
-    def finish(self, *, success: bool, at_place: bool) -> None:
-        reached = self.server.finish(success=success)
+    @rule(success=st.booleans(), at_place=st.booleans(), together=st.booleans())
+    def finish(self, *, success: bool, at_place: bool, together: bool) -> None:
+        reached = self.server.finish(success=success, together=together)
         if reached is not None:
             self.place = 10.0 * reached if at_place else -100.0
 
@@ -207,7 +217,7 @@ class TrackedRobot(RuleBasedStateMachine):
             self.server.loop()
             self._deliver_all()
             if self.wanted is not None and self.server.pending is None and not self.halting:
-                self.finish(success=True, at_place=True)
+                self.finish(success=True, at_place=True, together=False)
             self.wait(1)
         assert self.wanted is None, "a drive without an end"
         assert not self.halting, "a halt without an answer"
@@ -266,4 +276,4 @@ class TrackedRobot(RuleBasedStateMachine):
 
 
 TestTrackedRobot = TrackedRobot.TestCase
-TestTrackedRobot.settings = settings(max_examples=150, stateful_step_count=40, deadline=None)
+TestTrackedRobot.settings = settings(max_examples=300, stateful_step_count=40, deadline=None)

@@ -112,11 +112,13 @@ class Nav2Driver:
 
     def go_to(self, goal: DriveGoal) -> None:
         """Drive to ``goal``; while another one is driven, it is replaced without a stop."""
+        now = self._clock.monotonic()
         problem = self._impossible(goal.pose)
-        if problem is not None:
+        if problem is None:
+            self._apply(self._tracker.go_to(goal, now))
+        else:
+            self._apply(self._tracker.drop(now))
             self._tell(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, problem))
-            return
-        self._apply(self._tracker.go_to(goal, self._clock.monotonic()))
 
     def halt(self) -> None:
         """Cancel what is driven; answered by ``Halted`` once the robot stands."""

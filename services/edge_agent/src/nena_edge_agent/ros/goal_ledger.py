@@ -60,6 +60,15 @@ class GoalLedger:
         """Whether any goal is being cancelled; a goal given now would end with it."""
         return any(goal.status is GoalStatus.CANCELING for goal in self._goals.values())
 
+    @property
+    def orphaned(self) -> bool:
+        """Whether the server went while it drove for us, and has not been heard since."""
+        return bool(self._orphans)
+
+    def may_still_drive(self, now: float) -> bool:
+        """Whether a server is there again that has yet to show whether it still drives for us."""
+        return self.orphaned and bool(self._servers) and not self.settled(now)
+
     def status(self, goal_id: str) -> GoalStatus | None:
         """Give the last status of a goal, None where it is not listed."""
         goal = self._goals.get(goal_id)

@@ -89,6 +89,11 @@ class GoalTracker:
         self._drive = _Drive(goal)
         return self._advance(now)
 
+    def drop(self, now: float) -> list[Command]:
+        """Cancel what is driven, without an answer: it was to be replaced by a goal that cannot be given."""
+        self._drive = None
+        return self._advance(now)
+
     def halt(self, now: float) -> list[Command]:
         """Drop the goal and stop; answered by ``Halted``."""
         self._drive = None
@@ -180,7 +185,9 @@ class GoalTracker:
         halt = self._halt
         if halt is None:
             return
-        if self._ledger.live or self._ledger.awaiting(now):
+        ledger = self._ledger
+        halt.stopped_something = halt.stopped_something or ledger.orphaned
+        if ledger.live or ledger.awaiting(now) or ledger.may_still_drive(now):
             halt.stopped_something, halt.quiet_at = True, None
             return
         halt.quiet_at = now if halt.quiet_at is None else halt.quiet_at
