@@ -166,6 +166,25 @@ async def test_a_robot_is_picked_on_the_map_and_from_the_keyboard(hall: Hall, br
             assert after == pytest.approx(before * 1.25)
 
 
+async def test_on_a_telephone_a_name_leads_to_the_map(hall: Hall, browser: Browser) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        hall.publish_plant()
+        for number in range(1, 6):
+            robot = RobotKey("ACME", f"r{number}")
+            here = state(robot=robot, at=seconds_now(), mobile_robot_position=position(number, 2))
+            hall.send(Topic.STATE, here, robot=robot)
+        async with opened(browser, hall.url, width=390) as page:
+            title = page.get_by_role("heading", name="Map")
+            name = page.get_by_role("button", name="Show r5 on the map")
+            await name.scroll_into_view_if_needed()
+            await page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
+            await expect(title).not_to_be_in_viewport()
+            await name.click()
+            await expect(title).to_be_in_viewport()
+            await expect(page.locator("tr[data-robot='ACME/r5']")).to_have_class("selected")
+
+
 async def test_the_page_outlives_the_aggregator(hall: Hall, browser: Browser) -> None:
     first = hall.aggregator()
     with first:

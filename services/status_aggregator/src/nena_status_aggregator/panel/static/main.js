@@ -16,6 +16,7 @@ for (const node of document.querySelectorAll("[data-text]")) node.textContent = 
 
 const store = new FleetStore();
 const link = new EventLink(store, "api/v1/events");
+const sideBySide = matchMedia("(min-width: 901px)");
 const robots = document.querySelector("nena-robot-table");
 const map = document.querySelector("nena-fleet-map");
 
@@ -26,10 +27,12 @@ document.querySelector("nena-link-banner").show(store, link);
 robots.show(store);
 map.show(store);
 
-for (const part of [robots, map]) {
+for (const [part, other] of [[robots, map], [map, robots]]) {
   part.addEventListener("select", (event) => {
     robots.select(event.detail);
     map.select(event.detail);
+    // where both do not fit on the screen, a tap on the map must not take the map away
+    if (event.detail && (other === map || sideBySide.matches)) other.reveal(event.detail);
   });
 }
 link.addEventListener("state", () => document.body.classList.toggle("stale", !link.connected));

@@ -34,9 +34,15 @@ class FleetMap extends HTMLElement {
     this.#recolour();
   }
 
-  /** Mark one robot, and bring it into sight. */
+  /** Mark one robot; null: none. */
   select(id) {
     this.selected = id;
+    this.#draw();
+  }
+
+  /** Bring the map, and a robot on it, into sight. */
+  reveal(id) {
+    this.closest("section").scrollIntoView({ block: "nearest" });
     const position = this.store.robots.get(id)?.position;
     if (position) this.view.reveal(position.x, position.y);
     this.#draw();

@@ -20,9 +20,12 @@ class RobotTable extends LiveTable {
   select(id) {
     this.rowOf(this.selected)?.classList.remove("selected");
     this.selected = id;
-    const row = this.rowOf(id);
-    row?.classList.add("selected");
-    row?.scrollIntoView({ block: "nearest" });
+    this.rowOf(id)?.classList.add("selected");
+  }
+
+  /** Bring the row of a robot into sight. */
+  reveal(id) {
+    this.rowOf(id)?.scrollIntoView({ block: "nearest" });
   }
 
   makeRow(id) {
