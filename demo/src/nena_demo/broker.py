@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import getpass
 import shutil
 from pathlib import Path
 
@@ -13,6 +14,8 @@ START_SECONDS = 15.0
 MOSQUITTO_CONFIGURATION = """\
 listener {port} 127.0.0.1
 allow_anonymous true
+# a change of user would undo that it ends with the demo
+user {user}
 persistence false
 # without it, small messages wait up to 44 ms for each other
 set_tcp_nodelay true
@@ -71,7 +74,7 @@ async def start_broker(processes: Processes, port: int, kind: str) -> Child:
 
 
 def _write(path: Path, template: str, port: int) -> Path:
-    path.write_text(template.format(port=port), encoding="utf-8")
+    path.write_text(template.format(port=port, user=getpass.getuser()), encoding="utf-8")
     return path
 
 
