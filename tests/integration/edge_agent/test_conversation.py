@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -22,7 +23,7 @@ from support.edge_agent import (
     running_agent,
     status_of,
 )
-from support.robot_core import action, order
+from support.robot_core import MAP, action, order
 from support.schemas import schema_problems
 from support.waiting import until
 
@@ -277,3 +278,37 @@ async def test_a_driver_that_fails_is_an_error_in_the_state(
     fleet.instant(action("c", "NONE", "cancelOrder"))
     state = await fleet.state(lambda state: status_of(state, "c") == "FINISHED")
     assert not state["errors"]
+
+
+async def test_an_action_is_held_and_goes_on(fleet: FleetControl) -> None:
+    fleet.send(order("n0", node_actions={"n0": [action("a", "HARD", "wait", duration=0.5)]}))
+    await fleet.state(lambda state: status_of(state, "a") == "RUNNING")
+
+    fleet.instant(action("p", "NONE", "startPause"))
+    state = await fleet.state(lambda state: status_of(state, "a") == "PAUSED")
+    assert state["paused"]
+    fleet.instant(action("s", "NONE", "stopPause"))
+
+    state = await fleet.state(ended("o1"))
+    assert status_of(state, "a") == "FINISHED"
+
+
+async def test_a_running_action_is_cancelled_with_its_order(fleet: FleetControl) -> None:
+    fleet.send(order("n0", "n1", node_actions={"n0": [action("a", "HARD", "wait", duration=60)]}))
+    await fleet.state(lambda state: status_of(state, "a") == "RUNNING")
+
+    fleet.instant(action("c", "NONE", "cancelOrder"))
+
+    state = await fleet.state(lambda state: status_of(state, "c") == "FINISHED")
+    assert (status_of(state, "a"), state["nodeStates"]) == ("FAILED", [])
+
+
+async def test_a_robot_is_told_where_it_is(fleet: FleetControl) -> None:
+    place: dict[str, Any] = {"x": 50.0, "y": 0.0, "theta": 1.0, "mapId": MAP, "lastNodeId": "n5"}
+    fleet.instant(action("i", "NONE", "initializePosition", **place))
+
+    state = await fleet.state(lambda state: status_of(state, "i") == "FINISHED")
+
+    assert (state["lastNodeId"], state["agvPosition"]["x"]) == ("n5", 50.0)
+    fleet.send(order("n5", "n6"))
+    assert (await fleet.state(ended("o1")))["lastNodeId"] == "n6"

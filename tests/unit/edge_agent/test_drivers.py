@@ -4,20 +4,27 @@ import sys
 
 import pytest
 
+from nena_edge_agent.driver.port import DriverEvent, Pose, PoseReport
 from nena_edge_agent.drivers import driver_maker
-from nena_edge_agent.loopback.driver import LoopbackDriver
+from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import SystemClock
 from nena_shared.program import StartError
 
 
-def test_the_loopback_driver_is_made_without_ros(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("last_place", "x"), [(None, 3.0), (Pose(9.0, 0.0, 0.0, "map"), 9.0)], ids=["new", "restarted"]
+)
+async def test_the_loopback_driver_needs_no_ros_and_begins_where_the_robot_was(
+    monkeypatch: pytest.MonkeyPatch, last_place: Pose | None, x: float
+) -> None:
     monkeypatch.setitem(sys.modules, "nena_edge_agent.ros.driver", None)
-    settings = EdgeAgentSettings(driver="loopback")
+    settings = EdgeAgentSettings(driver="loopback", loopback=LoopbackSettings(x=3.0))
+    events: list[DriverEvent] = []
 
-    made = driver_maker(settings, 0, SystemClock())(lambda _: None)
+    await driver_maker(settings, 0, SystemClock())(events.append, last_place).start()
 
-    assert isinstance(made, LoopbackDriver)
+    assert [event.pose.x for event in events if isinstance(event, PoseReport)] == [x]
 
 
 def test_without_ros_the_nav2_driver_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

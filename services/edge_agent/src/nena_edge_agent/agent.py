@@ -8,7 +8,7 @@ from typing import ParamSpec
 
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.runner import ActionRunner
-from nena_edge_agent.driver.port import DriveFailed, DriveFailure, DriveGoal, Driver, Emit
+from nena_edge_agent.driver.port import DriveFailed, DriveFailure, DriveGoal, Driver, Emit, Pose
 from nena_edge_agent.factsheet import make_factsheet
 from nena_edge_agent.header import HeaderMaker
 from nena_edge_agent.inbox import Inbox
@@ -55,7 +55,8 @@ LONGEST_GATHERING = 0.2
 JOURNAL_TIMEOUT = 30.0
 """Seconds that the disk has to take a record."""
 
-DriverMaker = Callable[[Emit], Driver]
+DriverMaker = Callable[[Emit, Pose | None], Driver]
+"""Makes a driver that tells its events to the first; the second is the place that the journal knows."""
 
 
 class RobotAgent:
@@ -87,7 +88,7 @@ class RobotAgent:
         self._durable_version = self._core.durable_version
         self._mailbox = Mailbox()
         self._inbox = Inbox(CODEC, self.robot, self._mailbox.put)
-        self._driver = make_driver(self._mailbox.put)
+        self._driver = make_driver(self._mailbox.put, self._core.last_place)
         self._runner = ActionRunner(registry, self._mailbox.put)
         self._states = StateSchedule(
             minimum=settings.interval.state_minimum, maximum=settings.interval.state_maximum

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from nena_edge_agent.agent import DriverMaker
-from nena_edge_agent.driver.port import Driver, Emit
+from nena_edge_agent.driver.port import Driver, Emit, Pose
 from nena_edge_agent.loopback.driver import LoopbackDriver
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
@@ -21,10 +21,10 @@ def driver_maker(settings: EdgeAgentSettings, index: int, clock: Clock) -> Drive
 
 
 def _loopback(settings: EdgeAgentSettings, index: int, clock: Clock) -> DriverMaker:
-    def make(emit: Emit) -> Driver:
-        return LoopbackDriver(
-            settings.loopback, settings.loopback.start(index), map_id=settings.map_id, emit=emit, clock=clock
-        )
+    def make(emit: Emit, last_place: Pose | None) -> Driver:
+        start = settings.loopback.start(index)
+        place = last_place or Pose(start.x, start.y, start.theta, settings.map_id)
+        return LoopbackDriver(settings.loopback, place, emit=emit, clock=clock)
 
     return make
 
@@ -39,7 +39,7 @@ def _nav2(settings: EdgeAgentSettings, clock: Clock) -> DriverMaker:
         )
         raise StartError(message) from error
 
-    def make(emit: Emit) -> Driver:
+    def make(emit: Emit, _: Pose | None) -> Driver:
         return make_driver(settings.ros, settings.map_id, emit, clock)
 
     return make

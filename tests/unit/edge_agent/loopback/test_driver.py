@@ -15,7 +15,7 @@ from nena_edge_agent.driver.port import (
     PositionInitialized,
 )
 from nena_edge_agent.loopback.driver import LoopbackDriver
-from nena_edge_agent.loopback.settings import LoopbackSettings, StartPose
+from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_shared.clock import SystemClock
 from support.waiting import until
 
@@ -28,8 +28,7 @@ class Ride:
         self.events: list[DriverEvent] = []
         self.driver = LoopbackDriver(
             LoopbackSettings.model_validate(values),
-            StartPose(x=1.0),
-            map_id="m",
+            Pose(1.0, 0.0, 0.0, "m"),
             emit=self.events.append,
             clock=SystemClock(),
         )

@@ -166,6 +166,15 @@ def test_a_late_arrival_of_an_older_goal_is_passed_over() -> None:
     assert bench.nodes == ["n2"]
 
 
+def test_a_late_failure_of_an_older_goal_is_passed_over() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", "n2"))
+    bench.arrive()
+
+    assert bench.do(DriveFailed(1, DriveFailure.ABORTED, "superseded")) == []
+    assert bench.state.driving
+
+
 def test_pass_through_gives_the_next_goal_in_the_range_of_a_node() -> None:
     bench = Bench(**PASS)
     bench.send(order("n0", "n1", "n2", positions={"n1": position(10.0, radius=0.4)}))

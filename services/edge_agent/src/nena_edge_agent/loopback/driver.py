@@ -19,7 +19,7 @@ from nena_edge_agent.driver.port import (
     PositionInitialized,
 )
 from nena_edge_agent.loopback.motion import Motion
-from nena_edge_agent.loopback.settings import LoopbackSettings, StartPose
+from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_shared.clock import Clock
 
 METRES_OF_DRAIN = 100.0
@@ -30,13 +30,11 @@ BATTERY_STEP = 1.0
 class LoopbackDriver:
     """One robot; costs nothing while it stands."""
 
-    def __init__(
-        self, settings: LoopbackSettings, start: StartPose, *, map_id: str, emit: Emit, clock: Clock
-    ) -> None:
+    def __init__(self, settings: LoopbackSettings, start: Pose, *, emit: Emit, clock: Clock) -> None:
         self._settings = settings
         self._emit = emit
         self._clock = clock
-        self._pose = Pose(start.x, start.y, start.theta, map_id)
+        self._pose = start
         self._charge = settings.charge
         self._told_charge = settings.charge
         self._goal: DriveGoal | None = None

@@ -13,6 +13,7 @@ from nena_edge_agent.driver.port import (
     GoalReport,
     Halted,
     NavigationReport,
+    Pose,
     PoseReport,
     PositionInitialized,
 )
@@ -94,6 +95,13 @@ class RobotCore:
     def parts(self) -> RobotParts:
         """What the robot is made of, to be read."""
         return self._parts
+
+    @property
+    def last_place(self) -> Pose | None:
+        """The place of the node that was reached last, None if that is not known."""
+        node = self._parts.progress.last_node
+        place = node.node_position if node else None
+        return Pose(place.x, place.y, place.theta or 0.0, place.map_id) if place else None
 
     @property
     def waits(self) -> bool:
