@@ -47,7 +47,7 @@ demo: $(STAMP) broker ## start everything on this machine, run the main job, and
 	$(BIN)/nena-demo run
 
 bench: $(STAMP) broker ## measure latencies, CPU per message and memory; writes bench.json
-	$(BIN)/python tests/bench/run.py --output bench.json
+	PYTHONPATH=tests $(BIN)/python -m bench.run --output bench.json
 
 # Real parts that come from the system's packages. Where they cannot be installed, the demo takes the Python
 # broker, and tests say what is missing.

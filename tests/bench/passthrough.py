@@ -1,6 +1,6 @@
 """The yardstick of (b): MQTT in, goal_pose out, with bare paho and rclpy and nothing in between.
 
-Run as a process of its own: ``passthrough.py PORT DOMAIN_ID NAMESPACE TOPIC``; ends when its input closes.
+Run as a process of its own: ``bench.passthrough PORT DOMAIN_ID NAMESPACE TOPIC``; ends when its input closes.
 """
 
 from __future__ import annotations

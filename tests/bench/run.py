@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import asyncio
 import json
-import os
 import platform
 import shutil
 import sys
@@ -13,10 +12,6 @@ import tempfile
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
-
-TESTS = str(Path(__file__).parents[1])
-sys.path.insert(0, TESTS)
-os.environ["PYTHONPATH"] = TESTS  # the yardsticks are processes of their own
 
 import psutil
 

@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from itertools import pairwise
-from pathlib import Path
 
 from bench.figures import Figures, milliseconds, ratio
 from bench.goal_listener import GoalListener
@@ -144,8 +143,8 @@ def _wait_for_publishers(listener: GoalListener, namespaces: tuple[str, ...]) ->
 
 @contextmanager
 def _passthrough(port: int, domain_id: int) -> Iterator[None]:
-    script = Path(__file__).with_name("passthrough.py")
-    command = [sys.executable, str(script), str(port), str(domain_id), PASS_NAMESPACE, PASS_TOPIC]
+    module = ("-m", "bench.passthrough")
+    command = [sys.executable, *module, str(port), str(domain_id), PASS_NAMESPACE, PASS_TOPIC]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     try:
