@@ -57,7 +57,7 @@ def registry_with_stranger() -> VehicleRegistry:
 def test_robots_of_one_serial_number_have_names_of_their_own() -> None:
     found = registry()
     names = {found.discover(RobotKey(maker, "9")).name for maker in ("X", "Y")}
-    assert names == {"9", "Y/9"}
+    assert names == {"9", "Y-9"}
 
 
 def test_map_that_nobody_has_named_is_learned_from_the_robot() -> None:

@@ -74,7 +74,8 @@ class VehicleRegistry:
         return vehicle
 
     def _free_name(self, key: RobotKey) -> str:
-        return key.serial_number if key.serial_number not in self._by_name else str(key)
+        taken = key.serial_number in self._by_name
+        return f"{key.manufacturer}-{key.serial_number}" if taken else key.serial_number
 
 
 DEFAULT_MANUFACTURER = "NeNa"

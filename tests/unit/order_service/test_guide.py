@@ -1,0 +1,42 @@
+"""The bodies in the guide are what the doors take."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import httpx
+import pytest
+from pydantic import BaseModel
+
+from nena_order_service.rest.bodies import DispatchRequest, InstantActionRequest, WithdrawalRequest
+from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.fleet_api.transport_order import TransportOrderRequest
+
+GUIDE = (Path(__file__).parents[3] / "docs" / "order-service.md").read_text(encoding="utf-8")
+
+BODIES: dict[str, type[BaseModel]] = {
+    "/v1/transportOrders": TransportOrderRequest,
+    "/withdrawal": WithdrawalRequest,
+    "/dispatch": DispatchRequest,
+    "/instantActions": InstantActionRequest,
+}
+EXAMPLES = re.findall(r"\$nena(\S+) -H 'Content-Type: application/json' -d '(\{.*?\})'\n", GUIDE, re.DOTALL)
+
+
+@pytest.mark.parametrize(("path", "body"), EXAMPLES)
+def test_bodies_of_curl_examples_are_taken(path: str, body: str) -> None:
+    kind = next(model for ending, model in BODIES.items() if httpx.URL(path).path.endswith(ending))
+    kind.model_validate_json(body, by_alias=True, by_name=False)
+
+
+def test_every_kind_of_body_has_an_example() -> None:
+    assert {ending for path, _ in EXAMPLES for ending in BODIES if path.endswith(ending)} == set(BODIES)
+
+
+def test_mqtt_example_is_taken() -> None:
+    found = re.search(r"-t (\S+/create) -m '(\{.*?\})'", GUIDE)
+    assert found is not None
+    topic, body = found.groups()
+    assert topic == FleetTopics().creation_request("wms")
+    TransportOrderRequest.model_validate_json(body, by_alias=True, by_name=False)
