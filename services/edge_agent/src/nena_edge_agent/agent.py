@@ -107,8 +107,8 @@ class RobotAgent:
             TaskFailedError: a task of the robot has failed.
 
         """
+        self._mailbox.put(Started())  # before all that the driver tells
         await self._driver.start()
-        self._mailbox.put(Started())
         try:
             async with Supervisor() as supervisor:
                 supervisor.start(f"link {self.robot}", self._link.run())

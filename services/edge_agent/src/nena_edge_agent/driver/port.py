@@ -150,11 +150,11 @@ class Driver(Protocol):
         ...
 
     def go_to(self, goal: DriveGoal) -> None:
-        """Drive to ``goal``; a goal still driven is replaced without a stop and without an event of its own."""
+        """Drive to ``goal``; a goal still driven is replaced without a stop and without an event."""
         ...
 
     def halt(self) -> None:
-        """Stop as soon as possible and drop the goal; answered by :class:`Halted`, even if it stood already."""
+        """Stop as soon as possible and drop the goal; answered by :class:`Halted`, always."""
         ...
 
     def initialize_position(self, pose: Pose) -> None:
