@@ -34,9 +34,9 @@ async def test_killed_in_mid_order_it_goes_on_where_the_robot_is(fleet: Fleet) -
     wire = fleet.peer()
     program = fleet.order_service()
     client = await program.client()
-    fleet.agent(speed=6.0)
+    fleet.agent(speed=8.0)
     await vehicle_idle(client)
-    for number in range(3):
+    for number in range(2):
         body = {"name": f"T-{number}", "idempotencyKey": f"k-{number}", "destinations": [LOAD, UNLOAD]}
         assert (await client.post("/v1/transportOrders", json=body)).status_code == 201
     await order_in(client, "T-0", "BEING_PROCESSED")
@@ -49,10 +49,10 @@ async def test_killed_in_mid_order_it_goes_on_where_the_robot_is(fleet: Fleet) -
     assert (answer.status_code, answer.json()["name"]) == (200, "T-0")
 
     orders = await every_order_ended(client, 90)
-    assert {order["name"]: order["state"] for order in orders} == {f"T-{n}": "FINISHED" for n in range(3)}
+    assert {order["name"]: order["state"] for order in orders} == {f"T-{n}": "FINISHED" for n in range(2)}
     adopted = next(order for order in orders if order["name"] == "T-0")
     assert "nena:adoptedAfterRestart" in [entry["eventCode"] for entry in adopted["history"]]
-    assert actions_done(wire, fleet) == {f"T-{order}-{leg}": 1 for order in range(3) for leg in range(2)}
+    assert actions_done(wire, fleet) == {f"T-{order}-{leg}": 1 for order in range(2) for leg in range(2)}
 
 
 async def test_killed_again_and_again_under_load_every_order_is_done_once(fleet: Fleet) -> None:

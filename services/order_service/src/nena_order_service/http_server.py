@@ -18,8 +18,6 @@ log = get_logger(__name__)
 SHUTDOWN_PATIENCE = 3
 """Seconds that open requests have to end."""
 
-CONCURRENT_REQUESTS = 1000
-
 BACKLOG = 1024
 """Connections that may wait to be accepted."""
 
@@ -45,7 +43,6 @@ class HttpServer:
             log_level="warning",
             access_log=False,
             server_header=False,
-            limit_concurrency=CONCURRENT_REQUESTS,
             timeout_graceful_shutdown=SHUTDOWN_PATIENCE,
         )
         self._server = _Server(config)

@@ -199,6 +199,18 @@ async def test_restart_with_another_plant_fails_what_is_not_possible_any_more(
     assert "not possible in this plant any more" in now(again, order).reason
 
 
+async def test_restart_with_another_plant_fails_what_cannot_go_on(kernel: Kernel, store: MemoryStore) -> None:
+    order = kernel.create(request("B", "L:NOP"), "T")
+    smaller = PlantModel(
+        name="small", points=(point("A"), point("B")), paths=(path("A B"),), vehicles=PLANT.vehicles
+    )
+    fleet = ScriptedFleet({"V1": "A"})
+    again = await make_kernel(smaller, store, fleet)
+    fleet.finish("V1")
+    assert now(again, order).state is S.FAILED
+    assert "'L'" in now(again, order).reason
+
+
 async def test_restart_without_the_mission_fails_the_order(kernel: Kernel, store: MemoryStore) -> None:
     order = kernel.create(request("B"), "T")
     store.found.missions.clear()

@@ -111,6 +111,12 @@ async def test_bad_requests_are_told_what_to_do_and_make_nothing(
     assert (await client.get(ORDERS)).json()["transportOrders"] == []
 
 
+async def test_body_of_another_content_type_is_refused(client: httpx.AsyncClient) -> None:
+    for headers in ({}, {"content-type": "application/x-www-form-urlencoded"}):
+        answer = await client.post(ORDERS, content=b'{"destinations": []}', headers=headers)
+        assert "Content-Type: application/json" in problem(answer, 415).detail
+
+
 async def test_all_problems_are_told_at_once(client: httpx.AsyncClient) -> None:
     body = {"destinations": [{"locationName": "Nowhere"}, {"locationName": "Goods in", "operation": "Fly"}]}
     found = problem(await client.post(ORDERS, json=body), 422)

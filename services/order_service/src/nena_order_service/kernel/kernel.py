@@ -46,7 +46,7 @@ from nena_shared.fleet_api.transport_order import (
 )
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
-from nena_shared.plant import PlantModel
+from nena_shared.plant import PlantModel, UnknownObjectError
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.topics import RobotKey
 
@@ -300,7 +300,7 @@ class Kernel:
         try:
             candidate = Candidate(vehicle, self._planner.standing(vehicle, self.view(vehicle)))
             way = self._planner.way(order, vehicle, candidate.standing)
-        except (NotLocatedError, NoRouteError) as error:
+        except (NotLocatedError, NoRouteError, UnknownObjectError) as error:
             self._end(order.failed(f"vehicle {vehicle.name} cannot go on: {error}", self.clock.now()))
             return
         self._send(order, candidate, way)

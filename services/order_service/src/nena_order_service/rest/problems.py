@@ -32,8 +32,8 @@ def install(app: FastAPI) -> None:
     """Let every error of ``app`` be answered as a problem."""
 
     @app.exception_handler(RequestValidationError)
-    async def invalid(_request: Request, error: RequestValidationError) -> Response:
-        return answer(_problem_of_validation(error))
+    async def invalid(request: Request, error: RequestValidationError) -> Response:
+        return answer(_problem_of_validation(request, error))
 
     @app.exception_handler(HTTPException)
     async def refused(request: Request, error: HTTPException) -> Response:
@@ -51,8 +51,15 @@ def install(app: FastAPI) -> None:
         return answer(problem_of(error))
 
 
-def _problem_of_validation(error: RequestValidationError) -> Problem:
+def _problem_of_validation(request: Request, error: RequestValidationError) -> Problem:
     found = error.errors()
+    content_type = request.headers.get("content-type", "no content type")
+    if "json" not in content_type and any(item["loc"][0] == "body" for item in found):
+        return Problem(
+            title="Not JSON",
+            status=HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
+            detail=f"The body is {content_type}. Send a JSON object with Content-Type: application/json.",
+        )
     if any(item["type"] == "json_invalid" for item in found):
         return Problem(
             title="Not JSON",
