@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Self
 
+import psutil
 from action_msgs.msg import GoalStatusArray
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from std_srvs.srv import Trigger
@@ -133,6 +134,11 @@ class SimulatorProcess:
 
     def stop(self, with_signal: signal.Signals) -> None:
         self._process.send_signal(with_signal)
+
+    @property
+    def frozen(self) -> bool:
+        """Whether SIGSTOP has taken effect."""
+        return bool(psutil.Process(self._process.pid).status() == psutil.STATUS_STOPPED)
 
     def ended(self, timeout: float = 10.0) -> int:
         """Wait for the end and give the exit status."""

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import pytest
 
 from nena_robot_simulator.__main__ import _wait
+from nena_shared.tasks import TaskFailedError
 from support.ros import wait_until
 from support.simulator import simulated_robot
 
 pytestmark = pytest.mark.ros
 
 
-def test_a_thread_that_ends_by_itself_is_noticed_and_ends_the_program(domain_id: int) -> None:
+async def test_a_thread_that_ends_by_itself_is_noticed_and_ends_the_program(domain_id: int) -> None:
     with simulated_robot(domain_id) as robot:
         assert robot.alive
         robot._session._context.try_shutdown()
         wait_until(lambda: not robot.alive, what="the end of the thread")
-        assert _wait([robot]) == 1
+        with pytest.raises(TaskFailedError, match="a robot's ROS thread"):
+            await _wait([robot], asyncio.Event())

@@ -87,3 +87,14 @@ def test_settings_that_do_not_fit_end_the_program_with_a_line(
         assert len(process.lines) == 1
         assert process.lines[0].startswith("nena-robot-simulator: ")
         assert problem in process.lines[0]
+
+
+def test_it_goes_on_after_it_was_frozen(tmp_path: Path, domain_id: int, peer: RosPeer) -> None:
+    with SimulatorProcess("--config", settings_file(tmp_path, domain_id), directory=tmp_path) as process:
+        process.wait_for_line("robot ready", "robot=beta")
+        process.stop(signal.SIGSTOP)
+        wait_until(lambda: process.frozen, what="the freeze")
+        process.stop(signal.SIGCONT)
+        statuses = peer.subscribe(GoalStatusArray, f"/r1/{STATUS}", LATCHED)
+        publisher_to(peer, PoseStamped, "goal_pose", "r1").publish(goal(1.0, 0.0))
+        statuses.wait_for(lambda array: array.status_list[0].status == 4, timeout=20.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import signal
+import asyncio
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -12,7 +12,8 @@ from nena_robot_simulator.ros_environment import ros_environment
 from nena_robot_simulator.settings import SimulatorSettings
 from nena_shared import log as logging
 from nena_shared.clock import SystemClock
-from nena_shared.settings import ConfigurationError, load
+from nena_shared.program import StartError, run
+from nena_shared.tasks import TaskFailedError
 
 if TYPE_CHECKING:
     from nena_robot_simulator.node import RobotNode
@@ -23,7 +24,6 @@ DESCRIPTION = (
     "and plan. Without settings there is one robot, in ROS domain 0 and no namespace. Faults can be given at "
     "the start (--faults) and while it runs (topic simulator/fault)."
 )
-STOP_SIGNALS = {signal.SIGINT, signal.SIGTERM}
 LOOK_AROUND = 0.5
 """Seconds between two looks at the robots' threads."""
 
@@ -32,30 +32,16 @@ log = logging.get_logger(__name__)
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; the exit status is 0 after a signal, 1 after a failure, 2 for bad settings."""
-    try:
-        settings = load(
-            SimulatorSettings,
-            sys.argv[1:] if argv is None else argv,
-            program=PROGRAM,
-            description=DESCRIPTION,
-        )
-    except ConfigurationError as error:
-        for problem in error.problems:
-            sys.stderr.write(f"{PROGRAM}: {problem}\n")
-        return 2
-    logging.configure(settings.log)
-    # Blocked here, and so in all threads to come, the signals wait until they are asked for.
-    signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
     with ros_environment():
-        return _run(settings)
+        return run(SimulatorSettings, _serve, program=PROGRAM, description=DESCRIPTION, argv=argv)
 
 
-def _run(settings: SimulatorSettings) -> int:
+async def _serve(settings: SimulatorSettings, stop: asyncio.Event) -> None:
     try:
         from nena_robot_simulator import node  # noqa: PLC0415 - after the environment is set
     except ImportError as error:
-        log.error("ROS 2 for Python is missing; install nena-robot-simulator[ros]", reason=str(error))  # noqa: TRY400
-        return 1
+        message = f"ROS 2 for Python is missing ({error}); install nena-robot-simulator[ros]"
+        raise StartError(message) from error
     place = hall(**settings.map.model_dump())
     clock = SystemClock()
     robots: list[RobotNode] = []
@@ -63,19 +49,23 @@ def _run(settings: SimulatorSettings) -> int:
         for robot in settings.robots:
             robots.append(node.RobotNode(robot, simulator=settings, hall=place, clock=clock))
             robots[-1].start()
-        return _wait(robots)
+        await _wait(robots, stop)
     finally:
         for started in robots:
             started.close()
         log.info("stopped")
 
 
-def _wait(robots: Sequence[RobotNode]) -> int:
-    """Wait for a signal, or for a robot whose thread has ended."""
-    while signal.sigtimedwait(STOP_SIGNALS, LOOK_AROUND) is None:
+async def _wait(robots: Sequence[RobotNode], stop: asyncio.Event) -> None:
+    """Wait for the end; a robot whose thread has ended is the end too."""
+    while not stop.is_set():
         if not all(robot.alive for robot in robots):
-            return 1
-    return 0
+            raise TaskFailedError("a robot's ROS thread")
+        try:
+            async with asyncio.timeout(LOOK_AROUND):
+                await stop.wait()
+        except TimeoutError:
+            continue
 
 
 if __name__ == "__main__":
