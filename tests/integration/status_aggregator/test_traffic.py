@@ -31,6 +31,7 @@ pytestmark = pytest.mark.broker
 async def test_a_robot_from_its_first_message_to_its_end(broker: Broker, served: Served) -> None:
     robot = "/api/v1/robots/ACME/r1"
     with MqttPeer(broker) as peer:
+        peer.publish(served.robots.of(ROBOT, Topic.CONNECTION), b"", retain=True)
         served.send(peer, Topic.CONNECTION, connection(), retain=True)
         served.send(peer, Topic.FACTSHEET, factsheet(), retain=True)
         served.send(peer, Topic.STATE, state(order_id="o1", driving=True, last_node_id="A", **way("B", "C")))
@@ -46,7 +47,7 @@ async def test_a_robot_from_its_first_message_to_its_end(broker: Broker, served:
         will = connection("CONNECTION_BROKEN", 0, at=-50)
         served.send(peer, Topic.CONNECTION, will, retain=True)
         broken = await served.until(robot, lambda shown: shown["condition"] == "BROKEN")
-        assert broken["connection"] == "CONNECTION_BROKEN"
+        assert (broken["connection"], broken["malformed"]) == ("CONNECTION_BROKEN", 0)
         await served.metric('nena_robots{condition="BROKEN"} 1.0')
 
 

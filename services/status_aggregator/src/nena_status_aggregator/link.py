@@ -32,6 +32,11 @@ log = get_logger(__name__)
 PROBLEMS_REMEMBERED = 1000
 """Topics whose last problem is remembered, so that a robot that repeats itself does not fill the log."""
 
+TOPIC_LENGTH = 300
+"""Characters of a topic that are remembered and logged."""
+
+KEPT_AT_THE_BROKER = (MessageKind.CONNECTION, MessageKind.FACTSHEET)
+
 KEY_LENGTH = 200
 """Characters of manufacturer and serial number together."""
 
@@ -88,8 +93,8 @@ class FleetLink:
 
     def _on_robot_message(self, kind: MessageKind, read: RobotReader, inbound: Inbound) -> None:
         key = self._robot_topics.robot_of(inbound.topic)
-        if key is None or (inbound.retained and not inbound.payload):
-            return
+        if key is None or (not inbound.payload and kind in KEPT_AT_THE_BROKER):
+            return  # an empty one only clears what the broker keeps
         at = Instant.of(self._clock)
         if len(str(key)) > KEY_LENGTH:
             self._malformed(kind, inbound.topic, f"a robot's name is longer than {KEY_LENGTH}", at, None)
@@ -137,6 +142,7 @@ class FleetLink:
     def _malformed(
         self, kind: MessageKind, topic: str, problem: str, at: Instant, key: RobotKey | None
     ) -> None:
+        topic = topic[:TOPIC_LENGTH]
         self._model.on_malformed(kind, topic, problem, at, key=key)
         if self._problems.get(topic) == problem:
             return

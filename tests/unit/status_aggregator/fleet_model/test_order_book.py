@@ -3,7 +3,7 @@ from __future__ import annotations
 from datetime import timedelta
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
@@ -70,6 +70,7 @@ def test_when_there_are_too_many_the_one_that_ended_first_goes_first() -> None:
     assert book.shrink() == ["living"]
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.tuples(st.sampled_from("abcdef"), st.integers(1, 5), st.sampled_from(TransportOrderState)))
 )

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nena_status_aggregator.fleet_model.order_progress import OrderProgress
@@ -51,6 +51,7 @@ def test_a_robot_that_lists_its_first_node_too_is_not_below_zero() -> None:
     assert follow(OrderProgress(), order_id="o", **way("A", "B", first=0)) == 0
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.tuples(st.integers(0, 9), st.integers(0, 6), st.integers(0, 40), st.sampled_from("op"))),
 )

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from datetime import timedelta
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nena_status_aggregator.fleet_model.sequence import GREATEST_HEADER_ID, Sequence, Verdict
@@ -71,6 +71,7 @@ def test_gaps_are_counted() -> None:
     assert sequence.missed == 3
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 30), st.integers(0, 30)), max_size=40))
 def test_a_sender_is_never_locked_out(before: list[tuple[int, int]]) -> None:
     sequence = Sequence()

@@ -17,6 +17,7 @@ function ways(paths, points) {
   const found = new Map();
   for (const path of paths) {
     const [from, to] = [points.get(path.source), points.get(path.destination)];
+    if (!from || !to) continue;
     const opposite = found.get(`${path.destination} ${path.source}`);
     if (opposite && straight(path) && straight(opposite.path)) {
       opposite.forward ||= path.maxReverseVelocityMmS > 0;
