@@ -171,6 +171,22 @@ def test_a_failed_operation_fails_the_mission_with_the_robots_words() -> None:
     assert bench.instants_sent() == [], "the robot has ended the order itself"
 
 
+def test_a_failed_operation_cancels_what_comes_behind_it() -> None:
+    bench = Bench(robot=HonestRobot(actions_fail=True)).online()
+    one, two = (make_mission("m", "A", operation=each) for each in ("pick", "weigh"))
+    node = one.nodes[0].model_copy(update={"actions": (*one.actions, *two.actions)})
+    bench.start(one.model_copy(update={"nodes": (node,)}))
+    bench.deliver()
+    bench.robot.step()
+    bench.robot.step()
+    bench.report()
+    assert bench.instants_sent() == ["cancelOrder"]
+    bench.deliver()
+    bench.report()
+    assert failure(bench).reason == "the action 'pick' has failed"
+    assert bench.robot.executed == ["m/pick"]
+
+
 def test_a_node_that_cannot_be_reached_cancels_the_order_and_then_fails_it() -> None:
     bench = Bench(robot=HonestRobot(unreachable={"C"})).online()
     bench.start(make_mission("m", "A", "B", "C"))
