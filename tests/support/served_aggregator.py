@@ -105,7 +105,7 @@ async def serving(broker: Broker, interface_name: str, **settings: Any) -> Async
         mqtt=broker.settings,
         http=AggregatorHttpSettings(port=port),
         interface_name=interface_name,
-        prefix=f"{interface_name}/nena",
+        topic_prefix=f"{interface_name}/nena",
         **settings,
     )
     stop = asyncio.Event()

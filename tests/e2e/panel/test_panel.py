@@ -72,7 +72,7 @@ class Hall:
 def hall(broker: Broker, interface_name: str) -> Iterator[Hall]:
     port = free_port()
     fleet = FleetTopics(f"{interface_name}/nena")
-    options = ("--http.port", str(port), "--mqtt.port", str(broker.port), "--prefix", fleet.prefix)
+    options = ("--http.port", str(port), "--mqtt.port", str(broker.port), "--topic_prefix", fleet.prefix)
     with MqttPeer(broker) as peer:
         named = (*options, "--interface_name", interface_name)
         yield Hall(peer, port, named, TopicScheme(interface_name), fleet)

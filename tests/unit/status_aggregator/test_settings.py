@@ -13,7 +13,7 @@ def loaded(*argv: str) -> AggregatorSettings:
 def test_defaults() -> None:
     settings = loaded()
     assert (settings.http.host, settings.http.port) == ("127.0.0.1", 8080)
-    assert (settings.interface_name, settings.prefix) == ("uagv", "nena/v1")
+    assert (settings.interface_name, settings.topic_prefix) == ("uagv", "nena/v1")
     assert settings.silence_limit is None
 
 

@@ -51,7 +51,7 @@ class FleetLink:
         self._clock = clock
         self._codec = protocol.codec()
         self._robot_topics = protocol.topics(settings.interface_name)
-        self._fleet_topics = FleetTopics(settings.prefix)
+        self._fleet_topics = FleetTopics(settings.topic_prefix)
         self._problems: dict[str, str] = {}
         self.mqtt = MqttLink(
             settings.mqtt,

@@ -35,7 +35,7 @@ class AggregatorSettings(ServiceSettings):
         default_factory=AggregatorHttpSettings, description="Page, API and metrics."
     )
     interface_name: TopicPrefix = Field("uagv", description="First level of the robots' VDA 5050 topics.")
-    prefix: TopicPrefix = Field("nena/v1", description="Topic prefix of the order service's statuses.")
+    topic_prefix: TopicPrefix = Field("nena/v1", description="Topic prefix of the order service's statuses.")
     silence_limit: float | None = Field(
         None,
         gt=0,
