@@ -81,7 +81,7 @@ def build(settings: OrderServiceSettings) -> OrderService:
     )
     topics = FleetTopics(settings.topic_prefix)
     door = MqttDoor(mqtt, topics, kernel, requests, plant_json=plant_json, max_body=settings.max_body)
-    kernel.listeners.append(door)
+    kernel.steps.listeners.append(door)
     sweep = RetainedSweep(
         settings.mqtt, topics, client_id=f"{client_id}-sweep", mqtt=mqtt, kernel=kernel, door=door
     )

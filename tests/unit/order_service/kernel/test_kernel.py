@@ -71,7 +71,7 @@ async def test_nothing_is_sent_or_told_before_it_is_committed(
     kernel: Kernel, store: MemoryStore, fleet: ScriptedFleet
 ) -> None:
     ear = Ear()
-    kernel.listeners.append(ear)
+    kernel.steps.listeners.append(ear)
     store.held = True
     order = kernel.create(request("C"), "T")
     assert (fleet.sent, ear.orders, kernel.book.visible(order.number)) == ([], [], None)
@@ -244,7 +244,7 @@ def _robot_acts(step: str, fleet: ScriptedFleet, chance: Random) -> None:
 async def _play(steps: list[str], chance: Random) -> None:
     store, fleet, ear = MemoryStore(), ScriptedFleet({"V1": "A", "V2": "C"}), Ear()
     kernel = await make_kernel(PLANT, store, fleet)
-    kernel.listeners.append(ear)
+    kernel.steps.listeners.append(ear)
     started: list[str] = []
     count = 0
     for step in steps:
@@ -260,7 +260,7 @@ async def _play(steps: list[str], chance: Random) -> None:
             missions, at = fleet.missions, fleet.at
             fleet = ScriptedFleet(at)
             kernel = await make_kernel(PLANT, store, fleet)
-            kernel.listeners.append(ear)
+            kernel.steps.listeners.append(ear)
             assert fleet.missions == missions
         elif fleet.missions:
             _robot_acts(step, fleet, chance)

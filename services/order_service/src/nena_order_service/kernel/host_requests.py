@@ -162,7 +162,7 @@ class HostRequests:
     async def _committed(self) -> None:
         try:
             async with asyncio.timeout(self._settings.commit_timeout):
-                await self._kernel.committed()
+                await self._kernel.steps.committed()
         except TimeoutError:
             raise StoreNotReadyError("it has not answered in time") from None
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
 
@@ -32,7 +32,8 @@ from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.mission_record import MissionRecord
 from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.order_book import OrderBook
-from nena_order_service.kernel.ports import FleetControl, Listener
+from nena_order_service.kernel.ports import FleetControl
+from nena_order_service.kernel.steps import Steps
 from nena_order_service.kernel.vehicle_status import vehicle_status
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
 from nena_order_service.orders.transport_order import TransportOrder
@@ -79,7 +80,7 @@ class Kernel:
         self.registry = registry
         self.book = OrderBook()
         self.instant_actions = PendingInstantActions()
-        self.listeners: list[Listener] = []
+        self.steps = Steps(self.book, store, self._status_of)
         self.clock = clock
         self._finder = finder
         self._planner = planner
@@ -88,8 +89,6 @@ class Kernel:
         self._dispatching = Dispatching(registry, self._missions, planner, self.view)
         self._dispatch_due = False
         self._asked: set[RobotKey] = set()
-        self._effects: list[Callable[[], None]] = []
-        self._changed_vehicles: set[str] = set()
 
     @property
     def fleet(self) -> FleetControl:
@@ -109,7 +108,7 @@ class Kernel:
         with self.step():
             for order in found.orders:
                 self._take_up(order, found.missions.get(order.number))
-        await self.committed()
+        await self.steps.committed()
         log.info("orders taken up", unfinished=len(found.orders), last_number=found.last_number)
 
     async def run(self) -> None:
@@ -121,46 +120,12 @@ class Kernel:
 
     @contextmanager
     def step(self) -> Iterator[None]:
-        """Make changes; at the end they go to the store, and are told and done when they are committed."""
-        try:
+        """Make changes, and what they let be dispatched; they are told and done when they are committed."""
+        with self.steps.step():
             yield
             while self._dispatch_due:
                 self._dispatch_due = False
                 self._dispatch(self.book.dispatchable())
-        finally:
-            changes, told = self.book.take_changes()
-            effects, self._effects = self._effects, []
-            vehicles, self._changed_vehicles = self._changed_vehicles, set()
-            if changes or effects or vehicles:
-                self.store.commit(changes, lambda: self._release(told, effects, vehicles))
-
-    def _release(
-        self, told: list[TransportOrder], effects: list[Callable[[], None]], vehicles: set[str]
-    ) -> None:
-        self.book.committed(told)
-        for effect in effects:
-            try:
-                effect()
-            except Exception:
-                log.exception("an effect of a committed change failed")
-        for listener in self.listeners:
-            for order in told:
-                listener.order_changed(order.status)
-            for name in vehicles:
-                if vehicle := self.registry.named(name):
-                    listener.vehicle_changed(self.status(vehicle))
-
-    def committed(self) -> asyncio.Future[None]:
-        """Give a future that is done when all that has been changed so far is committed."""
-        future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-
-        def done() -> None:
-            if not future.done():
-                future.set_result(None)
-
-        with self.step():
-            self._effects.append(done)
-        return future
 
     def create(self, request: TransportOrderRequest, name: str) -> TransportOrder:
         """Make an order from a request that was checked, and dispatch it if it can be."""
@@ -185,7 +150,7 @@ class Kernel:
         with self.step():
             self.book.put(order.withdrawn(reason, self.clock.now()))
             if record := self._missions.of_order(order):
-                self._effects.append(lambda: self.fleet.cancel_mission(record.robot))
+                self.steps.after_commit(lambda: self.fleet.cancel_mission(record.robot))
 
     def send_instant_action(
         self, vehicle: FleetVehicle, action: Action
@@ -216,6 +181,10 @@ class Kernel:
             last_state=None if age is None else self.clock.now() - age,
         )
 
+    def _status_of(self, name: str) -> VehicleStatus | None:
+        vehicle = self.registry.named(name)
+        return self.status(vehicle) if vehicle else None
+
     def on_news(self, news: FleetOutput) -> None:
         """Take in what fleet control tells."""
         with self.step():
@@ -241,7 +210,7 @@ class Kernel:
         if view.state and view.state.mobile_robot_position:
             self.registry.learn_map(vehicle, view.state.mobile_robot_position.map_id)
         self._ask_for_state(view)
-        self._changed_vehicles.add(vehicle.name)
+        self.steps.vehicle_changed(vehicle.name)
         if self._missions.order_number(robot) is None:
             self._dispatch_due = True
 
@@ -251,7 +220,7 @@ class Kernel:
             self._asked.discard(view.key)
         elif view.state is None and view.key not in self._asked:
             self._asked.add(view.key)
-            self._effects.append(lambda: self.fleet.instant_action(view.key, state_request()))
+            self.steps.after_commit(lambda: self.fleet.instant_action(view.key, state_request()))
 
     def _mission_news(
         self,
@@ -277,7 +246,7 @@ class Kernel:
                 withdrawn = order.state is TransportOrderState.WITHDRAWN
                 reason = "withdrawn; the vehicle has let it go" if withdrawn else "cancelled at the vehicle"
                 self._end(order.failed(reason, now))
-        self._changed_vehicles.add(order.vehicle or "")
+        self.steps.vehicle_changed(order.vehicle)
 
     def _drive_order_finished(self, order: TransportOrder, record: MissionRecord) -> None:
         now = self.clock.now()
@@ -308,7 +277,7 @@ class Kernel:
     def _send(self, order: TransportOrder, candidate: Candidate, way: Way) -> None:
         """Send the mission of the current drive order, the first leg of ``way``."""
         vehicle = candidate.vehicle
-        self._changed_vehicles.add(vehicle.name)
+        self.steps.vehicle_changed(vehicle.name)
         try:
             mission = self._planner.mission(order, vehicle, candidate.standing, way)
         except ValueError as error:
@@ -318,7 +287,7 @@ class Kernel:
         self._missions.put(
             order, MissionRecord.of(vehicle.key, mission, order.status.current_drive_order_index)
         )
-        self._effects.append(lambda: self._start(order, vehicle, mission))
+        self.steps.after_commit(lambda: self._start(order, vehicle, mission))
 
     def _start(self, order: TransportOrder, vehicle: FleetVehicle, mission: Mission) -> None:
         try:
@@ -366,11 +335,11 @@ class Kernel:
         self.book.put(order)
         self._missions.load(order, record)
         self.registry.discover(record.robot)
-        self._effects.append(
+        self.steps.after_commit(
             lambda: self.fleet.adopt_mission(record.robot, record.mission, accepted=record.accepted)
         )
         if order.state is TransportOrderState.WITHDRAWN:
-            self._effects.append(lambda: self.fleet.cancel_mission(record.robot))
+            self.steps.after_commit(lambda: self.fleet.cancel_mission(record.robot))
 
     def _take_up_waiting(self, order: TransportOrder) -> None:
         """Let an order wait on, unless the plant model has changed so that it is not possible any more."""

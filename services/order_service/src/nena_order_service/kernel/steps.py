@@ -1,0 +1,74 @@
+"""Steps: what changes together, is committed together, and is told and done only after that."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from nena_order_service.kernel.order_book import OrderBook
+from nena_order_service.kernel.ports import Listener
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.store.store import Store
+from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.log import get_logger
+
+log = get_logger(__name__)
+
+Effect = Callable[[], None]
+
+
+class Steps:
+    """Gathers the changes of one step at a time; steps are never nested."""
+
+    def __init__(
+        self, book: OrderBook, store: Store, vehicle_status: Callable[[str], VehicleStatus | None]
+    ) -> None:
+        self._book = book
+        self._store = store
+        self._vehicle_status = vehicle_status
+        self._effects: list[Effect] = []
+        self._vehicles: set[str] = set()
+        self.listeners: list[Listener] = []
+
+    def after_commit(self, effect: Effect) -> None:
+        """Have something done when the changes of this step are committed."""
+        self._effects.append(effect)
+
+    def vehicle_changed(self, name: str | None) -> None:
+        """Have it told that a vehicle stands otherwise than before."""
+        if name is not None:
+            self._vehicles.add(name)
+
+    @contextmanager
+    def step(self) -> Iterator[None]:
+        """Make changes; at the end they go to the store, and are done and told when they are committed."""
+        try:
+            yield
+        finally:
+            changes, told = self._book.take_changes()
+            effects, self._effects = self._effects, []
+            vehicles, self._vehicles = self._vehicles, set()
+            if changes or effects or vehicles:
+                self._store.commit(changes, lambda: self._release(told, effects, vehicles))
+
+    def committed(self) -> asyncio.Future[None]:
+        """Give a future that is done when all that has been changed so far is committed."""
+        future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        with self.step():
+            self.after_commit(lambda: None if future.done() else future.set_result(None))
+        return future
+
+    def _release(self, told: list[TransportOrder], effects: list[Effect], vehicles: set[str]) -> None:
+        self._book.committed(told)
+        for effect in effects:
+            try:
+                effect()
+            except Exception:
+                log.exception("an effect of a committed change failed")
+        statuses = [status for name in vehicles if (status := self._vehicle_status(name))]
+        for listener in self.listeners:
+            for order in told:
+                listener.order_changed(order.status)
+            for status in statuses:
+                listener.vehicle_changed(status)

@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+import pytest
+from structlog.testing import capture_logs
+
+from nena_order_service.kernel.order_book import OrderBook
+from nena_order_service.kernel.steps import Steps
+from support.order_service import dispatchable_order
+from support.scripted_fleet import MemoryStore
+
+
+@pytest.fixture
+def store() -> MemoryStore:
+    return MemoryStore()
+
+
+@pytest.fixture
+def steps(store: MemoryStore) -> Steps:
+    return Steps(OrderBook(), store, lambda _: None)
+
+
+def test_effects_wait_for_the_commit_and_keep_their_order(steps: Steps, store: MemoryStore) -> None:
+    done: list[str] = []
+    store.held = True
+    for name in ("first", "second"):
+        with steps.step():
+            steps.after_commit(lambda name=name: done.append(name))  # type: ignore[misc] # bound at once
+    assert done == []
+    store.release()
+    assert done == ["first", "second"]
+
+
+def test_effect_that_fails_keeps_no_other_from_being_done(steps: Steps) -> None:
+    done: list[str] = []
+
+    def fail() -> None:
+        raise RuntimeError
+
+    with capture_logs() as logged, steps.step():
+        steps.after_commit(fail)
+        steps.after_commit(lambda: done.append("other"))
+    assert done == ["other"]
+    assert [line["log_level"] for line in logged] == ["error"]
+
+
+def test_changes_of_a_step_that_fails_half_way_are_kept() -> None:
+    book, store = OrderBook(), MemoryStore()
+    steps = Steps(book, store, lambda _: None)
+
+    def fail_half_way() -> None:
+        with steps.step():
+            book.put(dispatchable_order())
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail_half_way()
+    assert [order.name for order in store.found.orders] == ["T-1"]
+
+
+async def test_committed_is_done_after_all_that_came_before(steps: Steps, store: MemoryStore) -> None:
+    store.held = True
+    future = steps.committed()
+    assert not future.done()
+    store.release()
+    assert future.done()
