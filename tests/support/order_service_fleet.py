@@ -176,7 +176,9 @@ async def vehicle_idle(client: httpx.AsyncClient, name: str = "Robot-01") -> dic
         found: dict[str, Any] = (await client.get(f"/v1/vehicles/{name}")).json()
         return found
 
-    return await awaited(look, lambda vehicle: vehicle.get("state") == "IDLE", seconds=30, what=f"{name} is idle")
+    return await awaited(
+        look, lambda vehicle: vehicle.get("state") == "IDLE", seconds=30, what=f"{name} is idle"
+    )
 
 
 async def every_order_ended(client: httpx.AsyncClient, seconds: float = 60) -> list[dict[str, Any]]:
