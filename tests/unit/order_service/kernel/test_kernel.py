@@ -141,6 +141,23 @@ async def test_vehicle_that_cannot_go_on_fails_the_order(kernel: Kernel, fleet: 
     assert "V1 cannot go on" in now(kernel, order).reason
 
 
+async def test_vehicle_whose_reason_changes_without_news_is_told_once(
+    kernel: Kernel, fleet: ScriptedFleet
+) -> None:
+    ear = Ear()
+    kernel.steps.listeners.append(ear)
+    kernel.look()
+    assert [status.name for status in ear.vehicles] == ["V1", "V2"]
+    kernel.create(request("B", intendedVehicle="V2"), "T")
+    kernel.look()
+    kernel.look()
+    assert [status.name for status in ear.vehicles[2:]] == ["V1"]
+    assert "for other vehicles" in ear.vehicles[-1].reason
+    fleet.at["V2"] = "D"
+    kernel.look()
+    assert kernel.status(kernel.registry.discover(key("V2"))).transport_order == "T"
+
+
 async def test_robot_that_appears_gets_what_waits_for_it(kernel: Kernel, fleet: ScriptedFleet) -> None:
     order = kernel.create(request("B", intendedVehicle="V2"), "T")
     assert now(kernel, order).reason == "waits for vehicle 'V2', which is offline"

@@ -29,6 +29,16 @@ def test_same_version_again_is_no_change() -> None:
     assert book.take_changes()[1] == []
 
 
+def test_versions_in_a_row_of_the_same_state_are_told_by_the_last() -> None:
+    book = OrderBook()
+    order = dispatchable_order()
+    deferred = order.deferred("nobody is free", NOW)
+    assigned = deferred.assigned("V", [("A",)], "near", NOW)
+    for version in (order, deferred, assigned):
+        book.put(version)
+    assert book.take_changes()[1] == [deferred, assigned]
+
+
 def test_old_ended_orders_are_forgotten_and_living_ones_never(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(order_book, "RECENT_LIMIT", 2)
     book = OrderBook()

@@ -53,8 +53,8 @@ from nena_shared.vda5050.topics import RobotKey
 
 log = get_logger(__name__)
 
-REDISPATCH_INTERVAL = 2.0
-"""Seconds between looks at orders that wait, for what changed without news: where robots stand."""
+LOOK_INTERVAL = 2.0
+"""Seconds between looks at what changes without news: where robots stand, why vehicles have no order."""
 
 
 class Kernel:
@@ -112,11 +112,19 @@ class Kernel:
         log.info("orders taken up", unfinished=len(found.orders), last_number=found.last_number)
 
     async def run(self) -> None:
-        """Look again and again at orders that wait, until cancelled."""
+        """Look again and again at what changes without news, until cancelled."""
         while True:
-            await asyncio.sleep(REDISPATCH_INTERVAL)
-            with self.step():
-                self._dispatch_due = True
+            await asyncio.sleep(LOOK_INTERVAL)
+            self.look()
+
+    def look(self) -> None:
+        """Try again to dispatch orders that wait, and tell vehicles that stand otherwise than was told."""
+        with self.step():
+            self._dispatch_due = True
+        with self.step():
+            for vehicle in self.registry:
+                if not self.steps.vehicle_as_told(self.status(vehicle)):
+                    self.steps.vehicle_changed(vehicle.name)
 
     @contextmanager
     def step(self) -> Iterator[None]:

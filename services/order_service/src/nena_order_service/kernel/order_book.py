@@ -40,12 +40,17 @@ class OrderBook:
         self._committed[order.number] = order
 
     def put(self, order: TransportOrder) -> None:
-        """Take in a new order, or the new version of one; the same version again changes nothing."""
+        """Take in a new order, or the new version of one; the same version again changes nothing.
+
+        Of versions in a row that are in the same state only the last will be told.
+        """
         before = self._orders.get(order.number)
         if before is order:
             return
         self._index(order)
         self._changes.put_order(order, before)
+        if self._told and (self._told[-1].number, self._told[-1].state) == (order.number, order.state):
+            self._told.pop()
         self._told.append(order)
 
     def put_mission(self, order: TransportOrder, document: str | None) -> None:
@@ -53,7 +58,7 @@ class OrderBook:
         self._changes.put_mission(order.number, document)
 
     def take_changes(self) -> tuple[Changes, list[TransportOrder]]:
-        """Give what is to be committed, and each version of each order that is to be told after that."""
+        """Give what is to be committed, and the versions of orders that are to be told after that."""
         changes, told = self._changes, self._told
         self._changes, self._told = Changes(), []
         return changes, told

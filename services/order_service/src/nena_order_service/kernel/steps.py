@@ -29,6 +29,7 @@ class Steps:
         self._vehicle_status = vehicle_status
         self._effects: list[Effect] = []
         self._vehicles: set[str] = set()
+        self._told: dict[str, VehicleStatus] = {}
         self.listeners: list[Listener] = []
 
     def after_commit(self, effect: Effect) -> None:
@@ -39,6 +40,11 @@ class Steps:
         """Have it told that a vehicle stands otherwise than before."""
         if name is not None:
             self._vehicles.add(name)
+
+    def vehicle_as_told(self, status: VehicleStatus) -> bool:
+        """Whether this is what was told of a vehicle last, but for what changes all the time."""
+        told = self._told.get(status.name)
+        return told is not None and told.model_copy(update=_volatile(status)) == status
 
     @contextmanager
     def step(self) -> Iterator[None]:
@@ -67,8 +73,18 @@ class Steps:
             except Exception:
                 log.exception("an effect of a committed change failed")
         statuses = [status for name in vehicles if (status := self._vehicle_status(name))]
+        self._told.update({status.name: status for status in statuses})
         for listener in self.listeners:
             for order in told:
                 listener.order_changed(order.status)
             for status in statuses:
                 listener.vehicle_changed(status)
+
+
+def _volatile(status: VehicleStatus) -> dict[str, object]:
+    """Give what changes all the time while a robot does nothing but drive."""
+    return {
+        "last_state": status.last_state,
+        "precise_position": status.precise_position,
+        "energy_level": status.energy_level,
+    }
