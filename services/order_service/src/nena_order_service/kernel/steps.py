@@ -72,7 +72,7 @@ class Steps:
                 effect()
             except Exception:
                 log.exception("an effect of a committed change failed")
-        statuses = [status for name in vehicles if (status := self._vehicle_status(name))]
+        statuses = [status for name in sorted(vehicles) if (status := self._vehicle_status(name))]
         self._told.update({status.name: status for status in statuses})
         for listener in self.listeners:
             for order in told:
