@@ -7,6 +7,8 @@ BIN := $(VENV)/bin
 PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
 	$$p -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && command -v $$p && break; done)
 DISTRIBUTIONS := shared services/edge_agent services/order_service services/status_aggregator services/robot_simulator demo
+# Processes that run tests side by side; ROS, brokers and ports are their own in each test.
+WORKERS ?= 2
 STAMP := $(VENV)/.set-up
 
 .DEFAULT_GOAL := help
@@ -38,7 +40,7 @@ lint: $(STAMP) ## style, types, import rules
 	$(BIN)/lint-imports
 
 test: $(STAMP) broker browser ## every test, with branch coverage; TESTS=path for a part of them
-	$(BIN)/pytest $(if $(TESTS),$(TESTS),--cov --cov-report=term --cov-report=xml --cov-fail-under=85)
+	$(BIN)/pytest $(if $(TESTS),$(TESTS),-n $(WORKERS) --cov --cov-report=term --cov-report=xml --cov-fail-under=85)
 
 smoke: $(STAMP) broker ## the demo without a person: two robots, two orders, then the end state is checked
 	$(BIN)/nena-demo smoke

@@ -1,6 +1,6 @@
 """Settings of every NeNa program: command line over environment over TOML file over defaults.
 
-Each program has one settings model, a subclass of :class:`ServiceSettings`. Environment variables are
+Each program has one settings model, a subclass of :class:`ProgramSettings`. Environment variables are
 called ``NENA_<FIELD>``, with two underscores between the levels (``NENA_MQTT__HOST``); options are called
 like the fields (``--mqtt.host``). A setting that nobody knows is an error, so that a spelling mistake is
 found at the start and not at night; only in the environment, which programs share, the first level is open.
@@ -25,7 +25,7 @@ from pydantic_settings import (
     SettingsError,
 )
 
-S = TypeVar("S", bound="ServiceSettings")
+S = TypeVar("S", bound="ProgramSettings")
 
 
 class ConfigurationError(Exception):
@@ -100,7 +100,7 @@ class HttpSettings(SettingsGroup):
     port: int = Field(ge=0, le=65535, description="TCP port to listen on; 0 takes a free one.")
 
 
-class ServiceSettings(BaseSettings):
+class ProgramSettings(BaseSettings):
     """What every program can be told."""
 
     model_config = SettingsConfigDict(
@@ -111,7 +111,6 @@ class ServiceSettings(BaseSettings):
         validate_default=True,
     )
 
-    mqtt: MqttSettings = Field(default_factory=MqttSettings, description="The MQTT broker.")
     log: LogSettings = Field(default_factory=LogSettings, description="Logging.")
 
     @classmethod
@@ -125,6 +124,12 @@ class ServiceSettings(BaseSettings):
     ) -> tuple[PydanticBaseSettingsSource, ...]:
         """Take only what is given: :func:`load` alone looks at the command line and the environment."""
         return (init_settings,)
+
+
+class ServiceSettings(ProgramSettings):
+    """What every program that talks over MQTT can be told."""
+
+    mqtt: MqttSettings = Field(default_factory=MqttSettings, description="The MQTT broker.")
 
 
 def load(model: type[S], argv: Sequence[str], *, program: str, description: str) -> S:

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from nena_robot_simulator.battery import Scale
 from nena_robot_simulator.faults import Fault
-from nena_shared.settings import ServiceSettings, SettingsGroup
+from nena_shared.settings import ProgramSettings, SettingsGroup
 
 _NAMESPACE = re.compile(r"(/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*)?")
 
@@ -106,7 +106,7 @@ def one_robot() -> tuple[RobotSettings, ...]:
     return (RobotSettings(),)
 
 
-class SimulatorSettings(ServiceSettings):
+class SimulatorSettings(ProgramSettings):
     """The simulator."""
 
     robots: tuple[RobotSettings, ...] = Field(
