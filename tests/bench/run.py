@@ -9,10 +9,12 @@ import platform
 import shutil
 import sys
 import tempfile
+import time
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import httpx
 import psutil
 
 from bench import rest_to_wire, state_cost, wire_to_goal
@@ -25,7 +27,7 @@ from nena_shared.vda5050.topics import RobotKey
 
 DOMAIN_ID = 78
 LOOPBACK_ROBOTS = 50
-LOOPBACK_SECONDS = 20.0
+READY_SECONDS = 60.0
 STARTS = (
     Start("robot-01", "Parking bay", 1.0, 7.0),
     Start("robot-02", "Packing stand", 23.0, 7.0),
@@ -98,9 +100,19 @@ async def _memory(folder: Path) -> dict[str, float]:
             ],
             environment=stack.environment(folder, running.mqtt.port),
         )
-        await asyncio.sleep(LOOPBACK_SECONDS)
+        await asyncio.to_thread(_wait_for_robots, running.panel_url)
         processes.check()
         return _memory_of(processes.children)
+
+
+def _wait_for_robots(panel_url: str) -> None:
+    """Wait until the aggregator has seen every robot and some states of each."""
+    end = time.perf_counter() + READY_SECONDS
+    while time.perf_counter() < end:
+        fleet = httpx.get(f"{panel_url}/api/v1/fleet").json()
+        if sum(robot["lastState"] is not None for robot in fleet["robots"]) == LOOPBACK_ROBOTS:
+            return
+    raise TimeoutError("not every loopback robot is there")
 
 
 def _memory_of(children: list[Child]) -> dict[str, float]:

@@ -1,0 +1,60 @@
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from nena_demo import processes as module
+from nena_demo.processes import ChildFailedError, Processes
+from support.waiting import until
+
+SLEEPS = (sys.executable, "-c", "import signal; print('up', flush=True); signal.pause()")
+STUBBORN = (
+    sys.executable,
+    "-c",
+    "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('up', flush=True); signal.pause()",
+)
+
+
+async def test_children_are_ended_the_newest_first(tmp_path: Path) -> None:
+    async with Processes(tmp_path / "logs") as processes:
+        first = await processes.start("first", SLEEPS)
+        second = await processes.start("second", SLEEPS)
+        await until(lambda: "up" in first.tail() and "up" in second.tail(), what="both are up")
+        processes.check()
+
+    assert first.process.returncode == second.process.returncode == -15
+
+
+async def test_a_child_that_does_not_listen_is_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "STOP_SECONDS", 0.2)
+    async with Processes(tmp_path) as processes:
+        child = await processes.start("stubborn", STUBBORN)
+        await until(lambda: "up" in child.tail(), what="it is up")
+
+    assert child.process.returncode == -9
+
+
+async def test_an_ended_child_is_told_with_the_end_of_its_log(tmp_path: Path) -> None:
+    async with Processes(tmp_path) as processes:
+        child = await processes.start(
+            "broken", (sys.executable, "-c", "print('no broker'); raise SystemExit(3)")
+        )
+        await child.process.wait()
+
+        with pytest.raises(ChildFailedError, match=r"broken ended with status 3(.|\n)*no broker"):
+            processes.check()
+
+
+async def test_variables_reach_the_child(tmp_path: Path) -> None:
+    async with Processes(tmp_path) as processes:
+        script = "import os; print(os.environ['NENA_TEST'])"
+        child = await processes.start(
+            "teller", (sys.executable, "-c", script), environment={"NENA_TEST": "seen"}
+        )
+        await child.process.wait()
+
+        assert child.tail().strip() == "seen"
