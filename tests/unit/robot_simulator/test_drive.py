@@ -5,7 +5,7 @@ from uuid import UUID
 
 import pytest
 
-from nena_robot_simulator.drive import Drive
+from nena_robot_simulator.drive import PLAN_PARTS, Drive
 from nena_robot_simulator.navigator import Progress, Target
 from nena_robot_simulator.pose import Pose
 
@@ -60,3 +60,10 @@ def test_the_plan_leads_straight_from_the_robot_to_the_end() -> None:
     assert plan[0] == pytest.approx((8.0, 0.0, 0.0))
     assert plan[-1] == GOAL
     assert [a.distance(b) for a, b in itertools.pairwise(plan)] == pytest.approx([0.25] * 8)
+
+
+@pytest.mark.parametrize("x", [1e7, 1e308])
+def test_the_plan_of_a_robot_that_was_put_far_away_is_bounded(x: float) -> None:
+    poses = Drive(TARGET, START, GOAL).plan(Pose(x, 0.0, 0.0))
+    assert len(poses) == PLAN_PARTS + 1
+    assert poses[-1] == GOAL

@@ -31,6 +31,7 @@ def test_the_cells_fill_the_grid_with_walls_around(place: GridMap) -> None:
         (0.0, -9.0, False, False),
         (math.nan, 0.0, False, False),
         (0.0, math.inf, False, False),
+        (1e308, -1e308, False, False),
     ],
 )
 def test_inside_wall_and_outside(place: GridMap, x: float, y: float, *, free: bool, covered: bool) -> None:

@@ -14,7 +14,8 @@ YAW_TOLERANCE = 0.25
 PLANNER_TOLERANCE = 0.5
 """Metres from an occupied goal at which the planner may end the way (NavFn's ``tolerance``)."""
 PLAN_SPACING = 0.25
-"""Metres between the poses of the published plan."""
+"""Metres between the poses of the published plan, as long as it has no more than ``PLAN_PARTS``."""
+PLAN_PARTS = 10_000
 
 
 class Drive:
@@ -53,6 +54,6 @@ class Drive:
         if self.end is None:
             return []
         heading = pose.bearing(self.end)
-        parts = max(1, math.ceil(pose.distance(self.end) / PLAN_SPACING))
+        parts = max(1, math.ceil(min(pose.distance(self.end) / PLAN_SPACING, PLAN_PARTS)))
         dx, dy = (self.end.x - pose.x) / parts, (self.end.y - pose.y) / parts
         return [Pose(pose.x + i * dx, pose.y + i * dy, heading) for i in range(parts)] + [self.end]

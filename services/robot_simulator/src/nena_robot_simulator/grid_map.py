@@ -26,15 +26,13 @@ class GridMap:
         """Tell whether the place in metres lies on the map and in no wall."""
         if not self.covers(x, y):
             return False
-        column, row = self._cell(x, y)
+        column, row = map(math.floor, self._in_cells(x, y))
         return self.cells[row * self.width + column] == FREE
 
     def covers(self, x: float, y: float) -> bool:
-        """Tell whether the place in metres lies on the map at all; NaN does not."""
-        if not (math.isfinite(x) and math.isfinite(y)):
-            return False
-        column, row = self._cell(x, y)
-        return 0 <= column < self.width and 0 <= row < self.height
+        """Tell whether the place in metres lies on the map at all; NaN and infinity do not."""
+        across, up = self._in_cells(x, y)
+        return 0 <= across < self.width and 0 <= up < self.height
 
     def free_near(self, goal: Pose, tolerance: float) -> Pose | None:
         """Give the goal, or the free place nearest to it within ``tolerance`` metres, as NavFn does.
@@ -51,12 +49,9 @@ class GridMap:
         near = [p for p in places if p.distance(goal) <= tolerance and self.is_free(p.x, p.y)]
         return min(near, key=goal.distance, default=None)
 
-    def _cell(self, x: float, y: float) -> tuple[int, int]:
-        """Column and row of a place; outside the map they are negative or too large."""
-        return (
-            math.floor((x - self.origin_x) / self.resolution),
-            math.floor((y - self.origin_y) / self.resolution),
-        )
+    def _in_cells(self, x: float, y: float) -> tuple[float, float]:
+        """Give the way from the origin to a place in cells; it may be infinite."""
+        return (x - self.origin_x) / self.resolution, (y - self.origin_y) / self.resolution
 
 
 def hall(*, min_x: float, min_y: float, max_x: float, max_y: float, resolution: float) -> GridMap:
