@@ -62,6 +62,15 @@ def test_new_server_has_to_settle_too(ledger: GoalLedger) -> None:
     assert ledger.settled(12.0)
 
 
+def test_server_that_outlives_the_one_that_came_beside_it_counts_again(ledger: GoalLedger) -> None:
+    assert ledger.set_servers(frozenset({"gid", "other"}), 10.0)
+    assert not ledger.set_servers(frozenset({"gid", "other"}), 11.0)
+    assert ledger.set_servers(frozenset({"gid"}), 20.0)
+    assert not ledger.set_servers(frozenset({"gid"}), 21.0)
+    assert not ledger.settled(21.9)
+    assert ledger.settled(22.0)
+
+
 def test_status_is_told_when_it_changes_and_history_is_not(ledger: GoalLedger) -> None:
     ledger.given(1.0)
     arrays = [EXECUTING, EXECUTING, SUCCEEDED, EXECUTING]

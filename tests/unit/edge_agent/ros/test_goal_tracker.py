@@ -546,11 +546,29 @@ class TestNavigationGone:
         talk.said += talk.tracker.on_servers(frozenset({"other"}), talk.now)
         assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
 
-    def test_second_publisher_means_nothing(self, talk: Conversation) -> None:
+    def test_second_publisher_is_a_navigation_that_has_crashed_and_come_back(
+        self, talk: Conversation
+    ) -> None:
         talk.go_to(goal(1))
         talk.array("A:2")
         talk.said += talk.tracker.on_servers(frozenset({"gid", "other"}), talk.now)
-        assert talk.events == []
+        assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
+
+    def test_drive_goes_on_when_the_crashed_publisher_disappears_at_last(self, talk: Conversation) -> None:
+        both, new = frozenset({"gid", "other"}), frozenset({"other"})
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.said += talk.tracker.on_servers(both, talk.now)
+        talk.later(3.0)
+        talk.go_to(goal(2))
+        talk.array("B:2")
+        told = len(talk.events)
+        for servers in (both, new, new):
+            talk.said += talk.tracker.on_servers(servers, talk.now)
+        assert talk.events[told:] == []
+        talk.array("B:4")
+        talk.at(5.0)
+        assert talk.events[-1] == Arrived(2)
 
     def test_old_goal_that_still_runs_after_a_break_of_the_network_is_cancelled(
         self, talk: Conversation

@@ -42,6 +42,7 @@ class GoalLedger:
         self._goals: dict[str, _Goal] = {}
         self._orphans: frozenset[str] = frozenset()
         self._servers: frozenset[str] = frozenset()
+        self._replaced: frozenset[str] = frozenset()
         self._servers_since: float | None = None
         self._array_seen = False
         self._claims = 0
@@ -87,7 +88,12 @@ class GoalLedger:
         return self._array_seen or (since is not None and now - since >= self._settle_time)
 
     def set_servers(self, servers: frozenset[str], now: float) -> bool:
-        """Take the ids of the publishers of the array; True when one of before has gone: all ids are void."""
+        """Take the ids of the publishers of the array; True when one of before has gone: all ids are void.
+
+        A server that turns up beside another one is that one, started anew: DDS shows a publisher that has
+        crashed for another 20 s.
+        """
+        servers = self._without_crashed(servers)
         gone = self._servers - servers
         if gone or not self._servers:
             self._servers_since = now if servers else None
@@ -99,6 +105,13 @@ class GoalLedger:
             self._array_seen = self._awaited = False
             self._claims = 0
         return bool(gone)
+
+    def _without_crashed(self, servers: frozenset[str]) -> frozenset[str]:
+        """Leave out the servers that others have come for; one that outlives those was never away."""
+        if servers - self._servers - self._replaced:
+            self._replaced |= self._servers
+        self._replaced &= servers
+        return servers - self._replaced or servers
 
     def given(self, now: float) -> None:
         """Note that a goal is given at ``now``."""
