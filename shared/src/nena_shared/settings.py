@@ -55,15 +55,19 @@ class SettingsGroup(BaseModel):
 class MqttSettings(SettingsGroup):
     """Where the broker is, and how much may wait on the way to it."""
 
-    host: str = Field("127.0.0.1", description="Name or address of the MQTT broker.")
+    host: str = Field("127.0.0.1", min_length=1, description="Name or address of the MQTT broker.")
     port: int = Field(1883, ge=1, le=65535, description="TCP port of the MQTT broker.")
     username: str | None = Field(None, description="User name for the broker; none: anonymous.")
     password: SecretStr | None = Field(None, description="Password for the broker. Better by environment.")
     password_file: Path | None = Field(None, description="File that holds the password for the broker.")
     client_id: str | None = Field(None, description="MQTT client id; none: made from the program's role.")
     keep_alive: int = Field(15, ge=2, le=600, description="Seconds between signs of life to the broker.")
-    reconnect_min: float = Field(0.2, gt=0, description="Seconds before the first new try to connect.")
-    reconnect_max: float = Field(10.0, gt=0, description="Longest pause between tries to connect, seconds.")
+    reconnect_min: float = Field(
+        0.2, gt=0, le=600, description="Seconds before the first new try to connect."
+    )
+    reconnect_max: float = Field(
+        10.0, gt=0, le=600, description="Longest pause between tries to connect, seconds."
+    )
     outgoing_limit: int = Field(
         1000, ge=1, description="Messages that may wait for the broker; above that the oldest is dropped."
     )

@@ -6,6 +6,7 @@ from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.settings import OperationSettings
 from nena_edge_agent.actions.timed_operation import TimedOperation
 from nena_edge_agent.actions.wait import Wait
+from nena_edge_agent.agent import make_capabilities
 from nena_edge_agent.factsheet import make_factsheet
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.action import BlockingType
@@ -18,7 +19,7 @@ from support.schemas import schema_problems
 def factsheet(*operations: OperationSettings, **changes: object) -> Factsheet:
     settings = EdgeAgentSettings.model_validate({"operations": operations, **changes})
     registry = ActionRegistry([*(TimedOperation(each) for each in settings.operations), Wait()])
-    return make_factsheet(HEADER, settings, registry.declarations.values(), maximum_nodes=100)
+    return make_factsheet(HEADER, settings, make_capabilities(settings, registry))
 
 
 def test_it_lists_exactly_the_actions_that_the_robot_does() -> None:
@@ -58,10 +59,20 @@ def test_it_follows_the_settings() -> None:
     assert sheet.type_specification.series_name == "Mule"
     assert sheet.protocol_limits.timing.minimum_state_interval == 0.5
     assert sheet.protocol_limits.timing.visualization_interval is None
-    assert sheet.protocol_limits.maximum_array_lengths.order_edges == 99
+    assert sheet.protocol_limits.maximum_array_lengths.order_edges == 999
     (footprint,) = sheet.mobile_robot_geometry.envelopes2d or ()
     assert max(point.x for point in footprint.vertices) == 0.5
     assert sheet.load_specification.load_positions == ()
+
+
+def test_a_limit_of_speed_is_offered_only_where_the_driver_keeps_it() -> None:
+    offered = {
+        driver: {each.parameter for each in factsheet(driver=driver).protocol_features.optional_parameters}
+        for driver in ("loopback", "nav2")
+    }
+
+    assert offered["loopback"] - offered["nav2"] == {"order.edges.maximumSpeed"}
+    assert "order.nodes.nodePosition.theta" in offered["nav2"]
 
 
 def test_it_fits_the_official_schema() -> None:

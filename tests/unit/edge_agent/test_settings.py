@@ -62,6 +62,10 @@ def test_operations_come_from_tables_of_the_file(tmp_path: Path) -> None:
     "argv",
     [
         ("--serial_number", "a/b"),
+        ("--serial_number", "a\nb"),
+        ("--tolerated_parameters", "edges.trajectori"),
+        ("--mqtt.host", ""),
+        ("--mqtt.reconnect_min", "inf"),
         ("--manufacturer", "a+b"),
         ("--interface_name", "/x"),
         ("--interval.state_maximum", "31"),

@@ -268,8 +268,7 @@ class RobotAgent:
         message = make_factsheet(
             self._headers.make(Topic.FACTSHEET),
             self._settings,
-            self._registry.declarations.values(),
-            maximum_nodes=self._capabilities.maximum_nodes,
+            self._capabilities,
         )
         return self._outbound(Topic.FACTSHEET, message, retain=True)
 
@@ -286,6 +285,8 @@ def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> 
         map_id=settings.map_id,
         map_version=settings.map_version,
         actions=registry.declarations,
+        maximum_speed=settings.description.maximum_speed,
+        limits_speed=settings.driver == "loopback",  # Nav2 takes no limit by its topics
         default_deviation_xy=drive.deviation_xy,
         default_deviation_theta=drive.deviation_theta,
         strategy=drive.strategy,

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
+from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
-from nena_edge_agent.protocol.optional_parameters import SUPPORTED
+from nena_edge_agent.protocol.optional_parameters import supported
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.action import BlockingType
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD
@@ -30,21 +30,17 @@ from nena_shared.vda5050.factsheet import (
 
 
 def make_factsheet(
-    header: dict[str, Any],
-    settings: EdgeAgentSettings,
-    declarations: Iterable[ActionDeclaration],
-    *,
-    maximum_nodes: int,
+    header: dict[str, Any], settings: EdgeAgentSettings, capabilities: Capabilities
 ) -> Factsheet:
     """Make the factsheet message under ``header``."""
     return Factsheet(
         **header,
         type_specification=_type(settings),
         physical_parameters=_physical(settings),
-        protocol_limits=_limits(settings, maximum_nodes),
+        protocol_limits=_limits(settings, capabilities.maximum_nodes),
         protocol_features=ProtocolFeatures(
-            optional_parameters=SUPPORTED,
-            mobile_robot_actions=tuple(_action(each) for each in declarations),
+            optional_parameters=supported(capabilities),
+            mobile_robot_actions=tuple(_action(each) for each in capabilities.actions.values()),
         ),
         mobile_robot_geometry=_geometry(settings),
         load_specification=_loads(settings),

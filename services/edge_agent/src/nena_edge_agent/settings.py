@@ -10,17 +10,26 @@ from pydantic import AfterValidator, Field, model_validator
 from nena_edge_agent.actions.settings import OperationSettings, default_operations
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.protocol.capabilities import DriveStrategy
+from nena_edge_agent.protocol.optional_parameters import DEMANDS
 from nena_edge_agent.ros.settings import RosSettings
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
 
 
 def _topic_level(level: str) -> str:
-    if any(sign in level for sign in "/+#$"):
-        message = "a level of a topic holds no '/', '+', '#' or '$'"
+    if any(sign in level for sign in "/+#$") or not level.isprintable():
+        message = "a level of a topic holds no '/', '+', '#' or '$', and nothing that cannot be printed"
         raise ValueError(message)
     return level
 
 
+def _optional_field(name: str) -> str:
+    if name not in DEMANDS:
+        message = f"'{name}' is none of {', '.join(sorted(DEMANDS))}"
+        raise ValueError(message)
+    return name
+
+
+OptionalField = Annotated[str, AfterValidator(_optional_field)]
 TopicLevel = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_topic_level)]
 Metres = Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)]
 Seconds = Annotated[float, Field(gt=0, le=3600, allow_inf_nan=False)]
@@ -102,7 +111,7 @@ class EdgeAgentSettings(ServiceSettings):
     driver: Literal["nav2", "loopback"] = Field(
         "nav2", description="nav2: a robot with ROS 2 and Nav2; loopback: a robot that only exists here."
     )
-    tolerated_parameters: tuple[str, ...] = Field(
+    tolerated_parameters: tuple[OptionalField, ...] = Field(
         (),
         description="Optional fields of orders to pass over instead of refusing them: edges.trajectory, ...",
     )

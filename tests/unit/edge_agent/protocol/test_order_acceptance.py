@@ -63,6 +63,12 @@ def test_row_1_a_malformed_message_is_shown_and_changes_nothing() -> None:
     assert bench.state.model_copy(update={"errors": ()}) == before
 
 
+def test_row_1_an_order_without_an_id_is_refused_and_not_taken_for_the_one_that_is_held() -> None:
+    entry = refused(Bench(), order("n0", "n1", order_id=""))
+
+    assert entry.error_type == ErrorType.VALIDATION_FAILURE
+
+
 def test_row_2_a_mode_without_fleet_control_takes_no_orders() -> None:
     entry = rejection(order("n0", "n1"), replace(FREE, operating_mode=OperatingMode.MANUAL))
 
@@ -117,6 +123,25 @@ def test_row_4_passes_over_what_the_settings_tolerate() -> None:
     bench.send(order("n0", "n1", edge_fields={"direction": "left"}))
 
     assert bench.state.order_id == "o1"
+
+
+@pytest.mark.parametrize(
+    ("limit", "limits_speed", "taken"),
+    [(0.5, True, True), (0.5, False, False), (1.2, False, True), (0.0, True, False), (None, False, True)],
+)
+def test_row_4_a_robot_that_would_be_too_fast_refuses_the_edge(
+    *, limit: float | None, limits_speed: bool, taken: bool
+) -> None:
+    bench = Bench(maximum_speed=1.2, limits_speed=limits_speed)
+    sent = order("n0", "n1", edge_fields={"maximum_speed": limit})
+
+    if taken:
+        bench.send(sent)
+        assert bench.state.order_id == "o1"
+    else:
+        entry = refused(bench, sent)
+        assert entry.error_type == ErrorType.UNSUPPORTED_PARAMETER
+        assert references(entry)["parameter"] == "edges.maximumSpeed"
 
 
 def test_row_4_demands_that_are_met_anyway_are_none() -> None:
@@ -210,6 +235,15 @@ def test_row_a2_an_order_of_2_1_may_begin_with_any_update_id() -> None:
     bench.send(order("n0", update=5))
 
     assert (bench.state.order_id, bench.state.order_update_id) == ("o1", 5)
+
+
+def test_row_a2_the_lost_beginning_of_an_order_is_not_left_out() -> None:
+    bench = Bench()
+
+    entry = refused(bench, order("n0", "n1", first=4, update=1))
+
+    assert entry.error_type == ErrorType.VALIDATION_FAILURE
+    assert references(entry)["orderUpdateId"] == "1"
 
 
 def test_row_a3_a_map_that_the_robot_has_not_is_refused() -> None:

@@ -114,3 +114,13 @@ def test_an_order_goes_on_when_its_lost_robot_is_told_where_it_is() -> None:
     assert bench.status("j") == "FINISHED"
     assert len(bench.goals) == 2
     assert bench.nodes == ["n1"]
+
+
+def test_a_number_that_no_float_can_hold_is_refused_and_blocks_nothing() -> None:
+    bench = Bench()
+
+    bench.instant(be_at(x=10**400, action_id="huge"))
+    bench.instant(be_at())
+
+    assert bench.status("huge") == "FAILED"
+    assert bench.status("i") == "RUNNING"

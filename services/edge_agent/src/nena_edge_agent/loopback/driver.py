@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from math import inf
 
 from nena_edge_agent.driver.port import (
     Arrived,
@@ -62,7 +63,7 @@ class LoopbackDriver:
             start=self._pose,
             goal=goal.pose,
             begin=self._clock.monotonic(),
-            speed=min(self._settings.speed, goal.maximum_speed or self._settings.speed),
+            speed=min(self._settings.speed, goal.maximum_speed or inf),
             rate=self._settings.turn_rate,
             turn_at_end=goal.deviation_theta is not None,
         )

@@ -21,7 +21,9 @@ class DriveStrategy(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Capabilities:
-    """A robot's set-up; distances in m, angles in rad.
+    """A robot's set-up; distances in m, angles in rad, speeds in m/s.
+
+    ``maximum_speed`` is the robot's own; ``limits_speed`` tells whether its driver can keep it below that.
 
     ``tolerated_parameters`` are optional fields of the order that are passed over instead of refused, by
     their path, e.g. ``edges.trajectory``.
@@ -32,6 +34,8 @@ class Capabilities:
     actions: Mapping[str, ActionDeclaration] = field(default_factory=dict)
     default_deviation_xy: float = 0.3
     default_deviation_theta: float = 0.3
+    maximum_speed: float = 1.0
+    limits_speed: bool = True
     strategy: DriveStrategy = DriveStrategy.STOP_AT_NODES
     pass_radius: float = 0.5
     base_request_distance: float = 2.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from sys import float_info
 
 from pydantic import JsonValue
 
@@ -71,4 +72,7 @@ _PYTHON_TYPES: dict[ValueDataType, tuple[type, ...]] = {
 
 
 def _fits(value: JsonValue, data_type: ValueDataType) -> bool:
-    return type(value) in _PYTHON_TYPES[data_type]
+    """Tell whether ``value`` is of the type; a number is one that a float64 can hold (section 7.1)."""
+    if type(value) not in _PYTHON_TYPES[data_type]:
+        return False
+    return not isinstance(value, int) or abs(value) <= float_info.max

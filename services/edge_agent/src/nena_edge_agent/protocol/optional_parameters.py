@@ -5,12 +5,16 @@ A robot must not ignore an optional field that the standard defines: it acts on 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
+from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_shared.vda5050.factsheet import OptionalParameter, Support
 from nena_shared.vda5050.order import Edge, Order, OrientationType
 
-SUPPORTED: tuple[OptionalParameter, ...] = (
+SPEED = "edges.maximumSpeed"
+"""Optional field that only a driver which can limit the speed acts on."""
+
+_ALWAYS: tuple[OptionalParameter, ...] = (
     OptionalParameter(
         parameter="order.nodes.nodePosition",
         support=Support.REQUIRED,
@@ -19,33 +23,57 @@ SUPPORTED: tuple[OptionalParameter, ...] = (
     OptionalParameter(parameter="order.nodes.nodePosition.theta", support=Support.SUPPORTED),
     OptionalParameter(parameter="order.nodes.nodePosition.allowedDeviationXY", support=Support.SUPPORTED),
     OptionalParameter(parameter="order.nodes.nodePosition.allowedDeviationTheta", support=Support.SUPPORTED),
-    OptionalParameter(parameter="order.edges.maximumSpeed", support=Support.SUPPORTED),
     OptionalParameter(parameter="order.edges.length", support=Support.SUPPORTED),
 )
 
 
-def unsupported(order: Order, tolerated: frozenset[str]) -> tuple[str, Edge] | None:
-    """Find the first optional field that the robot cannot act on, and its edge; None if there is none."""
-    found = ((name, edge) for edge in order.edges for name in _unsupported_of(edge))
-    return next(((name, edge) for name, edge in found if name not in tolerated), None)
+def _speed(edge: Edge, capabilities: Capabilities) -> bool:
+    """Tell whether the robot would be too fast; nobody drives along an edge at 0 m/s."""
+    limit = edge.maximum_speed
+    if limit is None or limit >= capabilities.maximum_speed:
+        return False
+    return limit == 0 or not capabilities.limits_speed
 
 
-def _unsupported_of(edge: Edge) -> Iterator[str]:
-    """Name what ``edge`` asks for; what the robot does anyway (drive forwards, turn freely) is no demand."""
-    demands = {
-        "edges.maximumMobileRobotHeight": edge.maximum_mobile_robot_height is not None,
-        "edges.minimumLoadHandlingDeviceHeight": edge.minimum_load_handling_device_height is not None,
-        "edges.orientation": _special_orientation(edge),
-        "edges.direction": bool(edge.direction),
-        "edges.reachOrientationBeforeEntering": bool(edge.reach_orientation_before_entering),
-        "edges.maximumRotationSpeed": edge.maximum_rotation_speed is not None,
-        "edges.trajectory": edge.trajectory is not None,
-        "edges.corridor": edge.corridor is not None,
-    }
-    return (name for name, demanded in demands.items() if demanded)
-
-
-def _special_orientation(edge: Edge) -> bool:
+def _orientation(edge: Edge, _: Capabilities) -> bool:
     return edge.orientation is not None and (
         edge.orientation != 0 or edge.orientation_type is OrientationType.GLOBAL
     )
+
+
+DEMANDS: dict[str, Callable[[Edge, Capabilities], bool]] = {
+    SPEED: _speed,
+    "edges.maximumMobileRobotHeight": lambda edge, _: edge.maximum_mobile_robot_height is not None,
+    "edges.minimumLoadHandlingDeviceHeight": lambda edge, _: (
+        edge.minimum_load_handling_device_height is not None
+    ),
+    "edges.orientation": _orientation,
+    "edges.direction": lambda edge, _: bool(edge.direction),
+    "edges.reachOrientationBeforeEntering": lambda edge, _: bool(edge.reach_orientation_before_entering),
+    "edges.maximumRotationSpeed": lambda edge, _: edge.maximum_rotation_speed is not None,
+    "edges.trajectory": lambda edge, _: edge.trajectory is not None,
+    "edges.corridor": lambda edge, _: edge.corridor is not None,
+}
+"""Whether an edge asks for what the robot cannot do, for each field that may ask for it.
+
+What the robot does anyway (drive forwards, turn freely, keep to its own speed) is no demand.
+"""
+
+
+def supported(capabilities: Capabilities) -> tuple[OptionalParameter, ...]:
+    """Give the optional fields that the factsheet names; what it does not name counts as unsupported."""
+    if not capabilities.limits_speed:
+        return _ALWAYS
+    return (*_ALWAYS, OptionalParameter(parameter=f"order.{SPEED}", support=Support.SUPPORTED))
+
+
+def unsupported(order: Order, capabilities: Capabilities) -> tuple[str, Edge] | None:
+    """Find the first optional field that the robot cannot act on, and its edge; None if there is none."""
+    return next(_unsupported(order, capabilities), None)
+
+
+def _unsupported(order: Order, capabilities: Capabilities) -> Iterator[tuple[str, Edge]]:
+    for edge in order.edges:
+        for name, demanded in DEMANDS.items():
+            if name not in capabilities.tolerated_parameters and demanded(edge, capabilities):
+                yield name, edge

@@ -69,13 +69,22 @@ Verdict = NewOrder | Update | Duplicate | Rejected
 
 def judge(order: Order, situation: Situation, capabilities: Capabilities) -> Verdict:
     """Decide about ``order``."""
-    fault = _general_fault(order, situation, capabilities)
+    fault = _identity_fault(order) or _general_fault(order, situation, capabilities)
     if fault is not None:
         return Rejected(fault)
     if order.order_id != situation.order_id:
         fault = _new_order_fault(order, situation, capabilities)
         return Rejected(fault) if fault else NewOrder()
     return _judge_update(order, situation, capabilities)
+
+
+def _identity_fault(order: Order) -> ErrorEntry | None:
+    """Check 1 as far as a schema cannot say it: the empty orderId stands for "no order" in the state."""
+    if order.order_id:
+        return None
+    return _refusal(
+        ErrorType.VALIDATION_FAILURE, order, "the orderId is empty", hint="give each order an id of its own"
+    )
 
 
 def _general_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
@@ -118,7 +127,7 @@ def _size_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
 
 def _parameter_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
     """Check 4."""
-    found = unsupported(order, capabilities.tolerated_parameters)
+    found = unsupported(order, capabilities)
     if found is None:
         return None
     name, edge = found
@@ -161,10 +170,25 @@ def _new_order_fault(order: Order, situation: Situation, capabilities: Capabilit
             hint="wait for its end or cancel it",
         )
     return (
-        _repeated_action_fault(order, situation.instant_action_ids)
+        _numbering_fault(order)
+        or _repeated_action_fault(order, situation.instant_action_ids)
         or _map_fault(order, capabilities)
         or _start_fault(order.nodes[0], order, situation, capabilities)
         or _route_fault(order)
+    )
+
+
+def _numbering_fault(order: Order) -> ErrorEntry | None:
+    """Check that the order comes from its beginning: one whose first message was lost lacks a part."""
+    first = order.nodes[0].sequence_id
+    if first == 0:
+        return None
+    return _refusal(
+        ErrorType.VALIDATION_FAILURE,
+        order,
+        f"a new order begins with sequenceId 0, not {first}, and the robot does not hold '{order.order_id}'",
+        hint="send the order from its beginning",
+        node_id=order.nodes[0].node_id,
     )
 
 
