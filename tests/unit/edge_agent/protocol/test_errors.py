@@ -70,3 +70,23 @@ def test_the_number_of_errors_is_bounded_and_the_oldest_goes() -> None:
 
     assert len(errors.entries) == LIMIT
     assert errors.entries[0] == refusal("o1")
+
+
+def test_a_message_sent_again_under_another_header_id_is_no_other_error() -> None:
+    errors = ActiveErrors()
+    for number in (1, 2):
+        entry = error(ErrorType.OTHER_ORDER_ACTIVE, "no", header_id=number, order_id="o1")
+        errors.show(entry, Until.ORDER_ACCEPTED)
+
+    assert errors.entries == (entry,)
+
+
+def test_refusals_do_not_push_out_why_the_robot_stands() -> None:
+    errors = ActiveErrors()
+    stands = error(ErrorType.NODE_UNREACHABLE, "blocked", node_id="n1")
+    errors.show(stands, Until.ORDER_OVER)
+    for number in range(LIMIT + 1):
+        errors.show(refusal(f"o{number}"), Until.ORDER_ACCEPTED)
+
+    assert len(errors.entries) == LIMIT
+    assert stands in errors.entries

@@ -388,3 +388,21 @@ def test_an_edge_without_length_is_driven_by_a_robot_that_is_elsewhere() -> None
 
     assert bench.nodes == ["n1"]
     assert bench.goal.pose.x == 4.0
+
+
+def test_what_is_said_of_the_way_on_is_true_also_when_navigation_has_failed_in_mid_drive() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.do(NavigationReport(available=False, reason="gone"))
+    assert "by itself" in str(bench.state.errors[-1].error_hint)
+
+    bench.do(DriveFailed(bench.goal.generation, DriveFailure.NAVIGATION_GONE, "gone"))
+    (hint,) = (
+        each.error_hint
+        for each in bench.state.errors
+        if each.error_type == ErrorType.NAVIGATION_NOT_AVAILABLE
+    )
+    bench.do(NavigationReport(available=True, reason=""))
+
+    assert "not tried again" in str(hint)
+    assert len(bench.goals) == 1

@@ -33,10 +33,13 @@ def _navigation(parts: RobotParts) -> ErrorEntry | None:
     order_id = parts.progress.order_id if parts.progress.next_node else None
     if navigation.available or (navigation is NOT_REPORTED and order_id is None):
         return None
+    hint = "what was ordered goes on by itself when navigation is back"
+    if parts.goal.failed_at is not None:
+        hint = "have navigation come back; the drive that failed is not tried again before an update"
     return error(
         ErrorType.NAVIGATION_NOT_AVAILABLE,
         f"the robot cannot drive now: {navigation.reason}",
-        hint="what was ordered goes on by itself when navigation is back",
+        hint=hint,
         order_id=order_id,
     )
 

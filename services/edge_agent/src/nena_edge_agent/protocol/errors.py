@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from enum import Enum, auto
 
-from nena_shared.vda5050.error import ErrorEntry, ErrorReference, ErrorType
+from nena_shared.vda5050.error import ErrorEntry, ErrorType
 
 LIMIT = 50
-"""Errors shown at the same time; beyond it the oldest goes."""
+"""Errors shown at the same time; beyond it the oldest refusal goes."""
 
-_Key = tuple[str, tuple[ErrorReference, ...]]
+_Key = tuple[str, frozenset[tuple[str, str]]]
 
 
 class Until(Enum):
@@ -25,8 +25,15 @@ class Until(Enum):
     """Its cause is gone."""
 
 
+REFUSED = (Until.ORDER_ACCEPTED, Until.INSTANT_ACTION_ACCEPTED)
+"""How long errors of refused messages last."""
+
+
 class ActiveErrors:
-    """All active errors, at most one per type and references."""
+    """All active errors, at most one per type and references.
+
+    The headerId does not count: a message that is sent again is the same mistake under another number.
+    """
 
     def __init__(self) -> None:
         self._active: dict[_Key, tuple[ErrorEntry, Until]] = {}
@@ -35,12 +42,12 @@ class ActiveErrors:
 
     def show(self, error: ErrorEntry, until: Until) -> None:
         """Add ``error``, in place of an older one of the same type and references."""
-        key = (error.error_type, error.error_references)
+        key = _key(error)
         if self._active.get(key) == (error, until):
             return
         self._active.pop(key, None)
         while len(self._active) >= LIMIT:
-            del self._active[next(iter(self._active))]
+            del self._active[self._least_needed()]
         self._active[key] = (error, until)
         self._changed()
 
@@ -64,11 +71,18 @@ class ActiveErrors:
             self.show(error, Until.CONDITION_OVER)
 
     def _other_than(self, error: ErrorEntry) -> bool:
-        return any(
-            kind == error.error_type and references != error.error_references
-            for kind, references in self._active
-        )
+        return any(key[0] == error.error_type and key != _key(error) for key in self._active)
+
+    def _least_needed(self) -> _Key:
+        """Give the oldest refusal, else the oldest error: why the robot stands must stay."""
+        refusals = (key for key, (_, until) in self._active.items() if until in REFUSED)
+        return next(refusals, next(iter(self._active)))
 
     def _changed(self) -> None:
         self.revision += 1
         self.entries = tuple(entry for entry, _ in self._active.values())
+
+
+def _key(error: ErrorEntry) -> _Key:
+    references = ((each.reference_key, each.reference_value) for each in error.error_references)
+    return error.error_type, frozenset(each for each in references if each[0] != "headerId")
