@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from nena_edge_agent.inbox import Inbox
+from nena_edge_agent.inbox import Inbox, InboxCounts
 from nena_edge_agent.protocol.events import Event, InstantActionsReceived, MessageRefused, OrderReceived
 from nena_shared.mqtt import Inbound
 from nena_shared.vda5050.action import InstantActions
@@ -62,7 +62,17 @@ def test_a_retained_message_is_passed_over() -> None:
     assert desk.inbox.counts.retained == 1
 
 
-@pytest.mark.parametrize("payload", [b"", b"\xff", b"[]", b'"order"', b"{}", b"null"])
+@pytest.mark.parametrize("retained", [True, False])
+def test_an_empty_message_only_clears_what_the_broker_keeps(*, retained: bool) -> None:
+    desk = Desk()
+
+    desk.order(b"", retained=retained)
+
+    assert desk.events == []
+    assert desk.inbox.counts == InboxCounts()
+
+
+@pytest.mark.parametrize("payload", [b" ", b"\xff", b"[]", b'"order"', b"{}", b"null"])
 def test_rubbish_is_refused_and_counted(payload: bytes) -> None:
     desk = Desk()
 

@@ -63,3 +63,9 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
 
     with pytest.raises(StartError, match="cannot be used"):
         Journal(tmp_path / "file", ROBOT).read()
+
+
+@pytest.mark.parametrize("folder", ["/proc/nena", "~nobody-of-this-name/nena"])
+def test_a_folder_that_cannot_be_written_is_told_before_an_order_depends_on_it(folder: str) -> None:
+    with pytest.raises(StartError, match=r"set journal\.folder"):
+        Journal(Path(folder), ROBOT).read()

@@ -53,6 +53,9 @@ class Inbox:
             self._put(InstantActionsReceived(actions))
 
     def _read(self, kind: type[M], message: Inbound, topic: Topic) -> M | None:
+        if not message.payload:
+            self._log.debug("an empty message is passed over: it clears what the broker keeps", topic=topic)
+            return None
         if message.retained:
             self.counts.retained += 1
             self._log.warning("a retained command is passed over; it may be old", topic=message.topic)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from tempfile import TemporaryFile
 
 from pydantic import ValidationError
 
@@ -16,7 +17,7 @@ class Journal:
     """Holds the newest record only; a record is there whole or not at all."""
 
     def __init__(self, folder: Path, robot: RobotKey) -> None:
-        self._folder = folder.expanduser()
+        self._folder = _at_home(folder)
         self._file = self._folder / f"{robot.manufacturer}.{robot.serial_number}.json"
 
     def read(self) -> Memory | None:
@@ -27,18 +28,24 @@ class Journal:
 
         """
         try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            content = self._file.read_bytes()
-        except FileNotFoundError:
-            return None
+            self._try_folder()
+            content = self._file.read_bytes() if self._file.exists() else None
         except OSError as error:
-            message = f"the journal {self._file} cannot be used: {error.strerror}"
+            message = f"the journal {self._file} cannot be used: {error.strerror}; set journal.folder"
             raise StartError(message) from error
+        if content is None:
+            return None
         try:
             return Memory.model_validate_json(content)
         except ValidationError as error:
             message = f"the journal {self._file} is damaged; look at where the robot is, then remove the file"
             raise StartError(message) from error
+
+    def _try_folder(self) -> None:
+        """Make the folder, and see that a record can be written there: later would be in mid-order."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=self._folder):
+            pass
 
     def write(self, memory: Memory) -> None:
         """Replace the record; when this returns it survives the end of the process and of the power.
@@ -56,6 +63,20 @@ class Journal:
             os.fsync(file.fileno())
         new.replace(self._file)
         _sync_folder(self._folder)
+
+
+def _at_home(folder: Path) -> Path:
+    """Put the home directory in place of ``~``.
+
+    Raises:
+        StartError: there is none.
+
+    """
+    try:
+        return folder.expanduser()
+    except RuntimeError as error:
+        message = f"the journal's folder {folder} cannot be found: {error}; set journal.folder"
+        raise StartError(message) from error
 
 
 def _sync_folder(folder: Path) -> None:

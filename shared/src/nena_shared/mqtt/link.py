@@ -138,7 +138,7 @@ class MqttLink:
             connects = self.state.connects
             try:
                 await self._serve()
-            except (aiomqtt.MqttError, OSError, ConfigurationError) as error:
+            except (aiomqtt.MqttError, OSError, UnicodeError, ConfigurationError) as error:
                 self._tell_failure(error, lost=self.state.connects > connects)
             if self.state.connects > connects:
                 pause = self._settings.reconnect_min

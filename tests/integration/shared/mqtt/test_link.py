@@ -443,3 +443,10 @@ def broker_without_subscriptions(tmp_path: Path) -> Iterator[Broker]:
     broker = Broker(more=f"plugin {plugins[0]}\nplugin_opt_config_file {rules}\n")
     yield broker
     broker.close()
+
+
+async def test_a_name_that_is_no_host_is_told_and_tried_on() -> None:
+    link = MqttLink(MqttSettings(host="a" * 80, reconnect_min=0.01), client_id="x")
+    async with running(link, connected=False) as task:
+        await until(lambda: "label" in link.state.last_error, what="the reason")
+        assert not task.done()
