@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import types
+from collections.abc import Callable
 from datetime import UTC, datetime
 from enum import Enum
 from functools import cache
 from math import pi
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
-from annotated_types import Ge, Le
+from annotated_types import Ge, Le, MinLen
 from hypothesis import strategies as st
 from pydantic import JsonValue
 from pydantic.fields import FieldInfo
@@ -18,6 +19,7 @@ from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.base import WireObject
 from nena_shared.vda5050.error import ErrorType
 from nena_shared.vda5050.order import ControlPoint, Edge, Node, Order
+from nena_shared.vda5050.zone_set import REQUIRED, Zone, ZoneSet, ZoneType
 
 M = TypeVar("M", bound=WireObject)
 
@@ -37,9 +39,16 @@ BY_FIELD: dict[str, st.SearchStrategy[Any]] = {
     "version": st.just("3.0.0"),
     "mobile_robot_kinematics": st.sampled_from(["DIFFERENTIAL", "OMNIDIRECTIONAL", "THREE_WHEEL"]),
     "mobile_robot_class": st.sampled_from(["FORKLIFT", "CONVEYOR", "TUGGER", "CARRIER"]),
+    "weight": st.none() | st.floats(1e-6, 1e6),
     "degree": st.none() | st.integers(1, 2),
     "control_points": st.deferred(lambda: _enough_control_points()),  # noqa: PLW0108 - it stands below
     "type": st.sampled_from(["DRIVE", "CASTER", "FIXED", "MECANUM"]),
+    "reference_key": st.sampled_from(["orderId", "parameter", "edges.maximumSpeed"]) | TEXT,
+    "reference_value": st.sampled_from(["edges.corridor.corridorReferencePoint"]) | TEXT,
+    "parameter": st.sampled_from(
+        ["order.edges.maximumSpeed", "order.edges.corridor", "order.nodes.actions.retriable"]
+    )
+    | TEXT,
     "error_type": st.sampled_from([each.value for each in ErrorType]) | TEXT,
 }
 """Fields of which the standard says more than their type does."""
@@ -51,8 +60,34 @@ def messages(kind: type[M]) -> st.SearchStrategy[M]:
     fields = {name: _of_field(name, field) for name, field in kind.model_fields.items()}
     if kind is Order:
         fields |= {"nodes": st.just(()), "edges": st.just(())}
+    elif kind is Zone:
+        fields |= {"zone_type": st.sampled_from(ZoneType)}
+        return st.fixed_dictionaries(fields).flatmap(_zones_of(fields)).map(lambda content: kind(**content))
+    elif kind is ZoneSet:
+        fields |= {"zones": st.lists(messages(Zone), max_size=3).map(_with_own_ids)}
     built = st.fixed_dictionaries(fields).map(lambda content: kind(**content))
     return _with_graph(built) if kind is Order else built  # type: ignore[arg-type, return-value] # M is Order
+
+
+def _zones_of(
+    fields: dict[str, st.SearchStrategy[Any]],
+) -> Callable[[dict[str, Any]], st.SearchStrategy[dict[str, Any]]]:
+    """Draw again what the type of a drawn zone needs and was left out."""
+
+    def complete(content: dict[str, Any]) -> st.SearchStrategy[dict[str, Any]]:
+        needed = REQUIRED.get(content["zone_type"], ())
+        missing = {name: fields[name].filter(_is_given) for name in needed if content[name] is None}
+        return st.fixed_dictionaries(missing).map(lambda more: content | more)
+
+    return complete
+
+
+def _is_given(value: object) -> bool:
+    return value is not None
+
+
+def _with_own_ids(zones: list[Zone]) -> tuple[Zone, ...]:
+    return tuple(zone.model_copy(update={"zone_id": f"z{index}"}) for index, zone in enumerate(zones))
 
 
 def _with_graph(orders: st.SearchStrategy[Order]) -> st.SearchStrategy[Order]:
@@ -113,7 +148,10 @@ def _of_type(kind: Any, limits: list[Any]) -> st.SearchStrategy[Any]:
     if origin in (Union, types.UnionType):
         return st.one_of(*(_of_type(each, limits) for each in get_args(kind)))
     if origin is tuple:
-        return st.lists(_of_type(get_args(kind)[0], []), max_size=2).map(tuple)
+        least = next((each.min_length for each in limits if isinstance(each, MinLen)), 0)
+        return st.lists(_of_type(get_args(kind)[0], []), min_size=least, max_size=least + 2).map(tuple)
+    if origin is dict:
+        return st.dictionaries(TEXT, st.none() | JSON, max_size=3)
     return _of_class(kind, limits)
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from math import isfinite
 from typing import Annotated
 
 from pydantic import AfterValidator, JsonValue
 
-from nena_shared.vda5050.base import Header, Identifier, WireObject
+from nena_shared.vda5050.base import Header, Identifier, WireObject, finite
 
 
 class BlockingType(StrEnum):
@@ -41,18 +40,7 @@ def _sendable(value: JsonValue) -> JsonValue:
     if value is None:
         message = "null is no value of a parameter; leave the parameter out"
         raise ValueError(message)
-    if not _finite(value):
-        message = "NaN and infinity are no numbers of JSON"
-        raise ValueError(message)
-    return value
-
-
-def _finite(value: JsonValue) -> bool:
-    if isinstance(value, float):
-        return isfinite(value)
-    if isinstance(value, dict):
-        return all(map(_finite, value.values()))
-    return all(map(_finite, value)) if isinstance(value, list) else True
+    return finite(value)
 
 
 class ActionParameter(WireObject):

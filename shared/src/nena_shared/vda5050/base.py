@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from math import pi
-from typing import Annotated, Self
+from math import isfinite, pi
+from typing import Annotated, Self, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, JsonValue, PlainSerializer, WithJsonSchema
 from pydantic.alias_generators import to_camel
+
+J = TypeVar("J", bound=JsonValue)
 
 
 class WireObject(BaseModel):
@@ -50,7 +52,10 @@ def _milliseconds(value: datetime) -> str:
 
 
 Timestamp = Annotated[
-    datetime, AfterValidator(in_utc), PlainSerializer(_milliseconds, return_type=str, when_used="json")
+    datetime,
+    AfterValidator(in_utc),
+    PlainSerializer(_milliseconds, return_type=str, when_used="json"),
+    WithJsonSchema({"type": "string", "format": "date-time"}),
 ]
 """ISO 8601 in UTC with milliseconds; read with 0 to 9 decimals, and as UTC where no zone is given."""
 
@@ -62,6 +67,34 @@ NotNegative = Annotated[float, Field(ge=0)]
 Percent = Annotated[float, Field(ge=0, le=100)]
 Identifier = Annotated[str, Field(max_length=1024)]
 
+Version = Annotated[str, Field(pattern=r"^\d+\.\d+\.\d+$", max_length=32)]
+"""Major, minor and patch number of a version of VDA 5050."""
+
+
+def finite(value: J) -> J:
+    """Give ``value``, if all numbers in it are numbers of JSON.
+
+    Raises:
+        ValueError: it holds NaN or an infinity.
+
+    """
+    if not _is_finite(value):
+        message = "NaN and infinity are no numbers of JSON"
+        raise ValueError(message)
+    return value
+
+
+def _is_finite(value: JsonValue) -> bool:
+    if isinstance(value, float):
+        return isfinite(value)
+    if isinstance(value, dict):
+        return all(map(_is_finite, value.values()))
+    return all(map(_is_finite, value)) if isinstance(value, list) else True
+
+
+JsonObject = Annotated[dict[str, JsonValue], AfterValidator(finite)]
+"""Any JSON object."""
+
 
 class Header(WireObject):
     """The five fields at the top of each message (section 7.2)."""
@@ -69,6 +102,6 @@ class Header(WireObject):
     header_id: UInt32
     """Counted per topic, one more for each message sent."""
     timestamp: Timestamp
-    version: Annotated[str, Field(pattern=r"^\d+\.\d+\.\d+$", max_length=32)]
+    version: Version
     manufacturer: Identifier
     serial_number: Identifier

@@ -4,19 +4,42 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeVar, cast
+from types import MappingProxyType
+from typing import Final, TypeVar, cast
 
 from pydantic import ValidationError
 
+from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.connection import Connection
+from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.graph import violations
 from nena_shared.vda5050.malformed import MalformedMessageError, problems_of
 from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.responses import Responses
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.topics import Topic
+from nena_shared.vda5050.visualization import Visualization
+from nena_shared.vda5050.zone_set import ZoneSetTransfer
 
 M = TypeVar("M", bound=Header)
 
 MAXIMUM_PAYLOAD = 4 * 1024 * 1024
 """Bytes; a longer message is malformed."""
+
+KINDS: Final[Mapping[Topic, type[Header]]] = MappingProxyType(
+    {
+        Topic.ORDER: Order,
+        Topic.INSTANT_ACTIONS: InstantActions,
+        Topic.STATE: State,
+        Topic.VISUALIZATION: Visualization,
+        Topic.CONNECTION: Connection,
+        Topic.FACTSHEET: Factsheet,
+        Topic.ZONE_SET: ZoneSetTransfer,
+        Topic.RESPONSES: Responses,
+    }
+)
+"""The neutral message of each topic."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,12 +47,19 @@ class Codec:
     """Reads and writes the messages of one version; ``forms`` gives each neutral message its form there."""
 
     version: str
+    interface_name: str
+    """The first level of the topics, as the standard suggests it."""
     forms: Mapping[type[Header], type[Header]]
 
     @property
     def major_version(self) -> str:
         """The topic level of the version, e.g. ``v2``."""
         return "v" + self.version.split(".", 1)[0]
+
+    @property
+    def kinds(self) -> dict[Topic, type[Header]]:
+        """The topics that the version has, with their neutral messages."""
+        return {topic: kind for topic, kind in KINDS.items() if kind in self.forms}
 
     def decode(self, kind: type[M], payload: bytes) -> M:
         """Read a message.
@@ -40,6 +70,8 @@ class Codec:
         """
         if len(payload) > MAXIMUM_PAYLOAD:
             raise MalformedMessageError(kind.__name__, [f"longer than {MAXIMUM_PAYLOAD} bytes"])
+        if kind not in self.forms:
+            raise MalformedMessageError(kind.__name__, [f"{self.version} has no such message"])
         form = cast("type[M]", self.forms[kind])
         try:
             message = form.model_validate_json(payload, by_alias=True, by_name=False)
@@ -53,15 +85,22 @@ class Codec:
         """Write a message, checked against this version's form, under this version's number.
 
         Raises:
-            MalformedMessageError: an order breaks the graph rules.
+            MalformedMessageError: an order breaks the graph rules, or this version has no such message.
             ValidationError: the message cannot be said in this version.
 
         """
-        kind = next(neutral for neutral in self.forms if isinstance(message, neutral))
+        kind = self._kind_of(message)
         if isinstance(message, Order) and (problems := violations(message)):
             raise MalformedMessageError(kind.__name__, problems)
-        wire = self.forms[kind].from_neutral(message.model_copy(update={"version": self.version}))
-        return wire.model_dump_json(by_alias=True, exclude_none=True).encode()
+        form = self.forms[kind]
+        wire = form.from_neutral(message.model_copy(update={"version": self.version}))
+        return form.__pydantic_serializer__.to_json(wire, by_alias=True, exclude_none=True)
+
+    def _kind_of(self, message: Header) -> type[Header]:
+        for kind in self.forms:
+            if isinstance(message, kind):
+                return kind
+        raise MalformedMessageError(type(message).__name__, [f"{self.version} has no such message"])
 
     def _rule_problems(self, message: Header) -> list[str]:
         problems = list(violations(message)) if isinstance(message, Order) else []

@@ -38,8 +38,15 @@ class ErrorType(StrEnum):
     UNKNOWN_MAP_ID = "UNKNOWN_MAP_ID"
     INSUFFICIENT_MEMORY = "INSUFFICIENT_MEMORY"
     OUTSIDE_OF_CORRIDOR = "OUTSIDE_OF_CORRIDOR"
+    DUPLICATE_MAP = "DUPLICATE_MAP"
+    DUPLICATE_ZONE_SET = "DUPLICATE_ZONE_SET"
+    BLOCKED_ZONE_VIOLATION = "BLOCKED_ZONE_VIOLATION"
+    RELEASE_LOST = "RELEASE_LOST"
+    ZONE_ACTION_CONFLICT = "ZONE_ACTION_CONFLICT"
     NODE_UNREACHABLE = "NODE_UNREACHABLE"
     LOCALIZATION_ERROR = "LOCALIZATION_ERROR"
+    INSTANT_ACTION_STATES_FULL = "INSTANT_ACTION_STATES_FULL"
+    ZONE_ACTION_STATES_FULL = "ZONE_ACTION_STATES_FULL"
     ACTION_FAILED = "ACTION_FAILED"
     NAVIGATION_NOT_AVAILABLE = "NAVIGATION_NOT_AVAILABLE"
     """The robot waits for its own navigation; what it was ordered goes on by itself, hence a WARNING."""
@@ -52,6 +59,13 @@ class ErrorReference(WireObject):
     reference_value: str
 
 
+class Translation(WireObject):
+    """The same text in another language, given as a code of ISO 639-1."""
+
+    translation_key: str
+    translation_value: str
+
+
 class ErrorEntry(WireObject):
     """One active error; ``error_type`` is an open list, judge an unknown one by its level."""
 
@@ -59,15 +73,22 @@ class ErrorEntry(WireObject):
     error_level: ErrorLevel
     error_references: tuple[ErrorReference, ...] = ()
     error_description: str | None = None
+    error_description_translations: tuple[Translation, ...] | None = None
     error_hint: str | None = None
+    error_hint_translations: tuple[Translation, ...] | None = None
 
 
 LEVELS: dict[ErrorType, ErrorLevel] = {
     ErrorType.UNSUPPORTED_PARAMETER: ErrorLevel.CRITICAL,
     ErrorType.INSUFFICIENT_MEMORY: ErrorLevel.URGENT,
     ErrorType.OUTSIDE_OF_CORRIDOR: ErrorLevel.CRITICAL,
+    ErrorType.BLOCKED_ZONE_VIOLATION: ErrorLevel.CRITICAL,
+    ErrorType.RELEASE_LOST: ErrorLevel.CRITICAL,
+    ErrorType.ZONE_ACTION_CONFLICT: ErrorLevel.CRITICAL,
     ErrorType.NODE_UNREACHABLE: ErrorLevel.CRITICAL,
     ErrorType.LOCALIZATION_ERROR: ErrorLevel.FATAL,
+    ErrorType.INSTANT_ACTION_STATES_FULL: ErrorLevel.URGENT,
+    ErrorType.ZONE_ACTION_STATES_FULL: ErrorLevel.URGENT,
     ErrorType.ACTION_FAILED: ErrorLevel.CRITICAL,
 }
 """Levels by the table of section 6.6.5.4; every type that is not here is a WARNING."""

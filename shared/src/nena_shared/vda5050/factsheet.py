@@ -8,7 +8,9 @@ from typing import Annotated
 from pydantic import ConfigDict, Field
 
 from nena_shared.vda5050.action import BlockingType
-from nena_shared.vda5050.base import Angle, Header, NotNegative, UInt32, WireObject
+from nena_shared.vda5050.base import Angle, Header, JsonObject, NotNegative, Percent, UInt32, WireObject
+from nena_shared.vda5050.state import BoundingBoxReference, LoadDimensions
+from nena_shared.vda5050.zone_set import ZoneType
 
 
 class Support(StrEnum):
@@ -48,7 +50,7 @@ class TypeSpecification(WireObject):
     maximum_load_mass: NotNegative
     localization_types: tuple[str, ...]
     navigation_types: tuple[str, ...]
-    supported_zones: tuple[str, ...] | None = None
+    supported_zones: tuple[ZoneType, ...] | None = None
 
 
 class PhysicalParameters(WireObject):
@@ -59,7 +61,7 @@ class PhysicalParameters(WireObject):
     minimum_angular_speed: NotNegative | None = None
     maximum_angular_speed: NotNegative | None = None
     maximum_acceleration: NotNegative
-    maximum_deceleration: NotNegative
+    maximum_deceleration: float
     minimum_height: NotNegative
     maximum_height: NotNegative
     width: NotNegative
@@ -88,6 +90,19 @@ class MaximumArrayLengths(WireObject):
     edge_actions: Annotated[UInt32 | None, Field(alias="edge.actions")] = None
     action_parameters: Annotated[UInt32 | None, Field(alias="actions.actionsParameters")] = None
     instant_actions: Annotated[UInt32 | None, Field(alias="instantActions")] = None
+    trajectory_knot_vector: Annotated[UInt32 | None, Field(alias="trajectory.knotVector")] = None
+    trajectory_control_points: Annotated[UInt32 | None, Field(alias="trajectory.controlPoints")] = None
+    zone_set_zones: Annotated[UInt32 | None, Field(alias="zoneSet.zones")] = None
+    state_node_states: Annotated[UInt32 | None, Field(alias="state.nodeStates")] = None
+    state_edge_states: Annotated[UInt32 | None, Field(alias="state.edgeStates")] = None
+    state_loads: Annotated[UInt32 | None, Field(alias="state.loads")] = None
+    state_action_states: Annotated[UInt32 | None, Field(alias="state.actionStates")] = None
+    state_instant_action_states: Annotated[UInt32 | None, Field(alias="state.instantActionStates")] = None
+    state_zone_action_states: Annotated[UInt32 | None, Field(alias="state.zoneActionStates")] = None
+    state_errors: Annotated[UInt32 | None, Field(alias="state.errors")] = None
+    state_information: Annotated[UInt32 | None, Field(alias="state.information")] = None
+    error_references: Annotated[UInt32 | None, Field(alias="error.errorReferences")] = None
+    information_references: Annotated[UInt32 | None, Field(alias="information.infoReferences")] = None
 
 
 class Timing(WireObject):
@@ -159,6 +174,16 @@ class Envelope2d(WireObject):
     description: str | None = None
 
 
+class Envelope3d(WireObject):
+    """An outline in space, in a format of the maker's, here or under an address."""
+
+    envelope3d_id: Annotated[str, Field(alias="envelope3dId")]
+    format: str
+    data: JsonObject | None = None
+    url: str | None = None
+    description: str | None = None
+
+
 class WheelPosition(WireObject):
     """Where a wheel is, m and rad in the robot's frame."""
 
@@ -185,15 +210,27 @@ class MobileRobotGeometry(WireObject):
 
     wheel_definitions: tuple[WheelDefinition, ...] | None = None
     envelopes2d: Annotated[tuple[Envelope2d, ...] | None, Field(alias="envelopes2d")] = None
+    envelopes3d: Annotated[tuple[Envelope3d, ...] | None, Field(alias="envelopes3d")] = None
 
 
 class LoadSet(WireObject):
-    """A kind of load that the robot handles; kg, m, s."""
+    """A kind of load that the robot handles, and how it drives with it; kg, m, rad, m/s, m/s², s."""
 
     set_name: str
     load_type: str
     load_positions: tuple[str, ...] | None = None
+    bounding_box_reference: BoundingBoxReference | None = None
+    load_dimensions: LoadDimensions | None = None
     maximum_weight: NotNegative | None = None
+    minimum_loadhandling_height: NotNegative | None = None
+    maximum_loadhandling_height: NotNegative | None = None
+    minimum_loadhandling_depth: float | None = None
+    maximum_loadhandling_depth: float | None = None
+    minimum_loadhandling_tilt: float | None = None
+    maximum_loadhandling_tilt: float | None = None
+    maximum_speed: NotNegative | None = None
+    maximum_acceleration: NotNegative | None = None
+    maximum_deceleration: float | None = None
     pick_time: NotNegative | None = None
     drop_time: NotNegative | None = None
     description: str | None = None
@@ -213,10 +250,31 @@ class VersionEntry(WireObject):
     value: str
 
 
+class Network(WireObject):
+    """How the robot is set up to reach the broker."""
+
+    dns_servers: tuple[str, ...] | None = None
+    ntp_servers: tuple[str, ...] | None = None
+    local_ip_address: str | None = None
+    netmask: str | None = None
+    default_gateway: str | None = None
+
+
+class BatteryCharging(WireObject):
+    """When to charge: percent of the battery's charge, and s."""
+
+    critical_low_charging_level: Percent | None = None
+    minimum_desired_charging_level: Percent | None = None
+    maximum_desired_charging_level: Percent | None = None
+    minimum_charging_time: NotNegative | None = None
+
+
 class MobileRobotConfiguration(WireObject):
     """How this very robot is set up."""
 
     versions: tuple[VersionEntry, ...] | None = None
+    network: Network | None = None
+    battery_charging: BatteryCharging | None = None
 
 
 class Factsheet(Header):

@@ -116,5 +116,7 @@ class Order(Header):
     order_id: Identifier
     order_update_id: UInt32
     order_description: str | None = None
+    zone_set_id: Identifier | None = None
+    """Only 2.x: the zone set that the robot shall use; one that has it not refuses the order."""
     nodes: tuple[Node, ...]
     edges: tuple[Edge, ...]

@@ -8,9 +8,19 @@ from typing import Annotated
 from pydantic import Field
 
 from nena_shared.vda5050.action import ActionState
-from nena_shared.vda5050.base import Angle, Header, Identifier, NotNegative, Percent, UInt32, WireObject
+from nena_shared.vda5050.base import (
+    Angle,
+    Header,
+    Identifier,
+    NotNegative,
+    Percent,
+    Timestamp,
+    UInt32,
+    WireObject,
+)
 from nena_shared.vda5050.error import ErrorEntry, ErrorReference
 from nena_shared.vda5050.order import NodePosition, Trajectory
+from nena_shared.vda5050.request import EdgeRequest, ZoneRequest
 
 
 class OperatingMode(StrEnum):
@@ -59,6 +69,21 @@ class Map(WireObject):
     map_version: str
     map_descriptor: str | None = None
     map_status: MapStatus
+
+
+class ZoneSetStatus(StrEnum):
+    """Whether a zone set is in use."""
+
+    ENABLED = "ENABLED"
+    DISABLED = "DISABLED"
+
+
+class ZoneSetState(WireObject):
+    """A zone set that the robot holds; at most one is ENABLED for each map."""
+
+    zone_set_id: Identifier
+    map_id: Identifier
+    zone_set_status: ZoneSetStatus
 
 
 class NodeState(WireObject):
@@ -157,12 +182,12 @@ class Information(WireObject):
 
 
 class PathPoint(WireObject):
-    """A point of a polyline: m, rad, and the seconds until the robot is there."""
+    """A point of a polyline, m and rad, and when the robot will be there."""
 
     x: float
     y: float
     theta: Angle | None = None
-    eta: NotNegative
+    eta: Timestamp
 
 
 class IntermediatePath(WireObject):
@@ -182,6 +207,9 @@ class State(Header):
     """Everything about the robot, in full, never as a difference."""
 
     maps: tuple[Map, ...] | None = None
+    zone_sets: tuple[ZoneSetState, ...] | None = None
+    zone_set_id: Identifier | None = None
+    """Only 2.x: the zone set that the robot uses."""
     order_id: Identifier
     order_update_id: UInt32
     last_node_id: Identifier
@@ -198,8 +226,11 @@ class State(Header):
     paused: bool | None = None
     new_base_request: bool | None = None
     distance_since_last_node: NotNegative | None = None
+    zone_requests: tuple[ZoneRequest, ...] | None = None
+    edge_requests: tuple[EdgeRequest, ...] | None = None
     action_states: tuple[ActionState, ...]
     instant_action_states: tuple[ActionState, ...]
+    zone_action_states: tuple[ActionState, ...] | None = None
     power_supply: PowerSupply
     operating_mode: OperatingMode
     errors: tuple[ErrorEntry, ...]

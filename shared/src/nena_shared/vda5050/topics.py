@@ -17,6 +17,8 @@ class Topic(StrEnum):
     VISUALIZATION = "visualization"
     CONNECTION = "connection"
     FACTSHEET = "factsheet"
+    ZONE_SET = "zoneSet"
+    RESPONSES = "responses"
 
 
 @dataclass(frozen=True, slots=True, order=True)

@@ -16,6 +16,7 @@ from nena_shared.vda5050.visualization import Visualization
 
 CODEC = Codec(
     version="2.1.0",
+    interface_name="uagv",
     forms={
         Order: OrderV21,
         InstantActions: InstantActionsV21,

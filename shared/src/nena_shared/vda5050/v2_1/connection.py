@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Annotated
 
 from nena_shared.vda5050.connection import Connection, ConnectionState
-from nena_shared.vda5050.v2_1.base import TimestampV2, reads, writes
+from nena_shared.vda5050.spelling import reads, writes
+from nena_shared.vda5050.v2_1.base import TimestampV2
 
 ConnectionStateV21 = Annotated[
     ConnectionState,
     reads({"CONNECTIONBROKEN": "CONNECTION_BROKEN"}),
-    writes({"CONNECTION_BROKEN": "CONNECTIONBROKEN", "HIBERNATING": "ONLINE"}),
+    writes({"CONNECTION_BROKEN": "CONNECTIONBROKEN", "HIBERNATING": "ONLINE"}, ConnectionState),
 ]
 
 

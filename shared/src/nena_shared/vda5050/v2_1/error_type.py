@@ -22,6 +22,13 @@ WRITTEN: dict[str, str] = {
     ErrorType.NODE_UNREACHABLE: "nodeUnreachable",
     ErrorType.LOCALIZATION_ERROR: "localizationError",
     ErrorType.OUTSIDE_OF_CORRIDOR: "outsideOfCorridor",
+    ErrorType.DUPLICATE_MAP: "duplicateMap",
+    ErrorType.DUPLICATE_ZONE_SET: "duplicateZoneSet",
+    ErrorType.BLOCKED_ZONE_VIOLATION: "blockedZoneViolation",
+    ErrorType.RELEASE_LOST: "releaseLost",
+    ErrorType.ZONE_ACTION_CONFLICT: "zoneActionConflict",
+    ErrorType.INSTANT_ACTION_STATES_FULL: "instantActionStatesFull",
+    ErrorType.ZONE_ACTION_STATES_FULL: "zoneActionStatesFull",
     ErrorType.ACTION_FAILED: "actionFailed",
     ErrorType.NAVIGATION_NOT_AVAILABLE: "navigationNotAvailable",
 }

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, PlainSerializer
+from pydantic import AfterValidator, Field, PlainSerializer, ValidationInfo, field_serializer
 
 from nena_shared.vda5050.base import NotNegative, UInt32
 from nena_shared.vda5050.factsheet import (
@@ -12,6 +12,7 @@ from nena_shared.vda5050.factsheet import (
     ActionScope,
     Envelope2d,
     Envelope2dPoint,
+    Envelope3d,
     Factsheet,
     LoadSet,
     LoadSpecification,
@@ -20,6 +21,7 @@ from nena_shared.vda5050.factsheet import (
     MobileRobotAction,
     MobileRobotConfiguration,
     MobileRobotGeometry,
+    OptionalParameter,
     PhysicalParameters,
     ProtocolFeatures,
     ProtocolLimits,
@@ -27,8 +29,11 @@ from nena_shared.vda5050.factsheet import (
     TypeSpecification,
     ValueDataType,
 )
-from nena_shared.vda5050.v2_1.action import ActionTypeV21, BlockingTypeV21
-from nena_shared.vda5050.v2_1.base import Absent, TimestampV2, always, reads, writes
+from nena_shared.vda5050.spelling import Absent, always, reads, writes
+from nena_shared.vda5050.v2_1.action import ActionTypeV21, ActionV21, BlockingTypeV21
+from nena_shared.vda5050.v2_1.base import TimestampOrNow
+from nena_shared.vda5050.v2_1.order import CorridorV21, EdgeV21, NodeV21, OrderV21
+from nena_shared.vda5050.v2_1.parameter import missing_names, neutral_path, speaks_of, written_path
 
 KINEMATICS = {"DIFF": "DIFFERENTIAL", "OMNI": "OMNIDIRECTIONAL", "THREEWHEEL": "THREE_WHEEL"}
 
@@ -61,7 +66,7 @@ class PhysicalParametersV21(PhysicalParameters):
     minimum_angular_speed: Annotated[NotNegative | None, Field(alias="angularSpeedMin")] = None
     maximum_angular_speed: Annotated[NotNegative | None, Field(alias="angularSpeedMax")] = None
     maximum_acceleration: Annotated[NotNegative, Field(alias="accelerationMax")]
-    maximum_deceleration: Annotated[NotNegative, Field(alias="decelerationMax")]
+    maximum_deceleration: Annotated[float, Field(alias="decelerationMax")]
     minimum_height: Annotated[NotNegative, Field(alias="heightMin")] = 0.0
     maximum_height: Annotated[NotNegative, Field(alias="heightMax")]
 
@@ -76,6 +81,14 @@ class MaximumStringLengthsV21(MaximumStringLengths):
     maximum_load_id_length: Annotated[UInt32 | None, Field(alias="loadIdLen")] = None
 
 
+class MaximumArrayLengthsV21(MaximumArrayLengths):
+    """Most entries per array."""
+
+    zone_set_zones: Absent = None
+    state_instant_action_states: Absent = None
+    state_zone_action_states: Absent = None
+
+
 class TimingV21(Timing):
     """Seconds between messages."""
 
@@ -87,7 +100,7 @@ class ProtocolLimitsV21(ProtocolLimits):
     """What messages must keep to."""
 
     maximum_string_lengths: Annotated[MaximumStringLengthsV21, Field(alias="maxStringLens")]
-    maximum_array_lengths: Annotated[MaximumArrayLengths, Field(alias="maxArrayLens")]
+    maximum_array_lengths: Annotated[MaximumArrayLengthsV21, Field(alias="maxArrayLens")]
     timing: TimingV21
 
 
@@ -95,6 +108,9 @@ class ActionParameterDescriptionV21(ActionParameterDescription):
     """A parameter that an action takes; FLOAT is a number like any other."""
 
     value_data_type: Annotated[ValueDataType, reads({"FLOAT": "NUMBER"})]
+
+
+ScopeV21 = Literal["INSTANT", "NODE", "EDGE"]
 
 
 def _without_zones(scopes: tuple[ActionScope, ...]) -> list[str]:
@@ -106,7 +122,7 @@ class MobileRobotActionV21(MobileRobotAction):
 
     action_type: ActionTypeV21
     action_scopes: Annotated[
-        tuple[ActionScope, ...], PlainSerializer(_without_zones, return_type=list[str], when_used="json")
+        tuple[ActionScope, ...], PlainSerializer(_without_zones, return_type=list[ScopeV21], when_used="json")
     ]
     action_parameters: tuple[ActionParameterDescriptionV21, ...] | None = None
     action_result: Annotated[str | None, Field(alias="resultDescription")] = None
@@ -115,10 +131,36 @@ class MobileRobotActionV21(MobileRobotAction):
     cancel_allowed: Annotated[bool, always(value=False), Field(exclude=True)] = False
 
 
-class ProtocolFeaturesV21(ProtocolFeatures):
-    """Optional fields and actions."""
+def _neutral(path: str, info: ValidationInfo) -> str:
+    return neutral_path(path) if info.mode == "json" else path
 
+
+class OptionalParameterV21(OptionalParameter):
+    """An optional field of the order, by its 2.x path."""
+
+    parameter: Annotated[
+        str,
+        AfterValidator(_neutral),
+        PlainSerializer(written_path, return_type=str, when_used="json"),
+    ]
+
+
+class ProtocolFeaturesV21(ProtocolFeatures):
+    """Optional fields and actions; fields that 2.1 does not have are not told."""
+
+    missing: ClassVar[frozenset[str]] = missing_names(OrderV21, NodeV21, EdgeV21, CorridorV21, ActionV21)
+    optional_parameters: tuple[OptionalParameterV21, ...]
     mobile_robot_actions: Annotated[tuple[MobileRobotActionV21, ...], Field(alias="agvActions")]
+
+    @field_serializer("optional_parameters", when_used="json")
+    def _known(self, parameters: tuple[OptionalParameterV21, ...]) -> tuple[OptionalParameterV21, ...]:
+        return tuple(each for each in parameters if not speaks_of(self.missing, each.parameter))
+
+
+class Envelope3dV21(Envelope3d):
+    """An outline in space."""
+
+    envelope3d_id: Annotated[str, Field(alias="set")]
 
 
 class Envelope2dV21(Envelope2d):
@@ -132,12 +174,22 @@ class MobileRobotGeometryV21(MobileRobotGeometry):
     """The robot's outline and wheels."""
 
     envelopes2d: Annotated[tuple[Envelope2dV21, ...] | None, Field(alias="envelopes2d")] = None
+    envelopes3d: Annotated[tuple[Envelope3dV21, ...] | None, Field(alias="envelopes3d")] = None
 
 
 class LoadSetV21(LoadSet):
     """A kind of load that the robot handles."""
 
     maximum_weight: Annotated[NotNegative | None, Field(alias="maxWeight")] = None
+    minimum_loadhandling_height: Annotated[NotNegative | None, Field(alias="minLoadhandlingHeight")] = None
+    maximum_loadhandling_height: Annotated[NotNegative | None, Field(alias="maxLoadhandlingHeight")] = None
+    minimum_loadhandling_depth: Annotated[float | None, Field(alias="minLoadhandlingDepth")] = None
+    maximum_loadhandling_depth: Annotated[float | None, Field(alias="maxLoadhandlingDepth")] = None
+    minimum_loadhandling_tilt: Annotated[float | None, Field(alias="minLoadhandlingTilt")] = None
+    maximum_loadhandling_tilt: Annotated[float | None, Field(alias="maxLoadhandlingTilt")] = None
+    maximum_speed: Annotated[NotNegative | None, Field(alias="agvSpeedLimit")] = None
+    maximum_acceleration: Annotated[NotNegative | None, Field(alias="agvAccelerationLimit")] = None
+    maximum_deceleration: Annotated[float | None, Field(alias="agvDecelerationLimit")] = None
 
 
 class LoadSpecificationV21(LoadSpecification):
@@ -146,16 +198,23 @@ class LoadSpecificationV21(LoadSpecification):
     load_sets: tuple[LoadSetV21, ...] | None = None
 
 
+class MobileRobotConfigurationV21(MobileRobotConfiguration):
+    """How this very robot is set up."""
+
+    battery_charging: Absent = None
+
+
 class FactsheetV21(Factsheet):
     """What a robot is and can do."""
 
-    timestamp: TimestampV2
+    header_id: UInt32 = 0
+    timestamp: TimestampOrNow
     type_specification: TypeSpecificationV21
     physical_parameters: PhysicalParametersV21
     protocol_limits: ProtocolLimitsV21
     protocol_features: ProtocolFeaturesV21
     mobile_robot_geometry: Annotated[MobileRobotGeometryV21, Field(alias="agvGeometry")]
     load_specification: LoadSpecificationV21
-    mobile_robot_configuration: Annotated[MobileRobotConfiguration | None, Field(alias="vehicleConfig")] = (
-        None
-    )
+    mobile_robot_configuration: Annotated[
+        MobileRobotConfigurationV21 | None, Field(alias="vehicleConfig")
+    ] = None

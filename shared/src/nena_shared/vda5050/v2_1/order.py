@@ -17,8 +17,9 @@ from nena_shared.vda5050.order import (
     NodePosition,
     Order,
 )
+from nena_shared.vda5050.spelling import Absent, reads, writes
 from nena_shared.vda5050.v2_1.action import ActionV21
-from nena_shared.vda5050.v2_1.base import Absent, Negated, TimestampV2, reads, writes
+from nena_shared.vda5050.v2_1.base import Negated, TimestampV2
 from nena_shared.vda5050.v2_1.trajectory import TrajectoryV21
 
 
@@ -33,7 +34,7 @@ def _radius(deviation: AllowedDeviationXY) -> float:
 DeviationRadius = Annotated[
     AllowedDeviationXY,
     BeforeValidator(_ellipse),
-    PlainSerializer(_radius, return_type=float, when_used="json"),
+    PlainSerializer(_radius, return_type=NotNegative, when_used="json"),
 ]
 """A radius in m; an ellipse is sent as its shorter half axis, which never allows more."""
 
@@ -59,7 +60,7 @@ class CorridorV21(Corridor):
         Annotated[
             CorridorReferencePoint,
             reads({"KINEMATICCENTER": "KINEMATIC_CENTER"}),
-            writes({"KINEMATIC_CENTER": "KINEMATICCENTER"}),
+            writes({"KINEMATIC_CENTER": "KINEMATICCENTER"}, CorridorReferencePoint),
         ]
         | None,
         Field(alias="corridorRefPoint"),

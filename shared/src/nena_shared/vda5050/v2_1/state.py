@@ -7,7 +7,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from nena_shared.vda5050.base import NotNegative, Percent, WireObject
-from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
+from nena_shared.vda5050.spelling import Absent, always, reads, writes
 from nena_shared.vda5050.state import (
     EdgeState,
     EmergencyStop,
@@ -21,15 +21,15 @@ from nena_shared.vda5050.state import (
     State,
 )
 from nena_shared.vda5050.v2_1.action import ActionStateV21
-from nena_shared.vda5050.v2_1.base import Absent, TimestampV2, always, reads, writes
-from nena_shared.vda5050.v2_1.error_type import REJECTIONS, WRITTEN
+from nena_shared.vda5050.v2_1.base import TimestampV2
+from nena_shared.vda5050.v2_1.error import ErrorEntryV21
 from nena_shared.vda5050.v2_1.order import NodePositionV21
 from nena_shared.vda5050.v2_1.trajectory import TrajectoryV21
 
 OperatingModeV21 = Annotated[
     OperatingMode,
     reads({"TEACHIN": "TEACH_IN"}),
-    writes({"TEACH_IN": "TEACHIN", "STARTUP": "SERVICE", "INTERVENED": "AUTOMATIC"}),
+    writes({"TEACH_IN": "TEACHIN", "STARTUP": "SERVICE", "INTERVENED": "AUTOMATIC"}, OperatingMode),
 ]
 
 
@@ -80,30 +80,9 @@ class SafetyStateV21(SafetyState):
         return data
 
 
-class ErrorEntryV21(ErrorEntry):
-    """An error; 2.1 knows the levels WARNING and FATAL, and names of its own."""
-
-    @classmethod
-    def from_neutral(cls, neutral: WireObject) -> Self:
-        """Make the 2.1 form: a rejection is always a warning, what stops the robot is fatal."""
-        error = ErrorEntry.model_validate(neutral, by_name=True, by_alias=False)
-        mild = error.error_level in (ErrorLevel.WARNING, ErrorLevel.URGENT) or error.error_type in REJECTIONS
-        return cls.model_validate(
-            error.model_copy(
-                update={
-                    "error_type": WRITTEN.get(error.error_type, error.error_type),
-                    "error_level": ErrorLevel.WARNING if mild else ErrorLevel.FATAL,
-                }
-            ),
-            by_name=True,
-            by_alias=False,
-        )
-
-
 class InformationV21(Information):
     """A remark for people."""
 
-    info_references: tuple[ErrorReference, ...] = ()
     info_descriptor: Annotated[str | None, Field(alias="infoDescription")] = None
 
 
@@ -112,13 +91,17 @@ class StateV21(State):
 
     timestamp: TimestampV2
     maps: tuple[MapV21, ...] | None = None
+    zone_sets: Absent = None
     node_states: tuple[NodeStateV21, ...]
     edge_states: tuple[EdgeStateV21, ...]
     planned_path: Absent = None
     intermediate_path: Absent = None
     mobile_robot_position: Annotated[MobileRobotPositionV21 | None, Field(alias="agvPosition")] = None
+    zone_requests: Absent = None
+    edge_requests: Absent = None
     action_states: tuple[ActionStateV21, ...]
     instant_action_states: Annotated[tuple[ActionStateV21, ...], always(()), Field(exclude=True)] = ()
+    zone_action_states: Absent = None
     power_supply: Annotated[PowerSupplyV21, Field(alias="batteryState")]
     operating_mode: OperatingModeV21
     errors: tuple[ErrorEntryV21, ...]

@@ -32,6 +32,9 @@ STOPPING = {
     "localizationError",
     "outsideOfCorridor",
     "actionFailed",
+    "blockedZoneViolation",
+    "releaseLost",
+    "zoneActionConflict",
 }
 ORDER_FIELDS = {"orderId", "orderUpdateId", "nodes", "edges"}
 

@@ -1,0 +1,54 @@
+"""Requests of a robot to its fleet control (VDA 5050 3.0 section 6.9): they stand in its state."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from nena_shared.vda5050.base import Identifier, UInt32, WireObject
+from nena_shared.vda5050.order import Trajectory
+
+
+class RequestStatus(StrEnum):
+    """Where a request stands, as the robot sees it."""
+
+    REQUESTED = "REQUESTED"
+    """No answer yet, which is no permission."""
+    QUEUED = "QUEUED"
+    GRANTED = "GRANTED"
+    REVOKED = "REVOKED"
+    EXPIRED = "EXPIRED"
+
+
+class ZoneRequestType(StrEnum):
+    """What a robot asks for: to enter a RELEASE zone, or a new path in a COORDINATED_REPLANNING zone."""
+
+    ACCESS = "ACCESS"
+    REPLANNING = "REPLANNING"
+
+
+class EdgeRequestType(StrEnum):
+    """What a robot asks for on an edge: to leave the trajectory within the corridor."""
+
+    CORRIDOR = "CORRIDOR"
+
+
+class ZoneRequest(WireObject):
+    """A request about a zone; the id is unique over all active requests of the robot."""
+
+    request_id: Identifier
+    request_type: ZoneRequestType
+    zone_id: Identifier
+    zone_set_id: Identifier
+    request_status: RequestStatus
+    trajectory: Trajectory | None = None
+    """The path that a REPLANNING asks for."""
+
+
+class EdgeRequest(WireObject):
+    """A request about an edge of the order; the id is unique over all active requests of the robot."""
+
+    request_id: Identifier
+    request_type: EdgeRequestType
+    edge_id: Identifier
+    sequence_id: UInt32
+    request_status: RequestStatus

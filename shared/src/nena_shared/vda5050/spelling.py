@@ -1,0 +1,37 @@
+"""How the form of a version says that it spells values in its own way, or lacks a field."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, PlainSerializer
+
+
+def reads(names: Mapping[str, str]) -> BeforeValidator:
+    """Read the given names as the neutral ones that stand beside them; other values pass."""
+
+    def read(value: object) -> object:
+        return names.get(value, value) if type(value) is str else value
+
+    return BeforeValidator(read)
+
+
+def writes(names: Mapping[str, str], of: type[StrEnum] | None = None) -> PlainSerializer:
+    """Write the neutral values by the given names, other values as they are; ``of`` is a closed list."""
+
+    def write(value: str) -> str:
+        return names.get(value, str(value))
+
+    words: Any = str if of is None else Literal[tuple(dict.fromkeys(map(write, of)))]
+    return PlainSerializer(write, return_type=words, when_used="json")
+
+
+def always(value: object) -> BeforeValidator:
+    """Take ``value`` whatever is given: for a field that the version does not have."""
+    return BeforeValidator(lambda _: value)
+
+
+Absent = Annotated[None, always(None), Field(exclude=True)]
+"""An optional field that the version does not have: neither read nor written."""

@@ -1,0 +1,28 @@
+"""VDA 5050 2.0.0: 2.1.0 without what came with that."""
+
+from nena_shared.vda5050.action import InstantActions
+from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.connection import Connection
+from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.v2_0.factsheet import FactsheetV20
+from nena_shared.vda5050.v2_0.order import OrderV20
+from nena_shared.vda5050.v2_0.state import StateV20
+from nena_shared.vda5050.v2_1.connection import ConnectionV21
+from nena_shared.vda5050.v2_1.instant_actions import InstantActionsV21
+from nena_shared.vda5050.v2_1.visualization import VisualizationV21
+from nena_shared.vda5050.visualization import Visualization
+
+CODEC = Codec(
+    version="2.0.0",
+    interface_name="uagv",
+    forms={
+        Order: OrderV20,
+        InstantActions: InstantActionsV21,
+        State: StateV20,
+        Visualization: VisualizationV21,
+        Connection: ConnectionV21,
+        Factsheet: FactsheetV20,
+    },
+)

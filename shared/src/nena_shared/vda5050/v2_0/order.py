@@ -1,0 +1,18 @@
+"""The order message of 2.0 (section 6.7)."""
+
+from __future__ import annotations
+
+from nena_shared.vda5050.spelling import Absent
+from nena_shared.vda5050.v2_1.order import EdgeV21, OrderV21
+
+
+class EdgeV20(EdgeV21):
+    """The way between two nodes; 2.0 knows no corridors."""
+
+    corridor: Absent = None
+
+
+class OrderV20(OrderV21):
+    """A graph of nodes and edges to drive."""
+
+    edges: tuple[EdgeV20, ...]

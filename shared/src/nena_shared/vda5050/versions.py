@@ -1,0 +1,83 @@
+"""The versions of VDA 5050 that are spoken here, by their number and by what a message says of itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from nena_shared.vda5050 import v2_0, v2_1, v3_0
+from nena_shared.vda5050.base import Version
+from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.topics import TopicScheme
+
+CODECS: Final[Mapping[str, Codec]] = MappingProxyType(
+    {codec.version: codec for codec in (v2_0.CODEC, v2_1.CODEC, v3_0.CODEC)}
+)
+"""By version number, the oldest first."""
+
+
+class UnknownVersionError(Exception):
+    """``version`` is none of those that are spoken here."""
+
+    def __init__(self, version: str) -> None:
+        self.version = version
+        super().__init__(f"VDA 5050 {version!r} is not spoken here; choose one of {', '.join(CODECS)}")
+
+
+def codec_for(version: str) -> Codec:
+    """Give the codec of exactly this version.
+
+    Raises:
+        UnknownVersionError: there is none.
+
+    """
+    if version not in CODECS:
+        raise UnknownVersionError(version)
+    return CODECS[version]
+
+
+def topics_for(version: str, interface_name: str | None = None) -> TopicScheme:
+    """Give the topics of a version, under the interface name that the standard suggests if none is given.
+
+    Raises:
+        UnknownVersionError: the version is not spoken here.
+
+    """
+    codec = codec_for(version)
+    return TopicScheme(interface_name or codec.interface_name, codec.major_version)
+
+
+class _Version(BaseModel):
+    model_config = ConfigDict(strict=True)
+
+    version: Version
+
+
+def version_of(payload: bytes) -> str | None:
+    """Read the version out of a message's header; None for what is no message."""
+    try:
+        return _Version.model_validate_json(payload).version
+    except ValidationError:
+        return None
+
+
+def codec_of_header(payload: bytes) -> Codec | None:
+    """Give the codec for a robot, from the header of its connection or factsheet.
+
+    For a version that is not spoken here it is the nearest older one of the same major version, else the
+    oldest of that; None where there is none, or no header.
+    """
+    version = version_of(payload)
+    if version is None:
+        return None
+    wanted = _numbers(version)
+    same_major = [codec for codec in CODECS.values() if _numbers(codec.version)[0] == wanted[0]]
+    older = [codec for codec in same_major if _numbers(codec.version) <= wanted]
+    return next(iter([*reversed(older), *same_major]), None)
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    return tuple(map(int, version.split(".")))

@@ -1,0 +1,137 @@
+"""The zoneSet message (VDA 5050 3.0 sections 6.4 and 7.6); 2.x has no zones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Annotated, Final, Self
+
+from pydantic import Field, model_validator
+
+from nena_shared.vda5050.action import ActionParameter, BlockingType
+from nena_shared.vda5050.base import Angle, Header, Identifier, NotNegative, WireObject
+
+Factor = Annotated[float, Field(ge=0, le=1)]
+
+
+class ZoneType(StrEnum):
+    """What a zone asks of the robots in it."""
+
+    BLOCKED = "BLOCKED"
+    LINE_GUIDED = "LINE_GUIDED"
+    RELEASE = "RELEASE"
+    COORDINATED_REPLANNING = "COORDINATED_REPLANNING"
+    SPEED_LIMIT = "SPEED_LIMIT"
+    ACTION = "ACTION"
+    PRIORITY = "PRIORITY"
+    PENALTY = "PENALTY"
+    DIRECTED = "DIRECTED"
+    BIDIRECTED = "BIDIRECTED"
+
+
+class ZoneReleaseLossBehavior(StrEnum):
+    """What a robot inside a RELEASE zone does when its release is taken back."""
+
+    STOP = "STOP"
+    CONTINUE = "CONTINUE"
+    EVACUATE = "EVACUATE"
+
+
+class DirectedLimitation(StrEnum):
+    """How strictly a robot keeps to the direction of a DIRECTED zone."""
+
+    SOFT = "SOFT"
+    RESTRICTED = "RESTRICTED"
+    STRICT = "STRICT"
+
+
+class BidirectedLimitation(StrEnum):
+    """How strictly a robot keeps to the two directions of a BIDIRECTED zone."""
+
+    SOFT = "SOFT"
+    RESTRICTED = "RESTRICTED"
+
+
+class Vertex(WireObject):
+    """A corner of a zone, m in the project-wide frame of the map."""
+
+    x: float
+    y: float
+
+
+class ZoneAction(WireObject):
+    """An action that a zone triggers; the robot gives it an id each time."""
+
+    action_type: Identifier
+    action_descriptor: str | None = None
+    blocking_type: BlockingType
+    action_parameters: tuple[ActionParameter, ...] = ()
+    retriable: bool | None = None
+
+
+REQUIRED: Final[Mapping[ZoneType, tuple[str, ...]]] = MappingProxyType(
+    {
+        ZoneType.SPEED_LIMIT: ("maximum_speed",),
+        ZoneType.ACTION: ("entry_actions", "during_actions", "exit_actions"),
+        ZoneType.PRIORITY: ("priority_factor",),
+        ZoneType.PENALTY: ("penalty_factor",),
+        ZoneType.DIRECTED: ("direction", "directed_limitation"),
+        ZoneType.BIDIRECTED: ("direction", "bidirected_limitation"),
+    }
+)
+"""The fields that a zone has by its type, besides those that all have."""
+
+
+class Zone(WireObject):
+    """An area of a map: a simple closed polygon, counter-clockwise; speeds in m/s, directions in rad."""
+
+    zone_id: Identifier
+    zone_type: ZoneType
+    zone_descriptor: str | None = None
+    vertices: Annotated[tuple[Vertex, ...], Field(min_length=3)]
+    release_loss_behavior: ZoneReleaseLossBehavior | None = None
+    """Of a RELEASE zone; None is STOP."""
+    maximum_speed: NotNegative | None = None
+    entry_actions: tuple[ZoneAction, ...] | None = None
+    during_actions: tuple[ZoneAction, ...] | None = None
+    exit_actions: tuple[ZoneAction, ...] | None = None
+    priority_factor: Factor | None = None
+    penalty_factor: Factor | None = None
+    """1: only where there is no other way."""
+    direction: Angle | None = None
+    directed_limitation: DirectedLimitation | None = None
+    bidirected_limitation: BidirectedLimitation | None = None
+
+    @model_validator(mode="after")
+    def _has_what_its_type_needs(self) -> Self:
+        if missing := [name for name in REQUIRED.get(self.zone_type, ()) if getattr(self, name) is None]:
+            names = ", ".join(str(type(self).model_fields[name].alias) for name in missing)
+            message = f"a {self.zone_type} zone needs {names}"
+            raise ValueError(message)
+        return self
+
+
+class ZoneSet(WireObject):
+    """Zones of one map; what stands under a zoneSetId never changes."""
+
+    map_id: Identifier
+    zone_set_id: Identifier
+    zone_set_descriptor: str | None = None
+    zones: tuple[Zone, ...]
+
+    @model_validator(mode="after")
+    def _names_each_zone_once(self) -> Self:
+        seen: set[str] = set()
+        for zone in self.zones:
+            if zone.zone_id in seen:
+                message = f"zoneId {zone.zone_id!r} stands twice in the zone set"
+                raise ValueError(message)
+            seen.add(zone.zone_id)
+        return self
+
+
+class ZoneSetTransfer(Header):
+    """Brings a zone set to a robot, where it arrives DISABLED."""
+
+    zone_set: ZoneSet

@@ -1,0 +1,85 @@
+"""Whatever a neutral message holds: each version carries it as far as it can, in a form its schema takes."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.malformed import MalformedMessageError
+from nena_shared.vda5050.topics import Topic
+from nena_shared.vda5050.versions import CODECS
+from support.messages import messages
+from support.nearest import nearest, plain
+from support.schemas import schema_problems
+
+EACH_MESSAGE = pytest.mark.parametrize(
+    ("codec", "topic"),
+    [(codec, topic) for codec in CODECS.values() for topic in codec.kinds],
+    ids=lambda value: value.version if isinstance(value, Codec) else value,
+)
+
+
+@EACH_MESSAGE
+@given(st.data())
+def test_message_arrives_as_the_nearest_that_the_version_can_say(
+    codec: Codec, topic: Topic, data: st.DataObject
+) -> None:
+    kind = codec.kinds[topic]
+    message = data.draw(messages(kind))
+
+    assert plain(codec.decode(kind, codec.encode(message))) == nearest(codec.version, plain(message))
+
+
+@EACH_MESSAGE
+@settings(max_examples=50)
+@given(st.data())
+def test_encoded_message_keeps_the_official_schema(codec: Codec, topic: Topic, data: st.DataObject) -> None:
+    payload = codec.encode(data.draw(messages(codec.kinds[topic])))
+
+    assert schema_problems(codec.version, topic, payload) == []
+
+
+@EACH_MESSAGE
+@settings(max_examples=50)
+@given(st.data())
+def test_what_was_read_can_be_written_again_unchanged(
+    codec: Codec, topic: Topic, data: st.DataObject
+) -> None:
+    payload = codec.encode(data.draw(messages(codec.kinds[topic])))
+
+    assert codec.encode(codec.decode(codec.kinds[topic], payload)) == payload
+
+
+@EACH_MESSAGE
+@settings(max_examples=50)
+@given(st.data())
+def test_what_was_read_in_another_version_can_be_said_in_this_one(
+    codec: Codec, topic: Topic, data: st.DataObject
+) -> None:
+    kind = codec.kinds[topic]
+    other = data.draw(st.sampled_from([each for each in CODECS.values() if topic in each.kinds]))
+    read = other.decode(kind, other.encode(data.draw(messages(kind))))
+
+    payload = codec.encode(read)
+
+    assert schema_problems(codec.version, topic, payload) == []
+    assert plain(codec.decode(kind, payload)) == nearest(codec.version, plain(read))
+
+
+@EACH_MESSAGE
+@given(st.data())
+def test_garbled_message_never_breaks_the_reader(codec: Codec, topic: Topic, data: st.DataObject) -> None:
+    kind = codec.kinds[topic]
+    payload = bytearray(codec.encode(data.draw(messages(kind))))
+    for _ in range(data.draw(st.integers(1, 4))):
+        payload[data.draw(st.integers(0, len(payload) - 1))] = data.draw(st.integers(0, 255))
+    outcome: Header | MalformedMessageError
+    try:
+        outcome = codec.decode(kind, bytes(payload))
+    except MalformedMessageError as error:
+        outcome = error
+
+    assert outcome.problems if isinstance(outcome, MalformedMessageError) else isinstance(outcome, kind)
