@@ -57,3 +57,9 @@ def test_robots_need_topics_of_their_own(tmp_path: Path) -> None:
     found = problems(file)
     assert "'V1' and 'V2' have the same serial number 's'" in found
     assert "'V3': manufacturer and serial number hold no" in found
+
+
+def test_a_plant_without_points_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "plant.xml"
+    file.write_text('<model version="6.0.0" name="empty"/>')
+    assert "there are no points" in problems(file)

@@ -21,7 +21,7 @@ from nena_order_service.rest.bodies import Readiness
 from nena_order_service.retained_sweep import RetainedSweep
 from nena_order_service.routing import Router
 from nena_order_service.settings import OrderServiceSettings
-from nena_order_service.store.database import StoreError, open_database
+from nena_order_service.store.database import open_database
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.store import Store
 from nena_shared.clock import SystemClock
@@ -29,7 +29,6 @@ from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.log import get_logger
 from nena_shared.mqtt import MqttLink
 from nena_shared.plant import PlantModel
-from nena_shared.program import StartError
 from nena_shared.tasks import Supervisor
 from nena_shared.vda5050.topics import TopicScheme
 
@@ -57,13 +56,14 @@ def build(settings: OrderServiceSettings) -> OrderService:
 
     Raises:
         ConfigurationError: the plant model cannot be used.
-        StartError: the store cannot be used.
+        StoreError: the store cannot be used.
 
     """
     plant = load_plant(settings.plant)
     plant_json = plant.to_json().encode()
     clock = SystemClock()
-    store = _open_store(settings)
+    lock = InstanceLock.take(settings.store.url)
+    store = Store(open_database(settings.store.url), lock)
     kernel = _make_kernel(settings, plant, store, clock)
     requests = HostRequests(kernel, settings.kernel)
     client_id = f"nena-order-service-{settings.interface_name.replace('/', '-')}"
@@ -144,14 +144,6 @@ def readiness(mqtt: MqttLink, store: Store) -> Readiness:
         store_ready=store.ready,
         problems=tuple(problems),
     )
-
-
-def _open_store(settings: OrderServiceSettings) -> Store:
-    try:
-        lock = InstanceLock.take(settings.store.url)
-        return Store(open_database(settings.store.url), lock)
-    except StoreError as error:
-        raise StartError(str(error)) from error
 
 
 def _make_kernel(

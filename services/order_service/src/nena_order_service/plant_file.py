@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 from nena_shared.log import get_logger
@@ -25,7 +26,9 @@ def load_plant(path: Path) -> PlantModel:
         raise ConfigurationError([f"plant: cannot read {path}: {error.strerror}"]) from error
     except PlantModelError as error:
         raise ConfigurationError([f"plant: {path}: {problem}" for problem in error.problems]) from error
-    _check_robots(path, report.model)
+    problems = [f"plant: {path}: {problem}" for problem in _problems(report.model)]
+    if problems:
+        raise ConfigurationError(problems)
     for warning in report.warnings:
         log.warning("plant model", file=str(path), finding=str(warning))
     model = report.model
@@ -33,18 +36,15 @@ def load_plant(path: Path) -> PlantModel:
     return model
 
 
-def _check_robots(path: Path, plant: PlantModel) -> None:
-    """Refuse robots that have no place of their own in MQTT's topics."""
-    problems = []
+def _problems(plant: PlantModel) -> Iterator[str]:
+    """Yield what the format allows and no fleet can work with."""
+    if not plant.points:
+        yield "there are no points, so no vehicle could go anywhere"
     owners: dict[str, str] = {}
     for vehicle in plant.vehicles:
         serial = vehicle.serial_number or vehicle.name
         if any(sign in f"{vehicle.manufacturer}{serial}" for sign in "/+#"):
-            problems.append(
-                f"vehicle {vehicle.name!r}: manufacturer and serial number hold no '/', '+' or '#'"
-            )
+            yield f"vehicle {vehicle.name!r}: manufacturer and serial number hold no '/', '+' or '#'"
         other = owners.setdefault(serial, vehicle.name)
         if other != vehicle.name:
-            problems.append(f"vehicles {other!r} and {vehicle.name!r} have the same serial number {serial!r}")
-    if problems:
-        raise ConfigurationError([f"plant: {path}: {problem}" for problem in problems])
+            yield f"vehicles {other!r} and {vehicle.name!r} have the same serial number {serial!r}"

@@ -35,21 +35,24 @@ class Request(BaseModel):
     )
 
 
-def _milliseconds(value: datetime) -> str:
-    return f"{value:%Y-%m-%dT%H:%M:%S}.{value.microsecond // 1000:03d}Z"
+def iso(moment: datetime) -> str:
+    """Write a UTC time as ISO 8601 with milliseconds; the year has four digits, else nobody can read it."""
+    return f"{moment.isoformat(timespec='milliseconds')[:23]}Z"
 
 
 def _in_utc(value: datetime) -> datetime:
-    return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+    try:
+        return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+    except OverflowError as error:
+        message = "lies before the year 1 or after the year 9999 in UTC"
+        raise ValueError(message) from error
 
 
-Moment = Annotated[
-    datetime, AfterValidator(_in_utc), PlainSerializer(_milliseconds, return_type=str, when_used="json")
-]
+Moment = Annotated[datetime, AfterValidator(_in_utc), PlainSerializer(iso, return_type=str, when_used="json")]
 """ISO 8601 in UTC with milliseconds."""
 
 ObjectName = Annotated[str, Field(min_length=1, max_length=200)]
 """Name of an object of the plant model, kept to the letter."""
 
-OrderName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.:\-]{1,100}$")]
-"""Name of a transport order; it also stands in MQTT topics."""
+OrderName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_:\-][A-Za-z0-9_.:\-]{0,99}$")]
+"""Name of a transport order; it also stands in MQTT topics and URLs, where ``..`` means something else."""

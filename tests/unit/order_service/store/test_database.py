@@ -3,7 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from sqlalchemy import text
+from sqlalchemy import create_engine, text
 
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store.changes import Changes
@@ -162,3 +162,19 @@ def test_file_that_is_no_database_is_refused(tmp_path: Path) -> None:
     file.write_text("This is a letter, and no database at all." * 100)
     with pytest.raises(StoreError, match="not a database"):
         open_database(f"sqlite:///{file}")
+
+
+def test_a_store_with_what_nobody_can_read_is_named_at_the_start(url: str) -> None:
+    engine = open_database(url)
+    write(engine, changes((dispatchable_order(), None)))
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE transport_orders SET document = '{}'"))
+    with pytest.raises(StoreError, match=r"store\.url cannot be read"):
+        read_unfinished(engine)
+
+
+def test_tables_of_another_program_are_named_at_the_start(url: str) -> None:
+    with create_engine(url).begin() as connection:
+        connection.execute(text("CREATE TABLE transport_orders (x INTEGER)"))
+    with pytest.raises(StoreError, match=r"store\.url cannot be read.*no such column"):
+        read_unfinished(open_database(url))

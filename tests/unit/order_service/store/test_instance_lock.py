@@ -20,11 +20,12 @@ def test_second_owner_is_refused_until_the_first_lets_go(url: str) -> None:
 
 
 def test_only_files_are_locked() -> None:
-    assert InstanceLock.take("sqlite://") is None
     assert InstanceLock.take("postgresql://host/orders") is None
 
 
-@pytest.mark.parametrize("bad", ["nonsense", "sqlite:////no/such/folder/x.db"])
+@pytest.mark.parametrize(
+    "bad", ["nonsense", "sqlite:////no/such/folder/x.db", "sqlite://", "sqlite:///:memory:"]
+)
 def test_what_cannot_be_locked_is_said(bad: str, tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"store\.url"):
         InstanceLock.take(bad)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from pydantic import ValidationError
 from sqlalchemy import Connection, Engine, create_engine, delete, event, func, insert, select, update
 from sqlalchemy.engine import Row, make_url
 from sqlalchemy.engine.interfaces import DBAPIConnection
@@ -20,6 +21,7 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderState,
     TransportOrderStatus,
 )
+from nena_shared.program import StartError
 
 NUMBERS_PER_QUERY = 500
 """Databases bound the parameters of a statement."""
@@ -27,7 +29,7 @@ NUMBERS_PER_QUERY = 500
 FINAL_STATES = tuple(state.value for state in TransportOrderState if state.final)
 
 
-class StoreError(Exception):
+class StoreError(StartError):
     """The store cannot be used; the text says why, and what to do."""
 
 
@@ -156,7 +158,23 @@ def _history_rows(change: OrderChange) -> list[dict[str, object]]:
 
 
 def read_unfinished(engine: Engine) -> Unfinished:
-    """Read all that is not at its end."""
+    """Read all that is not at its end.
+
+    Raises:
+        StoreError: there is something in the store that this program has not written.
+
+    """
+    try:
+        return _read_unfinished(engine)
+    except (SQLAlchemyError, ValidationError) as error:
+        message = (
+            f"the orders in store.url cannot be read: {str(error).splitlines()[0]}. "
+            "Go back to a copy of the store, or name another store.url"
+        )
+        raise StoreError(message) from error
+
+
+def _read_unfinished(engine: Engine) -> Unfinished:
     orders, missions = schema.transport_orders, schema.missions
     with engine.connect() as connection:
         query = select(orders).where(orders.c.state.not_in(FINAL_STATES)).order_by(orders.c.number)

@@ -28,7 +28,7 @@ class InstanceLock:
         """Take the lock of a SQLite file; None for other databases.
 
         Raises:
-            StoreError: another process has it, or the lock file cannot be made.
+            StoreError: another process has it, the lock file cannot be made, or the URL names no file.
 
         """
         try:
@@ -36,8 +36,11 @@ class InstanceLock:
         except ArgumentError as error:
             message = f"store.url is no database URL: {error}. Name a file: sqlite:///orders.db"
             raise StoreError(message) from error
-        if parsed.get_backend_name() != "sqlite" or parsed.database in (None, "", ":memory:"):
+        if parsed.get_backend_name() != "sqlite":
             return None
+        if parsed.database in (None, "", ":memory:"):
+            message = "store.url names no file, so orders would be lost. Name one: sqlite:///orders.db"
+            raise StoreError(message)
         path = Path(f"{parsed.database}.lock")
         try:
             return cls(path)

@@ -18,8 +18,3 @@ class Instant(NamedTuple):
     def of(cls, clock: Clock) -> Instant:
         """Read ``clock``."""
         return cls(clock.monotonic(), clock.now())
-
-
-def iso(moment: datetime) -> str:
-    """Write a UTC time as ISO 8601 with milliseconds, as the rest of the API does."""
-    return f"{moment.isoformat(timespec='milliseconds')[:23]}Z"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from nena_shared.fleet_api.base import iso
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant.model import PlantModel
@@ -15,7 +16,7 @@ from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.v2_1.error_type import WRITTEN
 from nena_shared.vda5050.visualization import Visualization
 from nena_status_aggregator.fleet_model.delta import Delta
-from nena_status_aggregator.fleet_model.instant import Instant, iso
+from nena_status_aggregator.fleet_model.instant import Instant
 from nena_status_aggregator.fleet_model.message_kind import MessageKind
 from nena_status_aggregator.fleet_model.order_book import OrderBook
 from nena_status_aggregator.fleet_model.order_view import view_order

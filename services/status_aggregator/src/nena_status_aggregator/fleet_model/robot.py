@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime, timedelta
 
+from nena_shared.fleet_api.base import iso
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
@@ -12,7 +13,7 @@ from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.visualization import Visualization
 from nena_status_aggregator.fleet_model.clock_skew import ClockSkew
 from nena_status_aggregator.fleet_model.condition import Condition, Evidence, Reason, judge
-from nena_status_aggregator.fleet_model.instant import Instant, iso
+from nena_status_aggregator.fleet_model.instant import Instant
 from nena_status_aggregator.fleet_model.message_kind import MessageKind
 from nena_status_aggregator.fleet_model.order_progress import OrderProgress
 from nena_status_aggregator.fleet_model.sequence import Sequence

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from nena_shared.fleet_api.base import iso
 from nena_shared.vda5050.action import ActionState
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.state import NodeState, State
-from nena_status_aggregator.fleet_model.instant import iso
 from nena_status_aggregator.fleet_model.robot import Robot
 from nena_status_aggregator.fleet_model.views import (
     ActionView,

@@ -9,9 +9,9 @@ from fastapi import APIRouter, Response
 from pydantic_core import to_json
 from typing_extensions import TypedDict
 
+from nena_shared.fleet_api.base import iso
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.aggregator import Aggregator
-from nena_status_aggregator.fleet_model.instant import iso
 from nena_status_aggregator.fleet_model.views import (
     LinkView,
     MalformedView,

@@ -1,0 +1,38 @@
+from datetime import UTC, datetime
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import TypeAdapter, ValidationError
+
+from nena_shared.fleet_api.base import Moment, OrderName, iso
+
+MOMENT: TypeAdapter[datetime] = TypeAdapter(Moment)
+NAME: TypeAdapter[str] = TypeAdapter(OrderName)
+
+
+def test_a_moment_is_written_with_milliseconds() -> None:
+    assert iso(datetime(2026, 3, 9, 7, 5, 1, 2999, tzinfo=UTC)) == "2026-03-09T07:05:01.002Z"
+
+
+@given(st.datetimes(timezones=st.just(UTC)))
+def test_what_is_written_of_a_moment_can_be_read_again(moment: datetime) -> None:
+    read = MOMENT.validate_json(MOMENT.dump_json(moment))
+    assert read == moment.replace(microsecond=moment.microsecond // 1000 * 1000)
+
+
+@pytest.mark.parametrize("text", ["0001-01-01T00:00:00+14:00", "9999-12-31T23:59:59-14:00"])
+def test_a_moment_that_has_no_time_in_utc_is_refused(text: str) -> None:
+    with pytest.raises(ValidationError, match="in UTC"):
+        MOMENT.validate_python(text)
+
+
+@pytest.mark.parametrize("name", ["A", "TOrder-1.2:3_4", "x" * 100])
+def test_names_of_orders(name: str) -> None:
+    assert NAME.validate_python(name) == name
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", ".hidden", "x" * 101, "a/b", "a\n", "Ü"])
+def test_names_that_no_topic_or_url_can_hold_are_refused(name: str) -> None:
+    with pytest.raises(ValidationError):
+        NAME.validate_python(name)
