@@ -6,6 +6,7 @@ from typing import Any
 
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
+from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT
 from nena_edge_agent.protocol.optional_parameters import supported
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.action import BlockingType
@@ -79,7 +80,9 @@ def _limits(settings: EdgeAgentSettings, maximum_nodes: int) -> ProtocolLimits:
     interval = settings.interval
     return ProtocolLimits(
         maximum_string_lengths=MaximumStringLengths(maximum_message_length=MAXIMUM_PAYLOAD),
-        maximum_array_lengths=MaximumArrayLengths(order_nodes=maximum_nodes, order_edges=maximum_nodes - 1),
+        maximum_array_lengths=MaximumArrayLengths(
+            order_nodes=maximum_nodes, order_edges=maximum_nodes - 1, instant_actions=MESSAGE_LIMIT
+        ),
         timing=Timing(
             minimum_order_interval=0.0,
             minimum_state_interval=interval.state_minimum,

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from nena_edge_agent.protocol.action_states import DESCRIPTOR_SHOWN
 from nena_edge_agent.protocol.effects import ReportState, SendFactsheet, StartAction
-from nena_edge_agent.protocol.instant_actions import STATES_KEPT
+from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT, STATES_KEPT
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from support.robot_core import Bench, action, order
 
@@ -120,3 +121,40 @@ def test_the_number_of_states_is_bounded_and_the_oldest_ended_go_first() -> None
     assert len(ids) == STATES_KEPT
     assert ids[0] == "running"
     assert ids[-1] == f"i{STATES_KEPT + 4}"
+
+
+def test_a_message_with_too_many_actions_is_refused_as_a_whole() -> None:
+    bench = Bench()
+
+    bench.instant(*(action(f"i{number}") for number in range(MESSAGE_LIMIT + 1)))
+
+    assert bench.errors == [ErrorType.INSUFFICIENT_MEMORY]
+    assert bench.state.instant_action_states == ()
+    assert not bench.effects_of(StartAction)
+    bench.instant(*(action(f"i{number}") for number in range(MESSAGE_LIMIT)))
+    assert len(bench.effects_of(StartAction)) == MESSAGE_LIMIT
+    assert not bench.errors
+
+
+def test_no_more_actions_are_begun_than_states_are_shown() -> None:
+    bench = Bench()
+
+    for number in range(STATES_KEPT + 10):
+        bench.instant(action(f"i{number}"))
+
+    assert len(bench.effects_of(StartAction)) == STATES_KEPT
+    assert len(bench.state.instant_action_states) <= STATES_KEPT + 1
+    bench.instant(action("pause", "NONE", "startPause"))
+    assert bench.status("pause") == "FINISHED"
+    bench.finishes("i0", "i1")
+    bench.instant(action("more"))
+    assert bench.status("more") == "INITIALIZING"
+
+
+def test_a_state_does_not_repeat_a_long_descriptor() -> None:
+    bench = Bench()
+
+    bench.instant(action("i").model_copy(update={"action_descriptor": "x" * 1_000_000}))
+
+    (state,) = bench.state.instant_action_states
+    assert state.action_descriptor == "x" * DESCRIPTOR_SHOWN

@@ -23,6 +23,8 @@ _BEFORE: dict[ActionStatus, frozenset[ActionStatus]] = {
     ActionStatus.FAILED: ACTIVE | {ActionStatus.WAITING},
 }
 """From which states each state may follow; FINISHED and FAILED are final."""
+DESCRIPTOR_SHOWN = 200
+"""Characters of a descriptor that a state repeats: it is for people, and comes with every state."""
 
 
 @dataclass(slots=True)
@@ -105,7 +107,11 @@ def _state(record: ActionRecord) -> ActionState:
     return ActionState(
         action_id=record.action.action_id,
         action_type=record.action.action_type,
-        action_descriptor=record.action.action_descriptor,
+        action_descriptor=_short(record.action.action_descriptor),
         action_status=record.status,
         action_result=record.result,
     )
+
+
+def _short(descriptor: str | None) -> str | None:
+    return None if descriptor is None else descriptor[:DESCRIPTOR_SHOWN]

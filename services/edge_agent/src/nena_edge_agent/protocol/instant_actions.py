@@ -23,8 +23,10 @@ from nena_shared.vda5050.action import Action, ActionStatus, InstantActions
 from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope
 
+MESSAGE_LIMIT = 100
+"""Actions that one message may hold; none of a longer one is begun."""
 STATES_KEPT = 200
-"""States of instant actions shown at most; beyond it the oldest ended ones go."""
+"""States of instant actions shown at most; beyond it the oldest ended ones go, then none more is begun."""
 IDS_KNOWN = 1000
 """Ids of instant actions that are recognised when they come again."""
 
@@ -47,6 +49,9 @@ class InstantActionFlow:
 
     def take(self, message: InstantActions) -> None:
         """Begin or refuse each action; one that came before is passed over."""
+        if len(message.actions) > MESSAGE_LIMIT:
+            self._show_excess(message)
+            return
         for action in message.actions:
             if action.action_id in self._parts.known_instant_ids:
                 continue
@@ -63,7 +68,13 @@ class InstantActionFlow:
         declaration = self._parts.capabilities.actions.get(action.action_type)
         if declaration is None:
             return f"the robot knows no action '{action.action_type}'"
+        if action.action_type not in self._own and self._full:
+            return f"{STATES_KEPT} instant actions are under way already"
         return declaration.problem(action, ActionScope.INSTANT)
+
+    @property
+    def _full(self) -> bool:
+        return sum(not record.status.ended for record in self._parts.instants) > STATES_KEPT
 
     def _begin(self, action: Action) -> None:
         parts = self._parts
@@ -87,6 +98,16 @@ class InstantActionFlow:
             action_id=action.action_id,
         )
         parts.errors.show(entry, Until.INSTANT_ACTION_ACCEPTED)
+
+    def _show_excess(self, message: InstantActions) -> None:
+        entry = error(
+            ErrorType.INSUFFICIENT_MEMORY,
+            f"the message has {len(message.actions)} instant actions, the robot takes {MESSAGE_LIMIT}",
+            hint="send them in parts",
+            topic="instantActions",
+            header_id=message.header_id,
+        )
+        self._parts.errors.show(entry, Until.INSTANT_ACTION_ACCEPTED)
 
     def _remember(self, action: Action) -> None:
         parts = self._parts
