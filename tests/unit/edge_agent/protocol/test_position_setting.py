@@ -8,6 +8,7 @@ from nena_edge_agent.driver.port import Pose, PositionInitialized
 from nena_edge_agent.protocol.effects import SetPosition
 from nena_edge_agent.protocol.events import TimePassed
 from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.error import ErrorType
 from support.robot_core import MAP, Bench, action, at, order
 
 DONE = PositionInitialized(succeeded=True, description="")
@@ -124,3 +125,22 @@ def test_a_number_that_no_float_can_hold_is_refused_and_blocks_nothing() -> None
 
     assert bench.status("huge") == "FAILED"
     assert bench.status("i") == "RUNNING"
+
+
+def test_an_ended_order_does_not_go_on_from_a_place_that_the_robot_was_taken_away_from() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.arrive()
+    bench.instant(be_at("n1", x=10.0, action_id="same"))
+    bench.do(at(10.0), DONE)
+    assert (bench.state.last_node_id, bench.state.last_node_sequence_id) == ("n1", 2)
+
+    bench.instant(be_at("n5"))
+    bench.do(at(50.0), DONE)
+    bench.send(order("n1", "n2", update=1, first=2))
+
+    assert bench.state.order_update_id == 0
+    assert len(bench.goals) == 1
+    (refusal,) = bench.state.errors
+    assert refusal.error_type == ErrorType.OUTDATED_ORDER_UPDATE
+    assert refusal.error_hint == "send a new order"

@@ -280,13 +280,15 @@ def _stitching_fault(order: Order, situation: Situation, capabilities: Capabilit
     first = order.nodes[0]
     if (first.node_id, first.sequence_id) == situation.decision_point:
         return None
-    expected = situation.decision_point or ("", 0)
+    ends, hint = "was left by hand", "send a new order"
+    if situation.decision_point:
+        ends = "ends at '{}' with sequenceId {}".format(*situation.decision_point)
+        hint = "begin the update with the last released node of the order"
     return _refusal(
         capabilities.rules.wrong_stitching_node,
         order,
-        f"the update begins at node '{first.node_id}' with sequenceId {first.sequence_id}, "
-        f"the base ends at '{expected[0]}' with sequenceId {expected[1]}",
-        hint="begin the update with the last released node of the order",
+        f"the update begins at node '{first.node_id}' with sequenceId {first.sequence_id}, the base {ends}",
+        hint=hint,
         node_id=first.node_id,
     )
 

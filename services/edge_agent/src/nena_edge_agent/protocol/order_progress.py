@@ -98,8 +98,10 @@ class OrderProgress:
         self._changed()
 
     def place_at(self, node_id: str) -> None:
-        """Note that the robot was told to be on ``node_id``, outside of any order."""
-        self.last_node_id, self.last_node_sequence_id, self.last_node = node_id, 0, None
+        """Note that the robot was told to be on ``node_id``; on another one the ended order has no way on."""
+        if node_id != self.last_node_id:
+            self.last_node_id, self.last_node_sequence_id, self.last_node = node_id, 0, None
+            self.decision_point = None
         self.on_last_node = bool(node_id)
         self._changed()
 
