@@ -216,6 +216,7 @@ _IN_2_1: tuple[Callable[[Plain], None], ...] = (
     _scopes,
     _error,
     _state,
+    _node_states,
     _limits,
 )
 SPECIALS: Mapping[str, tuple[Callable[[Plain], None], ...]] = {

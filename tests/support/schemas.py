@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,16 +19,26 @@ def schema_problems(version: str, message: str, payload: bytes) -> list[str]:
     return [error.message for error in _validator(folder, version, message).iter_errors(json.loads(payload))]
 
 
-@lru_cache
+def official_schema(version: str, message: str) -> dict[str, Any]:
+    """Give the official schema of ``message`` with its corrections."""
+    return _corrected(reference_dir("vda5050-schemas"), version, message)
+
+
+@cache
 def _validator(folder: Path, version: str, message: str) -> Draft202012Validator:
+    schema = _corrected(folder, version, message)
+    Draft202012Validator.check_schema(schema)
+    return Draft202012Validator(schema)
+
+
+def _corrected(folder: Path, version: str, message: str) -> dict[str, Any]:
     fixups = json.loads((folder / "fixups.json").read_text(encoding="utf-8"))[version]
     name = f"{message}.schema"
     text = (folder / fixups["base"] / name).read_text(encoding="utf-8")
-    schema = json.loads(re.sub(r",(\s*[}\]])", r"\1", text))
+    schema: dict[str, Any] = json.loads(re.sub(r",(\s*[}\]])", r"\1", text))
     for operation in fixups["files"].get(name, []):
         _apply(schema, operation)
-    Draft202012Validator.check_schema(schema)
-    return Draft202012Validator(schema)
+    return schema
 
 
 def _apply(document: Any, operation: dict[str, Any]) -> None:

@@ -67,16 +67,15 @@ def version_of(payload: bytes) -> str | None:
 def codec_of_header(payload: bytes) -> Codec | None:
     """Give the codec for a robot, from the header of its connection or factsheet.
 
-    For a version that is not spoken here it is the nearest older one of the same major version, else the
-    oldest of that; None where there is none, or no header.
+    For a version that is not spoken here it is the nearest older one of the same major version; None where
+    there is none, or no header.
     """
     version = version_of(payload)
     if version is None:
         return None
     wanted = _numbers(version)
-    same_major = [codec for codec in CODECS.values() if _numbers(codec.version)[0] == wanted[0]]
-    older = [codec for codec in same_major if _numbers(codec.version) <= wanted]
-    return next(iter([*reversed(older), *same_major]), None)
+    older = [codec for codec in CODECS.values() if wanted[:1] <= _numbers(codec.version) <= wanted]
+    return older[-1] if older else None
 
 
 def _numbers(version: str) -> tuple[int, ...]:

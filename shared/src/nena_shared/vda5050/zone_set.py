@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from enum import StrEnum
 from types import MappingProxyType
-from typing import Annotated, Final, Self
+from typing import Annotated, Any, Final, Self
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from nena_shared.vda5050.action import ActionParameter, BlockingType
 from nena_shared.vda5050.base import Angle, Header, Identifier, NotNegative, WireObject
@@ -83,8 +83,21 @@ REQUIRED: Final[Mapping[ZoneType, tuple[str, ...]]] = MappingProxyType(
 """The fields that a zone has by its type, besides those that all have."""
 
 
+def _by_type(schema: dict[str, Any], kind: type[WireObject]) -> None:
+    """Say in the JSON Schema of ``kind`` what a zone needs by its type."""
+    schema["allOf"] = [
+        {
+            "if": {"properties": {"zoneType": {"const": zone_type.value}}, "required": ["zoneType"]},
+            "then": {"required": [kind.model_fields[name].alias for name in names]},
+        }
+        for zone_type, names in REQUIRED.items()
+    ]
+
+
 class Zone(WireObject):
     """An area of a map: a simple closed polygon, counter-clockwise; speeds in m/s, directions in rad."""
+
+    model_config = ConfigDict(json_schema_extra=_by_type)
 
     zone_id: Identifier
     zone_type: ZoneType

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Final, Self
+from typing import Annotated, Final, Self
 
 from pydantic import ValidationInfo, field_serializer, model_validator
 
 from nena_shared.vda5050.base import WireObject
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
-from nena_shared.vda5050.spelling import Absent
+from nena_shared.vda5050.spelling import Absent, writes
 from nena_shared.vda5050.v2_1.error_type import REJECTIONS, WRITTEN
 from nena_shared.vda5050.v2_1.parameter import neutral_path, written_path
 
@@ -43,6 +43,7 @@ class ErrorReferenceV21(ErrorReference):
 class ErrorEntryV21(ErrorEntry):
     """An error; 2.1 knows the levels WARNING and FATAL, and names of its own."""
 
+    error_level: Annotated[ErrorLevel, writes({"URGENT": "WARNING", "CRITICAL": "FATAL"}, ErrorLevel)]
     error_references: tuple[ErrorReferenceV21, ...] = ()
     error_description_translations: Absent = None
     error_hint_translations: Absent = None

@@ -7,6 +7,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from nena_shared.vda5050.base import NotNegative, Percent, WireObject
+from nena_shared.vda5050.order import NodePosition
 from nena_shared.vda5050.spelling import Absent, always, reads, writes
 from nena_shared.vda5050.state import (
     EdgeState,
@@ -23,7 +24,6 @@ from nena_shared.vda5050.state import (
 from nena_shared.vda5050.v2_1.action import ActionStateV21
 from nena_shared.vda5050.v2_1.base import TimestampV2
 from nena_shared.vda5050.v2_1.error import ErrorEntryV21
-from nena_shared.vda5050.v2_1.order import NodePositionV21
 from nena_shared.vda5050.v2_1.trajectory import TrajectoryV21
 
 OperatingModeV21 = Annotated[
@@ -39,11 +39,18 @@ class MapV21(Map):
     map_descriptor: Annotated[str | None, Field(alias="mapDescription")] = None
 
 
+class PositionOfNodeStateV21(NodePosition):
+    """Where a node is; how near the robot must come stands in the order alone."""
+
+    allowed_deviation_xy: Absent = None
+    allowed_deviation_theta: Absent = None
+
+
 class NodeStateV21(NodeState):
     """A node that is still to be traversed."""
 
     node_descriptor: Annotated[str | None, Field(alias="nodeDescription")] = None
-    node_position: NodePositionV21 | None = None
+    node_position: PositionOfNodeStateV21 | None = None
 
 
 class EdgeStateV21(EdgeState):

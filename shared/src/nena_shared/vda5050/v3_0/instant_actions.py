@@ -7,13 +7,18 @@ from typing import Annotated
 from pydantic import AfterValidator
 
 from nena_shared.vda5050.action import BlockingType, InstantActions
+from nena_shared.vda5050.spelling import writes
 from nena_shared.vda5050.v3_0.action import ActionV30
 
 
 class InstantActionV30(ActionV30):
     """An action to run at once: it blocks nothing, whatever is said."""
 
-    blocking_type: Annotated[BlockingType, AfterValidator(lambda _: BlockingType.NONE)]
+    blocking_type: Annotated[
+        BlockingType,
+        AfterValidator(lambda _: BlockingType.NONE),
+        writes(dict.fromkeys(BlockingType, BlockingType.NONE), BlockingType),
+    ]
 
 
 class InstantActionsV30(InstantActions):

@@ -1,0 +1,77 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.versions import (
+    CODECS,
+    UnknownVersionError,
+    codec_for,
+    codec_of_header,
+    topics_for,
+    version_of,
+)
+
+
+@pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
+def test_codec_of_a_version(version: str) -> None:
+    assert codec_for(version).version == version
+
+
+def test_version_that_nobody_speaks_here_is_named_with_those_that_are() -> None:
+    with pytest.raises(UnknownVersionError, match=r"'1\.1\.0' .* 2\.0\.0, 2\.1\.0, 3\.0\.0") as caught:
+        codec_for("1.1.0")
+
+    assert caught.value.version == "1.1.0"
+
+
+@pytest.mark.parametrize(
+    ("version", "interface", "topic"),
+    [
+        ("2.0.0", None, "uagv/v2/ACME/1/state"),
+        ("2.1.0", None, "uagv/v2/ACME/1/state"),
+        ("3.0.0", None, "vda5050/v3/ACME/1/state"),
+        ("3.0.0", "hall", "hall/v3/ACME/1/state"),
+    ],
+)
+def test_topics_of_a_version(version: str, interface: str | None, topic: str) -> None:
+    assert topics_for(version, interface).of(RobotKey("ACME", "1"), Topic.STATE) == topic
+
+
+def test_topics_of_an_unknown_version() -> None:
+    with pytest.raises(UnknownVersionError):
+        topics_for("4.0.0")
+
+
+@pytest.mark.parametrize(
+    ("version", "spoken"),
+    [
+        ("2.0.0", "2.0.0"),
+        ("2.0.7", "2.0.0"),
+        ("2.1.0", "2.1.0"),
+        ("2.10.0", "2.1.0"),
+        ("3.0.0", "3.0.0"),
+        ("3.0.1", "3.0.0"),
+    ],
+)
+def test_robot_is_met_in_the_nearest_older_version(version: str, spoken: str) -> None:
+    payload = json.dumps({"headerId": 1, "version": version, "connectionState": "ONLINE"}).encode()
+
+    codec = codec_of_header(payload)
+
+    assert codec is CODECS[spoken]
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [b"", b"{", b"[]", b"{}", b'{"version":2}', b'{"version":"2"}', b'{"version":"1.1.0"}', b"\xff", b"["],
+)
+def test_message_without_a_version_that_could_be_spoken(payload: bytes) -> None:
+    assert codec_of_header(payload) is None
+
+
+def test_version_is_read_from_the_top_of_the_message_alone() -> None:
+    assert version_of(b'{"deep":{"version":"3.0.0"},"version":"2.0.0"}') == "2.0.0"
+    assert version_of(b'{"deep":{"version":"3.0.0"}}') is None
