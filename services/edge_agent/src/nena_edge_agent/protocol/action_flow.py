@@ -29,7 +29,7 @@ class ActionFlow:
     def schedule(self) -> None:
         """Start every queued action whose turn it is."""
         parts = self._parts
-        if parts.paused or parts.cancelling:
+        if parts.held or parts.cancelling:
             return
         for action_id in parts.queue.runnable():
             record = parts.actions.get(action_id)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum, auto
 
-from nena_shared.vda5050.error import ErrorEntry, ErrorType
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
 
 LIMIT = 50
 """Errors shown at the same time; beyond it the oldest refusal goes."""
@@ -23,9 +23,13 @@ class Until(Enum):
     """The next instant action is accepted."""
     CONDITION_OVER = auto()
     """Its cause is gone."""
+    TAKEN_BACK = auto()
+    """Who has shown it takes it back."""
+    MODE_TAKES_ORDERS = auto()
+    """A person has switched to a mode that takes orders."""
 
 
-REFUSED = (Until.ORDER_ACCEPTED, Until.INSTANT_ACTION_ACCEPTED)
+REFUSED = (Until.ORDER_ACCEPTED, Until.INSTANT_ACTION_ACCEPTED, Until.MODE_TAKES_ORDERS)
 """How long errors of refused messages last."""
 
 
@@ -39,6 +43,8 @@ class ActiveErrors:
         self._active: dict[_Key, tuple[ErrorEntry, Until]] = {}
         self.revision = 0
         self.entries: tuple[ErrorEntry, ...] = ()
+        self.worst_reported: ErrorLevel | None = None
+        """The level of the worst error that somebody has shown and not taken back."""
 
     def show(self, error: ErrorEntry, until: Until) -> None:
         """Add ``error``, in place of an older one of the same type and references."""
@@ -59,10 +65,20 @@ class ActiveErrors:
         if ended:
             self._changed()
 
+    def take_back(self, error: ErrorEntry) -> None:
+        """Take away ``error``; one that is not active is passed over."""
+        if self._active.pop(_key(error), None):
+            self._changed()
+
+    @property
+    def hindering(self) -> bool:
+        """Whether somebody has shown an error with which the robot cannot go on (section 6.6.5.1)."""
+        return self.worst_reported in (ErrorLevel.CRITICAL, ErrorLevel.FATAL)
+
     def condition(self, kind: ErrorType | str, error: ErrorEntry | None) -> None:
         """Show ``error`` as the only one of its ``kind`` for as long as its cause lasts, None: it is gone."""
         if error is None or self._other_than(error):
-            old = [key for key in self._active if key[0] == kind]
+            old = [key for key in self._conditions if key[0] == kind]
             for key in old:
                 del self._active[key]
             if old:
@@ -71,7 +87,11 @@ class ActiveErrors:
             self.show(error, Until.CONDITION_OVER)
 
     def _other_than(self, error: ErrorEntry) -> bool:
-        return any(key[0] == error.error_type and key != _key(error) for key in self._active)
+        return any(key[0] == error.error_type and key != _key(error) for key in self._conditions)
+
+    @property
+    def _conditions(self) -> list[_Key]:
+        return [key for key, (_, until) in self._active.items() if until is Until.CONDITION_OVER]
 
     def _least_needed(self) -> _Key:
         """Give the oldest refusal, else the oldest error: why the robot stands must stay."""
@@ -81,6 +101,8 @@ class ActiveErrors:
     def _changed(self) -> None:
         self.revision += 1
         self.entries = tuple(entry for entry, _ in self._active.values())
+        reported = {entry.error_level for entry, until in self._active.values() if until is Until.TAKEN_BACK}
+        self.worst_reported = next((each for each in reversed(ErrorLevel) if each in reported), None)
 
 
 def _key(error: ErrorEntry) -> _Key:

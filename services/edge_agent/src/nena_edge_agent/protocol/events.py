@@ -8,7 +8,7 @@ from nena_edge_agent.driver.port import DriverEvent
 from nena_shared.vda5050.action import ActionStatus, InstantActions
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.order import Order
-from nena_shared.vda5050.state import Load
+from nena_shared.vda5050.state import EmergencyStop, Load, OperatingMode
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +53,47 @@ class ActionReport:
 
 
 @dataclass(frozen=True, slots=True)
+class OperatingModeSwitched:
+    """A person has switched the robot to ``mode`` (section 6.6.6); the state may show it only later."""
+
+    mode: OperatingMode
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyReport:
+    """Emergency stop and protective field as they are now; the robot stands while either is active."""
+
+    emergency_stop: EmergencyStop = EmergencyStop.NONE
+    field_violation: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class PauseButton:
+    """The robot's pause button was pressed, or released; a pause of fleet control is another matter."""
+
+    pressed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorSwitched:
+    """A person or a device has found something wrong, or (``active`` False) has put it right.
+
+    While an error of the level CRITICAL or FATAL is active the robot stands, and with FATAL it takes no
+    orders. The type and the references say which error is put right.
+    """
+
+    error: ErrorEntry
+    active: bool
+
+
+@dataclass(frozen=True, slots=True)
+class LocalTrigger:
+    """Somebody at the robot has released the actions that wait for a trigger of this type."""
+
+    trigger_type: str = "LOCAL"
+
+
+@dataclass(frozen=True, slots=True)
 class JournalReport:
     """Whether the last record went to disk; ``problem`` is empty when it did."""
 
@@ -70,6 +111,11 @@ Event = (
     | InstantActionsReceived
     | MessageRefused
     | ActionReport
+    | OperatingModeSwitched
+    | SafetyReport
+    | PauseButton
+    | ErrorSwitched
+    | LocalTrigger
     | JournalReport
     | TimePassed
     | DriverEvent

@@ -11,21 +11,30 @@ from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.driving import GoalInFlight
 from nena_edge_agent.protocol.effects import Effect
 from nena_edge_agent.protocol.errors import ActiveErrors
+from nena_edge_agent.protocol.events import SafetyReport
 from nena_edge_agent.protocol.order_progress import OrderProgress
 from nena_shared.vda5050.action import ActionStatus
-from nena_shared.vda5050.state import Load, OperatingMode
+from nena_shared.vda5050.state import EmergencyStop, Load, OperatingMode
 
+SAFE = SafetyReport()
 NOT_REPORTED = NavigationReport(available=False, reason="navigation has not reported yet")
 
 
 @dataclass(slots=True)
 class Senses:
-    """What the driver told last."""
+    """What the driver, or a person at the robot, told last."""
 
     pose: PoseReport | None = None
     battery: BatteryReport | None = None
     navigation: NavigationReport = NOT_REPORTED
     external_goal: GoalReport | None = None
+    safety: SafetyReport = SAFE
+    pause_button: bool = False
+
+    @property
+    def unsafe(self) -> bool:
+        """Whether an emergency stop or the protective field keeps the robot from moving."""
+        return self.safety.field_violation or self.safety.emergency_stop is not EmergencyStop.NONE
 
     @property
     def trusted_pose(self) -> Pose | None:
@@ -37,7 +46,8 @@ class Senses:
 class RobotParts:
     """The state of one robot, and the effects that the event at hand has had so far.
 
-    ``now`` is the monotonic time in s of the event at hand.
+    ``now`` is the monotonic time in s of the event at hand. ``paused`` is fleet control's own pause,
+    ``holding`` that driving and actions were held, for whatever reason.
     """
 
     capabilities: Capabilities
@@ -53,6 +63,7 @@ class RobotParts:
     loads: tuple[Load, ...] = ()
     charging: bool = False
     paused: bool = False
+    holding: bool = False
     cancelling: bool = False
     journal_problem: str = ""
     now: float = 0.0
@@ -62,6 +73,17 @@ class RobotParts:
     def idle(self) -> bool:
         """Whether nothing of the order is left to do (section 6.6.8)."""
         return not self.progress.nodes and not self.progress.edges and self.actions.all_ended
+
+    @property
+    def held(self) -> bool:
+        """Whether the robot is to stand, and no action is to begin or to go on that can be held."""
+        return (
+            self.paused
+            or self.senses.pause_button
+            or self.senses.unsafe
+            or self.operating_mode is OperatingMode.INTERVENED
+            or self.errors.hindering
+        )
 
     def instants_running(self, action_type: str) -> list[str]:
         """Give the ids of the instant actions of one type that have not ended."""

@@ -1,4 +1,4 @@
-"""startPause and stopPause (section 6.2.3)."""
+"""startPause and stopPause (section 6.2.3), and what else holds the robot."""
 
 from __future__ import annotations
 
@@ -10,7 +10,11 @@ from nena_shared.vda5050.action import Action, ActionStatus
 
 
 class Pause:
-    """Stops driving and holds the actions that can be held, and lets both go on."""
+    """Stops driving and holds the actions that can be held, and lets both go on.
+
+    Fleet control, the pause button, an emergency stop, a field violation, an operator who intervenes and an
+    error that hinders hold the robot in the same way, and each for itself: it goes on when the last is over.
+    """
 
     def __init__(self, parts: RobotParts, flow: ActionFlow, travel: Travel) -> None:
         self._parts = parts
@@ -19,22 +23,32 @@ class Pause:
 
     def start(self, action: Action) -> None:
         """Pause; finished when the robot stands. In a pause that is no change."""
-        parts = self._parts
-        parts.instants.change(action.action_id, ActionStatus.RUNNING)
-        if not parts.paused:
-            parts.paused = True
-            self._flow.pause()
-            self._travel.halt()
+        self._parts.instants.change(action.action_id, ActionStatus.RUNNING)
+        self._parts.paused = True
 
     def stop(self, action: Action) -> None:
-        """End the pause; one that has not come to a stand yet is taken back."""
+        """End the pause; one that has not come to a stand yet is taken back. The button cannot be undone."""
         parts = self._parts
         parts.end_instants(START_PAUSE, ActionStatus.FAILED, "taken back by stopPause")
-        if parts.paused:
-            parts.paused = False
+        parts.paused = False
+        if parts.senses.pause_button:
+            text = "the pause button is pressed"
+            parts.instants.change(action.action_id, ActionStatus.FAILED, text)
+        else:
+            parts.instants.change(action.action_id, ActionStatus.FINISHED)
+
+    def apply(self) -> None:
+        """Hold the robot, or let it go on, if that has changed."""
+        parts = self._parts
+        if parts.held == parts.holding:
+            return
+        parts.holding = parts.held
+        if parts.holding:
+            self._flow.pause()
+            self._travel.halt()
+        else:
             self._flow.resume()
             self._flow.schedule()
-        parts.instants.change(action.action_id, ActionStatus.FINISHED)
 
     def advance(self) -> None:
         """Finish when the robot stands."""

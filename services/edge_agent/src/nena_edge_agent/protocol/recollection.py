@@ -32,6 +32,7 @@ def recollect(memory: Memory, capabilities: Capabilities) -> RobotParts:
         known_instant_ids=dict.fromkeys(memory.known_instant_ids),
         cancelling=memory.cancelling,
         paused=memory.paused,
+        holding=memory.paused,
         charging=memory.charging,
         loads=memory.loads,
     )

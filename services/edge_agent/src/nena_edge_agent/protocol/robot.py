@@ -24,11 +24,16 @@ from nena_edge_agent.protocol.effects import Effect, ReportState
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import (
     ActionReport,
+    ErrorSwitched,
     Event,
     InstantActionsReceived,
     JournalReport,
+    LocalTrigger,
     MessageRefused,
+    OperatingModeSwitched,
     OrderReceived,
+    PauseButton,
+    SafetyReport,
     Started,
     TimePassed,
 )
@@ -76,6 +81,7 @@ class RobotCore:
         parts = self._parts
         parts.now, parts.effects = now, []
         self._handlers[type(event)](event)
+        self._pause.apply()
         self._travel.advance()
         self._pause.advance()
         self._cancel.advance()
@@ -139,6 +145,8 @@ class RobotCore:
             pose is not None and pose.localized,
             battery is not None and battery.charging,
             parts.senses.external_goal,
+            parts.senses.safety,
+            parts.senses.pause_button,
         )
 
     def _make_handlers(self) -> dict[type, Callable[[Any], object]]:
@@ -149,6 +157,11 @@ class RobotCore:
             MessageRefused: lambda event: self._parts.errors.show(event.error, Until.ORDER_ACCEPTED),
             ActionReport: self._action_reported,
             JournalReport: self._journal_reported,
+            OperatingModeSwitched: self._mode_switched,
+            SafetyReport: self._safety_reported,
+            PauseButton: self._pause_button,
+            ErrorSwitched: self._error_switched,
+            LocalTrigger: lambda _: None,
             TimePassed: lambda _: None,
             Arrived: self._travel.arrived,
             DriveFailed: self._travel.failed,
@@ -175,6 +188,21 @@ class RobotCore:
 
     def _journal_reported(self, event: JournalReport) -> None:
         self._parts.journal_problem = event.problem
+
+    def _mode_switched(self, event: OperatingModeSwitched) -> None:
+        self._parts.operating_mode = event.mode
+
+    def _safety_reported(self, event: SafetyReport) -> None:
+        self._parts.senses.safety = event
+
+    def _pause_button(self, event: PauseButton) -> None:
+        self._parts.senses.pause_button = event.pressed
+
+    def _error_switched(self, event: ErrorSwitched) -> None:
+        if event.active:
+            self._parts.errors.show(event.error, Until.TAKEN_BACK)
+        else:
+            self._parts.errors.take_back(event.error)
 
     def _pose_reported(self, event: PoseReport) -> None:
         """Take a pose; one that is no place at all is passed over."""

@@ -8,7 +8,6 @@ from nena_edge_agent.driver.port import GoalReport
 from nena_edge_agent.protocol.parts import RobotParts, Senses
 from nena_edge_agent.protocol.tolerance import turn
 from nena_shared.vda5050.state import (
-    EmergencyStop,
     InfoLevel,
     Information,
     Map,
@@ -20,7 +19,6 @@ from nena_shared.vda5050.state import (
     Velocity,
 )
 
-SAFE = SafetyState(active_emergency_stop=EmergencyStop.NONE, field_violation=False)
 PERMANENTLY_FED = 100.0
 """State of charge of a robot that has not told of a battery."""
 
@@ -42,7 +40,7 @@ def make_state(header: dict[str, Any], parts: RobotParts, *, new_base_request: b
         velocity=velocity(parts.senses),
         loads=parts.loads,
         driving=parts.goal.moving,
-        paused=parts.paused,
+        paused=parts.paused or parts.senses.pause_button,
         new_base_request=new_base_request,
         action_states=parts.actions.states,
         instant_action_states=parts.instants.states,
@@ -50,7 +48,10 @@ def make_state(header: dict[str, Any], parts: RobotParts, *, new_base_request: b
         operating_mode=parts.operating_mode,
         errors=parts.errors.entries,
         information=_information(parts.senses.external_goal),
-        safety_state=SAFE,
+        safety_state=SafetyState(
+            active_emergency_stop=parts.senses.safety.emergency_stop,
+            field_violation=parts.senses.safety.field_violation,
+        ),
     )
 
 

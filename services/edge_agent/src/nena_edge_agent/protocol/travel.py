@@ -109,7 +109,7 @@ class Travel:
 
     def _must_stand(self) -> bool:
         parts = self._parts
-        return parts.paused or parts.cancelling or parts.senses.trusted_pose is None
+        return parts.holding or parts.cancelling or parts.senses.trusted_pose is None
 
     def _may_move(self) -> bool:
         parts = self._parts
