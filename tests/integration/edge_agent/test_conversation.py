@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
 from typing import Any
@@ -239,6 +240,23 @@ async def test_a_disk_that_fails_is_shown_and_does_not_stop_the_robot(
     fleet.send(order("n1", "n2", order_id="o2"))
 
     await fleet.state(lambda state: ended("o2")(state) and not state["errors"])
+
+
+async def test_a_disk_that_hangs_holds_the_robot_up_for_a_moment_only(
+    fleet: FleetControl, tmp_path: Path
+) -> None:
+    journal = tmp_path / "ACME.0001.new"
+    os.mkfifo(journal)  # opening it for writing takes until somebody reads
+    fleet.send(order("n0", "n1"))
+    await fleet.state(lambda state: "JOURNAL_NOT_WRITTEN" in error_types(state))
+    state = await fleet.state(ended("o1"))
+    assert state["lastNodeId"] == "n1"
+
+    with journal.open("rb"):
+        journal.unlink()
+
+    await fleet.state(lambda state: ended("o1")(state) and not state["errors"])
+    assert '"order_id":"o1"' in (tmp_path / "ACME.0001.json").read_text()
 
 
 async def test_a_fault_in_the_core_costs_one_message_and_not_the_robot(

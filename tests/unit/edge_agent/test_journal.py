@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from nena_edge_agent.journal import Journal
+from nena_edge_agent.journal import Journal, sole_user
 from nena_shared.program import StartError
 from nena_shared.vda5050.topics import RobotKey
 from support.robot_core import Bench, action, order
@@ -69,3 +69,17 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
 def test_a_folder_that_cannot_be_written_is_told_before_an_order_depends_on_it(folder: str) -> None:
     with pytest.raises(StartError, match=r"set journal\.folder"):
         Journal(Path(folder), ROBOT).read()
+    with pytest.raises(StartError, match=r"set journal\.folder"), sole_user(Path(folder), ROBOT):
+        pass
+
+
+def test_a_second_program_for_the_same_robot_is_kept_out_as_long_as_the_first_one_works(
+    tmp_path: Path,
+) -> None:
+    with sole_user(tmp_path, ROBOT):
+        with pytest.raises(StartError, match="ACME/0001: end it first"), sole_user(tmp_path, ROBOT):
+            pass
+        with sole_user(tmp_path, RobotKey("ACME", "0002")):
+            pass
+    with sole_user(tmp_path, ROBOT):
+        pass

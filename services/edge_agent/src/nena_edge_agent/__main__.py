@@ -11,11 +11,13 @@ from nena_edge_agent.actions.timed_operation import TimedOperation
 from nena_edge_agent.actions.wait import Wait
 from nena_edge_agent.agent import RobotAgent
 from nena_edge_agent.drivers import driver_maker
+from nena_edge_agent.journal import sole_user
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import SystemClock
 from nena_shared.log import get_logger
 from nena_shared.program import run
 from nena_shared.tasks import Supervisor
+from nena_shared.vda5050.topics import RobotKey
 
 PROGRAM = "nena-edge-agent"
 DESCRIPTION = (
@@ -28,6 +30,14 @@ log = get_logger(__name__)
 
 async def serve(settings: EdgeAgentSettings, stop: asyncio.Event) -> None:
     """Run every robot of ``settings`` until ``stop`` is set."""
+    if not settings.journal.enabled:
+        await _serve_alone(settings, stop)
+        return
+    with sole_user(settings.journal.folder, RobotKey(settings.manufacturer, settings.serial_number)):
+        await _serve_alone(settings, stop)
+
+
+async def _serve_alone(settings: EdgeAgentSettings, stop: asyncio.Event) -> None:
     clock = SystemClock()
     operations = (TimedOperation(each) for each in settings.operations)
     registry = ActionRegistry((*operations, Wait()))

@@ -52,8 +52,8 @@ LOOK_AT_TIME = 1.0
 """Seconds between two looks at what may be overdue, while something is."""
 LONGEST_GATHERING = 0.2
 """Seconds that a state waits for further events that are there already."""
-JOURNAL_TIMEOUT = 30.0
-"""Seconds that the disk has to take a record."""
+JOURNAL_TIMEOUT = 2.0
+"""Seconds that the disk has to take a record; a robot that is told to stop cannot wait for longer."""
 
 DriverMaker = Callable[[Emit, Pose | None], Driver]
 """Makes a driver that tells its events to the first; the second is the place that the journal knows."""
@@ -86,6 +86,7 @@ class RobotAgent:
         self._journal = Journal(settings.journal.folder, self.robot) if settings.journal.enabled else None
         self._core = RobotCore(self._capabilities, self._journal.read() if self._journal else None)
         self._durable_version = self._core.durable_version
+        self._record: asyncio.Task[None] | None = None
         self._mailbox = Mailbox()
         self._inbox = Inbox(CODEC, self.robot, self._mailbox.put)
         self._driver = make_driver(self._mailbox.put, self._core.last_place)
@@ -143,19 +144,29 @@ class RobotAgent:
         return effects
 
     async def _keep(self) -> None:
-        """Make durable what has changed; a disk that fails is told in the state, and the robot goes on."""
+        """Make durable what has changed; a disk that fails or hangs is told, and the robot goes on."""
         version = self._core.durable_version
         if self._journal is None or version == self._durable_version:
             return
-        memory = self._core.memory()
-        try:
-            async with asyncio.timeout(JOURNAL_TIMEOUT):
-                await asyncio.to_thread(self._journal.write, memory)
-        except (OSError, TimeoutError) as error:
+        if self._record is not None and not self._record.done():
+            return  # the disk hangs at an older record, and a newer one must not get in between
+        write = asyncio.to_thread(self._journal.write, self._core.memory())
+        self._record = asyncio.create_task(write, name=f"journal {self.robot}")
+        done, _ = await asyncio.wait((self._record,), timeout=JOURNAL_TIMEOUT)
+        if not done:
+            self._record.add_done_callback(self._answered_late)
+            self._tell_journal("the disk does not answer")
+        elif error := self._record.exception():
             self._tell_journal(str(error) or type(error).__name__)
         else:
             self._durable_version = version
             self._tell_journal("")
+
+    def _answered_late(self, record: asyncio.Task[None]) -> None:
+        """Have the newest record written; what has become of the late one does not matter."""
+        if not record.cancelled():
+            record.exception()
+        self._mailbox.wake()
 
     def _tell_journal(self, problem: str) -> None:
         """Have the state show whether the journal works, once for each change."""

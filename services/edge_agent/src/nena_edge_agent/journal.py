@@ -2,15 +2,40 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from tempfile import TemporaryFile
 
 from pydantic import ValidationError
 
 from nena_edge_agent.protocol.memory import Memory
 from nena_shared.program import StartError
 from nena_shared.vda5050.topics import RobotKey
+
+
+@contextmanager
+def sole_user(folder: Path, robot: RobotKey) -> Iterator[None]:
+    """Be the only program on this machine that works for ``robot`` with this folder, until the block ends.
+
+    Raises:
+        StartError: another one does, or the folder cannot be used.
+
+    """
+    path = _at_home(folder) / f"{robot.manufacturer}.{robot.serial_number}.lock"
+    with ExitStack() as stack:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            file = stack.enter_context(path.open("wb"))
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            message = f"another edge agent works for robot {robot}: end it first ({path} is locked)"
+            raise StartError(message) from error
+        except OSError as error:
+            message = f"the journal's folder {folder} cannot be used: {error.strerror}; set journal.folder"
+            raise StartError(message) from error
+        yield
 
 
 class Journal:
@@ -28,7 +53,7 @@ class Journal:
 
         """
         try:
-            self._try_folder()
+            self._folder.mkdir(parents=True, exist_ok=True)
             content = self._file.read_bytes() if self._file.exists() else None
         except OSError as error:
             message = f"the journal {self._file} cannot be used: {error.strerror}; set journal.folder"
@@ -40,12 +65,6 @@ class Journal:
         except ValidationError as error:
             message = f"the journal {self._file} is damaged; look at where the robot is, then remove the file"
             raise StartError(message) from error
-
-    def _try_folder(self) -> None:
-        """Make the folder, and see that a record can be written there: later would be in mid-order."""
-        self._folder.mkdir(parents=True, exist_ok=True)
-        with TemporaryFile(dir=self._folder):
-            pass
 
     def write(self, memory: Memory) -> None:
         """Replace the record; when this returns it survives the end of the process and of the power.
