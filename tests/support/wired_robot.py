@@ -14,7 +14,7 @@ from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.topics import Topic, TopicScheme
-from nena_shared.vda5050.v2_1 import CODEC
+from nena_shared.vda5050.versions import codec_for
 from support.broker import Broker
 from support.honest_robot import HonestRobot
 from support.waiting import until
@@ -27,9 +27,12 @@ QUICK = FleetSettings(
 class WiredRobot:
     """Takes orders from the broker, and reports whenever it has done something."""
 
-    def __init__(self, broker: Broker, interface_name: str, robot: HonestRobot | None = None) -> None:
+    def __init__(
+        self, broker: Broker, interface_name: str, robot: HonestRobot | None = None, version: str = "2.1.0"
+    ) -> None:
         self.robot = robot or HonestRobot()
-        self.scheme = TopicScheme(interface_name)
+        self.codec = codec_for(version)
+        self.scheme = TopicScheme(interface_name, self.codec.major_version)
         self.deaf = False
         """Whether orders and instant actions pass it by."""
         self.received: Counter[str] = Counter()
@@ -57,7 +60,7 @@ class WiredRobot:
 
     def report(self) -> None:
         seconds = asyncio.get_running_loop().time()
-        payload = CODEC.encode(self.robot.state(seconds))
+        payload = self.codec.encode(self.robot.state(seconds))
         self.link.publish(Outbound(self.scheme.of(self.robot.key, Topic.STATE), payload, keep=False))
 
     def step(self) -> None:
@@ -68,11 +71,11 @@ class WiredRobot:
         self.link.publish(Outbound(self.scheme.of(self.robot.key, topic), payload))
 
     def _connection(self, state: ConnectionState) -> Outbound:
-        payload = CODEC.encode(self.robot.connection(state))
+        payload = self.codec.encode(self.robot.connection(state))
         return Outbound(self.scheme.of(self.robot.key, Topic.CONNECTION), payload, qos=1, retain=True)
 
     def _take_order(self, inbound: Inbound) -> None:
-        order = CODEC.decode(Order, inbound.payload)
+        order = self.codec.decode(Order, inbound.payload)
         self.received[order.order_id] += 1
         self.headers.append(order.header_id)
         if not self.deaf:
@@ -80,7 +83,7 @@ class WiredRobot:
             self.report()
 
     def _take_actions(self, inbound: Inbound) -> None:
-        message = CODEC.decode(InstantActions, inbound.payload)
+        message = self.codec.decode(InstantActions, inbound.payload)
         self.received.update(each.action_type for each in message.actions)
         if not self.deaf:
             self.robot.take_instant_actions(message)
@@ -95,7 +98,7 @@ class WiredFleet:
         self.mqtt = MqttLink(broker.settings, client_id=f"fleet-{interface_name}")
         self.fleet = FleetLink(
             self.mqtt,
-            scheme=TopicScheme(interface_name),
+            schemes=[TopicScheme(interface_name, major) for major in ("v2", "v3")],
             settings=settings,
             clock=SystemClock(),
             on_news=self.news.append,

@@ -74,7 +74,10 @@ def build(settings: OrderServiceSettings) -> OrderService:
     )
     fleet = FleetLink(
         mqtt,
-        scheme=TopicScheme(settings.interface_name),
+        schemes=(
+            TopicScheme(settings.interface_name, "v2"),
+            TopicScheme(settings.interface_name_v3, "v3"),
+        ),
         settings=settings.fleet,
         clock=clock,
         on_news=kernel.on_news,

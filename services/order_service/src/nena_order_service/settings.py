@@ -29,7 +29,12 @@ class OrderServiceSettings(ServiceSettings):
     topic_prefix: TopicPrefix = Field(
         "nena/v1", description="First levels of the MQTT topics for hosts; a prefix for each fleet."
     )
-    interface_name: TopicPrefix = Field("uagv", description="First levels of the robots' VDA 5050 topics.")
+    interface_name: TopicPrefix = Field(
+        "uagv", description="First levels of the topics of robots with VDA 5050 2.x."
+    )
+    interface_name_v3: TopicPrefix = Field(
+        "vda5050", description="First levels of the topics of robots with VDA 5050 3.x."
+    )
     fleet: FleetSettings = Field(
         default_factory=FleetSettings, description="How patient fleet control is with robots."
     )

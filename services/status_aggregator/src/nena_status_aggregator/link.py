@@ -15,11 +15,13 @@ from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink
 from nena_shared.plant.model import PlantModel
+from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.malformed import MalformedMessageError, problems_of
 from nena_shared.vda5050.state import State
-from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
+from nena_shared.vda5050.versions import reader_of
 from nena_shared.vda5050.visualization import Visualization
 from nena_status_aggregator import protocol
 from nena_status_aggregator.fleet_model.instant import Instant
@@ -40,7 +42,7 @@ KEPT_AT_THE_BROKER = (MessageKind.CONNECTION, MessageKind.FACTSHEET)
 KEY_LENGTH = 200
 """Characters of manufacturer and serial number together."""
 
-RobotReader = Callable[[RobotKey, Inbound, Instant], None]
+RobotReader = Callable[[RobotKey, Inbound, Codec, Instant], None]
 
 
 class FleetLink:
@@ -49,8 +51,7 @@ class FleetLink:
     def __init__(self, settings: AggregatorSettings, model: FleetModel, clock: Clock) -> None:
         self._model = model
         self._clock = clock
-        self._codec = protocol.codec()
-        self._robot_topics = protocol.topics(settings.interface_name)
+        self._schemes = protocol.schemes(settings)
         self._fleet_topics = FleetTopics(settings.topic_prefix)
         self._problems: dict[str, str] = {}
         self.mqtt = MqttLink(
@@ -78,8 +79,9 @@ class FleetLink:
             Topic.FACTSHEET: (MessageKind.FACTSHEET, self._read_factsheet),
         }
         for topic, (kind, read) in readers.items():
-            handler = partial(self._on_robot_message, kind, read)
-            self.mqtt.subscribe(self._robot_topics.for_all(topic), handler)
+            for scheme in self._schemes:
+                handler = partial(self._on_robot_message, kind, read, scheme)
+                self.mqtt.subscribe(scheme.for_all(topic), handler)
         fleet = self._fleet_topics
         for topic_filter, kind, take in (
             (fleet.plant_model, MessageKind.PLANT_MODEL, self._read_plant_model),
@@ -91,8 +93,10 @@ class FleetLink:
     def _lost(self) -> None:
         self._model.on_link(connected=False, at=Instant.of(self._clock))
 
-    def _on_robot_message(self, kind: MessageKind, read: RobotReader, inbound: Inbound) -> None:
-        key = self._robot_topics.robot_of(inbound.topic)
+    def _on_robot_message(
+        self, kind: MessageKind, read: RobotReader, scheme: TopicScheme, inbound: Inbound
+    ) -> None:
+        key = scheme.robot_of(inbound.topic)
         if key is None or (not inbound.payload and kind in KEPT_AT_THE_BROKER):
             return  # an empty one only clears what the broker keeps
         at = Instant.of(self._clock)
@@ -100,7 +104,7 @@ class FleetLink:
             self._malformed(kind, inbound.topic, f"a robot's name is longer than {KEY_LENGTH}", at, None)
             return
         try:
-            read(key, inbound, at)
+            read(key, inbound, reader_of(inbound.payload, scheme.major_version), at)
         except MalformedMessageError as error:
             self._malformed(kind, inbound.topic, _summary(error.problems), at, key)
 
@@ -113,18 +117,18 @@ class FleetLink:
         except ValidationError as error:
             self._malformed(kind, inbound.topic, _summary(problems_of(error)), at, None)
 
-    def _read_connection(self, key: RobotKey, inbound: Inbound, at: Instant) -> None:
-        self._model.on_connection(key, self._codec.decode(Connection, inbound.payload), at)
+    def _read_connection(self, key: RobotKey, inbound: Inbound, codec: Codec, at: Instant) -> None:
+        self._model.on_connection(key, codec.decode(Connection, inbound.payload), at)
 
-    def _read_state(self, key: RobotKey, inbound: Inbound, at: Instant) -> None:
-        state = self._codec.decode(State, inbound.payload)
+    def _read_state(self, key: RobotKey, inbound: Inbound, codec: Codec, at: Instant) -> None:
+        state = codec.decode(State, inbound.payload)
         self._model.on_state(key, state, at, retained=inbound.retained)
 
-    def _read_visualization(self, key: RobotKey, inbound: Inbound, at: Instant) -> None:
-        self._model.on_visualization(key, self._codec.decode(Visualization, inbound.payload), at)
+    def _read_visualization(self, key: RobotKey, inbound: Inbound, codec: Codec, at: Instant) -> None:
+        self._model.on_visualization(key, codec.decode(Visualization, inbound.payload), at)
 
-    def _read_factsheet(self, key: RobotKey, inbound: Inbound, at: Instant) -> None:
-        self._model.on_factsheet(key, self._codec.decode(Factsheet, inbound.payload), at)
+    def _read_factsheet(self, key: RobotKey, inbound: Inbound, codec: Codec, at: Instant) -> None:
+        self._model.on_factsheet(key, codec.decode(Factsheet, inbound.payload), at)
 
     def _read_plant_model(self, inbound: Inbound, _at: Instant) -> None:
         self._model.on_plant_model(PlantModel.from_json(inbound.payload) if inbound.payload else None)

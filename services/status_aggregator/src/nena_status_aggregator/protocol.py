@@ -1,21 +1,11 @@
-"""The VDA 5050 version that the aggregator reads: the one place where it is chosen.
-
-2.0 and 2.1 share their topics; a reader of 2.1 takes what a 2.0 robot sends (unknown fields are passed over,
-what 2.1 added is optional).
-"""
+"""The robots' topics that the aggregator reads, one scheme for each major version of VDA 5050."""
 
 from __future__ import annotations
 
-from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.topics import TopicScheme
-from nena_shared.vda5050.v2_1 import CODEC
+from nena_status_aggregator.settings import AggregatorSettings
 
 
-def codec() -> Codec:
-    """Give the codec for everything that robots send."""
-    return CODEC
-
-
-def topics(interface_name: str) -> TopicScheme:
-    """Give the robots' topics of that version."""
-    return TopicScheme(interface_name, codec().major_version)
+def schemes(settings: AggregatorSettings) -> tuple[TopicScheme, ...]:
+    """Give the topics of each major version."""
+    return TopicScheme(settings.interface_name, "v2"), TopicScheme(settings.interface_name_v3, "v3")

@@ -34,7 +34,12 @@ class AggregatorSettings(ServiceSettings):
     http: AggregatorHttpSettings = Field(
         default_factory=AggregatorHttpSettings, description="Page, API and metrics."
     )
-    interface_name: TopicPrefix = Field("uagv", description="First level of the robots' VDA 5050 topics.")
+    interface_name: TopicPrefix = Field(
+        "uagv", description="First levels of the topics of robots with VDA 5050 2.x."
+    )
+    interface_name_v3: TopicPrefix = Field(
+        "vda5050", description="First levels of the topics of robots with VDA 5050 3.x."
+    )
     topic_prefix: TopicPrefix = Field("nena/v1", description="Topic prefix of the order service's statuses.")
     silence_limit: float | None = Field(
         None,

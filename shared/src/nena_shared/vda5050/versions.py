@@ -78,5 +78,23 @@ def codec_of_header(payload: bytes) -> Codec | None:
     return older[-1] if older else None
 
 
+def reader_of(payload: bytes, major_version: str) -> Codec:
+    """Give the codec to read a message with that came on a topic of ``major_version``, e.g. ``v2``.
+
+    It is that of the header if both agree; else the newest of the major version, which tells what is wrong.
+
+    Raises:
+        UnknownVersionError: the major version is not spoken here.
+
+    """
+    codec = codec_of_header(payload)
+    if codec is not None and codec.major_version == major_version:
+        return codec
+    of_topic = [codec for codec in CODECS.values() if codec.major_version == major_version]
+    if not of_topic:
+        raise UnknownVersionError(major_version)
+    return of_topic[-1]
+
+
 def _numbers(version: str) -> tuple[int, ...]:
     return tuple(map(int, version.split(".")))

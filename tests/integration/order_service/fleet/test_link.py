@@ -204,3 +204,20 @@ async def test_a_mission_is_adopted_by_a_new_process(
         robot.step()
         await second.wait_for("MissionFinished")
     assert robot.received == {"m": 1}
+
+
+@pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
+async def test_a_robot_is_driven_in_its_own_version(
+    fleet: WiredFleet, broker: Broker, interface_name: str, version: str
+) -> None:
+    wired = WiredRobot(broker, interface_name, version=version)
+    with MqttPeer(broker, f"{interface_name}/+/+/+/order") as peer:
+        async with wired.connected() as robot:
+            await free(fleet)
+            fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B", operation="pick"))
+            await fleet.wait_for("MissionAccepted")
+            for _ in range(3):
+                robot.step()
+            await fleet.wait_for("MissionFinished")
+        order = await peer.wait_for(f"{interface_name}/v{version[0]}/Honest/robot-1/order")
+    assert json.loads(order.payload)["version"] == version

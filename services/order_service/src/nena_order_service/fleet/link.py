@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import asyncio
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Final, TypeVar
 
 from pydantic import ValidationError
 
-from nena_order_service.fleet.codecs import codec_of
+from nena_order_service.fleet.codecs import RobotCodecs
 from nena_order_service.fleet.controller import FleetController
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.outputs import FleetOutput, Publish, PublishInstantActions, PublishOrder
@@ -27,6 +28,7 @@ from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
+from nena_shared.vda5050.versions import reader_of
 
 log = get_logger(__name__)
 
@@ -50,13 +52,14 @@ class FleetLink:
         self,
         mqtt: MqttLink,
         *,
-        scheme: TopicScheme,
+        schemes: Sequence[TopicScheme],
         settings: FleetSettings,
         clock: Clock,
         on_news: Callable[[FleetOutput], None],
     ) -> None:
         self._mqtt = mqtt
-        self._scheme = scheme
+        self._schemes = {scheme.major_version: scheme for scheme in schemes}
+        self._codecs = RobotCodecs()
         self._settings = settings
         self._clock = clock
         self._on_news = on_news
@@ -72,7 +75,8 @@ class FleetLink:
             (Topic.FACTSHEET, self._take_factsheet),
             (Topic.STATE, self._take_state),
         ):
-            mqtt.subscribe(scheme.for_all(topic), handler)
+            for scheme in schemes:
+                mqtt.subscribe(scheme.for_all(topic), partial(handler, scheme))
 
     async def run(self) -> None:
         """Look after what is overdue, until cancelled."""
@@ -114,35 +118,40 @@ class FleetLink:
             self._connected = connected
             self._hand_out(self._controller.on_broker(connected=connected, now=self._now()))
 
-    def _take_connection(self, inbound: Inbound) -> None:
-        read = self._read(Connection, inbound)
+    def _take_connection(self, scheme: TopicScheme, inbound: Inbound) -> None:
+        read = self._read(Connection, scheme, inbound)
         if read:
             self._hand_out(self._controller.on_connection(*read, self._now()))
 
-    def _take_factsheet(self, inbound: Inbound) -> None:
-        read = self._read(Factsheet, inbound)
+    def _take_factsheet(self, scheme: TopicScheme, inbound: Inbound) -> None:
+        read = self._read(Factsheet, scheme, inbound)
         if read:
             self._hand_out(self._controller.on_factsheet(*read, self._now()))
 
-    def _take_state(self, inbound: Inbound) -> None:
-        read = self._read(State, inbound)
+    def _take_state(self, scheme: TopicScheme, inbound: Inbound) -> None:
+        read = self._read(State, scheme, inbound)
         if read:
             self._hand_out(self._controller.on_state(*read, self._now()))
 
-    def _read(self, kind: type[M], inbound: Inbound) -> tuple[RobotKey, M] | None:
+    def _read(self, kind: type[M], scheme: TopicScheme, inbound: Inbound) -> tuple[RobotKey, M] | None:
         """Read a message; one that is malformed or from a robot too many is counted and passed over."""
         self._notice_broker()
-        robot = self._scheme.robot_of(inbound.topic)
+        robot = scheme.robot_of(inbound.topic)
         if robot is None:
             return None
         if not self._controller.has_room_for(robot):
             self.ignored += 1
             return None
+        codec = reader_of(inbound.payload, scheme.major_version)
+        if inbound.retained and self._codecs.is_outdated(robot, codec):
+            return None
         try:
-            return robot, codec_of(robot).decode(kind, inbound.payload)
+            message = codec.decode(kind, inbound.payload)
         except MalformedMessageError as error:
             self._note_malformed(robot, inbound.topic, error)
             return None
+        self._codecs.learn(robot, codec)
+        return robot, message
 
     def _note_malformed(self, robot: RobotKey, topic: str, error: MalformedMessageError) -> None:
         self.malformed += 1
@@ -165,17 +174,19 @@ class FleetLink:
 
     def _publish(self, output: Publish) -> None:
         topic = Topic.ORDER if isinstance(output, PublishOrder) else Topic.INSTANT_ACTIONS
+        codec = self._codecs.of(output.robot)
+        scheme = self._schemes[codec.major_version]
         try:
-            payload = codec_of(output.robot).encode(self._message(output, topic))
+            payload = codec.encode(self._message(output, topic))
         except (MalformedMessageError, ValidationError):
             log.exception("a message cannot be said to this robot", robot=str(output.robot), topic=topic)
             return
-        self._mqtt.publish(Outbound(self._scheme.of(output.robot, topic), payload, qos=1, keep=False))
+        self._mqtt.publish(Outbound(scheme.of(output.robot, topic), payload, qos=1, keep=False))
 
     def _message(self, output: Publish, topic: Topic) -> Order | InstantActions:
         header_id = self._header_ids[output.robot, topic]
         self._header_ids[output.robot, topic] = (header_id + 1) % HEADER_ID_COUNT
-        timestamp, version = self._clock.now(), codec_of(output.robot).version
+        timestamp, version = self._clock.now(), self._codecs.of(output.robot).version
         manufacturer, serial_number = output.robot.manufacturer, output.robot.serial_number
         if isinstance(output, PublishInstantActions):
             return InstantActions(
