@@ -79,6 +79,8 @@ class ScriptedFleet:
     """Where each robot stands, by the vehicle's name."""
     mute: set[str] = field(default_factory=set)
     """Robots that have told no state."""
+    notes: dict[str, str] = field(default_factory=dict)
+    """What each robot's mission waits for."""
     kernel: Kernel | None = None
     missions: dict[RobotKey, Mission] = field(default_factory=dict)
     sent: list[tuple[str, Mission]] = field(default_factory=list)
@@ -117,13 +119,18 @@ class ScriptedFleet:
             factsheet=None,
             mission_id=None,
             mission_phase=None,
-            mission_note="",
+            mission_note=self.notes.get(robot.serial_number, "") if busy else "",
             malformed=0,
         )
 
     def appear(self, name: str, point: str) -> None:
         """Let a robot be there."""
         self.at[name] = point
+        self._tell(RobotChanged(key(name)))
+
+    def hinder(self, name: str, note: str) -> None:
+        """Let a robot not go on, or with an empty note go on again."""
+        self.notes[name] = note
         self._tell(RobotChanged(key(name)))
 
     def accept(self, name: str) -> None:

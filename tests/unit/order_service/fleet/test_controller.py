@@ -400,6 +400,14 @@ def test_somebody_elses_cancel_fails_the_mission() -> None:
     assert failure(bench).reason == "the robot gave the order up before its end"
 
 
+def test_an_order_that_is_not_confirmed_in_the_usual_time_says_so() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    assert bench.view().mission_note == ""
+    bench.wait(2)
+    assert bench.view().mission_note == "the robot has not yet confirmed the order"
+
+
 def test_an_order_waits_for_a_robot_that_is_away_and_says_so() -> None:
     bench = Bench().online()
     bench.connection(ConnectionState.CONNECTION_BROKEN)

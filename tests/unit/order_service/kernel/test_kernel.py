@@ -104,6 +104,23 @@ async def test_failed_mission_fails_the_order_and_frees_the_vehicle(
     assert now(kernel, second).processing_vehicle == "V1"
 
 
+async def test_order_whose_robot_is_lost_says_so_until_it_is_back(
+    kernel: Kernel, fleet: ScriptedFleet
+) -> None:
+    order = kernel.create(request("C"), "T")
+    ear = Ear()
+    kernel.steps.listeners.append(ear)
+    fleet.hinder("V1", "the robot has lost its connection to the broker")
+    lost = "vehicle V1 travels to destination 1 of 1, but the robot has lost its connection to the broker"
+    assert now(kernel, order).reason == lost
+    assert [status.reason for status in ear.orders] == [lost]
+    assert ear.vehicles[-1].reason == lost
+    fleet.hinder("V1", "the robot has lost its connection to the broker")
+    assert len(ear.orders) == 1
+    fleet.hinder("V1", "")
+    assert now(kernel, order).reason == "vehicle V1 travels to destination 1 of 1"
+
+
 async def test_robot_that_does_not_take_the_mission_fails_the_order(
     kernel: Kernel, store: MemoryStore, fleet: ScriptedFleet
 ) -> None:

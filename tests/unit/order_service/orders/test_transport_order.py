@@ -78,6 +78,21 @@ def test_news_of_a_withdrawn_order_keeps_the_reason_of_the_withdrawal() -> None:
     assert after.status.reason == withdrawn.status.reason
 
 
+def test_what_hinders_the_vehicle_is_said_once_and_only_while_it_does() -> None:
+    order = assigned_order("A", "B")
+    hindered = order.hindered("the robot is paused")
+    assert hindered.status.reason == f"{order.status.reason}, but the robot is paused"
+    assert hindered.status.version == order.status.version + 1
+    assert hindered.hindered("the robot is paused") is hindered
+    assert hindered.hindered("").status.reason == order.status.reason
+    assert order.hindered("") is order
+
+
+def test_a_withdrawn_order_says_what_it_waits_for_and_why() -> None:
+    order = assigned_order("A").withdrawn("not needed", NOW).hindered("the robot is silent")
+    assert order.status.reason == "not needed; waits until vehicle V-1 lets it go, but the robot is silent"
+
+
 def test_unroutable_is_final() -> None:
     order = raw_order().unroutable("no way", NOW)
     assert (order.state, order.status.reason) == (S.UNROUTABLE, "no way")

@@ -74,6 +74,11 @@ class MissionRun:
         """Tell whether the order is to be sent (again) now, if the robot can be sent one."""
         return self.phase in (MissionPhase.WAITING, MissionPhase.SENT) and self._delivery.due(now)
 
+    @property
+    def sent_again(self) -> bool:
+        """Whether the robot has not confirmed the order in the time that this usually takes."""
+        return self.phase is MissionPhase.SENT and self._delivery.sendings > 1
+
     def send(self, errors: Iterable[ErrorEntry], now: float) -> PublishOrder:
         """Send the order; ``errors`` are those that the robot reports already."""
         if self.phase is MissionPhase.WAITING:

@@ -199,7 +199,7 @@ class RobotControl:
         away = availability.away(self.robot.link(now), broker=self._broker)
         if run.phase in (MissionPhase.WAITING, MissionPhase.SENT):
             reason = self._obstacle(now)
-            unconfirmed = "has not yet confirmed the order" if run.phase is MissionPhase.SENT else ""
+            unconfirmed = "has not yet confirmed the order" if run.sent_again else ""
             return f"the robot {reason or unconfirmed}" if reason or unconfirmed else ""
         if run.phase is MissionPhase.CANCELLING:
             return f"the robot {away or 'has not yet confirmed the end of the order'}"

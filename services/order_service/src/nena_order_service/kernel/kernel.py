@@ -199,6 +199,7 @@ class Kernel:
             match news:
                 case RobotChanged(robot):
                     self._robot_changed(robot)
+                    self._tell_hindrance(robot)
                 case InstantActionEnded():
                     self.instant_actions.ended(news)
                 case (
@@ -209,6 +210,7 @@ class Kernel:
                     | MissionCancelled()
                 ):
                     self._mission_news(news)
+                    self._tell_hindrance(news.robot)
                 case _:
                     pass
 
@@ -221,6 +223,17 @@ class Kernel:
         self.steps.vehicle_changed(vehicle.name)
         if self._missions.order_number(robot) is None:
             self._dispatch_due = True
+
+    def _tell_hindrance(self, robot: RobotKey) -> None:
+        """Let the order that a robot works on say what keeps the robot from going on."""
+        number = self._missions.order_number(robot)
+        if number is None:
+            return
+        order = self.book.get(number)
+        told = order.hindered(self.fleet.view(robot).mission_note)
+        if told is not order:
+            self.book.put(told)
+            self.steps.vehicle_changed(order.vehicle)
 
     def _ask_for_state(self, view: RobotView) -> None:
         """Ask a robot that is there and has told no state yet, so that nobody waits for its next one."""

@@ -143,7 +143,7 @@ class TransportOrder:
         first = drive_orders[0].model_copy(update={"state": DriveOrderState.TRAVELLING})
         return self._moved(
             S.BEING_PROCESSED,
-            f"vehicle {vehicle} travels to destination 1 of {len(drive_orders)}",
+            None,
             self._entry(now, EventCode.ASSIGNED_TO_VEHICLE, vehicle, why),
             processing_vehicle=vehicle,
             current_drive_order_index=0,
@@ -156,9 +156,7 @@ class TransportOrder:
         if self.status.drive_orders[index].state is not DriveOrderState.TRAVELLING:
             return self
         operation = self.status.drive_orders[index].destination.operation
-        reason = f"vehicle {self.vehicle} does {operation!r} at destination {index + 1}"
         return self._changed(
-            reason=reason if self.state is S.BEING_PROCESSED else self.status.reason,
             drive_orders=self._with_drive_order(index, DriveOrderState.OPERATING),
             history=(*self.status.history, self._entry(now, EventCode.OPERATION_STARTED, operation)),
         )
@@ -178,10 +176,6 @@ class TransportOrder:
             travelling = done[index + 1].model_copy(update={"state": DriveOrderState.TRAVELLING})
             changes["drive_orders"] = (*done[: index + 1], travelling, *done[index + 2 :])
             changes["current_drive_order_index"] = index + 1
-            if self.state is S.BEING_PROCESSED:
-                changes["reason"] = (
-                    f"vehicle {self.vehicle} travels to destination {index + 2} of {len(done)}"
-                )
         return self._changed(**changes)
 
     def finished(self, now: datetime) -> Self:
@@ -211,8 +205,13 @@ class TransportOrder:
         """Withdraw it: it fails at once where no vehicle works on it, else once the vehicle has let it go."""
         if self.state in (S.ACTIVE, S.DISPATCHABLE):
             return self.failed(reason, now)
-        entry = self._entry(now, EventCode.WITHDRAWAL_REQUESTED, reason)
-        return self._moved(S.WITHDRAWN, f"{reason}; waits until vehicle {self.vehicle} lets it go", entry)
+        return self._moved(S.WITHDRAWN, None, self._entry(now, EventCode.WITHDRAWAL_REQUESTED, reason))
+
+    def hindered(self, why: str) -> Self:
+        """Say what keeps its vehicle from going on, empty for nothing; the same again changes nothing."""
+        self._require("being hindered", S.BEING_PROCESSED, S.WITHDRAWN)
+        reason = f"{_doing(self.status)}, but {why}" if why else _doing(self.status)
+        return self if reason == self.status.reason else self._changed(reason=reason)
 
     def adopted(self, now: datetime) -> Self:
         """Note that it has been taken up again after a restart of the order service."""
@@ -230,15 +229,24 @@ class TransportOrder:
         return self._moved(state, reason, entry, finished=now, **changes)
 
     def _moved(
-        self, state: TransportOrderState, reason: str, entry: HistoryEntry | None = None, **changes: object
+        self,
+        state: TransportOrderState,
+        reason: str | None,
+        entry: HistoryEntry | None = None,
+        **changes: object,
     ) -> Self:
+        """Change the state; ``reason`` None: what the vehicle does says it."""
         if state not in SUCCESSORS[self.state]:
             raise IllegalTransitionError(self.name, self.state, f"the change to {state}")
+        if reason is not None:
+            changes["reason"] = reason
         history = (*self.status.history, entry) if entry else self.status.history
-        return self._changed(state=state, reason=reason, history=history, **changes)
+        return self._changed(state=state, history=history, **changes)
 
     def _changed(self, **changes: object) -> Self:
         status = self.status.model_copy(update={**changes, "version": self.status.version + 1})
+        if "reason" not in changes and status.state in (S.BEING_PROCESSED, S.WITHDRAWN):
+            status = status.model_copy(update={"reason": _doing(status)})
         return type(self)(self.number, status, self.idempotency_key)
 
     def _require(self, change: str, *states: TransportOrderState) -> None:
@@ -248,3 +256,16 @@ class TransportOrder:
     @staticmethod
     def _entry(now: datetime, code: EventCode, *supplements: str) -> HistoryEntry:
         return HistoryEntry(timestamp=now, event_code=code, supplements=tuple(map(str, supplements)))
+
+
+def _doing(status: TransportOrderStatus) -> str:
+    """Say what a vehicle does for an order that it has."""
+    vehicle, index = status.processing_vehicle, status.current_drive_order_index
+    if status.state is S.WITHDRAWN:
+        codes = [entry.event_code for entry in status.history]
+        asked = status.history[codes.index(EventCode.WITHDRAWAL_REQUESTED)].supplements[0]
+        return f"{asked}; waits until vehicle {vehicle} lets it go"
+    current = status.drive_orders[index]
+    if current.state is DriveOrderState.OPERATING:
+        return f"vehicle {vehicle} does {current.destination.operation!r} at destination {index + 1}"
+    return f"vehicle {vehicle} travels to destination {index + 1} of {len(status.drive_orders)}"
