@@ -304,6 +304,20 @@ def test_row_a4_a_robot_that_has_left_its_last_node_does_not_stand_there() -> No
     assert refused(bench, order("n0", order_id="o2")).error_type == ErrorType.START_NODE_OUT_OF_RANGE
 
 
+def test_row_a4_a_robot_that_was_driven_away_by_hand_does_not_stand_there() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.arrive()
+
+    bench.do(at(13.0))
+    entry = refused(bench, order("n1", "n2", order_id="o2"))
+    bench.do(at(10.8))
+    bench.send(order("n1", "n2", order_id="o2"))
+
+    assert entry.error_type == ErrorType.START_NODE_OUT_OF_RANGE
+    assert bench.state.order_id == "o2"
+
+
 def test_row_a4_a_robot_without_a_position_says_so() -> None:
     bench = Bench(ready=False)
 

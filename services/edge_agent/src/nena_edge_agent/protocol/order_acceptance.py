@@ -14,12 +14,15 @@ from itertools import chain
 from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.optional_parameters import unsupported
-from nena_edge_agent.protocol.tolerance import in_place
+from nena_edge_agent.protocol.tolerance import distance, in_place, radius
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import Node, Order
 from nena_shared.vda5050.state import OperatingMode
+
+STRAY = 1.0
+"""Metres that a robot may have come to rest beside the node that it has reached, at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,10 +213,11 @@ def _map_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
 def _start_fault(
     first: Node, order: Order, situation: Situation, capabilities: Capabilities
 ) -> ErrorEntry | None:
-    """Check A4."""
-    if situation.stands_on and situation.stands_on == first.node_id:
-        return None
+    """Check A4; a robot that somebody has driven away does not stand where it did."""
     pose, position = situation.pose, first.node_position
+    strayed = pose and position and distance(pose, position) > radius(position, 0.0) + STRAY
+    if situation.stands_on and situation.stands_on == first.node_id and not strayed:
+        return None
     if pose and position and in_place(pose, position, capabilities.default_deviation_xy):
         return None
     place = f"it is at x {pose.x:.2f} m, y {pose.y:.2f} m" if pose else "its position is not known"
