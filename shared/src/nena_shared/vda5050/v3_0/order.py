@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import pi
 from typing import Annotated
 
-from pydantic import AfterValidator, AliasChoices, Field
+from pydantic import AliasChoices, Field, PlainSerializer
 
 from nena_shared.vda5050.base import Angle, NotNegative
 from nena_shared.vda5050.order import (
@@ -33,7 +33,7 @@ def _half_turn(theta: float) -> float:
 class AllowedDeviationXYV30(AllowedDeviationXY):
     """An ellipse around a node; its turn is sent within the bounds of the schema."""
 
-    theta: Annotated[Angle, AfterValidator(_half_turn)] = 0.0
+    theta: Annotated[Angle, PlainSerializer(_half_turn, return_type=float, when_used="json")] = 0.0
 
 
 class NodePositionV30(NodePosition):

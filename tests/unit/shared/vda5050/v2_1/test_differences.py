@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
+from datetime import UTC, datetime
 from typing import Any
 
 import pytest
 
-from nena_shared.vda5050.action import BlockingType, InstantActions
+from nena_shared.vda5050.action import ActionParameter, BlockingType, InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.error import ErrorLevel, ErrorType, error
-from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.factsheet import Factsheet, OptionalParameter, Support
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.order import (
     AllowedDeviationXY,
@@ -24,6 +25,7 @@ from nena_shared.vda5050.state import EmergencyStop, OperatingMode, State
 from nena_shared.vda5050.v2_1 import CODEC
 from nena_shared.vda5050.v2_1.error_type import REJECTIONS, WRITTEN
 from nena_shared.vda5050.v2_1.trajectory import uniform_knots
+from nena_shared.vda5050.visualization import Visualization
 from support.reference import reference_dir
 
 JsonObject = dict[str, Any]
@@ -262,6 +264,125 @@ def test_unknown_error_types_are_read_as_they_are(state: JsonObject) -> None:
     state["errors"] = [{"errorType": "ovenTooHot", "errorLevel": "FATAL"}]
 
     assert read(State, state).errors[0].error_type == "ovenTooHot"
+
+
+def test_single_trigger_is_a_list_in_3_0(instant_action: JsonObject) -> None:
+    action = instant_action["actions"][0]
+    action |= {"actionType": "waitForTrigger", "actionParameters": [{"key": "triggerType", "value": "LOCAL"}]}
+
+    message = read(InstantActions, instant_action)
+
+    assert message.actions[0].parameter("triggerType") == ["LOCAL"]
+    assert written(message)["actions"][0]["actionParameters"] == action["actionParameters"]
+
+
+def test_trigger_of_another_type_stays_what_it_is(instant_action: JsonObject) -> None:
+    action = instant_action["actions"][0]
+    action |= {"actionType": "waitForTrigger", "actionParameters": [{"key": "triggerType", "value": 3}]}
+
+    assert read(InstantActions, instant_action).actions[0].parameter("triggerType") == 3
+
+
+def test_of_several_triggers_the_first_is_told(instant_action: JsonObject) -> None:
+    triggers = ActionParameter(key="triggerType", value=["FLEET_CONTROL", "LOCAL"])
+    message = read(InstantActions, instant_action)
+    action = message.actions[0].model_copy(
+        update={"action_type": "waitForTrigger", "action_parameters": (triggers,)}
+    )
+
+    sent = written(message.model_copy(update={"actions": (action,)}))["actions"][0]
+
+    assert sent["actionParameters"] == [{"key": "triggerType", "value": "FLEET_CONTROL"}]
+
+
+def test_cancel_does_not_name_the_order(instant_action: JsonObject) -> None:
+    parameters = (ActionParameter(key="orderId", value="o1"), ActionParameter(key="why", value="x"))
+    message = read(InstantActions, instant_action)
+    action = message.actions[0].model_copy(
+        update={"action_type": "cancelOrder", "action_parameters": parameters}
+    )
+
+    sent = written(message.model_copy(update={"actions": (action,)}))["actions"][0]
+
+    assert sent["actionParameters"] == [{"key": "why", "value": "x"}]
+
+
+def test_optional_parameters_have_the_names_of_the_version(factsheet: JsonObject) -> None:
+    listed = ["order.edges.maxSpeed", "order.edges.corridor.corridorRefPoint", "order.edges.rotationAllowed"]
+    factsheet["protocolFeatures"]["optionalParameters"] = [
+        {"parameter": each, "support": "SUPPORTED"} for each in listed
+    ]
+
+    message = read(Factsheet, factsheet)
+
+    parameters = message.protocol_features.optional_parameters
+    assert [each.parameter for each in parameters] == [
+        "order.edges.maximumSpeed",
+        "order.edges.corridor.corridorReferencePoint",
+        "order.edges.reachOrientationBeforeEntering",
+    ]
+    sent = written(message)["protocolFeatures"]["optionalParameters"]
+    assert [each["parameter"] for each in sent] == listed
+
+
+def test_optional_parameters_that_2_1_does_not_have_are_not_told(factsheet: JsonObject) -> None:
+    message = read(Factsheet, factsheet)
+    features = message.protocol_features.model_copy(
+        update={
+            "optional_parameters": tuple(
+                OptionalParameter(parameter=each, support=Support.SUPPORTED)
+                for each in ("order.edges.corridor.releaseRequired", "order.edges.actions.retriable")
+            )
+        }
+    )
+
+    sent = written(message.model_copy(update={"protocol_features": features}))
+
+    assert sent["protocolFeatures"]["optionalParameters"] == []
+
+
+def test_errors_refer_to_parameters_by_the_names_of_the_version(state: JsonObject) -> None:
+    references = [
+        {"referenceKey": "parameter", "referenceValue": "edges.maxSpeed"},
+        {"referenceKey": "edges.maxHeight", "referenceValue": "maxHeight"},
+        {"referenceKey": "orderId", "referenceValue": "maxSpeed"},
+    ]
+    entry = {"errorType": "orderError", "errorLevel": "WARNING", "errorReferences": references}
+
+    message = read(State, state | {"errors": [entry]})
+
+    assert [(each.reference_key, each.reference_value) for each in message.errors[0].error_references] == [
+        ("parameter", "edges.maximumSpeed"),
+        ("edges.maximumMobileRobotHeight", "maxHeight"),
+        ("orderId", "maxSpeed"),
+    ]
+    assert written(message)["errors"][0]["errorReferences"] == references
+
+
+@pytest.mark.parametrize("missing", ["headerId", "timestamp"])
+def test_factsheet_may_come_without(factsheet: JsonObject, missing: str) -> None:
+    del factsheet[missing]
+    before = datetime.now(UTC)
+
+    message = read(Factsheet, factsheet)
+
+    assert message.header_id == factsheet.get("headerId", 0)
+    assert message.timestamp >= before or missing == "headerId"
+
+
+def test_visualization_may_come_without_a_header() -> None:
+    before = datetime.now(UTC)
+
+    message = read(Visualization, {"velocity": {"vx": 1.0}})
+
+    assert (message.header_id, message.version, message.manufacturer) == (0, "2.0.0", "")
+    assert before <= message.timestamp <= datetime.now(UTC)
+    assert message.velocity.vx == 1.0
+
+
+def test_zone_set_in_use_is_an_id_alone(order: JsonObject, state: JsonObject) -> None:
+    assert read(Order, order | {"zoneSetId": "z"}).zone_set_id == "z"
+    assert written(read(State, state | {"zoneSetId": "z"}))["zoneSetId"] == "z"
 
 
 def test_factsheet_reads_the_names_of_2_x(factsheet: JsonObject) -> None:

@@ -1,0 +1,90 @@
+"""What 2.0 lacks or says in another way than 2.1."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.v2_0 import CODEC
+from support.schemas import schema_problems
+
+JsonObject = dict[str, Any]
+
+
+def read(kind: type[Header], content: JsonObject) -> Any:
+    return CODEC.decode(kind, json.dumps(content | {"version": "2.0.0"}).encode())
+
+
+def written(message: Header) -> Any:
+    return json.loads(CODEC.encode(message))
+
+
+@pytest.mark.parametrize(("kind", "name"), [(Order, "order"), (State, "state"), (Factsheet, "factsheet")])
+def test_examples_are_read_and_written_under_its_own_number(
+    request: pytest.FixtureRequest, kind: type[Header], name: str
+) -> None:
+    payload = CODEC.encode(read(kind, request.getfixturevalue(name)))
+
+    assert json.loads(payload)["version"] == "2.0.0"
+    assert schema_problems("2.0.0", name, payload) == []
+
+
+def test_corridor_is_an_unknown_field(order: JsonObject) -> None:
+    order["edges"][0]["corridor"] = {"leftWidth": "wide"}
+
+    message = read(Order, order)
+
+    assert message.edges[0].corridor is None
+    assert "corridor" not in written(message)["edges"][0]
+
+
+def test_maps_and_hints_are_unknown_fields(state: JsonObject) -> None:
+    state["maps"] = "all"
+    state["errors"] = [{"errorType": "oven", "errorLevel": "FATAL", "errorHint": 5}]
+
+    message = read(State, state)
+
+    assert (message.maps, message.errors[0].error_hint) == (None, None)
+
+
+@pytest.mark.parametrize(("health", "told"), [(80.4, 80), (99.6, 100), (0, 0)])
+def test_health_of_the_battery_is_a_whole_number(state: JsonObject, health: float, told: int) -> None:
+    state["batteryState"]["batteryHealth"] = health
+
+    sent = written(read(State, state))["batteryState"]["batteryHealth"]
+
+    assert (sent, type(sent)) == (told, int)
+
+
+def test_array_limits_are_read_by_both_names(factsheet: JsonObject) -> None:
+    limits = factsheet["protocolLimits"]["maxArrayLens"]
+    limits |= {"state.informations": 7, "informations.infoReferences": 8}
+
+    message = read(Factsheet, factsheet)
+
+    sent = written(message)["protocolLimits"]["maxArrayLens"]
+    assert sent == {"order.nodes": 50, "state.information": 7, "information.infoReferences": 8}
+    again = read(Factsheet, written(message)).protocol_limits.maximum_array_lengths
+    assert again == message.protocol_limits.maximum_array_lengths
+
+
+def test_what_2_1_added_to_the_factsheet_is_not_told(factsheet: JsonObject) -> None:
+    corridor = {"parameter": "order.edges.corridor", "support": "SUPPORTED"}
+    speed = {"parameter": "order.edges.maxSpeed", "support": "SUPPORTED"}
+    factsheet["protocolFeatures"]["optionalParameters"] = [corridor, speed]
+    factsheet["physicalParameters"]["angularSpeedMax"] = 1.0
+    factsheet["vehicleConfig"] = {"versions": []}
+    factsheet["protocolFeatures"]["agvActions"][0]["blockingTypes"] = ["HARD"]
+
+    sent = written(read(Factsheet, factsheet))
+
+    assert sent["protocolFeatures"]["optionalParameters"] == [speed]
+    assert "angularSpeedMax" not in sent["physicalParameters"]
+    assert "vehicleConfig" not in sent
+    assert "blockingTypes" not in sent["protocolFeatures"]["agvActions"][0]
