@@ -39,6 +39,16 @@ class OperatingMode(StrEnum):
         """Whether fleet control may send orders in this mode."""
         return self in (OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC, OperatingMode.INTERVENED)
 
+    @property
+    def fleet_controls(self) -> bool:
+        """Whether it is fleet control that moves the robot in this mode."""
+        return self in (OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC)
+
+    @property
+    def clears_order(self) -> bool:
+        """Whether a robot has no order in this mode (section 6.6.7)."""
+        return not self.takes_orders
+
 
 class EmergencyStop(StrEnum):
     """Whether an emergency stop is active, and how it is acknowledged."""

@@ -10,6 +10,7 @@ from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.protocol.effects import ReportState
 from nena_edge_agent.protocol.events import MessageRefused
 from nena_edge_agent.protocol.order_acceptance import Rejected, Situation, judge
+from nena_edge_agent.protocol.rules import RULES
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
 from nena_shared.vda5050.order import ControlPoint, Order, Trajectory
 from nena_shared.vda5050.state import OperatingMode
@@ -17,8 +18,10 @@ from support.robot_core import CAPABILITIES, MAP, Bench, action, at, order, posi
 
 FREE = Situation(
     operating_mode=OperatingMode.AUTOMATIC,
+    fatal=False,
     idle=True,
     cancelled=False,
+    cleared=False,
     order_id="",
     order_update_id=0,
     decision_point=None,
@@ -446,3 +449,19 @@ def test_the_id_of_an_instant_action_is_refused_in_an_order() -> None:
     entry = refused(bench, order("n0", node_actions={"n0": [action("a")]}))
 
     assert entry.error_type == ErrorType.INVALID_ORDER_ACTION
+
+
+@pytest.mark.clause("6.1.2")
+@pytest.mark.parametrize(
+    ("version", "taken"), [("2.0.0", True), ("2.1.0", True), ("3.0.0", False)], ids=["2.0", "2.1", "3.0"]
+)
+def test_row_a2_a_new_order_begins_with_the_update_id_0_where_the_version_says_so(
+    version: str,
+    taken: bool,  # noqa: FBT001 - an example
+) -> None:
+    bench = Bench(rules=RULES[version])
+
+    bench.send(order("n0", "n1", update=3))
+
+    assert (bench.state.order_id == "o1") is taken
+    assert bench.errors == ([] if taken else ["VALIDATION_FAILURE"])

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
+
 from nena_edge_agent.driver.port import DriveFailed, DriveFailure
 from nena_edge_agent.protocol.effects import CancelAction, Halt
+from nena_edge_agent.protocol.rules import RULES
 from nena_shared.vda5050.error import ErrorType
 from support.robot_core import Bench, action, at, order, position
 
@@ -110,8 +113,21 @@ def test_a_cancel_that_is_delivered_again_has_no_effect_even_on_the_next_order()
     assert bench.state.driving
 
 
+@pytest.mark.clause("6.1.3")
+@pytest.mark.parametrize("version", ["2.0.0", "2.1.0"])
+def test_before_3_0_a_cancel_is_for_the_order_that_the_robot_has(version: str) -> None:
+    bench = Bench(rules=RULES[version])
+    bench.send(order("n0", "n1"))
+
+    bench.instant(action("c", "NONE", "cancelOrder", orderId="o9"))
+
+    assert bench.status("c") == "RUNNING"
+
+
+@pytest.mark.clause("6.1.3")
 def test_the_wrong_order_id_leaves_the_order_alone() -> None:
-    bench = driving()
+    bench = Bench(rules=RULES["3.0.0"])
+    bench.send(order("n0", "n1"))
 
     bench.instant(action("c", "NONE", "cancelOrder", orderId="o9"))
     assert bench.status("c") == "FAILED"

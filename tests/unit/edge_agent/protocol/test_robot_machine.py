@@ -229,8 +229,8 @@ class RobotMachine(RuleBasedStateMachine):
         oracle, first = self.oracle, made.nodes[0]
         if made.order_id != oracle.order_id:
             busy = self.bench.state.node_states or self.actions_in("WAITING", *ACTIVE)
-            cancelling = self.bench.core.parts.cancelling
-            return "refused" if busy or cancelling or not self.stands_on(first) else "taken"
+            clearing = self.bench.core.parts.clearing
+            return "refused" if busy or clearing or not self.stands_on(first) else "taken"
         if made.order_update_id < oracle.update or oracle.cancelled:
             return "refused"
         if made.order_update_id == oracle.update:
@@ -305,7 +305,7 @@ class RobotMachine(RuleBasedStateMachine):
     def what_is_left_is_the_base_that_was_released_and_the_horizon(self) -> None:
         oracle, state = self.oracle, self.bench.state
         left = [(node.node_id, node.sequence_id) for node in state.node_states]
-        over = oracle.cancelled and not self.bench.core.parts.cancelling
+        over = oracle.cancelled and not self.bench.core.parts.clearing
         assert left == ([] if over or not oracle.base else oracle.base[oracle.reached + 1 :] + oracle.horizon)
         assert len(state.edge_states) == len(left)
 

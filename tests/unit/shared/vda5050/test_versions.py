@@ -10,6 +10,7 @@ from nena_shared.vda5050.versions import (
     UnknownVersionError,
     codec_for,
     codec_of_header,
+    reader_of,
     topics_for,
     version_of,
 )
@@ -70,6 +71,27 @@ def test_robot_is_met_in_the_nearest_older_version(version: str, spoken: str) ->
 )
 def test_message_without_a_version_that_could_be_spoken(payload: bytes) -> None:
     assert codec_of_header(payload) is None
+
+
+@pytest.mark.parametrize(
+    ("version", "topic_level", "reader"),
+    [
+        ("2.0.0", "v2", "2.0.0"),
+        ("3.0.0", "v3", "3.0.0"),
+        ("3.0.0", "v2", "2.1.0"),
+        ("2.0.0", "v3", "3.0.0"),
+        ("unreadable", "v2", "2.1.0"),
+    ],
+)
+def test_reader_is_of_the_topic_and_by_the_header_where_both_agree(
+    version: str, topic_level: str, reader: str
+) -> None:
+    assert reader_of(json.dumps({"version": version}).encode(), topic_level).version == reader
+
+
+def test_topic_of_an_unknown_major_version_has_no_reader() -> None:
+    with pytest.raises(UnknownVersionError):
+        reader_of(b'{"version":"1.1.0"}', "v1")
 
 
 def test_version_is_read_from_the_top_of_the_message_alone() -> None:

@@ -29,7 +29,7 @@ class ActionFlow:
     def schedule(self) -> None:
         """Start every queued action whose turn it is."""
         parts = self._parts
-        if parts.held or parts.cancelling:
+        if parts.held or parts.clearing:
             return
         for action_id in parts.queue.runnable():
             record = parts.actions.get(action_id)
@@ -48,8 +48,18 @@ class ActionFlow:
         record = states.get(report.action_id)
         if record and report.status.ended:
             parts.queue.remove(report.action_id)
-        if record and report.status is ActionStatus.FAILED and not parts.cancelling:
+        if record and states is parts.actions:
+            self._keep_held(record)
+        if record and report.status is ActionStatus.FAILED and not parts.clearing:
             self._show_failure(record)
+
+    def _keep_held(self, record: ActionRecord) -> None:
+        """Hold what began to run in a pause, and let go on what was held only when the pause was over."""
+        held, action_id = self._parts.held, record.action.action_id
+        if held and record.status is ActionStatus.RUNNING and self._declares(record, "pause_allowed"):
+            self._parts.effects.append(PauseAction(action_id))
+        elif not held and record.status is ActionStatus.PAUSED:
+            self._parts.effects.append(ResumeAction(action_id))
 
     def end_with_edge(self, edge: Edge) -> None:
         """End what belongs to ``edge``, which the robot has left.
@@ -93,7 +103,7 @@ class ActionFlow:
 
     def _take_up(self, record: ActionRecord) -> None:
         action_id = record.action.action_id
-        if self._declares(record, "restartable") and not self._parts.cancelling:
+        if self._declares(record, "restartable") and not self._parts.clearing:
             record.status = ActionStatus.INITIALIZING
             self._start(action_id)
         else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.parts import NOT_REPORTED, RobotParts
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
 
@@ -13,6 +14,8 @@ def check_conditions(parts: RobotParts) -> None:
     parts.errors.condition(ErrorType.LOCALIZATION_ERROR, _localisation(parts))
     parts.errors.condition(ErrorType.NAVIGATION_NOT_AVAILABLE, _navigation(parts))
     parts.errors.condition(JOURNAL_NOT_WRITTEN, _journal(parts))
+    if parts.coming_mode.takes_orders and parts.errors.worst_reported is not ErrorLevel.FATAL:
+        parts.errors.end(Until.AVAILABLE)
 
 
 def _localisation(parts: RobotParts) -> ErrorEntry | None:

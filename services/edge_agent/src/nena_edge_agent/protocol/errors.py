@@ -25,11 +25,11 @@ class Until(Enum):
     """Its cause is gone."""
     TAKEN_BACK = auto()
     """Who has shown it takes it back."""
-    MODE_TAKES_ORDERS = auto()
-    """A person has switched to a mode that takes orders."""
+    AVAILABLE = auto()
+    """The robot takes orders again."""
 
 
-REFUSED = (Until.ORDER_ACCEPTED, Until.INSTANT_ACTION_ACCEPTED, Until.MODE_TAKES_ORDERS)
+REFUSED = (Until.ORDER_ACCEPTED, Until.INSTANT_ACTION_ACCEPTED, Until.AVAILABLE)
 """How long errors of refused messages last."""
 
 

@@ -27,6 +27,8 @@ MESSAGE_LIMIT = 100
 """Actions that one message may hold; none of a longer one is begun."""
 STATES_KEPT = 200
 """States of instant actions shown at most; beyond it the oldest ended ones go, then none more is begun."""
+HARMLESS = frozenset({STATE_REQUEST, FACTSHEET_REQUEST})
+"""Taken in every operating mode."""
 IDS_KNOWN = 1000
 """Ids of instant actions that are recognised when they come again."""
 
@@ -65,12 +67,23 @@ class InstantActionFlow:
     def _problem(self, action: Action) -> str | None:
         if action.action_id in self._parts.actions:
             return "the actionId is used by an action of the order"
+        if problem := self._mode_problem(action):
+            return problem
         declaration = self._parts.capabilities.actions.get(action.action_type)
         if declaration is None:
             return f"the robot knows no action '{action.action_type}'"
         if action.action_type not in self._own and self._full:
             return f"{STATES_KEPT} instant actions are under way already"
         return declaration.problem(action, ActionScope.INSTANT)
+
+    def _mode_problem(self, action: Action) -> str | None:
+        """Say if fleet control may not ask for this while a person has the robot (section 6.6.6)."""
+        mode = self._parts.coming_mode
+        if mode.fleet_controls or action.action_type in HARMLESS:
+            return None
+        if mode.takes_orders and action.action_type == CANCEL_ORDER:
+            return None
+        return f"the robot is in mode {mode}"
 
     @property
     def _full(self) -> bool:

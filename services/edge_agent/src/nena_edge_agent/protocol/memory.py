@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import Edge, Node
-from nena_shared.vda5050.state import Load
+from nena_shared.vda5050.state import Load, OperatingMode
 
 
 class ActionMemory(BaseModel):
@@ -35,6 +35,7 @@ class ProgressMemory(BaseModel):
     on_last_node: bool
     edge_entered: bool
     cancelled: bool
+    cleared: bool = False
     decision_point: tuple[str, int] | None
     nodes: tuple[Node, ...]
     edges: tuple[Edge, ...]
@@ -51,7 +52,9 @@ class Memory(BaseModel):
     queue: tuple[str, ...]
     instant_actions: tuple[ActionMemory, ...]
     known_instant_ids: tuple[str, ...]
-    cancelling: bool
+    clearing: bool
     paused: bool
     charging: bool
     loads: tuple[Load, ...]
+    operating_mode: OperatingMode = OperatingMode.AUTOMATIC
+    wanted_mode: OperatingMode | None = None

@@ -29,13 +29,17 @@ STRAY = 1.0
 class Situation:
     """The robot as an order meets it.
 
-    ``cancelled``: the held order was cancelled, or is being cancelled. ``pose`` is None unless it can be
+    ``fatal``: somebody has shown an error with which the robot takes no orders. ``cancelled``: the held order
+    was cancelled, or is being ended; ``cleared``: it was ended before its end, perhaps far from its base.
+    ``pose`` is None unless it can be
     trusted. ``stands_on`` is the node that the robot has reached and not left, or empty.
     """
 
     operating_mode: OperatingMode
+    fatal: bool
     idle: bool
     cancelled: bool
+    cleared: bool
     order_id: str
     order_update_id: int
     decision_point: tuple[str, int] | None
@@ -102,12 +106,21 @@ def _general_fault(order: Order, situation: Situation, capabilities: Capabilitie
 def _mode_fault(order: Order, situation: Situation) -> ErrorEntry | None:
     """Check 2."""
     if situation.operating_mode.takes_orders:
-        return None
+        return _fatal_fault(order) if situation.fatal else None
     return _refusal(
         ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
         order,
         f"the robot is in mode {situation.operating_mode} and takes no orders",
         hint="switch the robot to AUTOMATIC",
+    )
+
+
+def _fatal_fault(order: Order) -> ErrorEntry:
+    return _refusal(
+        ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
+        order,
+        "the robot has a fatal error and takes no orders",
+        hint="the errors of the level FATAL say what a person has to see to",
     )
 
 
@@ -173,11 +186,24 @@ def _new_order_fault(order: Order, situation: Situation, capabilities: Capabilit
             hint="wait for its end or cancel it",
         )
     return (
-        _numbering_fault(order)
+        _update_id_fault(order, capabilities)
+        or _numbering_fault(order)
         or _repeated_action_fault(order, situation.instant_action_ids)
         or _map_fault(order, capabilities)
         or _start_fault(order.nodes[0], order, situation, capabilities)
         or _route_fault(order)
+    )
+
+
+def _update_id_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
+    """Check A2."""
+    if order.order_update_id == 0 or not capabilities.rules.standard.first_update_id_is_zero:
+        return None
+    return _refusal(
+        ErrorType.VALIDATION_FAILURE,
+        order,
+        f"a new order begins with orderUpdateId 0, not {order.order_update_id}",
+        hint="send the order from its beginning",
     )
 
 
@@ -213,13 +239,10 @@ def _map_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
 def _start_fault(
     first: Node, order: Order, situation: Situation, capabilities: Capabilities
 ) -> ErrorEntry | None:
-    """Check A4; a robot that somebody has driven away does not stand where it did."""
-    pose, position = situation.pose, first.node_position
-    strayed = pose and position and distance(pose, position) > radius(position, 0.0) + STRAY
-    if situation.stands_on and situation.stands_on == first.node_id and not strayed:
+    """Check A4."""
+    if _stands_on(first, situation, capabilities):
         return None
-    if pose and position and in_place(pose, position, capabilities.default_deviation_xy):
-        return None
+    pose = situation.pose
     place = f"it is at x {pose.x:.2f} m, y {pose.y:.2f} m" if pose else "its position is not known"
     return _refusal(
         ErrorType.START_NODE_OUT_OF_RANGE,
@@ -283,7 +306,7 @@ def _stitching_fault(order: Order, situation: Situation, capabilities: Capabilit
     """Checks B4 and B5; after a normal end the decision point is the last node."""
     first = order.nodes[0]
     if (first.node_id, first.sequence_id) == situation.decision_point:
-        return None
+        return _absence_fault(first, order, situation, capabilities) if situation.cleared else None
     ends, hint = "was left by hand", "send a new order"
     if situation.decision_point:
         ends = "ends at '{}' with sequenceId {}".format(*situation.decision_point)
@@ -295,6 +318,30 @@ def _stitching_fault(order: Order, situation: Situation, capabilities: Capabilit
         hint=hint,
         node_id=first.node_id,
     )
+
+
+def _absence_fault(
+    first: Node, order: Order, situation: Situation, capabilities: Capabilities
+) -> ErrorEntry | None:
+    """Check that a robot whose order was cleared stands where its base ended."""
+    if _stands_on(first, situation, capabilities):
+        return None
+    return _refusal(
+        capabilities.rules.wrong_stitching_node,
+        order,
+        f"the order was cleared, and the robot does not stand on '{first.node_id}', where its base ended",
+        hint="send a new order",
+        node_id=first.node_id,
+    )
+
+
+def _stands_on(node: Node, situation: Situation, capabilities: Capabilities) -> bool:
+    """Tell whether the robot is at ``node``; one that somebody has driven away is not where it stood."""
+    pose, position = situation.pose, node.node_position
+    strayed = pose and position and distance(pose, position) > radius(position, 0.0) + STRAY
+    if situation.stands_on and situation.stands_on == node.node_id and not strayed:
+        return True
+    return bool(pose and position and in_place(pose, position, capabilities.default_deviation_xy))
 
 
 def _repeated_action_fault(order: Order, used: frozenset[str], *, skip: int = 0) -> ErrorEntry | None:

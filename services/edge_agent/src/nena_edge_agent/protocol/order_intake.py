@@ -9,8 +9,12 @@ from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.order_acceptance import NewOrder, Rejected, Situation, Update, Verdict, judge
 from nena_edge_agent.protocol.parts import RobotParts
+from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import Edge, Node, Order
+
+_DURATIONS: dict[str, Until] = {ErrorType.MOBILE_ROBOT_NOT_AVAILABLE: Until.AVAILABLE}
+"""How long a refusal is shown, where that is not until another order is accepted."""
 
 
 class OrderIntake:
@@ -29,15 +33,17 @@ class OrderIntake:
             case Update():
                 self._extend(order)
             case Rejected(error):
-                self._parts.errors.show(error, Until.ORDER_ACCEPTED)
+                self._parts.errors.show(error, _DURATIONS.get(error.error_type, Until.ORDER_ACCEPTED))
         return verdict
 
     def _situation(self) -> Situation:
         parts, progress = self._parts, self._parts.progress
         return Situation(
-            operating_mode=parts.operating_mode,
-            idle=parts.idle and not parts.cancelling,
-            cancelled=progress.cancelled or parts.cancelling,
+            operating_mode=parts.coming_mode,
+            fatal=parts.errors.worst_reported is ErrorLevel.FATAL,
+            idle=parts.idle and not parts.clearing,
+            cancelled=progress.cancelled or parts.clearing,
+            cleared=progress.cleared,
             order_id=progress.order_id,
             order_update_id=progress.order_update_id,
             decision_point=progress.decision_point,

@@ -16,6 +16,7 @@ class OrderProgress:
     ``nodes`` never holds the node where the robot stands. ``edges`` begins with the edge that the robot is on
     (``edge_entered``) or will enter next. ``decision_point`` is the last released node, as nodeId and
     sequenceId: there the base ends and an update begins. ``on_last_node``: the robot has not left it.
+    ``cleared``: the order was ended before its end, by a cancel (``cancelled``) or a change of the mode.
     """
 
     def __init__(self) -> None:
@@ -27,6 +28,7 @@ class OrderProgress:
         self.on_last_node = False
         self.edge_entered = False
         self.cancelled = False
+        self.cleared = False
         self.decision_point: tuple[str, int] | None = None
         self.nodes: deque[Node] = deque()
         self.edges: deque[Edge] = deque()
@@ -45,7 +47,7 @@ class OrderProgress:
     def begin(self, order: Order) -> None:
         """Take a new order; its first node counts as reached."""
         self.order_id, self.order_update_id = order.order_id, order.order_update_id
-        self.cancelled = False
+        self.cancelled = self.cleared = False
         self.nodes.clear()
         self.edges.clear()
         self._append(order)
@@ -54,6 +56,9 @@ class OrderProgress:
     def extend(self, order: Order) -> None:
         """Take an update that begins at the decision point: a new way in place of the old horizon."""
         self.order_update_id = order.order_update_id
+        if self.cleared:
+            self.cleared = False
+            self._reach(order.nodes[0])
         while self.nodes and not self.nodes[-1].released:
             self.nodes.pop()
         while self.edges and not self.edges[-1].released:
@@ -89,12 +94,15 @@ class OrderProgress:
         self._reach(node)
         return node, edge
 
-    def clear(self) -> None:
-        """End the order before its end; ids and the last node stay."""
+    def clear(self, *, cancelled: bool) -> None:
+        """End the order before its end; ids and the last node stay.
+
+        One that was ``cancelled`` takes no update; else one may follow where the base ended.
+        """
         self.nodes.clear()
         self.edges.clear()
         self.edge_entered = False
-        self.cancelled = True
+        self.cancelled, self.cleared = self.cancelled or cancelled, True
         self._changed()
 
     def place_at(self, node_id: str) -> None:

@@ -47,7 +47,9 @@ class RobotParts:
     """The state of one robot, and the effects that the event at hand has had so far.
 
     ``now`` is the monotonic time in s of the event at hand. ``paused`` is fleet control's own pause,
-    ``holding`` that driving and actions were held, for whatever reason.
+    ``holding`` that driving and actions were held, for whatever reason. ``clearing``: the order is being
+    ended before its end. ``wanted_mode`` is the mode that a person has switched to and the state does not
+    show yet.
     """
 
     capabilities: Capabilities
@@ -60,11 +62,12 @@ class RobotParts:
     goal: GoalInFlight = field(default_factory=GoalInFlight)
     senses: Senses = field(default_factory=Senses)
     operating_mode: OperatingMode = OperatingMode.AUTOMATIC
+    wanted_mode: OperatingMode | None = None
     loads: tuple[Load, ...] = ()
     charging: bool = False
     paused: bool = False
     holding: bool = False
-    cancelling: bool = False
+    clearing: bool = False
     journal_problem: str = ""
     now: float = 0.0
     effects: list[Effect] = field(default_factory=list)
@@ -73,6 +76,11 @@ class RobotParts:
     def idle(self) -> bool:
         """Whether nothing of the order is left to do (section 6.6.8)."""
         return not self.progress.nodes and not self.progress.edges and self.actions.all_ended
+
+    @property
+    def coming_mode(self) -> OperatingMode:
+        """The mode that a person has switched to, also while the state does not show it yet."""
+        return self.wanted_mode or self.operating_mode
 
     @property
     def held(self) -> bool:

@@ -17,10 +17,12 @@ def recall(parts: RobotParts) -> Memory:
         queue=tuple(parts.queue),
         instant_actions=tuple(_kept(record) for record in parts.instants),
         known_instant_ids=tuple(parts.known_instant_ids),
-        cancelling=parts.cancelling,
+        clearing=parts.clearing,
         paused=parts.paused,
         charging=parts.charging,
         loads=parts.loads,
+        operating_mode=parts.operating_mode,
+        wanted_mode=parts.wanted_mode,
     )
 
 
@@ -30,11 +32,13 @@ def recollect(memory: Memory, capabilities: Capabilities) -> RobotParts:
         capabilities,
         progress=OrderProgress.restored(memory.progress),
         known_instant_ids=dict.fromkeys(memory.known_instant_ids),
-        cancelling=memory.cancelling,
+        clearing=memory.clearing,
         paused=memory.paused,
         holding=memory.paused,
         charging=memory.charging,
         loads=memory.loads,
+        operating_mode=memory.operating_mode,
+        wanted_mode=memory.wanted_mode,
     )
     parts.actions.add(_record(kept) for kept in memory.actions)
     parts.instants.add(_record(kept) for kept in memory.instant_actions)

@@ -19,6 +19,7 @@ from nena_edge_agent.driver.port import (
 )
 from nena_edge_agent.protocol.action_flow import ActionFlow
 from nena_edge_agent.protocol.capabilities import Capabilities
+from nena_edge_agent.protocol.clearing import Clearing
 from nena_edge_agent.protocol.conditions import check_conditions
 from nena_edge_agent.protocol.effects import Effect, ReportState
 from nena_edge_agent.protocol.errors import Until
@@ -39,6 +40,7 @@ from nena_edge_agent.protocol.events import (
 )
 from nena_edge_agent.protocol.instant_actions import InstantActionFlow
 from nena_edge_agent.protocol.memory import Memory
+from nena_edge_agent.protocol.mode_switch import ModeSwitch
 from nena_edge_agent.protocol.order_cancel import OrderCancel
 from nena_edge_agent.protocol.order_intake import OrderIntake
 from nena_edge_agent.protocol.parts import RobotParts
@@ -68,7 +70,9 @@ class RobotCore:
         self._parts = parts
         self._flow = ActionFlow(parts)
         self._travel = Travel(parts, self._flow)
-        self._cancel = OrderCancel(parts, self._flow, self._travel)
+        self._clearing = Clearing(parts, self._flow, self._travel)
+        self._cancel = OrderCancel(parts, self._clearing)
+        self._mode = ModeSwitch(parts, self._clearing)
         self._pause = Pause(parts, self._flow, self._travel)
         self._position = PositionSetting(parts)
         self._instants = InstantActionFlow(parts, self._cancel, self._pause, self._position)
@@ -84,7 +88,8 @@ class RobotCore:
         self._pause.apply()
         self._travel.advance()
         self._pause.advance()
-        self._cancel.advance()
+        self._clearing.advance()
+        self._mode.advance()
         self._position.advance()
         check_conditions(parts)
         shown = self._visible()
@@ -125,7 +130,9 @@ class RobotCore:
             parts.loads,
             parts.charging,
             parts.paused,
-            parts.cancelling,
+            parts.clearing,
+            parts.operating_mode,
+            parts.wanted_mode,
         )
 
     def memory(self) -> Memory:
@@ -140,7 +147,6 @@ class RobotCore:
             *self.durable_version,
             parts.errors.revision,
             parts.goal.moving,
-            parts.operating_mode,
             self._travel.new_base_request,
             pose is not None and pose.localized,
             battery is not None and battery.charging,
@@ -157,7 +163,7 @@ class RobotCore:
             MessageRefused: lambda event: self._parts.errors.show(event.error, Until.ORDER_ACCEPTED),
             ActionReport: self._action_reported,
             JournalReport: self._journal_reported,
-            OperatingModeSwitched: self._mode_switched,
+            OperatingModeSwitched: self._mode.switch,
             SafetyReport: self._safety_reported,
             PauseButton: self._pause_button,
             ErrorSwitched: self._error_switched,
@@ -179,7 +185,7 @@ class RobotCore:
         self._position.interrupted()
         self._flow.take_up_again()
         self._flow.schedule()
-        if parts.cancelling or parts.paused:
+        if parts.clearing or parts.paused:
             self._travel.resume_halt()
 
     def _action_reported(self, event: ActionReport) -> None:
@@ -188,9 +194,6 @@ class RobotCore:
 
     def _journal_reported(self, event: JournalReport) -> None:
         self._parts.journal_problem = event.problem
-
-    def _mode_switched(self, event: OperatingModeSwitched) -> None:
-        self._parts.operating_mode = event.mode
 
     def _safety_reported(self, event: SafetyReport) -> None:
         self._parts.senses.safety = event

@@ -98,7 +98,7 @@ class Travel:
     def new_base_request(self) -> bool:
         """Whether the end of the base comes near while a horizon is left (section 6.6.3)."""
         parts = self._parts
-        if not parts.progress.horizon_left or parts.cancelling:
+        if not parts.progress.horizon_left or parts.clearing:
             return False
         return self._base_length_left() <= parts.capabilities.base_request_distance
 
@@ -109,7 +109,7 @@ class Travel:
 
     def _must_stand(self) -> bool:
         parts = self._parts
-        return parts.holding or parts.cancelling or parts.senses.trusted_pose is None
+        return parts.holding or parts.clearing or parts.senses.trusted_pose is None
 
     def _may_move(self) -> bool:
         parts = self._parts

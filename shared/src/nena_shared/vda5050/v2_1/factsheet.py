@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, Field, PlainSerializer, ValidationInfo, field_serializer
+from pydantic import AfterValidator, Field, PlainSerializer, ValidationInfo, field_serializer, model_validator
 
 from nena_shared.vda5050.base import NotNegative, UInt32
 from nena_shared.vda5050.factsheet import (
@@ -30,7 +30,13 @@ from nena_shared.vda5050.factsheet import (
     ValueDataType,
 )
 from nena_shared.vda5050.spelling import Absent, always, reads, writes
-from nena_shared.vda5050.v2_1.action import ActionTypeV21, ActionV21, BlockingTypeV21
+from nena_shared.vda5050.v2_1.action import (
+    CANCELLED_ORDER,
+    TRIGGER,
+    ActionTypeV21,
+    ActionV21,
+    BlockingTypeV21,
+)
 from nena_shared.vda5050.v2_1.base import TimestampOrNow
 from nena_shared.vda5050.v2_1.order import CorridorV21, EdgeV21, NodeV21, OrderV21
 from nena_shared.vda5050.v2_1.parameter import missing_names, neutral_path, speaks_of, written_path
@@ -129,6 +135,33 @@ class MobileRobotActionV21(MobileRobotAction):
     blocking_types: tuple[BlockingTypeV21, ...] | None = None
     pause_allowed: Annotated[bool, always(value=False), Field(exclude=True)] = False
     cancel_allowed: Annotated[bool, always(value=False), Field(exclude=True)] = False
+
+    @model_validator(mode="after")
+    def _read_trigger(self, info: ValidationInfo) -> Self:
+        if info.mode != "json" or not self.action_parameters:
+            return self
+        parameters = tuple(
+            self._typed(each, ValueDataType.STRING, ValueDataType.ARRAY) for each in self.action_parameters
+        )
+        return self.model_copy(update={"action_parameters": parameters})
+
+    @field_serializer("action_parameters", when_used="json")
+    def _written_parameters(
+        self, parameters: tuple[ActionParameterDescriptionV21, ...] | None
+    ) -> tuple[ActionParameterDescriptionV21, ...] | None:
+        return parameters and tuple(
+            self._typed(each, ValueDataType.ARRAY, ValueDataType.STRING)
+            for each in parameters
+            if (self.action_type, each.key) != CANCELLED_ORDER
+        )
+
+    def _typed(
+        self, parameter: ActionParameterDescriptionV21, old: ValueDataType, new: ValueDataType
+    ) -> ActionParameterDescriptionV21:
+        """Give ``parameter`` with the type that the version has for the trigger."""
+        if (self.action_type, parameter.key) != TRIGGER or parameter.value_data_type is not old:
+            return parameter
+        return parameter.model_copy(update={"value_data_type": new})
 
 
 def _neutral(path: str, info: ValidationInfo) -> str:

@@ -1,0 +1,265 @@
+"""Operating modes and clearing (sections 6.6.6 and 6.6.7), in every version."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from nena_edge_agent.protocol.effects import CancelAction, Halt
+from nena_edge_agent.protocol.events import ErrorSwitched, OperatingModeSwitched
+from nena_edge_agent.protocol.memory import Memory
+from nena_edge_agent.protocol.rules import RULES
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
+from nena_shared.vda5050.state import OperatingMode
+from support.robot_core import Bench, action, at, order
+
+VERSIONS = pytest.mark.parametrize("version", list(RULES))
+CLEARING = pytest.mark.parametrize("mode", [each for each in OperatingMode if each.clears_order])
+
+
+def switch(bench: Bench, mode: OperatingMode) -> None:
+    bench.do(OperatingModeSwitched(mode))
+
+
+def driving(version: str, **more: Any) -> Bench:
+    bench = Bench(rules=RULES[version])
+    bench.send(order("n0", "n1", "n2", **more))
+    return bench
+
+
+@pytest.mark.clause("6.6.7")
+@VERSIONS
+@CLEARING
+def test_a_person_who_takes_over_ends_the_order(version: str, mode: OperatingMode) -> None:
+    bench = driving(version, node_actions={"n1": [action("a")]})
+
+    switch(bench, mode)
+
+    state = bench.state
+    assert (state.operating_mode, state.node_states, state.edge_states) == (mode, (), ())
+    assert bench.status("a") == "FAILED"
+    assert len(bench.effects_of(Halt)) == 1
+    assert (state.order_id, bench.idle) == ("o1", True)
+
+
+@pytest.mark.clause("6.6.7")
+@VERSIONS
+def test_the_mode_is_shown_with_the_empty_lists_when_the_last_action_has_ended(version: str) -> None:
+    bench = driving(version, node_actions={"n0": [action("a", "HARD", "press"), action("b", "HARD")]})
+    bench.runs("a")
+
+    switch(bench, OperatingMode.MANUAL)
+
+    assert bench.state.operating_mode is OperatingMode.AUTOMATIC
+    assert bench.nodes == ["n1", "n2"]
+    assert bench.statuses() == {"a": "RUNNING", "b": "FAILED"}
+    bench.finishes("a")
+    assert (bench.state.operating_mode, bench.nodes) == (OperatingMode.MANUAL, [])
+
+
+@pytest.mark.clause("6.6.7")
+@VERSIONS
+def test_what_can_be_stopped_is_stopped(version: str) -> None:
+    bench = driving(version, node_actions={"n0": [action("a", "HARD")]})
+    bench.runs("a")
+
+    switch(bench, OperatingMode.SERVICE)
+    assert [each.action_id for each in bench.effects_of(CancelAction)] == ["a"]
+    bench.fails("a")
+
+    assert bench.state.operating_mode is OperatingMode.SERVICE
+
+
+@pytest.mark.clause("6.6.7")
+@VERSIONS
+def test_a_mode_that_is_switched_back_while_the_order_is_cleared_does_not_save_it(version: str) -> None:
+    bench = driving(version, node_actions={"n0": [action("a", "HARD", "press")]})
+    bench.runs("a")
+
+    switch(bench, OperatingMode.MANUAL)
+    switch(bench, OperatingMode.AUTOMATIC)
+    bench.finishes("a")
+
+    assert (bench.state.operating_mode, bench.nodes) == (OperatingMode.AUTOMATIC, [])
+    assert bench.idle
+
+
+@pytest.mark.clause("6.1.4.9")
+@VERSIONS
+@CLEARING
+def test_orders_are_refused_until_the_mode_takes_them(version: str, mode: OperatingMode) -> None:
+    bench = Bench(rules=RULES[version])
+    switch(bench, mode)
+
+    bench.send(order("n0", "n1"))
+    assert (bench.errors, bench.state.order_id) == (["MOBILE_ROBOT_NOT_AVAILABLE"], "")
+    switch(bench, OperatingMode.SEMIAUTOMATIC)
+    assert not bench.errors
+
+    bench.send(order("n0", "n1"))
+    assert bench.state.order_id == "o1"
+
+
+@pytest.mark.clause("6.1.4.9")
+@VERSIONS
+def test_orders_are_refused_as_soon_as_the_mode_is_switched(version: str) -> None:
+    bench = driving(version, node_actions={"n0": [action("a", "HARD", "press")]})
+    bench.runs("a")
+    switch(bench, OperatingMode.MANUAL)
+
+    bench.send(order("n0", order_id="o2"))
+
+    assert bench.errors == ["MOBILE_ROBOT_NOT_AVAILABLE"]
+
+
+@pytest.mark.clause("6.6.5.1")
+@VERSIONS
+def test_a_robot_with_a_fatal_error_takes_no_orders(version: str) -> None:
+    bench, entry = Bench(rules=RULES[version]), ErrorEntry(error_type="x", error_level=ErrorLevel.FATAL)
+    bench.do(ErrorSwitched(entry, active=True))
+
+    bench.send(order("n0", "n1"))
+    assert bench.errors == ["x", "MOBILE_ROBOT_NOT_AVAILABLE"]
+
+    bench.do(ErrorSwitched(entry, active=False))
+    assert not bench.errors
+
+
+@pytest.mark.clause("6.6.6")
+@VERSIONS
+@CLEARING
+def test_instant_actions_that_do_something_fail(version: str, mode: OperatingMode) -> None:
+    bench = Bench(rules=RULES[version])
+    switch(bench, mode)
+
+    bench.instant(action("s", "NONE", "stateRequest"), action("p", "NONE", "startPause"), action("w"))
+
+    assert [bench.status(each) for each in "spw"] == ["FINISHED", "FAILED", "FAILED"]
+    assert not bench.state.paused
+
+
+@pytest.mark.clause("6.6.6")
+@VERSIONS
+def test_an_operator_who_intervenes_holds_the_order_and_gives_it_back(version: str) -> None:
+    bench = driving(version)
+    switch(bench, OperatingMode.INTERVENED)
+    bench.halted()
+
+    bench.do(at(4.0, 3.0))
+    assert (bench.nodes, len(bench.goals)) == (["n1", "n2"], 1)
+    assert bench.state.operating_mode is OperatingMode.INTERVENED
+    switch(bench, OperatingMode.AUTOMATIC)
+
+    assert len(bench.goals) == 2
+    bench.arrive()
+    bench.arrive()
+    assert bench.idle
+
+
+@pytest.mark.clause("6.6.6")
+@VERSIONS
+def test_while_an_operator_intervenes_an_order_is_taken_and_run_later(version: str) -> None:
+    bench = Bench(rules=RULES[version])
+    switch(bench, OperatingMode.INTERVENED)
+
+    bench.send(order("n0", "n1", node_actions={"n0": [action("a")]}))
+    assert (bench.state.order_id, bench.status("a"), bench.goals) == ("o1", "WAITING", [])
+    switch(bench, OperatingMode.AUTOMATIC)
+
+    assert (bench.status("a"), len(bench.goals)) == ("INITIALIZING", 1)
+
+
+@pytest.mark.clause("6.6.6", "6.1.3")
+@VERSIONS
+def test_while_an_operator_intervenes_only_cancel_order_is_taken(version: str) -> None:
+    bench = driving(version)
+    switch(bench, OperatingMode.INTERVENED)
+    bench.halted()
+
+    bench.instant(action("p", "NONE", "startPause"), action("c", "NONE", "cancelOrder"))
+
+    assert (bench.status("p"), bench.status("c")) == ("FAILED", "FINISHED")
+    assert bench.idle
+
+
+@pytest.mark.clause("6.6.6", "6.6.7")
+@pytest.mark.parametrize(
+    ("version", "kept"), [("2.0.0", "n1"), ("2.1.0", "n1"), ("3.0.0", "")], ids=["2.0", "2.1", "3.0"]
+)
+@pytest.mark.parametrize("mode", [OperatingMode.STARTUP, OperatingMode.SERVICE, OperatingMode.TEACH_IN])
+def test_the_last_node_is_forgotten_where_the_version_says_so(
+    version: str, kept: str, mode: OperatingMode
+) -> None:
+    bench = driving(version)
+    bench.arrive()
+
+    switch(bench, mode)
+
+    assert bench.state.last_node_id == kept
+
+
+@pytest.mark.clause("6.6.6")
+@pytest.mark.parametrize(
+    ("version", "kept"), [("2.0.0", "n1"), ("2.1.0", "n1"), ("3.0.0", "")], ids=["2.0", "2.1", "3.0"]
+)
+def test_in_manual_the_last_node_is_forgotten_when_the_robot_is_driven_away(version: str, kept: str) -> None:
+    bench = driving(version)
+    bench.arrive()
+    switch(bench, OperatingMode.MANUAL)
+    assert bench.state.last_node_id == "n1"
+
+    bench.do(at(10.0, 2.0))
+
+    assert bench.state.last_node_id == kept
+
+
+@pytest.mark.clause("6.1.2", "6.6.7")
+@VERSIONS
+def test_after_clearing_an_update_is_taken_only_where_the_base_ended(version: str) -> None:
+    bench = driving(version)
+    bench.arrive()
+    bench.arrive()
+    switch(bench, OperatingMode.MANUAL)
+    switch(bench, OperatingMode.AUTOMATIC)
+
+    bench.send(order("n2", "n3", update=1, first=4))
+
+    assert (bench.nodes, bench.errors) == (["n3"], [])
+
+
+@pytest.mark.clause("6.1.2", "6.6.7")
+@VERSIONS
+def test_after_clearing_an_update_far_from_the_end_of_the_base_is_refused(version: str) -> None:
+    bench = driving(version)
+    switch(bench, OperatingMode.MANUAL)
+    switch(bench, OperatingMode.AUTOMATIC)
+
+    bench.send(order("n2", "n3", update=1, first=4))
+
+    assert bench.nodes == []
+    assert bench.errors == [RULES[version].wrong_stitching_node]
+
+
+@VERSIONS
+def test_the_mode_outlives_a_restart_of_the_agent(version: str) -> None:
+    bench = Bench(rules=RULES[version])
+    switch(bench, OperatingMode.MANUAL)
+    kept = bench.core.memory().model_dump_json(exclude_defaults=True)
+
+    again = Bench(memory=Memory.model_validate_json(kept), rules=RULES[version])
+
+    assert again.state.operating_mode is OperatingMode.MANUAL
+
+
+@VERSIONS
+def test_a_clearing_outlives_a_restart_of_the_agent(version: str) -> None:
+    bench = driving(version, node_actions={"n0": [action("a", "HARD", "press")]})
+    bench.runs("a")
+    switch(bench, OperatingMode.MANUAL)
+    kept = bench.core.memory().model_dump_json(exclude_defaults=True)
+
+    again = Bench(memory=Memory.model_validate_json(kept), rules=RULES[version])
+
+    assert (again.status("a"), again.nodes) == ("FAILED", [])
+    assert again.state.operating_mode is OperatingMode.MANUAL
