@@ -68,6 +68,11 @@ class Router:
         points = min(ways.values()).points
         return tuple(Route(start, end, graph.shortest(start, end) or ()) for start, end in pairwise(points))
 
+    def costs_from(self, source: str, *, vehicle: Vehicle | None = None) -> dict[str, float]:
+        """Return what it costs to reach each point that can be reached. Raises UnknownObjectError."""
+        self._check_points((source,))
+        return self._graph(vehicle, ()).costs_from(source, self._plant.points_by_name)
+
     def _graph(self, vehicle: Vehicle | None, avoid: Collection[str]) -> RoutingGraph:
         profile = RoutingProfile.of(vehicle)
         if profile not in self._graphs:

@@ -1,0 +1,1 @@
+"""Traffic: which vehicle may use which points, paths and blocks, and when (openTCS: scheduler)."""

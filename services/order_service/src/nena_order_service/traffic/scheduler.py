@@ -1,0 +1,232 @@
+"""The scheduler: claims, allocates and frees resources so that no vehicles ever block each other for good.
+
+A vehicle claims its whole way before it begins. The state is *safe* as long as the vehicles under way can
+come to their ends one after the other: whoever holds what another one claims must go before that one, and
+whoever will come to rest on what another one claims must go after it. These demands must have no cycle. Each
+claim and each allocation is granted only if they still have none; then the first in that order can always go
+on.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from nena_order_service.traffic.occupant import Occupant
+from nena_order_service.traffic.resources import ResourceSet
+from nena_order_service.traffic.use_index import UseIndex
+
+
+class Hindrance(Enum):
+    """Why resources are not granted."""
+
+    HELD = auto()
+    """Others hold them, and will go on."""
+    RESTING = auto()
+    """Others rest on them."""
+    ORDER = auto()
+    """Others must go first, or the vehicles would block each other."""
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Why a vehicle must wait, and for whom."""
+
+    hindrance: Hindrance
+    vehicles: tuple[str, ...]
+    resource: str
+
+    def __str__(self) -> str:
+        names = ", ".join(self.vehicles)
+        match self.hindrance:
+            case Hindrance.HELD:
+                return f"waits for {self.resource!r}, which {names} holds"
+            case Hindrance.RESTING:
+                return f"waits for {self.resource!r}, where {names} rests"
+            case Hindrance.ORDER:
+                return f"lets {names} go first at {self.resource!r}"
+
+
+class UnknownOccupantError(LookupError):
+    """Traffic control has not been told where the vehicle ``name`` is."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        super().__init__(f"place vehicle {name!r} before anything is claimed for it")
+
+
+class Scheduler:
+    """Who holds, claims and will rest on what; names of vehicles and of resources are the plant's."""
+
+    def __init__(self) -> None:
+        self._occupants: dict[str, Occupant] = {}
+        self._holds = UseIndex()
+        self._claims = UseIndex()
+        self._ends = UseIndex()
+        self._rests: dict[str, list[ResourceSet]] = {}
+
+    def occupant(self, name: str) -> Occupant:
+        """Give a vehicle as it stands, to be read; raises UnknownOccupantError."""
+        try:
+            return self._occupants[name]
+        except KeyError:
+            raise UnknownOccupantError(name) from None
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._occupants
+
+    def place(self, name: str, place: Iterable[ResourceSet], length_mm: int) -> None:
+        """Take notice of a vehicle that rests on ``place``, oldest set first, whoever else is there."""
+        self.remove(name)
+        sets = deque(place)
+        self._occupants[name] = Occupant(name, length_mm, sets, reached=len(sets) - 1)
+        for each in sets:
+            self._holds.add(name, each.uses)
+
+    def remove(self, name: str) -> None:
+        """Forget a vehicle and free what it holds; one that is not known stays so."""
+        if name not in self._occupants:
+            return
+        self.give_up_claim(name)
+        self._forget_end(name)
+        for each in self._occupants.pop(name).held:
+            self._holds.remove(name, each.uses)
+
+    def claim(self, name: str, way: Sequence[ResourceSet]) -> Refusal | None:
+        """Claim a way that follows what the vehicle holds; gives why not, and then nothing has changed.
+
+        A claim that is there already is replaced.
+        """
+        occupant = self.occupant(name)
+        if refusal := self._resting_on(name, way):
+            return refusal
+        before = tuple(occupant.claimed)
+        self._set_claim(occupant, way)
+        if refusal := self._cycle(name):
+            self._set_claim(occupant, before)
+        return refusal
+
+    def allocate(self, name: str) -> Refusal | None:
+        """Allocate the next claimed set; gives why not, and then nothing has changed.
+
+        Raises:
+            LookupError: the vehicle is not known, or claims nothing.
+
+        """
+        occupant = self.occupant(name)
+        if not occupant.claimed:
+            message = f"vehicle {name!r} claims nothing"
+            raise LookupError(message)
+        wanted = occupant.claimed[0]
+        if refusal := self._held(name, wanted) or self._precedence(name, wanted):
+            return refusal
+        occupant.held.append(occupant.claimed.popleft())
+        self._claims.remove(name, wanted.uses)
+        self._holds.add(name, wanted.uses)
+        return None
+
+    def arrive(self, name: str, index: int) -> None:
+        """Take notice that the vehicle has come to its ``index``-th held set; frees what is behind."""
+        occupant = self.occupant(name)
+        for each in occupant.arrive(index):
+            self._holds.remove(name, each.uses)
+        if occupant.resting:
+            self._forget_end(name)
+
+    def give_up_claim(self, name: str) -> None:
+        """Drop what the vehicle claims; what it holds stays with it, for it may still drive there."""
+        self._set_claim(self.occupant(name), ())
+
+    def stand(self, name: str) -> None:
+        """Take notice that the vehicle stands for good where it is, and free what it was to drive to.
+
+        It may be anywhere on the way to the next point, so that set stays with it.
+        """
+        occupant = self.occupant(name)
+        self.give_up_claim(name)
+        while occupant.ahead > 1:
+            self._holds.remove(name, occupant.held.pop().uses)
+        occupant.reached = len(occupant.held) - 1
+        self._forget_end(name)
+
+    def users(self, resource: str) -> frozenset[str]:
+        """Give who holds, claims or will rest on ``resource``."""
+        return self._holds.users(resource) | self._claims.users(resource) | self._ends.users(resource)
+
+    def resting_on(self, name: str, way: Iterable[ResourceSet]) -> tuple[str, ...]:
+        """Give the vehicles that rest where ``name`` would have to pass or to stop."""
+        found = (other for other, _ in self._others(self._holds, name, way))
+        return tuple(dict.fromkeys(other for other in found if self._occupants[other].resting))
+
+    def end_of(self, name: str, way: Sequence[ResourceSet]) -> list[ResourceSet]:
+        """Give what the vehicle would rest on at the end of ``way``."""
+        return self.occupant(name).at_end(way)
+
+    def _set_claim(self, occupant: Occupant, way: Sequence[ResourceSet]) -> None:
+        name = occupant.name
+        for each in occupant.claimed:
+            self._claims.remove(name, each.uses)
+        self._forget_end(name)
+        occupant.claimed = deque(way)
+        for each in way:
+            self._claims.add(name, each.uses)
+        if not occupant.resting:
+            self._rests[name] = occupant.at_end(way)
+            for each in self._rests[name]:
+                self._ends.add(name, each.uses)
+
+    def _forget_end(self, name: str) -> None:
+        for each in self._rests.pop(name, ()):
+            self._ends.remove(name, each.uses)
+
+    def _others(self, index: UseIndex, name: str, sets: Iterable[ResourceSet]) -> Iterator[tuple[str, str]]:
+        for each in sets:
+            yield from index.others(name, each.uses)
+
+    def _resting_on(self, name: str, way: Sequence[ResourceSet]) -> Refusal | None:
+        for other, resource in self._others(self._holds, name, way):
+            if self._occupants[other].resting:
+                return Refusal(Hindrance.RESTING, self.resting_on(name, way), resource)
+        return None
+
+    def _held(self, name: str, wanted: ResourceSet) -> Refusal | None:
+        others = list(self._holds.others(name, wanted.uses))
+        if not others:
+            return None
+        resting = all(self._occupants[other].resting for other, _ in others)
+        names = tuple(dict.fromkeys(other for other, _ in others))
+        return Refusal(Hindrance.RESTING if resting else Hindrance.HELD, names, others[0][1])
+
+    def _precedence(self, name: str, wanted: ResourceSet) -> Refusal | None:
+        """Tell who claims ``wanted`` and must go before this vehicle, directly or by others in between."""
+        for other, resource in self._claims.others(name, wanted.uses):
+            if self._must_precede(other, name):
+                return Refusal(Hindrance.ORDER, (other,), resource)
+        return None
+
+    def _cycle(self, name: str) -> Refusal | None:
+        """Tell who must go before this vehicle, directly or by others in between, and also after it."""
+        for other, resource in self._later(name):
+            if self._must_precede(other, name):
+                return Refusal(Hindrance.ORDER, (other,), resource)
+        return None
+
+    def _must_precede(self, first: str, later: str) -> bool:
+        """Tell whether ``first`` must come to its end before ``later`` can come to its own."""
+        seen, open_ends = {first}, [first]
+        while open_ends:
+            for other, _ in self._later(open_ends.pop()):
+                if other == later:
+                    return True
+                if other not in seen:
+                    seen.add(other)
+                    open_ends.append(other)
+        return False
+
+    def _later(self, name: str) -> Iterator[tuple[str, str]]:
+        """Give the vehicles that cannot come to their ends before this one, and for which resource."""
+        occupant = self._occupants[name]
+        yield from self._others(self._claims, name, occupant.held)
+        yield from self._others(self._ends, name, occupant.claimed)

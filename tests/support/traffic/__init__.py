@@ -1,0 +1,1 @@
+"""A simulated fleet for traffic control: random plants, events, an independent look for collisions."""

@@ -1,0 +1,60 @@
+"""Small scenes for traffic control: vehicles on a plant of a few words."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from itertools import pairwise
+
+from nena_order_service.routing import Route, Router
+from nena_order_service.traffic.resources import ResourceSet
+from nena_order_service.traffic.traffic_control import TrafficControl
+from nena_shared.plant import PlantModel
+
+
+class Scene:
+    """A plant, its traffic control, and vehicles of one length that stand on points of it."""
+
+    def __init__(self, plant: PlantModel, *, length_mm: int = 0, **places: str) -> None:
+        self.router = Router(plant)
+        self.control = TrafficControl(plant, self)
+        self.scheduler = self.control.scheduler
+        for name, point in places.items():
+            self.scheduler.place(name, [self.control.resources.at(point)], length_mm)
+
+    def route(self, vehicle: str, start: str, goal: str, *, avoid: Collection[str] = frozenset()) -> Route:
+        del vehicle
+        return self.router.route(start, goal, avoid=avoid)
+
+    def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
+        del vehicle
+        return self.router.costs_from(start)
+
+    def way(self, vehicle: str, *points: str) -> list[ResourceSet]:
+        """Give the sets of a way along ``points``, which follows the last set that the vehicle holds."""
+        start = self.scheduler.occupant(vehicle).held[-1]
+        ends = [start.point, *points]
+        steps = (step for one, other in pairwise(ends) for step in self.router.route(one, other).steps)
+        return list(self.control.resources.along(steps, start=start))
+
+    def claim(self, vehicle: str, *points: str) -> str:
+        """Claim a way; gives in words why not."""
+        return str(self.scheduler.claim(vehicle, self.way(vehicle, *points)) or "")
+
+    def allocate(self, vehicle: str) -> str:
+        """Allocate the next set; gives in words why not."""
+        return str(self.scheduler.allocate(vehicle) or "")
+
+    def drive(self, vehicle: str) -> None:
+        """Arrive at the next point that the vehicle holds."""
+        self.scheduler.arrive(vehicle, self.scheduler.occupant(vehicle).reached + 1)
+
+    def drive_to_end(self, vehicle: str) -> None:
+        """Drive the whole claimed way, which must be free."""
+        for _ in tuple(self.scheduler.occupant(vehicle).claimed):
+            assert self.allocate(vehicle) == ""
+            self.drive(vehicle)
+
+    def decide(self, *busy: str) -> Iterator[str]:
+        """Let traffic control decide; gives each departure and evasion in words."""
+        for each in self.control.decide(lambda name: name not in busy):
+            yield f"{type(each).__name__} {each.vehicle} {' '.join(each.route.points)}"
