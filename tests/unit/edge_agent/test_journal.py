@@ -34,6 +34,24 @@ def test_the_newest_record_is_read_back_as_it_was(tmp_path: Path) -> None:
     assert Journal(tmp_path, RobotKey("ACME", "0002")).read() is None
 
 
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (RobotKey("ACME.B", "C"), RobotKey("ACME", "B.C")),
+        (RobotKey("ACME%2EB", "C"), RobotKey("ACME.B", "C")),
+        (RobotKey("..", "C"), RobotKey(".", ".C")),
+    ],
+)
+def test_no_two_robots_share_a_file(tmp_path: Path, one: RobotKey, other: RobotKey) -> None:
+    memory = busy().core.memory()
+    Journal(tmp_path, one).write(memory)
+
+    assert Journal(tmp_path, other).read() is None
+    assert Journal(tmp_path, one).read() == memory
+    with sole_user(tmp_path, one), sole_user(tmp_path, other):
+        pass
+
+
 def test_a_torn_write_leaves_the_old_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bench, journal = busy(), Journal(tmp_path, ROBOT)
     journal.write(bench.core.memory())

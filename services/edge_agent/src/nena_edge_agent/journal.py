@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from urllib.parse import quote
 
 from pydantic import ValidationError
 
@@ -23,7 +24,7 @@ def sole_user(folder: Path, robot: RobotKey) -> Iterator[None]:
         StartError: another one does, or the folder cannot be used.
 
     """
-    path = _at_home(folder) / f"{robot.manufacturer}.{robot.serial_number}.lock"
+    path = _at_home(folder) / f"{_file_name(robot)}.lock"
     with ExitStack() as stack:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -43,7 +44,7 @@ class Journal:
 
     def __init__(self, folder: Path, robot: RobotKey) -> None:
         self._folder = _at_home(folder)
-        self._file = self._folder / f"{robot.manufacturer}.{robot.serial_number}.json"
+        self._file = self._folder / f"{_file_name(robot)}.json"
 
     def read(self) -> Memory | None:
         """Give the last record, None if there is none.
@@ -82,6 +83,16 @@ class Journal:
             os.fsync(file.fileno())
         new.replace(self._file)
         _sync_folder(self._folder)
+
+
+def _file_name(robot: RobotKey) -> str:
+    """Give a name that no other robot has: its first full stop ends the manufacturer.
+
+    A serial number may hold any of the standard's signs as it is; all else that file systems stumble over is
+    written as in an URL.
+    """
+    manufacturer = quote(robot.manufacturer, safe=" ").replace(".", "%2E")
+    return f"{manufacturer}.{quote(robot.serial_number, safe=' :')}"
 
 
 def _at_home(folder: Path) -> Path:

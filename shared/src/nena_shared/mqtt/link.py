@@ -53,7 +53,7 @@ class _Subscription:
 class _Session:
     """What belongs to one connection and ends with it."""
 
-    client: aiomqtt.Client
+    client: _Client
     deliveries: dict[asyncio.Task[None], Outbound] = field(default_factory=dict)
 
 
@@ -71,6 +71,12 @@ class _Client(aiomqtt.Client):
         except BaseException:
             self._client.disconnect()
             raise
+
+    def cut(self) -> None:
+        """Break the connection without DISCONNECT: the broker sends the will."""
+        sock = self._client.socket()
+        if isinstance(sock, socket.socket):
+            sock.shutdown(socket.SHUT_RDWR)
 
 
 class MqttLink:
@@ -115,6 +121,7 @@ class MqttLink:
         self._outbox: deque[Outbound] = deque()
         self._session: _Session | None = None
         self._handlers = lru_cache(maxsize=10_000)(self._matching_handlers)
+        self._silence = 0.0
         self.state = LinkState()
 
     def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1) -> None:
@@ -142,8 +149,15 @@ class MqttLink:
                 self._tell_failure(error, lost=self.state.connects > connects)
             if self.state.connects > connects:
                 pause = self._settings.reconnect_min
-            await asyncio.sleep(pause)
+            silence, self._silence = self._silence, 0.0
+            await asyncio.sleep(max(pause, silence))
             pause = min(pause * 2, self._settings.reconnect_max)
+
+    def cut(self, seconds: float) -> None:
+        """Break the connection as a robot does that leaves radio range, for ``seconds``: for rehearsals."""
+        if self._session:
+            self._silence = seconds
+            self._session.client.cut()
 
     async def drain(self, seconds: float) -> bool:
         """Wait at most ``seconds`` until the broker has all that was published; tell whether it has."""
@@ -166,7 +180,7 @@ class MqttLink:
             finally:
                 self._leave(session)
 
-    def _make_client(self) -> aiomqtt.Client:
+    def _make_client(self) -> _Client:
         will = self._will() if self._will else None
         client = _Client(
             self._settings.host,

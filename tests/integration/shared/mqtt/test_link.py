@@ -124,6 +124,21 @@ async def test_will_is_sent_when_the_connection_breaks(broker: Broker, interface
             assert (await peer.wait_for(topic)).payload == b"broken"
 
 
+async def test_a_link_that_is_cut_sends_its_will_and_stays_away_for_its_time(
+    broker: Broker, interface_name: str
+) -> None:
+    topic = f"{interface_name}/connection"
+    link = MqttLink(broker.settings, client_id=interface_name, will=lambda: Outbound(topic, b"broken"))
+    with MqttPeer(broker, topic) as peer:
+        async with running(link):
+            begin = perf_counter()
+            link.cut(0.4)
+            assert (await peer.wait_for(topic)).payload == b"broken"
+
+            await until(lambda: link.state.connects == 2)
+            assert perf_counter() - begin >= 0.4
+
+
 async def test_will_is_not_sent_after_an_orderly_end(broker: Broker, interface_name: str) -> None:
     topic = f"{interface_name}/connection"
     link = MqttLink(broker.settings, client_id=interface_name, will=lambda: Outbound(topic, b"broken"))
