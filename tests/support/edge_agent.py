@@ -17,8 +17,8 @@ from nena_edge_agent.__main__ import serve
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.action import Action, InstantActions
 from nena_shared.vda5050.order import Order
-from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
-from nena_shared.vda5050.v2_1 import CODEC
+from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.versions import codec_for, topics_for
 from support.broker import Broker, MqttPeer
 from support.robot_core import HEADER, MAP
 from support.waiting import until
@@ -107,24 +107,31 @@ class AgentProcess:
 class FleetControl:
     """Sends to one robot, and reads what it says."""
 
-    def __init__(self, peer: MqttPeer, interface_name: str, serial: str = SERIAL) -> None:
+    def __init__(
+        self, peer: MqttPeer, interface_name: str, serial: str = SERIAL, version: str = "2.1.0"
+    ) -> None:
         self.peer = peer
         self.robot = RobotKey(MANUFACTURER, serial)
-        self._topics = TopicScheme(interface_name)
+        self._codec = codec_for(version)
+        self._topics = topics_for(version, interface_name)
 
     def topic(self, topic: Topic) -> str:
         return self._topics.of(self.robot, topic)
 
     def send(self, order: Order) -> None:
-        header = {"manufacturer": self.robot.manufacturer, "serial_number": self.robot.serial_number}
-        self.peer.publish(self.topic(Topic.ORDER), CODEC.encode(order.model_copy(update=header)))
+        self.peer.publish(self.topic(Topic.ORDER), self._codec.encode(order.model_copy(update=self._header)))
 
     def instant(self, *actions: Action) -> None:
-        message = InstantActions(
-            **HEADER | {"manufacturer": self.robot.manufacturer, "serial_number": self.robot.serial_number},
-            actions=tuple(actions),
-        )
-        self.peer.publish(self.topic(Topic.INSTANT_ACTIONS), CODEC.encode(message))
+        message = InstantActions(**HEADER | self._header, actions=tuple(actions))
+        self.peer.publish(self.topic(Topic.INSTANT_ACTIONS), self._codec.encode(message))
+
+    @property
+    def _header(self) -> dict[str, str]:
+        return {
+            "version": self._codec.version,
+            "manufacturer": self.robot.manufacturer,
+            "serial_number": self.robot.serial_number,
+        }
 
     @property
     def states(self) -> list[dict[str, Any]]:

@@ -17,7 +17,7 @@ def loaded(*argv: str) -> EdgeAgentSettings:
 def test_without_settings_it_is_one_robot_with_nav2() -> None:
     settings = loaded()
 
-    assert (settings.driver, settings.interface_name, settings.version) == ("nav2", "uagv", "2.1.0")
+    assert (settings.driver, settings.interface_name, settings.version) == ("nav2", None, "2.1.0")
     assert settings.serial_numbers == ("robot1",)
     assert [each.action_type for each in settings.operations] == [
         "pick",

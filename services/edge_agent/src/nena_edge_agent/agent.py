@@ -39,8 +39,8 @@ from nena_shared.mqtt import MqttLink, Outbound
 from nena_shared.tasks import Supervisor
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import Connection, ConnectionState
-from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
-from nena_shared.vda5050.v2_1 import CODEC
+from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.versions import codec_for, topics_for
 from nena_shared.vda5050.visualization import Visualization
 
 log = get_logger(__name__)
@@ -79,7 +79,8 @@ class RobotAgent:
         self._clock = clock
         self.robot = RobotKey(settings.manufacturer, serial_number)
         self._log = log.bind(robot=str(self.robot))
-        self._topics = TopicScheme(settings.interface_name, CODEC.major_version)
+        self._codec = codec_for(settings.version)
+        self._topics = topics_for(settings.version, settings.interface_name)
         self._headers = HeaderMaker(self.robot, version=settings.version, clock=clock)
         self._registry = registry
         self._capabilities = make_capabilities(settings, registry)
@@ -88,7 +89,7 @@ class RobotAgent:
         self._durable_version = self._core.durable_version
         self._record: asyncio.Task[None] | None = None
         self._mailbox = Mailbox()
-        self._inbox = Inbox(CODEC, self.robot, self._mailbox.put)
+        self._inbox = Inbox(self._codec, self.robot, self._mailbox.put)
         self._driver = make_driver(self._mailbox.put, self._core.last_place)
         self._runner = ActionRunner(registry, self._mailbox.put)
         self._states = StateSchedule(
@@ -250,7 +251,7 @@ class RobotAgent:
     def _outbound(
         self, topic: Topic, message: Header, *, qos: int = 1, retain: bool = False, keep: bool = False
     ) -> Outbound:
-        payload = CODEC.encode(message)
+        payload = self._codec.encode(message)
         return Outbound(self._topics.of(self.robot, topic), payload, qos=qos, retain=retain, keep=keep)
 
     def _make_link(self) -> MqttLink:

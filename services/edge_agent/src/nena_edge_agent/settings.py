@@ -13,6 +13,7 @@ from nena_edge_agent.protocol.capabilities import DriveStrategy
 from nena_edge_agent.protocol.optional_parameters import DEMANDS
 from nena_edge_agent.ros.settings import RosSettings
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
+from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_for
 
 
 def _topic_level(level: str) -> str:
@@ -29,6 +30,14 @@ def _optional_field(name: str) -> str:
     return name
 
 
+def _spoken(version: str) -> str:
+    try:
+        return codec_for(version).version
+    except UnknownVersionError as error:
+        raise ValueError(str(error)) from None
+
+
+SpokenVersion = Annotated[str, AfterValidator(_spoken)]
 OptionalField = Annotated[str, AfterValidator(_optional_field)]
 TopicLevel = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_topic_level)]
 Metres = Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)]
@@ -104,8 +113,13 @@ class EdgeAgentSettings(ServiceSettings):
 
     manufacturer: TopicLevel = Field("NeNa", description="Maker of the robot; a level of its topics.")
     serial_number: TopicLevel = Field("robot1", description="Serial number of the robot; a level too.")
-    interface_name: TopicPrefix = Field("uagv", description="First level of all topics.")
-    version: Literal["2.1.0"] = Field("2.1.0", description="Version of VDA 5050 that the robot speaks.")
+    version: SpokenVersion = Field(
+        "2.1.0", description=f"Version of VDA 5050 that the robot speaks: {', '.join(CODECS)}."
+    )
+    interface_name: TopicPrefix | None = Field(
+        None,
+        description="First levels of all topics; not given: what the version suggests, uagv or vda5050.",
+    )
     map_id: str = Field("map", min_length=1, max_length=200, description="Map that the robot drives on.")
     map_version: str = Field("1", description="Version of that map, for the state.")
     driver: Literal["nav2", "loopback"] = Field(
