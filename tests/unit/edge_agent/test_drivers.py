@@ -4,9 +4,11 @@ import sys
 
 import pytest
 
-from nena_edge_agent.driver.port import DriverEvent, Pose, PoseReport
+from nena_edge_agent.driver.port import Pose, PoseReport
 from nena_edge_agent.drivers import driver_maker
+from nena_edge_agent.loopback.bench import Bench
 from nena_edge_agent.loopback.settings import LoopbackSettings
+from nena_edge_agent.protocol.events import Event
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import SystemClock
 from nena_shared.program import StartError
@@ -20,9 +22,9 @@ async def test_the_loopback_driver_needs_no_ros_and_begins_where_the_robot_was(
 ) -> None:
     monkeypatch.setitem(sys.modules, "nena_edge_agent.ros.driver", None)
     settings = EdgeAgentSettings(driver="loopback", loopback=LoopbackSettings(x=3.0))
-    events: list[DriverEvent] = []
+    events: list[Event] = []
 
-    await driver_maker(settings, 0, SystemClock())(events.append, last_place).start()
+    await driver_maker(settings, 0, SystemClock(), Bench())(events.append, last_place).start()
 
     assert [event.pose.x for event in events if isinstance(event, PoseReport)] == [x]
 
@@ -31,4 +33,4 @@ def test_without_ros_the_nav2_driver_says_what_to_install(monkeypatch: pytest.Mo
     monkeypatch.setitem(sys.modules, "nena_edge_agent.ros.driver", None)
 
     with pytest.raises(StartError, match=r"nena-edge-agent\[ros\]"):
-        driver_maker(EdgeAgentSettings(driver="nav2"), 0, SystemClock())
+        driver_maker(EdgeAgentSettings(driver="nav2"), 0, SystemClock(), Bench())

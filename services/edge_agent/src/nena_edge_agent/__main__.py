@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import asyncio
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
+from nena_edge_agent.actions.plugin import ActionPlugin
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.timed_operation import TimedOperation
 from nena_edge_agent.actions.wait import Wait
 from nena_edge_agent.agent import RobotAgent
 from nena_edge_agent.drivers import driver_maker
+from nena_edge_agent.fleet import run_fleet
 from nena_edge_agent.journal import sole_user
+from nena_edge_agent.loopback.bench import Bench
+from nena_edge_agent.loopback.charging import ChargingWatch
+from nena_edge_agent.loopback.control import ControlDoor
+from nena_edge_agent.loopback.rehearsal import rehearsal_actions
 from nena_edge_agent.settings import EdgeAgentSettings
-from nena_shared.clock import SystemClock
+from nena_shared.clock import Clock, SystemClock
 from nena_shared.log import get_logger
 from nena_shared.program import run
-from nena_shared.tasks import Supervisor
+from nena_shared.tasks import Supervisor, forever
 from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.versions import topics_for
 
 PROGRAM = "nena-edge-agent"
 DESCRIPTION = (
@@ -39,30 +46,61 @@ async def serve(settings: EdgeAgentSettings, stop: asyncio.Event) -> None:
 
 async def _serve_alone(settings: EdgeAgentSettings, stop: asyncio.Event) -> None:
     clock = SystemClock()
-    operations = (TimedOperation(each) for each in settings.operations)
-    registry = ActionRegistry((*operations, Wait()))
-    agents = [
-        RobotAgent(
-            settings,
-            serial_number,
-            make_driver=driver_maker(settings, index, clock),
-            registry=registry,
-            clock=clock,
-        )
-        for index, serial_number in enumerate(settings.serial_numbers)
-    ]
-    log.info("robots started", robots=len(agents), driver=settings.driver, first=str(agents[0].robot))
-    await _run_all(agents, stop)
+    robots = [RobotKey(settings.manufacturer, each) for each in settings.serial_numbers]
+    benches = {robot: Bench() for robot in robots}
+    makers = {
+        str(robot): _agent_maker(settings, index, robot, benches[robot], clock)
+        for index, robot in enumerate(robots)
+    }
+    async with Supervisor() as supervisor:
+        if settings.driver == "loopback" and settings.loopback.control:
+            topics = topics_for(settings.version, settings.interface_name)
+            door = ControlDoor(settings.mqtt, topics.interface_name, benches)
+            supervisor.start("control door", forever("control door", door.run), vital=False)
+        await _run_all(settings, makers, stop)
     log.info("robots stopped")
 
 
-async def _run_all(agents: Sequence[RobotAgent], stop: asyncio.Event) -> None:
-    if len(agents) == 1:
-        await agents[0].run(stop)
+def _agent_maker(
+    settings: EdgeAgentSettings, index: int, robot: RobotKey, bench: Bench, clock: Clock
+) -> Callable[[], RobotAgent]:
+    make_driver = driver_maker(settings, index, clock, bench)
+    registry = make_registry(settings, bench)
+
+    def make() -> RobotAgent:
+        agent = RobotAgent(
+            settings, robot.serial_number, make_driver=make_driver, registry=registry, clock=clock
+        )
+        bench.cut_link = agent.cut_link
+        return agent
+
+    return make
+
+
+def make_registry(settings: EdgeAgentSettings, bench: Bench) -> ActionRegistry:
+    """Give the actions of one robot; a loopback robot charges its battery, and rehearses if it is to."""
+    plugins: list[ActionPlugin] = [*(TimedOperation(each) for each in settings.operations), Wait()]
+    if settings.driver == "loopback":
+        plugins = [ChargingWatch(each, bench.set_charging) for each in plugins]
+        if settings.loopback.rehearsal:
+            plugins.extend(rehearsal_actions())
+    return ActionRegistry(plugins)
+
+
+async def _run_all(
+    settings: EdgeAgentSettings, makers: Mapping[str, Callable[[], RobotAgent]], stop: asyncio.Event
+) -> None:
+    """Run one robot, whose failure ends the program, or a fleet, of which each fails alone."""
+    first = next(iter(makers))
+    start = log.bind(robots=len(makers), driver=settings.driver, first=first)
+    if len(makers) == 1:
+        agent = makers[first]()
+        start.info("robots started")
+        await agent.run(stop)
         return
-    async with Supervisor() as supervisor:
-        tasks = [supervisor.start(f"agent {each.robot}", each.run(stop), vital=False) for each in agents]
-        await asyncio.gather(*tasks)
+    start.info("robots start")
+    loopback = settings.loopback
+    await run_fleet(makers, stop, restarts=loopback.restarts, pause=loopback.restart_pause)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

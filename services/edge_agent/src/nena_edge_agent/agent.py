@@ -8,7 +8,7 @@ from typing import ParamSpec
 
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.runner import ActionRunner
-from nena_edge_agent.driver.port import DriveFailed, DriveFailure, DriveGoal, Driver, Emit, Pose
+from nena_edge_agent.driver.port import DriveFailed, DriveFailure, DriveGoal, Driver, Pose
 from nena_edge_agent.factsheet import make_factsheet
 from nena_edge_agent.header import HeaderMaker
 from nena_edge_agent.inbox import Inbox
@@ -36,7 +36,7 @@ from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 from nena_shared.mqtt import MqttLink, Outbound
-from nena_shared.tasks import Supervisor
+from nena_shared.tasks import Supervisor, TaskFailedError
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.topics import RobotKey, Topic
@@ -55,7 +55,7 @@ LONGEST_GATHERING = 0.2
 JOURNAL_TIMEOUT = 2.0
 """Seconds that the disk has to take a record; a robot that is told to stop cannot wait for longer."""
 
-DriverMaker = Callable[[Emit, Pose | None], Driver]
+DriverMaker = Callable[[Callable[[Event], None], Pose | None], Driver]
 """Makes a driver that tells its events to the first; the second is the place that the journal knows."""
 
 
@@ -115,11 +115,19 @@ class RobotAgent:
             async with Supervisor() as supervisor:
                 supervisor.start(f"link {self.robot}", self._link.run())
                 supervisor.start(f"robot {self.robot}", self._serve())
-                await supervisor.wait(stop)
-                await self._say_farewell()
+                try:
+                    await supervisor.wait(stop)
+                except TaskFailedError:
+                    await self._say_farewell(ConnectionState.CONNECTION_BROKEN)
+                    raise
+                await self._say_farewell(ConnectionState.OFFLINE)
         finally:
             self._runner.close()
             await self._driver.stop()
+
+    def cut_link(self, seconds: float) -> None:
+        """Lose the broker without a farewell, for ``seconds``: for rehearsals."""
+        self._link.cut(seconds)
 
     async def _serve(self) -> None:
         while True:
@@ -284,8 +292,8 @@ class RobotAgent:
         )
         return self._outbound(Topic.FACTSHEET, message, retain=True)
 
-    async def _say_farewell(self) -> None:
-        self._link.publish(self._connection(ConnectionState.OFFLINE))
+    async def _say_farewell(self, state: ConnectionState) -> None:
+        self._link.publish(self._connection(state))
         if not await self._link.drain(FAREWELL):
             self._log.warning("the broker was not told that the robot leaves")
 

@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from nena_edge_agent.agent import DriverMaker
 from nena_edge_agent.driver.port import Driver, Emit, Pose
+from nena_edge_agent.loopback.bench import Bench
 from nena_edge_agent.loopback.driver import LoopbackDriver
+from nena_edge_agent.protocol.events import Event
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
 from nena_shared.program import StartError
 
 
-def driver_maker(settings: EdgeAgentSettings, index: int, clock: Clock) -> DriverMaker:
-    """Give what makes the driver of robot ``index``, from 0.
+def driver_maker(settings: EdgeAgentSettings, index: int, clock: Clock, bench: Bench) -> DriverMaker:
+    """Give what makes the driver of robot ``index``, from 0; ``bench`` gets hold of a loopback robot.
 
     Raises:
         StartError: ROS 2 for Python is wanted and missing.
 
     """
-    return _nav2(settings, clock) if settings.driver == "nav2" else _loopback(settings, index, clock)
+    return _nav2(settings, clock) if settings.driver == "nav2" else _loopback(settings, index, clock, bench)
 
 
-def _loopback(settings: EdgeAgentSettings, index: int, clock: Clock) -> DriverMaker:
-    def make(emit: Emit, last_place: Pose | None) -> Driver:
+def _loopback(settings: EdgeAgentSettings, index: int, clock: Clock, bench: Bench) -> DriverMaker:
+    def make(put: Callable[[Event], None], last_place: Pose | None) -> Driver:
         start = settings.loopback.start(index)
         place = last_place or Pose(start.x, start.y, start.theta, settings.map_id)
-        return LoopbackDriver(settings.loopback, place, emit=emit, clock=clock)
+        driver = LoopbackDriver(settings.loopback, place, emit=put, clock=clock, speed=start.speed)
+        bench.attach(driver, put)
+        return driver
 
     return make
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from math import inf
+from dataclasses import dataclass
+from math import dist, inf
 
 from nena_edge_agent.driver.port import (
     Arrived,
@@ -19,66 +20,172 @@ from nena_edge_agent.driver.port import (
     PoseReport,
     PositionInitialized,
 )
-from nena_edge_agent.loopback.motion import Motion
+from nena_edge_agent.loopback.battery import FULL, Battery
+from nena_edge_agent.loopback.motion import Braking, Motion, braking
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_shared.clock import Clock
 
-METRES_OF_DRAIN = 100.0
 BATTERY_STEP = 1.0
 """Percent of charge between two reports."""
 
 
-class LoopbackDriver:
-    """One robot; costs nothing while it stands."""
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """A round area that no goal in it can be reached in, m; an infinite radius means everywhere."""
 
-    def __init__(self, settings: LoopbackSettings, start: Pose, *, emit: Emit, clock: Clock) -> None:
+    x: float
+    y: float
+    radius: float
+
+    def holds(self, pose: Pose) -> bool:
+        """Tell whether ``pose`` lies in it."""
+        return dist((self.x, self.y), (pose.x, pose.y)) <= self.radius
+
+
+class LoopbackDriver:
+    """One robot; costs nothing while it stands.
+
+    Beside the port of all drivers it has a method for each thing that people and the world may do to it.
+    """
+
+    def __init__(
+        self,
+        settings: LoopbackSettings,
+        start: Pose,
+        *,
+        emit: Emit,
+        clock: Clock,
+        speed: float | None = None,
+    ) -> None:
         self._settings = settings
         self._emit = emit
         self._clock = clock
         self._pose = start
-        self._charge = settings.charge
+        self._speed = speed or settings.speed
+        self._localized = True
+        self._navigation = NavigationReport(available=True, reason="")
+        self._unreachable: dict[Circle, None] = {}
+        self._battery = Battery(settings)
         self._told_charge = settings.charge
         self._goal: DriveGoal | None = None
-        self._motion: Motion | None = None
+        self._motion: Motion | Braking | None = None
         self._timer: asyncio.TimerHandle | None = None
+        self._charge_timer: asyncio.TimerHandle | None = None
 
     async def start(self) -> None:
         """Tell where the robot is, and that it can drive."""
         self._tell_pose(0.0, 0.0)
         self._tell_battery()
-        self._emit(NavigationReport(available=True, reason=""))
+        self._emit(self._navigation)
 
     async def stop(self) -> None:
-        """Stand."""
+        """Stand, and be silent."""
         self._stand()
+        self._stop_charge_timer()
 
     def go_to(self, goal: DriveGoal) -> None:
         """Drive straight to ``goal`` from where the robot is."""
         self._stand()
-        if goal.pose.map_id != self._pose.map_id:
-            self._soon(lambda: self._refuse(goal))
+        if problem := self._problem(goal):
+            self._soon(lambda: self._emit(DriveFailed(goal.generation, DriveFailure.ABORTED, problem)))
             return
+        if self._battery.charging:
+            self.set_charging(charging=False)
         self._goal = goal
         self._motion = Motion(
             start=self._pose,
             goal=goal.pose,
             begin=self._clock.monotonic(),
-            speed=min(self._settings.speed, goal.maximum_speed or inf),
+            speed=min(self._speed, goal.maximum_speed or inf),
             rate=self._settings.turn_rate,
             turn_at_end=goal.deviation_theta is not None,
         )
         self._wait()
 
     def halt(self) -> None:
-        """Stop on the spot."""
+        """Brake, and drop the goal."""
+        if isinstance(self._motion, Braking):
+            return  # is answered when it stands
+        motion, now = self._motion, self._clock.monotonic()
+        slowing = braking(motion, now, self._settings.deceleration) if motion else None
         self._stand()
-        self._soon(self._halted)
+        if slowing is None:
+            self._soon(self._halted)
+        else:
+            self._motion = slowing
+            self._wait()
 
     def initialize_position(self, pose: Pose) -> None:
         """Be there, at once."""
         self._stand()
-        self._pose = pose
+        self._pose, self._localized = pose, True
         self._soon(self._placed)
+
+    def stop_at_once(self) -> None:
+        """Stand on the spot, as an emergency stop or a violated protective field makes a robot do."""
+        slowing = isinstance(self._motion, Braking)
+        self._stand()
+        self._tell_pose(0.0, 0.0)
+        if slowing:
+            self._emit(Halted())
+
+    def carry_to(self, x: float, y: float, theta: float, map_id: str | None = None) -> None:
+        """Be somewhere else, without having driven there: m, rad; a goal is driven to from there."""
+        goal = self._goal
+        self.stop_at_once()
+        self._pose = Pose(x, y, theta, map_id or self._pose.map_id)
+        self._tell_pose(0.0, 0.0)
+        if goal:
+            self.go_to(goal)
+
+    def set_speed(self, speed: float) -> None:
+        """Drive at ``speed`` m/s from now on."""
+        self._speed = speed
+        if self._goal:
+            self.go_to(self._goal)
+
+    def set_localized(self, *, localized: bool) -> None:
+        """Lose the position, or find it again."""
+        self._localized = localized
+        self._tell_pose(0.0, 0.0)
+
+    def set_navigation(self, *, available: bool, reason: str) -> None:
+        """Lose what drives the robot, or have it back; the robot stands meanwhile."""
+        if not available:
+            self.stop_at_once()
+        self._navigation = NavigationReport(available=available, reason=reason)
+        self._emit(self._navigation)
+
+    def set_unreachable(self, circle: Circle, *, active: bool) -> None:
+        """Have no goal in ``circle`` be reached, or have them reached again."""
+        if not active:
+            self._unreachable.pop(circle, None)
+            return
+        self._unreachable[circle] = None
+        goal = self._goal
+        if goal and circle.holds(goal.pose):
+            self.stop_at_once()
+            self.go_to(goal)
+
+    def set_charging(self, *, charging: bool) -> None:
+        """Begin or end charging."""
+        self._stop_charge_timer()
+        self._battery.switch(self._clock.monotonic(), charging=charging)
+        self._tell_battery()
+        self._wait_for_charge()
+
+    def set_charge(self, charge: float) -> None:
+        """Have ``charge`` percent in the battery."""
+        self._battery.set_level(self._clock.monotonic(), charge)
+        self._tell_battery()
+
+    def _problem(self, goal: DriveGoal) -> str | None:
+        """Say why ``goal`` cannot be reached."""
+        if goal.pose.map_id != self._pose.map_id:
+            return f"the robot is on map '{self._pose.map_id}', the goal on '{goal.pose.map_id}'"
+        if any(circle.holds(goal.pose) for circle in self._unreachable):
+            return "no way leads there"
+        return None
 
     def _stand(self) -> None:
         """Drop the goal, and be where the robot is at this moment."""
@@ -89,12 +196,11 @@ class LoopbackDriver:
             self._move(self._motion)
         self._goal, self._motion = None, None
 
-    def _move(self, motion: Motion) -> tuple[float, float]:
+    def _move(self, motion: Motion | Braking) -> tuple[float, float]:
         """Be where ``motion`` has brought the robot; gives speed and turning rate."""
         before = self._pose
         self._pose, vx, omega = motion.at(self._clock.monotonic())
-        way = ((self._pose.x - before.x) ** 2 + (self._pose.y - before.y) ** 2) ** 0.5
-        self._charge = max(0.0, self._charge - self._settings.drain * way / METRES_OF_DRAIN)
+        self._battery.drive(dist((before.x, before.y), (self._pose.x, self._pose.y)))
         return vx, omega
 
     def _wait(self) -> None:
@@ -106,18 +212,37 @@ class LoopbackDriver:
     def _step(self) -> None:
         self._timer = None
         motion, goal = self._motion, self._goal
-        if motion is None or goal is None:
+        if motion is None:
             return
-        arrived = self._clock.monotonic() >= motion.end
+        over = self._clock.monotonic() >= motion.end
         vx, omega = self._move(motion)
-        if arrived:
+        if over:
             self._goal, self._motion = None, None
         self._tell_pose(vx, omega)
-        if arrived:
-            self._emit(Arrived(goal.generation))
+        if over:
+            self._emit(Arrived(goal.generation) if goal else Halted())
         if self._told_charge - self._charge >= BATTERY_STEP:
             self._tell_battery()
         self._wait()
+
+    def _wait_for_charge(self) -> None:
+        if self._battery.charging and self._charge < FULL:
+            delay = BATTERY_STEP / self._settings.charge_rate
+            self._charge_timer = asyncio.get_running_loop().call_later(delay, self._charged)
+
+    def _charged(self) -> None:
+        self._charge_timer = None
+        self._tell_battery()
+        self._wait_for_charge()
+
+    def _stop_charge_timer(self) -> None:
+        if self._charge_timer is not None:
+            self._charge_timer.cancel()
+            self._charge_timer = None
+
+    @property
+    def _charge(self) -> float:
+        return self._battery.level(self._clock.monotonic())
 
     def _halted(self) -> None:
         self._tell_pose(0.0, 0.0)
@@ -127,16 +252,12 @@ class LoopbackDriver:
         self._tell_pose(0.0, 0.0)
         self._emit(PositionInitialized(succeeded=True, description=""))
 
-    def _refuse(self, goal: DriveGoal) -> None:
-        text = f"the robot is on map '{self._pose.map_id}', the goal on '{goal.pose.map_id}'"
-        self._emit(DriveFailed(goal.generation, DriveFailure.ABORTED, text))
-
     def _tell_pose(self, vx: float, omega: float) -> None:
-        self._emit(PoseReport(self._pose, localized=True, vx=vx, omega=omega))
+        self._emit(PoseReport(self._pose, localized=self._localized, vx=vx, omega=omega))
 
     def _tell_battery(self) -> None:
         self._told_charge = self._charge
-        self._emit(BatteryReport(state_of_charge=self._charge, charging=False))
+        self._emit(BatteryReport(state_of_charge=self._told_charge, charging=self._battery.charging))
 
     def _soon(self, step: Callable[[], None]) -> None:
         """Answer from the loop, never from within the caller's own call."""

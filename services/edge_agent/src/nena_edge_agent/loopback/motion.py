@@ -74,5 +74,40 @@ class Motion:
         return Pose(x, y, _turn(0.0, theta), self.goal.map_id)
 
 
+@dataclass(frozen=True, slots=True)
+class Braking:
+    """Straight on from ``start`` at ``speed`` m/s, coming to a stand evenly within ``distance`` m."""
+
+    start: Pose
+    begin: float
+    speed: float
+    distance: float
+
+    @property
+    def end(self) -> float:
+        """The time in s at which the robot stands."""
+        return self.begin + 2 * self.distance / self.speed
+
+    def at(self, now: float) -> tuple[Pose, float, float]:
+        """Give the pose at the time ``now`` in s, with the speed in m/s and the turning rate in rad/s."""
+        left = max(0.0, (self.end - now) / (self.end - self.begin)) if now > self.begin else 1.0
+        along = self.distance * (1 - left**2)
+        heading = self.start.theta
+        x, y = self.start.x + along * cos(heading), self.start.y + along * sin(heading)
+        return Pose(x, y, heading, self.start.map_id), self.speed * left, 0.0
+
+
+def braking(motion: Motion, now: float, deceleration: float) -> Braking | None:
+    """Give how a robot in ``motion`` comes to a stand, at ``deceleration`` m/s²; None: it does at once.
+
+    It never goes beyond the goal: near to it the robot brakes harder.
+    """
+    pose, speed, _ = motion.at(now)
+    if not speed or not deceleration:
+        return None
+    left = dist((pose.x, pose.y), (motion.goal.x, motion.goal.y))
+    return Braking(pose, now, speed, min(speed**2 / (2 * deceleration), left)) if left else None
+
+
 def _turn(start: float, end: float) -> float:
     return (end - start + pi) % (2 * pi) - pi

@@ -1,0 +1,85 @@
+"""Several robots in one program: each fails alone, and is started again."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+from nena_shared.log import get_logger
+from nena_shared.program import StartError
+from nena_shared.tasks import Supervisor, TaskFailedError
+
+log = get_logger(__name__)
+
+LONGEST_PAUSE = 60.0
+"""Seconds between two starts of a robot at most."""
+
+
+class Robot(Protocol):
+    """What serves one robot."""
+
+    async def run(self, stop: asyncio.Event) -> None:
+        """Serve until ``stop`` is set."""
+        ...
+
+
+async def run_fleet(
+    makers: Mapping[str, Callable[[], Robot]], stop: asyncio.Event, *, restarts: int, pause: float
+) -> None:
+    """Run the robots by their names until ``stop`` is set; each is made anew for each of its starts.
+
+    A robot that fails is started again up to ``restarts`` times, the first time after ``pause`` s, then after
+    twice as long, and so on.
+
+    Raises:
+        StartError: none of them works any more.
+
+    """
+    async with Supervisor() as supervisor:
+        tasks = [
+            supervisor.start(f"agent {name}", _keep_up(name, make, stop, restarts, pause), vital=False)
+            for name, make in makers.items()
+        ]
+        await asyncio.gather(*tasks)
+    if not stop.is_set():
+        message = "none of the robots works any more; the log says why"
+        raise StartError(message)
+
+
+async def _keep_up(
+    name: str, make: Callable[[], Robot], stop: asyncio.Event, restarts: int, pause: float
+) -> None:
+    for attempt in range(restarts + 1):
+        if await _run(name, make, stop):
+            return
+        if attempt < restarts:
+            seconds = min(pause * 2**attempt, LONGEST_PAUSE)
+            log.info(
+                "robot is started again", robot=name, in_seconds=seconds, restarts_left=restarts - attempt
+            )
+            if await _stopped_within(seconds, stop):
+                return
+    log.error("robot given up; the others go on", robot=name, starts=restarts + 1)
+
+
+async def _run(name: str, make: Callable[[], Robot], stop: asyncio.Event) -> bool:
+    """Run the robot once; tell whether it has ended in order."""
+    try:
+        await make().run(stop)
+    except (StartError, TaskFailedError) as error:
+        log.error("robot failed", robot=name, reason=str(error))  # noqa: TRY400 - its reason says it all
+    except Exception:
+        log.exception("robot failed", robot=name)
+    else:
+        return True
+    return False
+
+
+async def _stopped_within(seconds: float, stop: asyncio.Event) -> bool:
+    try:
+        async with asyncio.timeout(seconds):
+            await stop.wait()
+    except TimeoutError:
+        return False
+    return True

@@ -1,0 +1,95 @@
+"""Actions for rehearsal: to see how a fleet control takes what goes wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from nena_edge_agent.actions.countdown import Countdown
+from nena_edge_agent.actions.plugin import ActionPlugin, Report, RunningAction
+from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
+from nena_edge_agent.protocol.events import ActionReport
+from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
+from nena_shared.vda5050.state import Load
+
+EVERYWHERE = (ActionScope.NODE, ActionScope.EDGE, ActionScope.INSTANT)
+LONGEST = 86_400.0
+"""Seconds."""
+
+DURATION = Parameter("duration", ValueDataType.NUMBER, required=False, description="s, 0 to 86400")
+
+Outcome = Callable[[Action], str | None]
+"""Tells why an action fails at its end; None: it finishes."""
+
+
+class RehearsalAction:
+    """Takes its ``duration`` in s, by default none, and ends as ``outcome`` says."""
+
+    def __init__(self, declaration: ActionDeclaration, outcome: Outcome) -> None:
+        self.declaration = declaration
+        self._outcome = outcome
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002 - the interface
+        """Begin; which end it will take shows only then."""
+        value = action.parameter(DURATION.key)
+        seconds = float(value) if isinstance(value, int | float) else 0.0
+
+        def done() -> None:
+            problem = self._outcome(action)
+            status = ActionStatus.FAILED if problem else ActionStatus.FINISHED
+            report(ActionReport(action.action_id, status, problem or "done"))
+
+        countdown = Countdown(action.action_id, min(max(seconds, 0.0), LONGEST), report, done)
+        countdown.start()
+        return countdown
+
+
+class Alternately:
+    """Fails the first time, succeeds the second time, and so on: one robot's."""
+
+    def __init__(self) -> None:
+        self._fails_next = True
+
+    def __call__(self, _: Action) -> str | None:
+        """Give the reason of a failure, every other time."""
+        fails, self._fails_next = self._fails_next, not self._fails_next
+        return "it fails the first time, as it is meant to" if fails else None
+
+
+def rehearsal_actions() -> tuple[ActionPlugin, ...]:
+    """Make the actions of one robot."""
+    return (
+        RehearsalAction(
+            _declare("waitUninterrupted", "Waits, and can be neither paused nor cancelled.", stoppable=False),
+            lambda _: None,
+        ),
+        RehearsalAction(
+            _declare("failAlways", "Fails after its duration."),
+            lambda _: "it always fails, as it is meant to",
+        ),
+        RehearsalAction(
+            _declare("failOnce", "Fails the first time, succeeds the second time, and so on."), Alternately()
+        ),
+        RehearsalAction(
+            _declare(
+                "needParameter",
+                "Is refused without its parameter.",
+                Parameter("count", ValueDataType.INTEGER, description="any whole number"),
+            ),
+            lambda _: None,
+        ),
+    )
+
+
+def _declare(
+    action_type: str, description: str, *parameters: Parameter, stoppable: bool = True
+) -> ActionDeclaration:
+    return ActionDeclaration(
+        action_type,
+        scopes=EVERYWHERE,
+        parameters=(DURATION, *parameters),
+        pause_allowed=stoppable,
+        cancel_allowed=stoppable,
+        restartable=True,
+        description=description,
+    )
