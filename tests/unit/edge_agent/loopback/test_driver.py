@@ -14,7 +14,7 @@ from nena_edge_agent.driver.port import (
     PoseReport,
     PositionInitialized,
 )
-from nena_edge_agent.loopback.driver import LoopbackDriver
+from nena_edge_agent.loopback.driver import Circle, LoopbackDriver
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_shared.clock import SystemClock
 from support.waiting import until
@@ -153,3 +153,95 @@ async def test_after_its_end_it_is_silent() -> None:
     await other.wait_for(Arrived)
 
     assert ride.events == []
+
+
+async def test_with_a_deceleration_a_halt_takes_its_way() -> None:
+    ride = Ride(deceleration=100.0)
+    ride.go(1, 1000.0)
+    await until(lambda: ride.seen(PoseReport) and ride.x > 1.1)
+
+    ride.driver.halt()
+    begin = ride.x
+    ride.driver.halt()  # asked twice, it answers once
+    await ride.wait_for(Halted)
+
+    assert 1.0 < ride.x - begin < 3.0
+    speeds = [report.vx for report in ride.seen(PoseReport)]
+    assert any(speed is not None and 0 < speed < 20.0 for speed in speeds)
+    assert speeds[-1] == 0.0
+    assert len(ride.seen(Halted)) == 1
+
+
+async def test_an_emergency_stop_while_it_brakes_is_at_once_and_answers_the_halt() -> None:
+    ride = Ride(deceleration=1.0)
+    ride.go(1, 1000.0)
+    await until(lambda: ride.seen(PoseReport) and ride.x > 1.1)
+    ride.driver.halt()
+    assert not ride.seen(Halted)
+
+    ride.driver.stop_at_once()
+
+    assert ride.events[-1] == Halted()
+    assert ride.seen(PoseReport)[-1].vx == 0.0
+
+
+async def test_a_goal_in_a_circle_that_cannot_be_reached_fails_also_on_the_way() -> None:
+    ride, circle = Ride(), Circle(100.0, 0.0, 0.5)
+    ride.go(1, 100.0)
+    ride.driver.set_unreachable(circle, active=True)
+    assert (await ride.wait_for(DriveFailed)).generation == 1
+
+    ride.go(2, 3.0)
+    assert await ride.wait_for(Arrived) == Arrived(2)
+    ride.driver.set_unreachable(circle, active=False)
+    ride.go(3, 100.0)
+    await until(lambda: ride.x > 4.0)
+    assert len(ride.seen(DriveFailed)) == 1
+    await ride.driver.stop()
+
+
+async def test_carried_away_on_its_way_it_drives_to_its_goal_from_there() -> None:
+    ride = Ride()
+    ride.go(1, 1000.0)
+    ride.driver.carry_to(998.0, 0.0, 0.0)
+
+    assert await ride.wait_for(Arrived) == Arrived(1)
+    assert ride.x == 1000.0
+
+
+async def test_a_speed_that_is_set_holds_for_the_goal_that_it_drives_to() -> None:
+    ride = Ride(speed=0.001)
+    ride.go(1, 3.0)
+    ride.driver.set_speed(50.0)
+
+    assert await ride.wait_for(Arrived) == Arrived(1)
+
+
+async def test_charging_is_told_as_it_goes_on_until_the_battery_is_full() -> None:
+    ride = Ride(charge=98, charge_rate=100)
+    ride.driver.set_charging(charging=True)
+
+    await until(lambda: ride.seen(BatteryReport)[-1].state_of_charge == 100.0)
+    assert all(report.charging for report in ride.seen(BatteryReport))
+    ride.go(1, 2.0)
+    await ride.wait_for(Arrived)
+    assert not ride.seen(BatteryReport)[-1].charging
+
+
+async def test_without_navigation_it_stands() -> None:
+    ride = Ride()
+    ride.go(1, 1000.0)
+    ride.driver.set_navigation(available=False, reason="gone")
+
+    assert ride.events[-1] == NavigationReport(available=False, reason="gone")
+    assert ride.seen(PoseReport)[-1].vx == 0.0
+
+
+async def test_a_position_that_is_set_is_known_again() -> None:
+    ride = Ride()
+    ride.driver.set_localized(localized=False)
+    assert not ride.seen(PoseReport)[-1].localized
+
+    ride.driver.initialize_position(Pose(7.0, 8.0, 1.0, "m"))
+    await ride.wait_for(PositionInitialized)
+    assert ride.seen(PoseReport)[-1].localized

@@ -6,9 +6,9 @@ class here, a name in :data:`AnyCommand`, and a case in the bench.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 from pydantic.alias_generators import to_camel
 
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
@@ -66,6 +66,13 @@ class MakeUnreachable(_Command):
     y: Finite | None = None
     radius: Positive = 0.5
     active: bool = True
+
+    @model_validator(mode="after")
+    def _whole_place(self) -> Self:
+        if (self.x is None) is not (self.y is None):
+            message = "give both x and y, or neither"
+            raise ValueError(message)
+        return self
 
 
 class SwitchError(_Command):

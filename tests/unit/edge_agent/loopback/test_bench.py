@@ -1,0 +1,120 @@
+"""Commands as a person writes them, and what the robot gets to feel of them."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_edge_agent.driver.port import NavigationReport, Pose, PoseReport
+from nena_edge_agent.loopback.bench import Bench
+from nena_edge_agent.loopback.commands import CommandRefusedError, parse
+from nena_edge_agent.loopback.driver import LoopbackDriver
+from nena_edge_agent.loopback.settings import LoopbackSettings
+from nena_edge_agent.protocol.events import (
+    ErrorSwitched,
+    Event,
+    LocalTrigger,
+    OperatingModeSwitched,
+    PauseButton,
+    SafetyReport,
+)
+from nena_shared.clock import SystemClock
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
+from nena_shared.vda5050.state import EmergencyStop, OperatingMode
+
+
+class Stand:
+    def __init__(self) -> None:
+        self.events: list[Event] = []
+        self.bench = Bench()
+        start = Pose(0.0, 0.0, 0.0, "m")
+        settings = LoopbackSettings()
+        driver = LoopbackDriver(settings, start, emit=self.events.append, clock=SystemClock())
+        self.bench.attach(driver, self.events.append)
+
+    def do(self, command: str, **fields: Any) -> Event:
+        """Obey a command, and give the event that came of it last."""
+        self.bench.apply(parse(json.dumps({"command": command, **fields}).encode()))
+        return self.events[-1]
+
+
+def test_what_a_person_does_goes_to_the_core() -> None:
+    stand = Stand()
+
+    assert stand.do("operatingMode", mode="SERVICE") == OperatingModeSwitched(OperatingMode.SERVICE)
+    assert stand.do("pauseButton", pressed=True) == PauseButton(pressed=True)
+    assert stand.do("trigger") == LocalTrigger("LOCAL")
+    assert stand.do("trigger", triggerType="door") == LocalTrigger("door")
+
+
+def test_an_error_has_its_references() -> None:
+    told = Stand().do("error", errorType="worn", errorLevel="URGENT", errorReferences={"part": "belt"})
+
+    reference = ErrorReference(reference_key="part", reference_value="belt")
+    entry = ErrorEntry(error_type="worn", error_level=ErrorLevel.URGENT, error_references=(reference,))
+    assert told == ErrorSwitched(entry, active=True)
+
+
+def test_emergency_stop_and_field_are_told_together() -> None:
+    stand = Stand()
+
+    assert stand.do("fieldViolation", active=True) == SafetyReport(field_violation=True)
+    assert stand.do("emergencyStop", stop="REMOTE") == SafetyReport(
+        EmergencyStop.REMOTE, field_violation=True
+    )
+    assert stand.do("fieldViolation", active=False) == SafetyReport(EmergencyStop.REMOTE)
+    assert stand.do("acknowledgeEmergencyStop") == SafetyReport()
+
+
+def test_what_the_world_does_goes_to_the_driver() -> None:
+    stand = Stand()
+
+    assert stand.do("navigation", available=False) == NavigationReport(
+        available=False, reason="switched off at the control door"
+    )
+    assert stand.do("navigation", available=True, reason="x") == NavigationReport(available=True, reason="")
+    carried = stand.do("pose", x=1, y=2, theta=0.5, mapId="cellar")
+    assert isinstance(carried, PoseReport)
+    assert carried.pose == Pose(1, 2, 0.5, "cellar")
+
+
+def test_the_link_is_cut_for_the_time_that_is_named() -> None:
+    stand, cuts = Stand(), list[float]()
+    stand.bench.cut_link = cuts.append
+    stand.bench.apply(parse(b'{"command": "linkSilence", "seconds": 2.5}'))
+
+    assert cuts == [2.5]
+
+
+def test_before_the_robot_runs_a_command_is_refused() -> None:
+    with pytest.raises(CommandRefusedError, match="does not run yet"):
+        Bench().apply(parse(b'{"command": "pauseButton", "pressed": true}'))
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("", "command: Invalid JSON"),
+        ("{}", "Unable to extract tag"),
+        ('{"command": "pose", "x": 1}', "pose.y: Field required"),
+        ('{"command": "pose", "x": 1e999, "y": 0}', "pose.x: Input should be a finite number"),
+        ('{"command": "battery", "stateOfCharge": 101}', "less than or equal to 100"),
+        ('{"command": "battery", "state_of_charge": 10}', "battery.stateOfCharge: Field required"),
+        ('{"command": "unreachable", "x": 1}', "give both x and y, or neither"),
+    ],
+)
+def test_a_wrong_command_says_what_is_wrong(text: str, problem: str) -> None:
+    with pytest.raises(CommandRefusedError) as caught:
+        parse(text.encode())
+
+    assert problem in str(caught.value)
+
+
+@given(st.binary(max_size=50) | st.from_regex(r'\{"command": "[a-z]{0,8}", ".*\}').map(str.encode))
+def test_nothing_but_a_refusal_comes_of_noise(payload: bytes) -> None:
+    with pytest.raises(CommandRefusedError):
+        parse(payload)
