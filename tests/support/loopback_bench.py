@@ -65,6 +65,10 @@ class BenchRobot:
         """Send anything to the control door."""
         self._peer.publish(f"{self._place}/control", payload)
 
+    async def answered(self, number: int) -> None:
+        """Wait until so many answers came since the last command."""
+        await until(lambda: len(self.answers) >= number, what=f"answer {number} of the control door")
+
     @property
     def answers(self) -> list[dict[str, Any]]:
         return [json.loads(each) for each in self._peer.payloads(f"{self._place}/answer")]
