@@ -80,6 +80,21 @@ async def test_a_node_that_cannot_be_reached_is_an_error_and_the_order_stays(rob
     await robot.finish("n2")
 
 
+@pytest.mark.clause("6.1.4.8")
+async def test_an_order_to_where_no_way_leads_is_refused(robot: BenchRobot) -> None:
+    await robot.begin("n0")
+    await robot.command("noRoute", x=20, y=0)
+    robot.fleet.send(order("n0", "n1", "n2", order_id="nowhere"))
+    refused = await robot.state(errors)
+    assert errors(refused) == ["NO_ROUTE_TO_TARGET" if robot.version == "3.0.0" else "NO_ROUTE_ERROR"]
+    assert "n2" in str(refused.errors)
+    assert refused.order_id != "nowhere"
+
+    await robot.command("noRoute", x=20, y=0, active=False)
+    await robot.begin("n0", "n2")
+    assert not errors(await robot.finish("n2"))
+
+
 async def test_an_order_goes_on_when_navigation_is_back(robot: BenchRobot) -> None:
     await robot.begin("n0", "n5")
     await robot.command("navigation", available=False, reason="the map server is restarted")

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from math import inf
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_edge_agent.driver.port import NavigationReport, Pose, PoseReport
+from nena_edge_agent.driver.port import Circle, NavigationReport, NoRouteReport, Pose, PoseReport
 from nena_edge_agent.loopback.bench import Bench
 from nena_edge_agent.loopback.commands import CommandRefusedError, parse
 from nena_edge_agent.loopback.driver import LoopbackDriver
@@ -77,6 +78,9 @@ def test_what_the_world_does_goes_to_the_driver() -> None:
         available=False, reason="switched off at the control door"
     )
     assert stand.do("navigation", available=True, reason="x") == NavigationReport(available=True, reason="")
+    assert stand.do("noRoute", x=3, y=4) == NoRouteReport((Circle(3, 4, 0.5),))
+    assert stand.do("noRoute", x=3, y=4, active=False) == NoRouteReport(())
+    assert stand.do("noRoute") == NoRouteReport((Circle(0, 0, inf),))
     carried = stand.do("pose", x=1, y=2, theta=0.5, mapId="cellar")
     assert isinstance(carried, PoseReport)
     assert carried.pose == Pose(1, 2, 0.5, "cellar")

@@ -5,6 +5,7 @@ from typing import TypeVar
 from nena_edge_agent.driver.port import (
     Arrived,
     BatteryReport,
+    Circle,
     DriveFailed,
     DriveGoal,
     DriverEvent,
@@ -14,7 +15,7 @@ from nena_edge_agent.driver.port import (
     PoseReport,
     PositionInitialized,
 )
-from nena_edge_agent.loopback.driver import Circle, LoopbackDriver
+from nena_edge_agent.loopback.driver import LoopbackDriver
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_shared.clock import SystemClock
 from support.waiting import until

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.driver.port import Circle, NoRouteReport, Pose
 from nena_edge_agent.protocol.effects import ReportState
 from nena_edge_agent.protocol.events import MessageRefused
 from nena_edge_agent.protocol.order_acceptance import Rejected, Situation, judge
@@ -26,6 +26,7 @@ FREE = Situation(
     order_update_id=0,
     decision_point=None,
     pose=Pose(0.0, 0.0, 0.0, MAP),
+    no_route=(),
     stands_on="",
     instant_action_ids=frozenset(),
     base_action_ids=frozenset(),
@@ -337,6 +338,21 @@ def test_row_a5_a_node_without_a_position_cannot_be_found() -> None:
 
     assert entry.error_type == ErrorType.NO_ROUTE_TO_TARGET
     assert references(entry)["nodeId"] == "n1"
+
+
+@pytest.mark.clause("6.1.4.8")
+@pytest.mark.parametrize("released", [2, 3])
+def test_row_a5_a_node_that_navigation_knows_no_way_to_is_refused_also_in_the_horizon(released: int) -> None:
+    bench = Bench()
+    bench.do(NoRouteReport((Circle(20.0, 0.0, 0.5),)))
+
+    entry = refused(bench, order("n0", "n1", "n2", released=released))
+
+    assert entry.error_type == ErrorType.NO_ROUTE_TO_TARGET
+    assert references(entry)["nodeId"] == "n2"
+    bench.do(NoRouteReport(()))
+    bench.send(order("n0", "n1", "n2"))
+    assert bench.errors == []
 
 
 def test_row_a6_a_new_order_replaces_the_ended_one_and_clears_refusals() -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from math import dist
 from typing import Protocol
 
 
@@ -21,6 +22,19 @@ class Pose:
     y: float
     theta: float
     map_id: str
+
+
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """A round area of the robot's map, m; an infinite radius means everywhere."""
+
+    x: float
+    y: float
+    radius: float
+
+    def holds(self, x: float, y: float) -> bool:
+        """Tell whether the place lies in it."""
+        return dist((self.x, self.y), (x, y)) <= self.radius
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +118,13 @@ class NavigationReport:
 
 
 @dataclass(frozen=True, slots=True)
+class NoRouteReport:
+    """The areas that navigation knows no way into, all of them; orders that lead there are refused."""
+
+    areas: tuple[Circle, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class PositionInitialized:
     """The pose asked for by :meth:`Driver.initialize_position` is taken over, or why it is not."""
 
@@ -127,6 +148,7 @@ DriverEvent = (
     | PoseReport
     | BatteryReport
     | NavigationReport
+    | NoRouteReport
     | PositionInitialized
     | GoalReport
 )

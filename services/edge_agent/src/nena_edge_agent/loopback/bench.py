@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import inf
 
 from nena_edge_agent.loopback.commands import (
     AcknowledgeEmergencyStop,
@@ -24,8 +23,9 @@ from nena_edge_agent.loopback.commands import (
     SwitchNavigation,
     SwitchOperatingMode,
     SwitchPauseButton,
+    TakeRoute,
 )
-from nena_edge_agent.loopback.driver import Circle, LoopbackDriver
+from nena_edge_agent.loopback.driver import LoopbackDriver
 from nena_edge_agent.protocol.events import (
     ErrorSwitched,
     Event,
@@ -122,7 +122,9 @@ def _drive(driver: LoopbackDriver, command: AnyCommand) -> None:
         case SwitchNavigation(available=available, reason=reason):
             driver.set_navigation(available=available, reason="" if available else reason)
         case MakeUnreachable(active=active):
-            driver.set_unreachable(_circle(command), active=active)
+            driver.set_unreachable(command.circle, active=active)
+        case TakeRoute(active=active):
+            driver.set_no_route(command.circle, active=active)
         case SwitchCharging(charging=charging):
             driver.set_charging(charging=charging)
         case SetBattery(state_of_charge=charge):
@@ -131,9 +133,3 @@ def _drive(driver: LoopbackDriver, command: AnyCommand) -> None:
             driver.carry_to(command.x, command.y, command.theta, command.map_id)
         case SetSpeed(speed=speed):
             driver.set_speed(speed)
-
-
-def _circle(command: MakeUnreachable) -> Circle:
-    if command.x is None or command.y is None:
-        return Circle(0.0, 0.0, inf)
-    return Circle(command.x, command.y, command.radius)

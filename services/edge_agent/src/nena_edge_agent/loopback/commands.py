@@ -6,11 +6,13 @@ class here, a name in :data:`AnyCommand`, and a case in the bench.
 
 from __future__ import annotations
 
+from math import inf
 from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 from pydantic.alias_generators import to_camel
 
+from nena_edge_agent.driver.port import Circle
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
 from nena_shared.vda5050.state import EmergencyStop, OperatingMode
 
@@ -58,10 +60,9 @@ class SwitchNavigation(_Command):
     reason: Text = "switched off at the control door"
 
 
-class MakeUnreachable(_Command):
-    """Nodes in a circle (m) cannot be reached, found out on the way; without a centre: no node at all."""
+class _Area(_Command):
+    """A circle (m); without a centre everywhere."""
 
-    command: Literal["unreachable"]
     x: Finite | None = None
     y: Finite | None = None
     radius: Positive = 0.5
@@ -73,6 +74,25 @@ class MakeUnreachable(_Command):
             message = "give both x and y, or neither"
             raise ValueError(message)
         return self
+
+    @property
+    def circle(self) -> Circle:
+        """The area."""
+        if self.x is None or self.y is None:
+            return Circle(0.0, 0.0, inf)
+        return Circle(self.x, self.y, self.radius)
+
+
+class MakeUnreachable(_Area):
+    """Nodes there cannot be reached, which the robot finds out on the way."""
+
+    command: Literal["unreachable"]
+
+
+class TakeRoute(_Area):
+    """No way leads there, which the robot knows: it refuses orders that do."""
+
+    command: Literal["noRoute"]
 
 
 class SwitchError(_Command):
@@ -179,6 +199,7 @@ AnyCommand = (
     | SwitchLocalization
     | SwitchNavigation
     | MakeUnreachable
+    | TakeRoute
     | SwitchError
     | SwitchFieldViolation
     | PressEmergencyStop

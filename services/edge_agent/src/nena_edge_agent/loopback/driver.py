@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import dist, inf
 
 from nena_edge_agent.driver.port import (
     Arrived,
     BatteryReport,
+    Circle,
     DriveFailed,
     DriveFailure,
     DriveGoal,
     Emit,
     Halted,
     NavigationReport,
+    NoRouteReport,
     Pose,
     PoseReport,
     PositionInitialized,
@@ -27,19 +28,6 @@ from nena_shared.clock import Clock
 
 BATTERY_STEP = 1.0
 """Percent of charge between two reports."""
-
-
-@dataclass(frozen=True, slots=True)
-class Circle:
-    """A round area that no goal in it can be reached in, m; an infinite radius means everywhere."""
-
-    x: float
-    y: float
-    radius: float
-
-    def holds(self, pose: Pose) -> bool:
-        """Tell whether ``pose`` lies in it."""
-        return dist((self.x, self.y), (pose.x, pose.y)) <= self.radius
 
 
 class LoopbackDriver:
@@ -65,6 +53,7 @@ class LoopbackDriver:
         self._localized = True
         self._navigation = NavigationReport(available=True, reason="")
         self._unreachable: dict[Circle, None] = {}
+        self._no_route: dict[Circle, None] = {}
         self._battery = Battery(settings)
         self._told_charge = settings.charge
         self._goal: DriveGoal | None = None
@@ -163,9 +152,17 @@ class LoopbackDriver:
             return
         self._unreachable[circle] = None
         goal = self._goal
-        if goal and circle.holds(goal.pose):
+        if goal and circle.holds(goal.pose.x, goal.pose.y):
             self.stop_at_once()
             self.go_to(goal)
+
+    def set_no_route(self, circle: Circle, *, active: bool) -> None:
+        """Have it known that no way leads into ``circle``, or have one lead there again."""
+        if active:
+            self._no_route[circle] = None
+        else:
+            self._no_route.pop(circle, None)
+        self._emit(NoRouteReport(tuple(self._no_route)))
 
     def set_charging(self, *, charging: bool) -> None:
         """Begin or end charging."""
@@ -183,7 +180,7 @@ class LoopbackDriver:
         """Say why ``goal`` cannot be reached."""
         if goal.pose.map_id != self._pose.map_id:
             return f"the robot is on map '{self._pose.map_id}', the goal on '{goal.pose.map_id}'"
-        if any(circle.holds(goal.pose) for circle in self._unreachable):
+        if any(circle.holds(goal.pose.x, goal.pose.y) for circle in self._unreachable):
             return "no way leads there"
         return None
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
 
-from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.driver.port import Circle, Pose
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.optional_parameters import unsupported
 from nena_edge_agent.protocol.tolerance import distance, in_place, radius
@@ -31,8 +31,8 @@ class Situation:
 
     ``fatal``: somebody has shown an error with which the robot takes no orders. ``cancelled``: the held order
     was cancelled, or is being ended; ``cleared``: it was ended before its end, perhaps far from its base.
-    ``pose`` is None unless it can be
-    trusted. ``stands_on`` is the node that the robot has reached and not left, or empty.
+    ``pose`` is None unless it can be trusted, ``no_route`` are the areas that navigation knows no way into.
+    ``stands_on`` is the node that the robot has reached and not left, or empty.
     """
 
     operating_mode: OperatingMode
@@ -44,6 +44,7 @@ class Situation:
     order_update_id: int
     decision_point: tuple[str, int] | None
     pose: Pose | None
+    no_route: tuple[Circle, ...]
     stands_on: str
     instant_action_ids: frozenset[str]
     base_action_ids: frozenset[str]
@@ -191,7 +192,7 @@ def _new_order_fault(order: Order, situation: Situation, capabilities: Capabilit
         or _repeated_action_fault(order, situation.instant_action_ids)
         or _map_fault(order, capabilities)
         or _start_fault(order.nodes[0], order, situation, capabilities)
-        or _route_fault(order)
+        or _route_fault(order, situation)
     )
 
 
@@ -255,17 +256,19 @@ def _start_fault(
     )
 
 
-def _route_fault(order: Order) -> ErrorEntry | None:
-    """Check A5: a node without a position cannot be found. The first one is where the robot is."""
+def _route_fault(order: Order, situation: Situation) -> ErrorEntry | None:
+    """Check A5: navigation has to know a way to each node. The first one is where the robot is."""
     for node in order.nodes[1:]:
-        if node.node_position is None:
-            return _refusal(
-                ErrorType.NO_ROUTE_TO_TARGET,
-                order,
-                f"node '{node.node_id}' has no nodePosition",
-                hint="the robot drives to coordinates only; send nodePosition with every node",
-                node_id=node.node_id,
-            )
+        place = node.node_position
+        if place is None:
+            problem = f"node '{node.node_id}' has no nodePosition"
+            hint = "the robot drives to coordinates only; send nodePosition with every node"
+        elif any(area.holds(place.x, place.y) for area in situation.no_route):
+            problem = f"no way leads to node '{node.node_id}'"
+            hint = "see what blocks the way, or send the robot elsewhere"
+        else:
+            continue
+        return _refusal(ErrorType.NO_ROUTE_TO_TARGET, order, problem, hint=hint, node_id=node.node_id)
     return None
 
 
@@ -278,7 +281,7 @@ def _judge_update(order: Order, situation: Situation, capabilities: Capabilities
         or _stitching_fault(order, situation, capabilities)
         or _repeated_action_fault(order, situation.instant_action_ids | situation.base_action_ids, skip=1)
         or _map_fault(order, capabilities)
-        or _route_fault(order)
+        or _route_fault(order, situation)
     )
     return Rejected(fault) if fault else Update()
 

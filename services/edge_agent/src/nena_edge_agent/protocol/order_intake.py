@@ -48,6 +48,7 @@ class OrderIntake:
             order_update_id=progress.order_update_id,
             decision_point=progress.decision_point,
             pose=parts.senses.trusted_pose,
+            no_route=parts.senses.no_route,
             stands_on=progress.last_node_id if progress.on_last_node else "",
             instant_action_ids=frozenset(record.action.action_id for record in parts.instants),
             base_action_ids=frozenset(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from nena_edge_agent.driver.port import BatteryReport, GoalReport, NavigationReport, Pose, PoseReport
+from nena_edge_agent.driver.port import BatteryReport, Circle, GoalReport, NavigationReport, Pose, PoseReport
 from nena_edge_agent.protocol.action_queue import ActionQueue
 from nena_edge_agent.protocol.action_states import ActionStates
 from nena_edge_agent.protocol.capabilities import Capabilities
@@ -27,6 +27,7 @@ class Senses:
     pose: PoseReport | None = None
     battery: BatteryReport | None = None
     navigation: NavigationReport = NOT_REPORTED
+    no_route: tuple[Circle, ...] = ()
     external_goal: GoalReport | None = None
     safety: SafetyReport = SAFE
     pause_button: bool = False

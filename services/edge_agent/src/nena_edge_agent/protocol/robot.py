@@ -13,6 +13,7 @@ from nena_edge_agent.driver.port import (
     GoalReport,
     Halted,
     NavigationReport,
+    NoRouteReport,
     Pose,
     PoseReport,
     PositionInitialized,
@@ -173,6 +174,7 @@ class RobotCore:
             DriveFailed: self._travel.failed,
             Halted: lambda _: self._travel.halted(),
             NavigationReport: self._travel.navigation_changed,
+            NoRouteReport: self._no_route_reported,
             PoseReport: self._pose_reported,
             BatteryReport: self._battery_reported,
             PositionInitialized: self._position.answered,
@@ -217,6 +219,9 @@ class RobotCore:
         """Take a battery report; one without a charge between 0 and 100 % is passed over."""
         if 0.0 <= event.state_of_charge <= FULL:
             self._parts.senses.battery = event
+
+    def _no_route_reported(self, event: NoRouteReport) -> None:
+        self._parts.senses.no_route = event.areas
 
     def _goal_reported(self, event: GoalReport) -> None:
         if event.external:
