@@ -53,7 +53,7 @@ async def test_a_robot_with_a_damaged_journal_waits_for_help_while_the_others_wo
         async with running_agent(settings):
             await second.state(lambda _: True)
             refused = await first.command("pauseButton", pressed=True)
-            assert "does not run yet" in str(refused["problems"])
+            assert "does not run now" in str(refused["problems"])
             assert not first.states
 
             damaged.unlink()

@@ -34,8 +34,8 @@ class Stand:
         self.bench = Bench()
         start = Pose(0.0, 0.0, 0.0, "m")
         settings = LoopbackSettings()
-        driver = LoopbackDriver(settings, start, emit=self.events.append, clock=SystemClock())
-        self.bench.attach(driver, self.events.append)
+        self.driver = LoopbackDriver(settings, start, emit=self.events.append, clock=SystemClock())
+        self.bench.attach(self.driver, self.events.append)
 
     def do(self, command: str, **fields: Any) -> Event:
         """Obey a command, and give the event that came of it last."""
@@ -94,9 +94,14 @@ def test_the_link_is_cut_for_the_time_that_is_named() -> None:
     assert cuts == [2.5]
 
 
-def test_before_the_robot_runs_a_command_is_refused() -> None:
-    with pytest.raises(CommandRefusedError, match="does not run yet"):
-        Bench().apply(parse(b'{"command": "pauseButton", "pressed": true}'))
+async def test_while_the_robot_does_not_run_a_command_is_refused() -> None:
+    stand, press = Stand(), parse(b'{"command": "pauseButton", "pressed": true}')
+    with pytest.raises(CommandRefusedError, match="does not run now"):
+        Bench().apply(press)
+
+    await stand.driver.stop()
+    with pytest.raises(CommandRefusedError, match="does not run now"):
+        stand.bench.apply(press)
 
 
 @pytest.mark.parametrize(

@@ -73,8 +73,8 @@ class Bench:
 
         """
         robot = self._robot
-        if robot is None:
-            message = "the robot does not run yet; send the command again"
+        if robot is None or robot.driver.ended:
+            message = "the robot does not run now; send the command again"
             raise CommandRefusedError(message)
         match command:
             case LoseLink(seconds=seconds) if self.cut_link:

@@ -60,6 +60,7 @@ class LoopbackDriver:
         self._motion: Motion | Braking | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._charge_timer: asyncio.TimerHandle | None = None
+        self.ended = False
 
     async def start(self) -> None:
         """Tell where the robot is, and that it can drive."""
@@ -69,6 +70,7 @@ class LoopbackDriver:
 
     async def stop(self) -> None:
         """Stand, and be silent."""
+        self.ended = True
         self._stand()
         self._stop_charge_timer()
 

@@ -1,0 +1,25 @@
+from __future__ import annotations
+
+import pytest
+
+from nena_edge_agent.__main__ import make_registry
+from nena_edge_agent.loopback.bench import Bench
+from nena_edge_agent.settings import EdgeAgentSettings
+
+REHEARSAL = {"waitUninterrupted", "failAlways", "failOnce", "needParameter"}
+
+
+@pytest.mark.clause("6.10")
+@pytest.mark.parametrize(
+    ("driver", "rehearsal", "there"),
+    [("loopback", True, True), ("loopback", False, False), ("nav2", True, False)],
+)
+def test_actions_for_rehearsal_are_there_only_on_a_loopback_robot_that_is_set_to_have_them(
+    *, driver: str, rehearsal: bool, there: bool
+) -> None:
+    settings = EdgeAgentSettings.model_validate({"driver": driver, "loopback": {"rehearsal": rehearsal}})
+
+    declared = set(make_registry(settings, Bench()).declarations)
+
+    assert {"wait", "pick", "drop"} <= declared
+    assert declared & REHEARSAL == (REHEARSAL if there else set())
