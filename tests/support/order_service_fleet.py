@@ -22,6 +22,7 @@ T = TypeVar("T")
 
 AGENT_FILE = """
 driver = "loopback"
+version = "{version}"
 interface_name = "{interface}"
 map_id = "sample-hall"
 serial_number = "{serial}"
@@ -69,6 +70,7 @@ class Fleet:
             *("--mqtt.port", self.broker.port),
             *("--mqtt.reconnect_max", 0.2),
             *("--interface_name", self.interface),
+            *("--interface_name_v3", self.interface),
             *("--topic_prefix", self.prefix),
         ]
 
@@ -79,6 +81,7 @@ class Fleet:
                 "store": {"url": f"sqlite:///{self.folder}/orders.db"},
                 "mqtt": self.broker.settings,
                 "interface_name": self.interface,
+                "interface_name_v3": self.interface,
                 "topic_prefix": self.prefix,
                 "http": {"port": free_port()},
                 **more,
@@ -86,13 +89,21 @@ class Fleet:
         )
 
     def agent(
-        self, serial: str = "robot-01", *, x: float = 3.0, y: float = 2.0, speed: float = 40.0, count: int = 1
+        self,
+        serial: str = "robot-01",
+        *,
+        x: float = 3.0,
+        y: float = 2.0,
+        speed: float = 40.0,
+        count: int = 1,
+        version: str = "2.1.0",
     ) -> Program:
         """Start a loopback robot; it stands on the point `South 1` unless told otherwise."""
         file = self.folder / f"{serial}.toml"
         file.write_text(
             AGENT_FILE.format(
                 interface=self.interface,
+                version=version,
                 serial=serial,
                 port=self.broker.port,
                 folder=self.folder / "journal",

@@ -1,0 +1,55 @@
+"""Agents of all versions side by side under one order service: each does its order in its own version."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Awaitable, Callable
+
+import httpx
+import pytest
+
+from nena_shared.vda5050.topics import Topic
+from support.order_service_fleet import Fleet, order_in, vehicle_idle
+from support.schemas import schema_problems
+
+pytestmark = pytest.mark.broker
+
+Start = Callable[..., Awaitable[httpx.AsyncClient]]
+
+VERSIONS = {"robot-01": "2.0.0", "robot-02": "2.1.0", "robot-03": "3.0.0"}
+VEHICLES = {"robot-01": "Robot-01", "robot-02": "Robot-02", "robot-03": "robot-03"}
+PLACES = {"robot-01": (3.0, 2.0), "robot-02": (3.0, 12.0), "robot-03": (21.0, 12.0)}
+TARGETS = {"robot-01": "South 4", "robot-02": "North 3", "robot-03": "Packing stand"}
+
+
+@pytest.mark.clause("4.2", "6.1.1", "7.2")
+async def test_each_robot_does_its_order_in_its_version(fleet: Fleet, service: Start) -> None:
+    wire = fleet.peer()
+    client = await service(kernel={"adopt_unknown": True})
+    for serial, version in VERSIONS.items():
+        x, y = PLACES[serial]
+        fleet.agent(serial, x=x, y=y, version=version)
+    for serial, vehicle in VEHICLES.items():
+        await vehicle_idle(client, vehicle)
+        order = {
+            "name": f"T-{serial}",
+            "intendedVehicle": vehicle,
+            "destinations": [
+                {"locationName": "Goods in", "operation": "Load cargo"},
+                {"locationName": TARGETS[serial], "operation": "MOVE"},
+            ],
+        }
+        assert (await client.post("/v1/transportOrders", json=order)).status_code == 201
+
+    for serial in VERSIONS:
+        order = await order_in(client, f"T-{serial}", "FINISHED", "FAILED", seconds=60)
+        assert order["state"] == "FINISHED", order["reason"]
+
+    for serial, version in VERSIONS.items():
+        level = f"{fleet.interface}/v{version[0]}/NeNa/{serial}"
+        messages = [each for each in wire.received() if each.topic.startswith(f"{level}/")]
+        kinds = {each.topic.rsplit("/", 1)[1] for each in messages}
+        assert kinds >= {Topic.ORDER, Topic.STATE, Topic.CONNECTION, Topic.FACTSHEET}
+        for each in messages:
+            assert json.loads(each.payload)["version"] == version
+            assert schema_problems(version, each.topic.rsplit("/", 1)[1], each.payload) == []
