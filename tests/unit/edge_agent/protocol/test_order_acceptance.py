@@ -9,8 +9,10 @@ import pytest
 from nena_edge_agent.driver.port import Circle, NoRouteReport, Pose
 from nena_edge_agent.protocol.effects import ReportState
 from nena_edge_agent.protocol.events import MessageRefused
-from nena_edge_agent.protocol.order_acceptance import Rejected, Situation, judge
+from nena_edge_agent.protocol.memory import Memory
+from nena_edge_agent.protocol.order_acceptance import Rejected, judge
 from nena_edge_agent.protocol.rules import RULES
+from nena_edge_agent.protocol.situation import Situation
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
 from nena_shared.vda5050.order import ControlPoint, Order, Trajectory
 from nena_shared.vda5050.state import OperatingMode
@@ -25,6 +27,7 @@ FREE = Situation(
     order_id="",
     order_update_id=0,
     decision_point=None,
+    content=None,
     pose=Pose(0.0, 0.0, 0.0, MAP),
     no_route=(),
     stands_on="",
@@ -480,4 +483,49 @@ def test_row_a2_a_new_order_begins_with_the_update_id_0_where_the_version_says_s
     bench.send(order("n0", "n1", update=3))
 
     assert (bench.state.order_id == "o1") is taken
+    assert bench.errors == ([] if taken else ["VALIDATION_FAILURE"])
+
+
+@pytest.mark.clause("6.1.4.5")
+@pytest.mark.parametrize(
+    ("version", "errors"), [("2.0.0", []), ("2.1.0", []), ("3.0.0", ["SAME_ORDER_UPDATE_ID"])]
+)
+def test_row_b3_another_content_under_the_same_number(version: str, errors: list[str]) -> None:
+    bench = Bench(rules=RULES[version])
+    bench.send(order("n0", "n1"))
+
+    bench.send(order("n0", "n1"))
+    assert bench.errors == []
+    bench.send(order("n0", "n2"))
+
+    assert bench.errors == errors
+    assert bench.nodes == ["n1"]
+
+
+@pytest.mark.clause("6.1.4.5")
+def test_row_b3_after_a_restart() -> None:
+    bench = Bench(rules=RULES["3.0.0"])
+    bench.send(order("n0", "n1"))
+    again = Bench(
+        memory=Memory.model_validate_json(bench.core.memory().model_dump_json()), rules=RULES["3.0.0"]
+    )
+
+    again.send(order("n0", "n1"))
+    assert again.errors == []
+    again.send(order("n0", "n2"))
+    assert again.errors == ["SAME_ORDER_UPDATE_ID"]
+
+
+@pytest.mark.clause("6.1.2")
+@pytest.mark.parametrize(("version", "taken"), [("2.0.0", True), ("2.1.0", True), ("3.0.0", False)])
+def test_row_b4_the_stitching_node_is_repeated_as_it_was(
+    version: str,
+    taken: bool,  # noqa: FBT001 - an example
+) -> None:
+    bench = Bench(rules=RULES[version])
+    bench.send(order("n0", "n1", "n2", released=2))
+
+    bench.send(order("n1", "n3", update=1, first=2, node_actions={"n1": [action("new")]}))
+
+    assert bench.nodes == (["n1", "n3"] if taken else ["n1", "n2"])
     assert bench.errors == ([] if taken else ["VALIDATION_FAILURE"])

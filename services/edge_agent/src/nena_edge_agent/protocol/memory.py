@@ -22,6 +22,15 @@ class ActionMemory(BaseModel):
     result: str | None
 
 
+class ContentMemory(BaseModel):
+    """Fingerprints of the order message that was accepted last."""
+
+    model_config = ConfigDict(frozen=True, from_attributes=True)
+
+    whole: str
+    decision_node: str
+
+
 class ProgressMemory(BaseModel):
     """The order and how far it was driven; the fields are those of ``OrderProgress``."""
 
@@ -37,6 +46,7 @@ class ProgressMemory(BaseModel):
     cancelled: bool
     cleared: bool = False
     decision_point: tuple[str, int] | None
+    content: ContentMemory | None = None
     nodes: tuple[Node, ...]
     edges: tuple[Edge, ...]
 

@@ -7,8 +7,9 @@ from collections.abc import Iterable
 from nena_edge_agent.protocol.action_flow import ActionFlow
 from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.errors import Until
-from nena_edge_agent.protocol.order_acceptance import NewOrder, Rejected, Situation, Update, Verdict, judge
+from nena_edge_agent.protocol.order_acceptance import NewOrder, Rejected, Update, Verdict, judge
 from nena_edge_agent.protocol.parts import RobotParts
+from nena_edge_agent.protocol.situation import Situation
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import Edge, Node, Order
@@ -47,6 +48,7 @@ class OrderIntake:
             order_id=progress.order_id,
             order_update_id=progress.order_update_id,
             decision_point=progress.decision_point,
+            content=progress.content,
             pose=parts.senses.trusted_pose,
             no_route=parts.senses.no_route,
             stands_on=progress.last_node_id if progress.on_last_node else "",

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Iterable
 
 from nena_edge_agent.protocol.memory import ProgressMemory
+from nena_edge_agent.protocol.order_content import HeldContent, OrderContent
 from nena_shared.vda5050.order import Edge, Node, Order
 from nena_shared.vda5050.state import EdgeState, NodeState
 
@@ -15,7 +16,8 @@ class OrderProgress:
 
     ``nodes`` never holds the node where the robot stands. ``edges`` begins with the edge that the robot is on
     (``edge_entered``) or will enter next. ``decision_point`` is the last released node, as nodeId and
-    sequenceId: there the base ends and an update begins. ``on_last_node``: the robot has not left it.
+    sequenceId: there the base ends and an update begins. ``content`` is what the last message said.
+    ``on_last_node``: the robot has not left it.
     ``cleared``: the order was ended before its end, by a cancel (``cancelled``) or a change of the mode.
     """
 
@@ -30,6 +32,7 @@ class OrderProgress:
         self.cancelled = False
         self.cleared = False
         self.decision_point: tuple[str, int] | None = None
+        self.content: HeldContent | None = None
         self.nodes: deque[Node] = deque()
         self.edges: deque[Edge] = deque()
         self.revision = 0
@@ -127,6 +130,7 @@ class OrderProgress:
         self.nodes.extend(order.nodes[1:])
         self.edges.extend(order.edges)
         self.decision_point = _decision_point(order.nodes)
+        self.content = OrderContent(order)
 
     def _reach(self, node: Node) -> None:
         self.last_node, self.last_node_id = node, node.node_id

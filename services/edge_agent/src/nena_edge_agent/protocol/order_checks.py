@@ -1,0 +1,178 @@
+"""Checks that new orders and updates have in common (sections 6.1.2 and 6.1.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import chain
+
+from nena_edge_agent.protocol.capabilities import Capabilities
+from nena_edge_agent.protocol.optional_parameters import unsupported
+from nena_edge_agent.protocol.situation import Situation
+from nena_edge_agent.protocol.tolerance import distance, in_place, radius
+from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
+from nena_shared.vda5050.factsheet import ActionScope
+from nena_shared.vda5050.order import Node, Order
+
+STRAY = 1.0
+"""Metres that a robot may have come to rest beside the node that it has reached, at most."""
+
+
+def general_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
+    """Check what is asked of every order, whether it is new or an update: 2 to 5."""
+    return (
+        _mode_fault(order, situation)
+        or _size_fault(order, capabilities)
+        or _parameter_fault(order, capabilities)
+        or _action_fault(order, capabilities)
+    )
+
+
+def _mode_fault(order: Order, situation: Situation) -> ErrorEntry | None:
+    """Check 2."""
+    if situation.operating_mode.takes_orders:
+        return _fatal_fault(order) if situation.fatal else None
+    return refusal(
+        ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
+        order,
+        f"the robot is in mode {situation.operating_mode} and takes no orders",
+        hint="switch the robot to AUTOMATIC",
+    )
+
+
+def _fatal_fault(order: Order) -> ErrorEntry:
+    return refusal(
+        ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
+        order,
+        "the robot has a fatal error and takes no orders",
+        hint="the errors of the level FATAL say what a person has to see to",
+    )
+
+
+def _size_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
+    """Check 3."""
+    actions = sum(1 for _ in _scoped_actions(order))
+    for count, limit, what in (
+        (len(order.nodes), capabilities.maximum_nodes, "nodes"),
+        (actions, capabilities.maximum_actions, "actions"),
+    ):
+        if count > limit:
+            return refusal(
+                ErrorType.INSUFFICIENT_MEMORY,
+                order,
+                f"the order has {count} {what}, the robot takes {limit}",
+                hint="send the order in parts",
+            )
+    return None
+
+
+def _parameter_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
+    """Check 4."""
+    found = unsupported(order, capabilities)
+    if found is None:
+        return None
+    name, edge = found
+    return refusal(
+        ErrorType.UNSUPPORTED_PARAMETER,
+        order,
+        f"the robot cannot act on {name} of edge '{edge.edge_id}'",
+        hint="leave it out, or have the agent tolerate it by its setting tolerated_parameters",
+        parameter=name,
+        edge_id=edge.edge_id,
+    )
+
+
+def _action_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
+    """Check 5, for the horizon as well."""
+    for scope, action in _scoped_actions(order):
+        declaration = capabilities.actions.get(action.action_type)
+        problem = (
+            declaration.problem(action, scope)
+            if declaration
+            else f"the robot knows no action '{action.action_type}'"
+        )
+        if problem:
+            return refusal(
+                ErrorType.INVALID_ORDER_ACTION,
+                order,
+                problem,
+                hint="the factsheet lists the robot's actions",
+                action_id=action.action_id,
+            )
+    return None
+
+
+def map_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
+    """Check A3."""
+    for node in order.nodes:
+        position = node.node_position
+        if position and position.map_id != capabilities.map_id:
+            return refusal(
+                ErrorType.UNKNOWN_MAP_ID,
+                order,
+                f"node '{node.node_id}' is on map '{position.map_id}', the robot has '{capabilities.map_id}'",
+                hint="compare the mapId of the plant model with the setting map_id of the agent",
+                node_id=node.node_id,
+            )
+    return None
+
+
+def route_fault(order: Order, situation: Situation) -> ErrorEntry | None:
+    """Check A5: navigation has to know a way to each node. The first one is where the robot is."""
+    for node in order.nodes[1:]:
+        place = node.node_position
+        if place is None:
+            problem = f"node '{node.node_id}' has no nodePosition"
+            hint = "the robot drives to coordinates only; send nodePosition with every node"
+        elif any(area.holds(place.x, place.y) for area in situation.no_route):
+            problem = f"no way leads to node '{node.node_id}'"
+            hint = "see what blocks the way, or send the robot elsewhere"
+        else:
+            continue
+        return refusal(ErrorType.NO_ROUTE_TO_TARGET, order, problem, hint=hint, node_id=node.node_id)
+    return None
+
+
+def repeated_action_fault(order: Order, used: frozenset[str], *, skip: int = 0) -> ErrorEntry | None:
+    """Check that no id of an action would stand for two; the first ``skip`` nodes do not count."""
+    for _, action in _scoped_actions(order, skip=skip):
+        if action.action_id in used:
+            return refusal(
+                ErrorType.INVALID_ORDER_ACTION,
+                order,
+                f"the actionId '{action.action_id}' is used by another action",
+                hint="give each action an id of its own",
+                action_id=action.action_id,
+            )
+    return None
+
+
+def stands_on(node: Node, situation: Situation, capabilities: Capabilities) -> bool:
+    """Tell whether the robot is at ``node``; one that somebody has driven away is not where it stood."""
+    pose, position = situation.pose, node.node_position
+    strayed = pose and position and distance(pose, position) > radius(position, 0.0) + STRAY
+    if situation.stands_on and situation.stands_on == node.node_id and not strayed:
+        return True
+    return bool(pose and position and in_place(pose, position, capabilities.default_deviation_xy))
+
+
+def _scoped_actions(order: Order, *, skip: int = 0) -> Iterator[tuple[ActionScope, Action]]:
+    on_nodes = ((ActionScope.NODE, action) for node in order.nodes[skip:] for action in node.actions)
+    on_edges = ((ActionScope.EDGE, action) for edge in order.edges for action in edge.actions)
+    return chain(on_nodes, on_edges)
+
+
+def refusal(
+    kind: ErrorType, order: Order, description: str, *, hint: str, **references: str | None
+) -> ErrorEntry:
+    """Make the error of a refused order; what is not known of the references is left out (6.6.5.4)."""
+    return error(
+        kind,
+        description,
+        hint=hint,
+        topic="order",
+        header_id=order.header_id,
+        order_id=order.order_id,
+        order_update_id=order.order_update_id,
+        **references,
+    )

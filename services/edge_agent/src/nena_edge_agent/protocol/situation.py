@@ -1,0 +1,35 @@
+"""The robot as an order meets it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from nena_edge_agent.driver.port import Circle, Pose
+from nena_edge_agent.protocol.order_content import HeldContent
+from nena_shared.vda5050.state import OperatingMode
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """What the decision about an order depends on.
+
+    ``fatal``: somebody has shown an error with which the robot takes no orders. ``cancelled``: the held order
+    was cancelled, or is being ended; ``cleared``: it was ended before its end, perhaps far from its base.
+    ``pose`` is None unless it can be trusted, ``no_route`` are the areas that navigation knows no way into.
+    ``stands_on`` is the node that the robot has reached and not left, or empty.
+    """
+
+    operating_mode: OperatingMode
+    fatal: bool
+    idle: bool
+    cancelled: bool
+    cleared: bool
+    order_id: str
+    order_update_id: int
+    decision_point: tuple[str, int] | None
+    content: HeldContent | None
+    pose: Pose | None
+    no_route: tuple[Circle, ...]
+    stands_on: str
+    instant_action_ids: frozenset[str]
+    base_action_ids: frozenset[str]
