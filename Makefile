@@ -9,10 +9,12 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
 DISTRIBUTIONS := shared services/edge_agent services/order_service services/status_aggregator services/robot_simulator demo
 # Processes that run tests side by side; ROS, brokers and ports are their own in each test.
 WORKERS ?= 2
+# Tests of which more examples find more.
+SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/order_service/traffic/test_simulation.py
 STAMP := $(VENV)/.set-up
 
 .DEFAULT_GOAL := help
-.PHONY: help setup lock format lint test smoke demo bench hooks clean broker browser
+.PHONY: help setup lock format lint test soak smoke demo bench hooks clean broker browser
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -41,6 +43,9 @@ lint: $(STAMP) ## style, types, import rules
 
 test: $(STAMP) broker browser ## every test, with branch coverage; TESTS=path for a part of them
 	$(BIN)/pytest $(if $(TESTS),$(TESTS),-n $(WORKERS) --cov --cov-report=term --cov-report=xml --cov-fail-under=85)
+
+soak: $(STAMP) ## the tests that guard the cores, with many more examples: about half an hour on two cores
+	NENA_EXAMPLES=100000 NENA_PLANTS=400 $(BIN)/pytest -n $(WORKERS) --timeout 7200 $(SOAK)
 
 smoke: $(STAMP) broker ## the demo without a person: two robots, two orders, then the end state is checked
 	$(BIN)/nena-demo smoke

@@ -8,12 +8,18 @@ that must be refused, and in the end the robot is idle.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
 from itertools import pairwise
 
+import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    invariant,
+    precondition,
+    rule,
+    run_state_machine_as_test,
+)
 
 from nena_edge_agent.driver.port import (
     Arrived,
@@ -32,11 +38,15 @@ from nena_edge_agent.protocol.effects import (
     ResumeAction,
     StartAction,
 )
-from nena_edge_agent.protocol.events import ActionReport, OrderReceived, Started
+from nena_edge_agent.protocol.events import ActionReport, OperatingModeSwitched, OrderReceived, Started
 from nena_edge_agent.protocol.memory import Memory
+from nena_edge_agent.protocol.rules import RULES
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
-from nena_shared.vda5050.order import Edge, Node, Order
+from nena_shared.vda5050.order import Node, Order
+from nena_shared.vda5050.state import OperatingMode
+from support.examples import EXAMPLES
 from support.robot_core import Bench, action, at, order
+from support.robot_oracle import Oracle
 
 BLOCKING = st.sampled_from([each.value for each in BlockingType])
 KINDS = st.sampled_from(["work", "press", "lamp"])
@@ -55,45 +65,15 @@ def place(node_id: str) -> float:
     return 10.0 * int(node_id[1:])
 
 
-@dataclass
-class Oracle:
-    """What must be true of the held order: its way as (nodeId, sequenceId), and its actions."""
-
-    order_id: str = ""
-    update: int = 0
-    base: list[tuple[str, int]] = field(default_factory=list)
-    horizon: list[tuple[str, int]] = field(default_factory=list)
-    reached: int = 0
-    cancelled: bool = False
-    base_actions: dict[str, Action] = field(default_factory=dict)
-    horizon_actions: set[str] = field(default_factory=set)
-
-    def take(self, order: Order) -> None:
-        way = [(node.node_id, node.sequence_id) for node in order.nodes]
-        released = [node.released for node in order.nodes].count(True)
-        if order.order_id != self.order_id:
-            self.base, self.reached, self.cancelled = [way[0]], 0, False
-            self.base_actions = {each.action_id: each for each in order.nodes[0].actions}
-        self.order_id, self.update = order.order_id, order.order_update_id
-        self.base += way[1:released]
-        self.horizon = way[released:]
-        self.horizon_actions = set()
-        parts: tuple[Node | Edge, ...] = (*order.nodes[1:], *order.edges)
-        for part in parts:
-            for each in part.actions:
-                if part.released:
-                    self.base_actions[each.action_id] = each
-                else:
-                    self.horizon_actions.add(each.action_id)
-
-
 class RobotMachine(RuleBasedStateMachine):
     strategy = DriveStrategy.STOP_AT_NODES
+    version = "2.1.0"
 
     def __init__(self) -> None:
         super().__init__()
-        self.bench = Bench(strategy=self.strategy)
-        self.oracle = Oracle()
+        self.robot_rules = RULES[self.version]
+        self.bench = Bench(strategy=self.strategy, rules=self.robot_rules)
+        self.oracle = Oracle(self.robot_rules.standard)
         self.count = 0
         self.starts: Counter[str] = Counter()
         self.ended: set[str] = set()
@@ -107,7 +87,8 @@ class RobotMachine(RuleBasedStateMachine):
         if new or not self.oracle.base:
             last = self.oracle.base[self.oracle.reached][0] if self.oracle.base else "n0"
             start = data.draw(st.sampled_from([last, last, "n0", "n4"]))
-            self.judged(self.draw_order(data, length, f"o{self.next_number()}", 0, (start, 0)))
+            update = data.draw(st.sampled_from([0, 0, 0, 1]))
+            self.judged(self.draw_order(data, length, f"o{self.next_number()}", update, (start, 0)))
         else:
             name, number = self.oracle.base[-1]
             shift = data.draw(st.sampled_from([0, 0, 0, 2]))
@@ -117,13 +98,20 @@ class RobotMachine(RuleBasedStateMachine):
     @rule(kind=st.sampled_from(["cancelOrder", "startPause", "stopPause", "stateRequest"]))
     def instant_action_comes(self, kind: str) -> None:
         action_id, busy = f"i{self.next_number()}", not self.bench.idle
-        if kind == "cancelOrder" and busy:
+        taken = self.oracle.takes(kind)
+        if kind == "cancelOrder" and busy and taken:
             self.oracle.cancelled = True
         self.follow(self.bench.instant(action(action_id, "NONE", kind)))
-        if kind == "cancelOrder" and not busy:
+        if not taken or (kind == "cancelOrder" and not busy):
             assert self.bench.status(action_id) == "FAILED"
 
     # What the world does
+
+    @rule(data=st.data(), back=st.booleans())
+    def person_switches_the_mode(self, data: st.DataObject, back: bool) -> None:  # noqa: FBT001
+        modes = sorted(self.robot_rules.standard.operating_modes)
+        mode = OperatingMode.AUTOMATIC if back else data.draw(st.sampled_from(modes))
+        self.switch(mode)
 
     @precondition(lambda self: self.driving)
     @rule()
@@ -176,7 +164,12 @@ class RobotMachine(RuleBasedStateMachine):
         kept = self.bench.core.memory().model_dump_json(exclude_defaults=True)
         for each in self.actions_in(*ACTIVE):
             self.starts[each] = 0  # what ran may be begun anew
-        self.bench = Bench(memory=Memory.model_validate_json(kept), ready=False, strategy=self.strategy)
+        self.bench = Bench(
+            memory=Memory.model_validate_json(kept),
+            ready=False,
+            strategy=self.strategy,
+            rules=self.robot_rules,
+        )
         after = self.bench.state
         assert all(getattr(after, name) == getattr(before, name) for name in DURABLE)
         for event in (Started(), self.pose(), THERE):
@@ -194,8 +187,9 @@ class RobotMachine(RuleBasedStateMachine):
         """Make an order of random nodes; one that comes twice has no actions, as no actionId may repeat."""
         names = [start[0], *(f"n{data.draw(st.integers(1, 8))}" for _ in range(length - 1))]
         on_nodes = {name: self.draw_actions(data) for name in names if names.count(name) == 1}
-        if order_id == self.oracle.order_id:
-            on_nodes.pop(names[0], None)
+        known = self.oracle.decision_node if order_id == self.oracle.order_id else None
+        if known and names.count(names[0]) == 1:  # its actions are known already, and do not run again
+            on_nodes[names[0]] = list(known.actions) if names[0] == known.node_id else []
         pairs = [f"{one}-{other}" for one, other in pairwise(names)]
         return order(
             *names,
@@ -218,24 +212,28 @@ class RobotMachine(RuleBasedStateMachine):
         effects = self.bench.send(made)
         after = self.bench.state
         if wanted == "taken":
-            assert (after.order_id, after.order_update_id) == (made.order_id, made.order_update_id), after
+            assert (after.order_id, after.order_update_id) == (made.order_id, made.order_update_id), (
+                after.errors
+            )
             self.oracle.take(made)
         else:
             assert after.model_copy(update={"errors": ()}) == before.model_copy(update={"errors": ()})
-            assert after.errors if wanted == "refused" else after.errors == before.errors
+            assert after.errors if wanted == "refused" else after.errors == before.errors, (
+                wanted,
+                after.errors,
+            )
         self.follow(effects)
 
     def expected(self, made: Order) -> str:
-        oracle, first = self.oracle, made.nodes[0]
-        if made.order_id != oracle.order_id:
-            busy = self.bench.state.node_states or self.actions_in("WAITING", *ACTIVE)
-            clearing = self.bench.core.parts.clearing
-            return "refused" if busy or clearing or not self.stands_on(first) else "taken"
-        if made.order_update_id < oracle.update or oracle.cancelled:
-            return "refused"
-        if made.order_update_id == oracle.update:
-            return "dropped"
-        return "taken" if (first.node_id, first.sequence_id) == oracle.base[-1] else "refused"
+        progress, parts = self.bench.core.parts.progress, self.bench.core.parts
+        busy = self.bench.state.node_states or self.actions_in("WAITING", *ACTIVE)
+        return self.oracle.expected(
+            made,
+            busy=bool(busy),
+            clearing=parts.clearing,
+            stands=self.stands_on(made.nodes[0]),
+            forgotten=not progress.last_node_id,
+        )
 
     def stands_on(self, node: Node) -> bool:
         progress = self.bench.core.parts.progress
@@ -285,6 +283,10 @@ class RobotMachine(RuleBasedStateMachine):
         self.x = self.x if place_x is None else place_x
         return at(self.x, localized=self.localized)
 
+    def switch(self, mode: OperatingMode) -> None:
+        self.oracle.switch(mode)
+        self.follow(self.bench.do(OperatingModeSwitched(mode)))
+
     def actions_in(self, *statuses: str) -> list[str]:
         return [each for each, status in self.bench.statuses().items() if status in statuses]
 
@@ -297,7 +299,7 @@ class RobotMachine(RuleBasedStateMachine):
     @invariant()
     def the_way_is_followed_in_its_order(self) -> None:
         oracle, state = self.oracle, self.bench.state
-        if oracle.base:
+        if oracle.base and state.last_node_id:
             last = (state.last_node_id, state.last_node_sequence_id)
             oracle.reached = oracle.base.index(last, oracle.reached)
 
@@ -305,7 +307,7 @@ class RobotMachine(RuleBasedStateMachine):
     def what_is_left_is_the_base_that_was_released_and_the_horizon(self) -> None:
         oracle, state = self.oracle, self.bench.state
         left = [(node.node_id, node.sequence_id) for node in state.node_states]
-        over = oracle.cancelled and not self.bench.core.parts.clearing
+        over = (oracle.cancelled or oracle.cleared) and not self.bench.core.parts.clearing
         assert left == ([] if over or not oracle.base else oracle.base[oracle.reached + 1 :] + oracle.horizon)
         assert len(state.edge_states) == len(left)
 
@@ -328,6 +330,7 @@ class RobotMachine(RuleBasedStateMachine):
     def teardown(self) -> None:
         """Remove every hindrance: the robot comes to the end of its base, and is idle without a horizon."""
         self.localized = True
+        self.switch(OperatingMode.AUTOMATIC)
         self.follow(self.bench.do(self.pose(), THERE))
         self.follow(self.bench.instant(action(f"i{self.next_number()}", "NONE", "stopPause")))
         for _ in range(300):
@@ -335,7 +338,8 @@ class RobotMachine(RuleBasedStateMachine):
                 break
         failed = self.bench.core.parts.goal.failed_at is not None
         assert self.bench.idle or self.oracle.horizon or failed, self.bench.state
-        if not failed and not self.oracle.cancelled and self.oracle.base:
+        ended_early = self.oracle.cancelled or self.oracle.cleared
+        if not failed and not ended_early and self.oracle.base:
             assert self.bench.core.parts.progress.last_node_sequence_id == self.oracle.base[-1][1]
 
     def goes_on(self) -> bool:
@@ -354,15 +358,23 @@ class RobotMachine(RuleBasedStateMachine):
         return True
 
 
-class PassingMachine(RobotMachine):
-    strategy = DriveStrategy.PASS_THROUGH
+def machine(of_version: str, of_strategy: DriveStrategy) -> type[RobotMachine]:
+    """Make the machine of a version and a drive strategy."""
+
+    class Machine(RobotMachine):
+        version, strategy = of_version, of_strategy
+
+    return Machine
 
 
-MANY = settings(max_examples=100, stateful_step_count=40, deadline=None)
-TestStopAtNodes = RobotMachine.TestCase
-TestStopAtNodes.settings = MANY
-TestPassThrough = PassingMachine.TestCase
-TestPassThrough.settings = MANY
+@pytest.mark.clause("6.1.2", "6.1.3", "6.2.2", "6.6.1", "6.6.6", "6.6.7")
+@pytest.mark.parametrize("strategy", DriveStrategy)
+@pytest.mark.parametrize("version", RULES)
+def test_the_core_keeps_the_rules(version: str, strategy: DriveStrategy) -> None:
+    examples = EXAMPLES // (len(RULES) * len(DriveStrategy)) + 1
+    run_state_machine_as_test(
+        machine(version, strategy), settings=settings(max_examples=examples, stateful_step_count=40)
+    )
 
 
 def test_an_order_may_be_journalled_and_read_again_as_it_was() -> None:

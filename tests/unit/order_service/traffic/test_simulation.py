@@ -1,19 +1,15 @@
-"""Fleets on random plants: every order is finished, nobody collides, nothing ever stands still for good.
-
-``NENA_PLANTS`` sets how many plants there are.
-"""
+"""Fleets on random plants: every order is finished, nobody collides, nothing ever stands still for good."""
 
 from __future__ import annotations
 
-import os
 from random import Random
 
 import pytest
 
+from support.examples import PLANTS
 from support.traffic.random_plant import random_plant
 from support.traffic.simulation import Simulation
 
-PLANTS = int(os.environ.get("NENA_PLANTS", "16"))
 ORDERS = 50
 ROBOTS = (2, 3, 5, 8, 12, 20, 40, 60)
 LENGTHS_MM = (0, 800, 1500)

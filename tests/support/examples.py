@@ -1,0 +1,11 @@
+"""How much the largest tests take on; ``make soak`` takes more."""
+
+from __future__ import annotations
+
+import os
+
+EXAMPLES = int(os.environ.get("NENA_EXAMPLES", "2000"))
+"""Random histories of the robot's core, over all versions."""
+
+PLANTS = int(os.environ.get("NENA_PLANTS", "16"))
+"""Random plants on which a fleet is simulated."""
