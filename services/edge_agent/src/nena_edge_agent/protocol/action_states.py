@@ -49,6 +49,7 @@ class ActionStates:
     def __init__(self) -> None:
         self._records: dict[str, ActionRecord] = {}
         self._states: tuple[ActionState, ...] | None = ()
+        self._shown: dict[str, ActionState] = {}
         self.revision = 0
 
     def __iter__(self) -> Iterator[ActionRecord]:
@@ -65,6 +66,7 @@ class ActionStates:
         """Append actions."""
         for record in records:
             self._records[record.action.action_id] = record
+            self._shown.pop(record.action.action_id, None)
         self._changed()
 
     def remove(self, unwanted: Callable[[ActionRecord], bool]) -> None:
@@ -72,6 +74,7 @@ class ActionStates:
         kept = {key: record for key, record in self._records.items() if not unwanted(record)}
         if len(kept) != len(self._records):
             self._records = kept
+            self._shown = {key: shown for key, shown in self._shown.items() if key in kept}
             self._changed()
 
     def change(self, action_id: str, status: ActionStatus, result: str | None = None) -> bool:
@@ -83,6 +86,7 @@ class ActionStates:
             return False
         record.status = status
         record.result = result if result is not None else record.result
+        self._shown.pop(action_id, None)
         self._changed()
         return True
 
@@ -95,8 +99,12 @@ class ActionStates:
     def states(self) -> tuple[ActionState, ...]:
         """As the state message shows them."""
         if self._states is None:
-            self._states = tuple(_state(record) for record in self._records.values())
+            self._states = tuple(self._shown.get(key) or self._show(key) for key in self._records)
         return self._states
+
+    def _show(self, action_id: str) -> ActionState:
+        self._shown[action_id] = shown = _state(self._records[action_id])
+        return shown
 
     def _changed(self) -> None:
         self.revision += 1

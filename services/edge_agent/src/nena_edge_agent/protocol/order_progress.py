@@ -37,6 +37,8 @@ class OrderProgress:
         self.edges: deque[Edge] = deque()
         self.revision = 0
         self._states: tuple[tuple[NodeState, ...], tuple[EdgeState, ...]] | None = None
+        self._node_states: dict[int, NodeState] = {}
+        self._edge_states: dict[int, EdgeState] = {}
 
     @classmethod
     def restored(cls, memory: ProgressMemory) -> OrderProgress:
@@ -120,13 +122,24 @@ class OrderProgress:
     def states(self) -> tuple[tuple[NodeState, ...], tuple[EdgeState, ...]]:
         """Node states and edge states as the state message shows them."""
         if self._states is None:
+            nodes, edges = self._node_states, self._edge_states
             self._states = (
-                tuple(_node_state(node) for node in self.nodes),
-                tuple(_edge_state(edge) for edge in self.edges),
+                tuple(nodes.get(node.sequence_id) or self._show_node(node) for node in self.nodes),
+                tuple(edges.get(edge.sequence_id) or self._show_edge(edge) for edge in self.edges),
             )
         return self._states
 
+    def _show_node(self, node: Node) -> NodeState:
+        self._node_states[node.sequence_id] = shown = _node_state(node)
+        return shown
+
+    def _show_edge(self, edge: Edge) -> EdgeState:
+        self._edge_states[edge.sequence_id] = shown = _edge_state(edge)
+        return shown
+
     def _append(self, order: Order) -> None:
+        self._node_states.clear()
+        self._edge_states.clear()
         self.nodes.extend(order.nodes[1:])
         self.edges.extend(order.edges)
         self.decision_point = _decision_point(order.nodes)
