@@ -29,7 +29,7 @@ from nena_edge_agent.protocol.events import (
     Started,
 )
 from nena_edge_agent.protocol.memory import Memory
-from nena_edge_agent.protocol.predefined import PREDEFINED
+from nena_edge_agent.protocol.predefined import PREDEFINED, spoken
 from nena_edge_agent.protocol.robot import RobotCore
 from nena_shared.vda5050.action import (
     Action,
@@ -68,12 +68,15 @@ def action(
     action_id: str,
     blocking: str = "NONE",
     action_type: str = "work",
+    *,
+    retriable: bool | None = None,
     **parameters: JsonValue,
 ) -> Action:
     return Action(
         action_type=action_type,
         action_id=action_id,
         blocking_type=BlockingType(blocking),
+        retriable=retriable,
         action_parameters=tuple(ActionParameter(key=key, value=value) for key, value in parameters.items()),
     )
 
@@ -142,7 +145,8 @@ class Bench:
     """A core whose driver and plug-ins are the test's own hands."""
 
     def __init__(self, *, memory: Memory | None = None, ready: bool = True, **capabilities: Any) -> None:
-        self.capabilities = replace(CAPABILITIES, **capabilities)
+        chosen = replace(CAPABILITIES, **capabilities)
+        self.capabilities = replace(chosen, actions=spoken(chosen.actions, chosen.rules.standard))
         self.core = RobotCore(self.capabilities, memory)
         self.now = 100.0
         self.effects: list[Effect] = []

@@ -41,6 +41,7 @@ def test_it_lists_exactly_the_actions_that_the_robot_does() -> None:
         "factsheetRequest",
         "initializePosition",
         "wait",
+        "waitForTrigger",
         "lift",
     }
     assert actions["lift"].action_scopes == (ActionScope.NODE,)

@@ -28,6 +28,7 @@ from nena_edge_agent.protocol.effects import (
     StartAction,
 )
 from nena_edge_agent.protocol.events import Event, JournalReport, Started, TimePassed
+from nena_edge_agent.protocol.predefined import spoken
 from nena_edge_agent.protocol.robot import RobotCore
 from nena_edge_agent.protocol.rules import RULES
 from nena_edge_agent.protocol.state_report import position, velocity
@@ -304,7 +305,7 @@ def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> 
     return Capabilities(
         map_id=settings.map_id,
         map_version=settings.map_version,
-        actions=registry.declarations,
+        actions=spoken(registry.declarations, RULES[settings.version].standard),
         maximum_speed=settings.description.maximum_speed,
         limits_speed=settings.driver == "loopback",  # Nav2 takes no limit by its topics
         default_deviation_xy=drive.deviation_xy,

@@ -42,6 +42,8 @@ class Rules:
     """An update repeats the decision point unchanged and in full, else only its id and number count."""
     cancel_names_order: bool
     """cancelOrder may name the order that it is for."""
+    trigger_by_action: bool
+    """Fleet control releases an action that waits for a trigger by an instant action (section 6.2.3)."""
     maps: bool
     """A robot reports its maps and changes them by actions (section 6.3)."""
     zones: bool
@@ -61,6 +63,7 @@ _V2_1: Final = Rules(
     equal_update_id_compared=False,
     stitching_node_repeated=False,
     cancel_names_order=False,
+    trigger_by_action=False,
     maps=True,
     zones=False,
 )
@@ -82,6 +85,7 @@ RULES: Final[Mapping[str, Rules]] = MappingProxyType(
             equal_update_id_compared=True,
             stitching_node_repeated=True,
             cancel_names_order=True,
+            trigger_by_action=True,
             maps=True,
             zones=True,
         ),

@@ -19,7 +19,7 @@ class Stage:
     async def play(self, action_type: str, **parameters: int) -> ActionStatus:
         """Do an action to its end, and give it."""
         self.reports.clear()
-        act = action("a", "HARD", action_type, **parameters)
+        act = action("a", "HARD", action_type, retriable=None, **parameters)
         self.plugins[action_type].start(act, (), self.reports.append)
         assert self.reports[0].status is ActionStatus.RUNNING
         return (await until(lambda: next((each for each in self.reports if each.status.ended), None))).status

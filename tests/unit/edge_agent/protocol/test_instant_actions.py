@@ -7,6 +7,7 @@ import pytest
 from nena_edge_agent.protocol.action_states import DESCRIPTOR_SHOWN
 from nena_edge_agent.protocol.effects import ReportState, SendFactsheet, StartAction
 from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT, STATES_KEPT
+from nena_edge_agent.protocol.rules import RULES
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from support.robot_core import Bench, action, order
 
@@ -158,3 +159,18 @@ def test_a_state_does_not_repeat_a_long_descriptor() -> None:
 
     (state,) = bench.state.instant_action_states
     assert state.action_descriptor == "x" * DESCRIPTOR_SHOWN
+
+
+@pytest.mark.clause("6.2.3", "6.6.9")
+def test_ended_instant_actions_stay_until_they_are_cleared_or_a_new_order_comes() -> None:
+    new, old = Bench(rules=RULES["3.0.0"]), Bench(rules=RULES["2.1.0"])
+    for bench in (new, old):
+        bench.instant(action("s", "NONE", "stateRequest"))
+        bench.send(order("n0", "n1"))
+    assert [each.action_id for each in new.state.instant_action_states] == ["s"]
+    assert [each.action_id for each in old.state.instant_action_states] == []
+
+    new.instant(action("w", "NONE", "work"), action("c", "NONE", "clearInstantActions"))
+
+    shown = {each.action_id: each.action_status.value for each in new.state.instant_action_states}
+    assert shown == {"w": "INITIALIZING", "c": "FINISHED"}

@@ -51,7 +51,7 @@ from support.robot_oracle import Oracle
 BLOCKING = st.sampled_from([each.value for each in BlockingType])
 KINDS = st.sampled_from(["work", "press", "lamp"])
 ENDED = ("FINISHED", "FAILED")
-ACTIVE = ("INITIALIZING", "RUNNING", "PAUSED")
+ACTIVE = ("INITIALIZING", "RUNNING", "PAUSED", "RETRIABLE")
 STANDING = ("SOFT", "HARD")
 DURABLE = (
     *("order_id", "order_update_id", "last_node_id", "last_node_sequence_id", "paused"),
@@ -158,6 +158,12 @@ class RobotMachine(RuleBasedStateMachine):
             chosen = data.draw(st.sampled_from(running))
             self.follow(self.bench.finishes(chosen) if good else self.bench.fails(chosen))
 
+    @rule(data=st.data(), again=st.booleans())
+    def retry_comes(self, data: st.DataObject, again: bool) -> None:  # noqa: FBT001
+        failed = self.actions_in("RETRIABLE")
+        if failed and self.oracle.takes("retry") and not self.bench.core.parts.held:
+            self.try_again(data.draw(st.sampled_from(failed)), again=again)
+
     @rule()
     def agent_is_killed(self) -> None:
         before = self.bench.state
@@ -204,7 +210,13 @@ class RobotMachine(RuleBasedStateMachine):
     def draw_actions(self, data: st.DataObject) -> list[Action]:
         number = data.draw(st.sampled_from([0, 0, 1, 2]))
         return [
-            action(f"a{self.next_number()}", data.draw(BLOCKING), data.draw(KINDS)) for _ in range(number)
+            action(
+                f"a{self.next_number()}",
+                data.draw(BLOCKING),
+                data.draw(KINDS),
+                retriable=data.draw(st.sampled_from([None, True])),
+            )
+            for _ in range(number)
         ]
 
     def judged(self, made: Order) -> None:
@@ -263,6 +275,13 @@ class RobotMachine(RuleBasedStateMachine):
                     self.report(action_id, ActionStatus.RUNNING)
                 case _:
                     pass
+
+    def try_again(self, action_id: str, *, again: bool) -> None:
+        if again:
+            self.starts[action_id] = 0
+        kind = "retry" if again else "skipRetry"
+        self.follow(self.bench.instant(action(f"i{self.next_number()}", "NONE", kind, actionId=action_id)))
+        assert self.bench.statuses()[action_id] == ("RUNNING" if again else "FAILED")
 
     def report(self, action_id: str, status: ActionStatus) -> None:
         self.answer(self.bench.do(ActionReport(action_id, status)))
@@ -348,6 +367,8 @@ class RobotMachine(RuleBasedStateMachine):
             self.stands_still()
         elif self.driving:
             self.arrives()
+        elif failed := self.actions_in("RETRIABLE"):
+            self.try_again(failed[0], again=False)
         elif running:
             self.follow(self.bench.finishes(running[0]))
         else:

@@ -9,9 +9,9 @@ from nena_edge_agent.protocol.effects import CancelAction, PauseAction, ResumeAc
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import ActionReport
 from nena_edge_agent.protocol.parts import RobotParts
-from nena_edge_agent.protocol.predefined import PREDEFINED
+from nena_edge_agent.protocol.predefined import PREDEFINED, WAIT_FOR_TRIGGER
 from nena_shared.vda5050.action import Action, ActionStatus
-from nena_shared.vda5050.error import ErrorLevel, ErrorType, error
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
 from nena_shared.vda5050.order import Edge
 
 
@@ -41,17 +41,42 @@ class ActionFlow:
         """Take in what a plug-in says about an action of the order or an instant one."""
         parts = self._parts
         states = parts.actions if report.action_id in parts.actions else parts.instants
-        if not states.change(report.action_id, report.status, report.result):
+        status = ActionStatus.RETRIABLE if self._may_be_retried(report) else report.status
+        if not states.change(report.action_id, status, report.result):
             return
         parts.loads = parts.loads if report.loads is None else report.loads
         parts.charging = parts.charging if report.charging is None else report.charging
         record = states.get(report.action_id)
-        if record and report.status.ended:
+        if record and status.ended:
             parts.queue.remove(report.action_id)
         if record and states is parts.actions:
             self._keep_held(record)
         if record and report.status is ActionStatus.FAILED and not parts.clearing:
-            self._show_failure(record)
+            parts.errors.show(self.failure(record), Until.ORDER_OVER)
+
+    def begin_anew(self, record: ActionRecord) -> None:
+        """Begin an action once more that may be retried; its failure is no longer shown."""
+        self._parts.errors.take_back(self.failure(record))
+        self._parts.actions.change(record.action.action_id, ActionStatus.INITIALIZING, "")
+        self._start(record.action.action_id)
+
+    def end(self, record: ActionRecord, status: ActionStatus, result: str | None) -> None:
+        """End an action of the order that no plug-in will end."""
+        self._parts.actions.change(record.action.action_id, status, result)
+        self._parts.queue.remove(record.action.action_id)
+
+    def _may_be_retried(self, report: ActionReport) -> bool:
+        """Tell whether a failure is one that fleet control may have tried again (section 6.6.9)."""
+        parts = self._parts
+        record = parts.actions.get(report.action_id)
+        return (
+            report.status is ActionStatus.FAILED
+            and record is not None
+            and record.status is ActionStatus.RUNNING
+            and bool(record.action.retriable)
+            and not parts.clearing
+            and ActionStatus.RETRIABLE in parts.capabilities.rules.standard.action_statuses
+        )
 
     def _keep_held(self, record: ActionRecord) -> None:
         """Hold what began to run in a pause, and let go on what was held only when the pause was over."""
@@ -88,9 +113,8 @@ class ActionFlow:
         parts = self._parts
         for record in list(parts.actions):
             action_id = record.action.action_id
-            if record.status is ActionStatus.WAITING:
-                parts.actions.change(action_id, ActionStatus.FAILED, "the order was cancelled")
-                parts.queue.remove(action_id)
+            if record.status in (ActionStatus.WAITING, ActionStatus.RETRIABLE) or _is_waiting(record):
+                self.end(record, ActionStatus.FAILED, "the order was cancelled")
             elif record.active and self._declares(record, "cancel_allowed"):
                 parts.effects.append(CancelAction(action_id))
 
@@ -98,6 +122,8 @@ class ActionFlow:
         """After a restart of the agent: begin anew what may be begun anew, fail what may not."""
         for states in (self._parts.actions, self._parts.instants):
             for record in [each for each in states if each.active]:
+                if record.status is ActionStatus.RETRIABLE:
+                    continue
                 if record.action.action_type not in PREDEFINED:  # the core's own go on by themselves
                     self._take_up(record)
 
@@ -113,11 +139,16 @@ class ActionFlow:
     def _start(self, action_id: str) -> None:
         parts = self._parts
         record = parts.actions.get(action_id) or parts.instants.get(action_id)
-        if record:
+        if record and _is_waiting(record):
+            self.report(ActionReport(action_id, ActionStatus.RUNNING))
+        elif record:
             parts.effects.append(StartAction(record.action, parts.loads))
 
     def _end_edge_action(self, record: ActionRecord) -> None:
         parts, action_id = self._parts, record.action.action_id
+        if record.status is ActionStatus.RETRIABLE:
+            self.end(record, ActionStatus.FAILED, record.result)
+            return
         if record.active and not self._declares(record, "cancel_allowed"):
             return
         if record.active:
@@ -130,15 +161,21 @@ class ActionFlow:
         declaration = self._parts.capabilities.actions.get(record.action.action_type)
         return declaration is not None and bool(getattr(declaration, trait))
 
-    def _show_failure(self, record: ActionRecord) -> None:
-        """Show the failure as a warning: the robot goes on, what becomes of the order is not its to say."""
+    def failure(self, record: ActionRecord) -> ErrorEntry:
+        """Make the failure a warning: the robot goes on, what becomes of the order is not its to say."""
+        retriable = record.status is ActionStatus.RETRIABLE
         entry = error(
             ErrorType.ACTION_FAILED,
             f"action '{record.action.action_type}' failed: {record.result or 'no reason given'}",
-            hint="the order goes on; cancel it, or send the action again in another order",
+            hint="send retry or skipRetry"
+            if retriable
+            else "the order goes on; cancel it, or send the action again in another order",
             action_id=record.action.action_id,
             order_id=self._parts.progress.order_id or None,
         )
-        self._parts.errors.show(
-            entry.model_copy(update={"error_level": ErrorLevel.WARNING}), Until.ORDER_OVER
-        )
+        return entry.model_copy(update={"error_level": ErrorLevel.WARNING})
+
+
+def _is_waiting(record: ActionRecord) -> bool:
+    """Tell whether the action does nothing but wait for a trigger: the core does that itself."""
+    return record.action.action_type == WAIT_FOR_TRIGGER

@@ -13,12 +13,18 @@ from nena_edge_agent.protocol.pause import Pause
 from nena_edge_agent.protocol.position_setting import PositionSetting
 from nena_edge_agent.protocol.predefined import (
     CANCEL_ORDER,
+    CLEAR_INSTANT_ACTIONS,
     FACTSHEET_REQUEST,
     INITIALIZE_POSITION,
+    RETRY,
+    SKIP_RETRY,
     START_PAUSE,
     STATE_REQUEST,
     STOP_PAUSE,
+    TRIGGER,
 )
+from nena_edge_agent.protocol.retry import Retry
+from nena_edge_agent.protocol.trigger import Trigger
 from nena_shared.vda5050.action import Action, ActionStatus, InstantActions
 from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope
@@ -37,7 +43,14 @@ class InstantActionFlow:
     """Takes in instant actions and hands each to what does it."""
 
     def __init__(
-        self, parts: RobotParts, cancel: OrderCancel, pause: Pause, position: PositionSetting
+        self,
+        parts: RobotParts,
+        *,
+        cancel: OrderCancel,
+        pause: Pause,
+        position: PositionSetting,
+        retry: Retry,
+        trigger: Trigger,
     ) -> None:
         self._parts = parts
         self._own: dict[str, Callable[[Action], None]] = {
@@ -47,6 +60,10 @@ class InstantActionFlow:
             INITIALIZE_POSITION: position.request,
             STATE_REQUEST: self._finish,
             FACTSHEET_REQUEST: self._send_factsheet,
+            CLEAR_INSTANT_ACTIONS: self._clear,
+            RETRY: retry.retry,
+            SKIP_RETRY: retry.skip,
+            TRIGGER: trigger.request,
         }
 
     def take(self, message: InstantActions) -> None:
@@ -136,6 +153,11 @@ class InstantActionFlow:
 
     def _finish(self, action: Action) -> None:
         self._parts.instants.change(action.action_id, ActionStatus.FINISHED)
+
+    def _clear(self, action: Action) -> None:
+        """Forget what has ended; the clearing itself is shown until the next one."""
+        self._parts.instants.remove(lambda record: record.status.ended)
+        self._finish(action)
 
     def _send_factsheet(self, action: Action) -> None:
         self._parts.effects.append(SendFactsheet())

@@ -61,7 +61,8 @@ class OrderIntake:
     def _begin(self, order: Order) -> None:
         parts = self._parts
         self._clear_errors()
-        parts.instants.remove(lambda record: record.status.ended)
+        if not parts.capabilities.rules.standard.instant_states_until_cleared:
+            parts.instants.remove(lambda record: record.status.ended)
         parts.actions.remove(lambda _: True)
         parts.queue.clear()
         parts.progress.begin(order)

@@ -1,9 +1,13 @@
-"""The predefined instant actions that the core itself does (section 6.2.3)."""
+"""The predefined actions that the core itself does (section 6.2.3)."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
+from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
+from nena_shared.vda5050.rules import Rules
 
 CANCEL_ORDER = "cancelOrder"
 START_PAUSE = "startPause"
@@ -12,6 +16,12 @@ STATE_REQUEST = "stateRequest"
 FACTSHEET_REQUEST = "factsheetRequest"
 INITIALIZE_POSITION = "initializePosition"
 """``initPosition`` in 2.x."""
+CLEAR_INSTANT_ACTIONS = "clearInstantActions"
+RETRY = "retry"
+SKIP_RETRY = "skipRetry"
+TRIGGER = "trigger"
+WAIT_FOR_TRIGGER = "waitForTrigger"
+TRIGGER_TYPE = "triggerType"
 
 _POSITION = (
     Parameter("x", ValueDataType.NUMBER, description="m"),
@@ -20,6 +30,9 @@ _POSITION = (
     Parameter("mapId", ValueDataType.STRING),
     Parameter("lastNodeId", ValueDataType.STRING),
 )
+
+
+_WHICH = (Parameter("actionId", ValueDataType.STRING, description="of the RETRIABLE action"),)
 
 
 def _instant(action_type: str, description: str, parameters: tuple[Parameter, ...] = ()) -> ActionDeclaration:
@@ -41,6 +54,31 @@ PREDEFINED: dict[str, ActionDeclaration] = {
         _instant(STATE_REQUEST, "Has the robot send its state."),
         _instant(FACTSHEET_REQUEST, "Has the robot send its factsheet."),
         _instant(INITIALIZE_POSITION, "Tells the localisation where the robot is.", _POSITION),
+        _instant(CLEAR_INSTANT_ACTIONS, "Takes the ended instant actions out of the state."),
+        _instant(RETRY, "Begins an action anew that failed and may be tried again.", _WHICH),
+        _instant(SKIP_RETRY, "Lets an action that may be tried again be failed.", _WHICH),
+        _instant(TRIGGER, "Releases the actions that wait for fleet control."),
+        ActionDeclaration(
+            WAIT_FOR_TRIGGER,
+            scopes=(ActionScope.NODE,),
+            parameters=(
+                Parameter(TRIGGER_TYPE, ValueDataType.ARRAY, description="FLEET_CONTROL, LOCAL or others"),
+            ),
+            cancel_allowed=True,
+            description="Waits until one of the triggers is pulled.",
+        ),
     )
 }
 """Declarations by action type."""
+
+
+def spoken(declarations: Mapping[str, ActionDeclaration], rules: Rules) -> dict[str, ActionDeclaration]:
+    """Leave out the predefined actions that a version of the standard does not have."""
+    unknown: set[str] = set()
+    if ActionStatus.RETRIABLE not in rules.action_statuses:
+        unknown |= {RETRY, SKIP_RETRY}
+    if not rules.instant_states_until_cleared:
+        unknown.add(CLEAR_INSTANT_ACTIONS)
+    if not rules.trigger_by_action:
+        unknown.add(TRIGGER)
+    return {name: each for name, each in declarations.items() if name not in unknown}

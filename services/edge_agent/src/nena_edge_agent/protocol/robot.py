@@ -48,8 +48,10 @@ from nena_edge_agent.protocol.parts import RobotParts
 from nena_edge_agent.protocol.pause import Pause
 from nena_edge_agent.protocol.position_setting import PositionSetting
 from nena_edge_agent.protocol.recollection import recall, recollect
+from nena_edge_agent.protocol.retry import Retry
 from nena_edge_agent.protocol.state_report import make_state
 from nena_edge_agent.protocol.travel import Travel
+from nena_edge_agent.protocol.trigger import Trigger
 from nena_shared.vda5050.state import State
 
 REQUESTS = (OrderReceived, InstantActionsReceived, MessageRefused)
@@ -76,7 +78,15 @@ class RobotCore:
         self._mode = ModeSwitch(parts, self._clearing)
         self._pause = Pause(parts, self._flow, self._travel)
         self._position = PositionSetting(parts)
-        self._instants = InstantActionFlow(parts, self._cancel, self._pause, self._position)
+        self._trigger = Trigger(parts, self._flow)
+        self._instants = InstantActionFlow(
+            parts,
+            cancel=self._cancel,
+            pause=self._pause,
+            position=self._position,
+            retry=Retry(parts, self._flow),
+            trigger=self._trigger,
+        )
         self._intake = OrderIntake(parts, self._flow)
         self._handlers = self._make_handlers()
         self._shown = self._visible()
@@ -168,7 +178,7 @@ class RobotCore:
             SafetyReport: self._safety_reported,
             PauseButton: self._pause_button,
             ErrorSwitched: self._error_switched,
-            LocalTrigger: lambda _: None,
+            LocalTrigger: lambda event: self._trigger.pull(event.trigger_type),
             TimePassed: lambda _: None,
             Arrived: self._travel.arrived,
             DriveFailed: self._travel.failed,

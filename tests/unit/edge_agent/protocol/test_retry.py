@@ -1,0 +1,125 @@
+"""Actions that failed and may be tried again."""
+
+from __future__ import annotations
+
+import pytest
+
+from nena_edge_agent.protocol.effects import StartAction
+from nena_edge_agent.protocol.memory import Memory
+from nena_edge_agent.protocol.rules import RULES
+from support.robot_core import Bench, action, order
+
+pytestmark = pytest.mark.clause("6.2.3", "6.6.9")
+
+
+def failed(version: str = "3.0.0", *, retriable: bool = True) -> Bench:
+    """Give a robot of which the first of two actions has failed."""
+    bench = Bench(rules=RULES[version])
+    work = [action("a", "HARD", retriable=retriable), action("b", "HARD")]
+    bench.send(order("n0", "n1", node_actions={"n0": work}))
+    bench.runs("a")
+    bench.fails("a")
+    return bench
+
+
+@pytest.mark.parametrize(
+    ("version", "retriable", "status"),
+    [("3.0.0", True, "RETRIABLE"), ("3.0.0", False, "FAILED"), ("2.1.0", True, "FAILED")],
+)
+def test_a_failure_may_be_retried_where_order_and_version_say_so(
+    version: str,
+    retriable: bool,  # noqa: FBT001 - an example
+    status: str,
+) -> None:
+    bench = failed(version, retriable=retriable)
+
+    assert bench.status("a") == status
+    assert bench.errors == ["ACTION_FAILED"]
+    assert bench.status("b") == ("WAITING" if status == "RETRIABLE" else "INITIALIZING")
+
+
+def test_it_holds_the_order_until_it_is_tried_again() -> None:
+    bench = failed()
+    assert not bench.idle
+    assert not bench.goals
+
+    bench.instant(action("r", "NONE", "retry", actionId="a"))
+
+    assert (bench.status("r"), bench.status("a")) == ("FINISHED", "INITIALIZING")
+    assert [each.action.action_id for each in bench.effects_of(StartAction)] == ["a", "a"]
+    assert bench.errors == []
+    bench.runs("a")
+    bench.finishes("a")
+    assert bench.status("b") == "INITIALIZING"
+
+
+def test_skipped_it_is_failed_and_the_order_goes_on() -> None:
+    bench = failed()
+
+    bench.instant(action("s", "NONE", "skipRetry", actionId="a"))
+
+    assert (bench.status("s"), bench.status("a"), bench.status("b")) == ("FINISHED", "FAILED", "INITIALIZING")
+    assert bench.errors == ["ACTION_FAILED"]
+
+
+@pytest.mark.parametrize("kind", ["retry", "skipRetry"])
+@pytest.mark.parametrize("wanted", ["b", "unknown"])
+def test_what_is_not_retriable_is_not_tried_again(kind: str, wanted: str) -> None:
+    bench = failed()
+
+    bench.instant(action("r", "NONE", kind, actionId=wanted))
+
+    assert bench.status("r") == "FAILED"
+    assert "INVALID_INSTANT_ACTION" in bench.errors
+    assert bench.status("a") == "RETRIABLE"
+
+
+def test_versions_without_it_do_not_know_it() -> None:
+    bench = failed("2.1.0")
+
+    bench.instant(action("r", "NONE", "retry", actionId="a"))
+
+    assert bench.status("r") == "FAILED"
+
+
+def test_in_a_pause_nothing_is_tried_again() -> None:
+    bench = failed()
+    bench.instant(action("p", "NONE", "startPause"))
+
+    bench.instant(action("r", "NONE", "retry", actionId="a"))
+
+    assert (bench.status("r"), bench.status("a")) == ("FAILED", "RETRIABLE")
+
+
+def test_a_cancel_ends_it() -> None:
+    bench = failed()
+
+    bench.instant(action("c", "NONE", "cancelOrder"))
+
+    assert (bench.status("c"), bench.status("a")) == ("FINISHED", "FAILED")
+    assert bench.idle
+
+
+def test_it_ends_with_its_edge() -> None:
+    bench = Bench(rules=RULES["3.0.0"])
+    bench.send(order("n0", "n1", edge_actions={"n0-n1": [action("a", "NONE", retriable=True)]}))
+    bench.runs("a")
+    bench.fails("a")
+    assert bench.status("a") == "RETRIABLE"
+
+    bench.arrive()
+
+    assert bench.status("a") == "FAILED"
+    assert bench.idle
+
+
+def test_it_may_still_be_tried_again_after_a_restart() -> None:
+    bench = failed()
+    again = Bench(
+        memory=Memory.model_validate_json(bench.core.memory().model_dump_json()), rules=RULES["3.0.0"]
+    )
+    assert again.status("a") == "RETRIABLE"
+
+    again.instant(action("r", "NONE", "retry", actionId="a"))
+
+    assert again.status("a") == "INITIALIZING"
