@@ -6,6 +6,7 @@ import pytest
 
 from nena_edge_agent.inbox import Inbox, InboxCounts
 from nena_edge_agent.protocol.events import Event, InstantActionsReceived, MessageRefused, OrderReceived
+from nena_shared.clock import ManualClock
 from nena_shared.mqtt import Inbound
 from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.error import ErrorType
@@ -17,7 +18,7 @@ from support.robot_core import HEADER, action, order
 class Desk:
     def __init__(self, serial: str = "0001") -> None:
         self.events: list[Event] = []
-        self.inbox = Inbox(CODEC, RobotKey("ACME", serial), self.events.append)
+        self.inbox = Inbox(CODEC, RobotKey("ACME", serial), self.events.append, ManualClock())
 
     def order(self, payload: bytes, *, retained: bool = False) -> None:
         self.inbox.take_order(Inbound("x/order", payload, retained))

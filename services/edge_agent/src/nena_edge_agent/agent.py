@@ -20,6 +20,7 @@ from nena_edge_agent.protocol.effects import (
     Drive,
     Effect,
     Halt,
+    LimitSpeed,
     PauseAction,
     ReportState,
     ResumeAction,
@@ -28,12 +29,13 @@ from nena_edge_agent.protocol.effects import (
     StartAction,
 )
 from nena_edge_agent.protocol.events import Event, JournalReport, Started, TimePassed
+from nena_edge_agent.protocol.ground import Footprint
 from nena_edge_agent.protocol.predefined import spoken
 from nena_edge_agent.protocol.robot import RobotCore
 from nena_edge_agent.protocol.rules import RULES
 from nena_edge_agent.protocol.state_report import position, velocity
 from nena_edge_agent.schedule import StateSchedule, VisualizationSchedule
-from nena_edge_agent.settings import EdgeAgentSettings
+from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 from nena_shared.mqtt import MqttLink, Outbound
@@ -90,7 +92,7 @@ class RobotAgent:
         self._durable_version = self._core.durable_version
         self._record: asyncio.Task[None] | None = None
         self._mailbox = Mailbox()
-        self._inbox = Inbox(self._codec, self.robot, self._mailbox.put)
+        self._inbox = Inbox(self._codec, self.robot, self._mailbox.put, clock)
         self._driver = make_driver(self._mailbox.put, self._core.last_place)
         self._runner = ActionRunner(registry, self._mailbox.put)
         self._states = StateSchedule(
@@ -110,7 +112,7 @@ class RobotAgent:
             TaskFailedError: a task of the robot has failed.
 
         """
-        self._mailbox.put(Started())  # before all that the driver tells
+        self._mailbox.put(Started(self._clock.now()))  # before all that the driver tells
         await self._driver.start()
         try:
             async with Supervisor() as supervisor:
@@ -192,6 +194,8 @@ class RobotAgent:
                 self._drive(goal)
             case Halt():
                 self._driver.halt()
+            case LimitSpeed(speed):
+                self._driver.limit_speed(speed)
             case SetPosition(pose):
                 self._driver.initialize_position(pose)
             case SendFactsheet():
@@ -272,6 +276,9 @@ class RobotAgent:
         )
         link.subscribe(self._topics.of(self.robot, Topic.ORDER), self._inbox.take_order)
         link.subscribe(self._topics.of(self.robot, Topic.INSTANT_ACTIONS), self._inbox.take_instant_actions)
+        if self._capabilities.zones:
+            link.subscribe(self._topics.of(self.robot, Topic.ZONE_SET), self._inbox.take_zone_set)
+            link.subscribe(self._topics.of(self.robot, Topic.RESPONSES), self._inbox.take_responses)
         return link
 
     def _greet(self) -> Iterator[Outbound]:
@@ -299,6 +306,12 @@ class RobotAgent:
             self._log.warning("the broker was not told that the robot leaves")
 
 
+def braking_distance(description: DescriptionSettings) -> float:
+    """Give the way in m in which the robot stops, with half a second to begin to."""
+    speed, deceleration = description.maximum_speed, description.maximum_deceleration
+    return speed * 0.5 + (speed * speed / (2 * deceleration) if deceleration else 0.0)
+
+
 def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> Capabilities:
     """Give the core what it needs to know of the settings."""
     drive = settings.drive
@@ -314,5 +327,7 @@ def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> 
         pass_radius=drive.pass_radius,
         base_request_distance=drive.base_request_distance,
         tolerated_parameters=frozenset(settings.tolerated_parameters),
+        footprint=Footprint(settings.description.length, settings.description.width),
+        braking_distance=braking_distance(settings.description),
         rules=RULES[settings.version],
     )

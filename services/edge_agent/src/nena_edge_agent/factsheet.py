@@ -8,6 +8,7 @@ from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
 from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT
 from nena_edge_agent.protocol.optional_parameters import supported
+from nena_edge_agent.protocol.zone_sets import ZONES_IN_A_SET
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.action import BlockingType
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD
@@ -36,7 +37,7 @@ def make_factsheet(
     """Make the factsheet message under ``header``."""
     return Factsheet(
         **header,
-        type_specification=_type(settings),
+        type_specification=_type(settings, capabilities),
         physical_parameters=_physical(settings),
         protocol_limits=_limits(settings, capabilities.maximum_nodes),
         protocol_features=ProtocolFeatures(
@@ -48,7 +49,7 @@ def make_factsheet(
     )
 
 
-def _type(settings: EdgeAgentSettings) -> TypeSpecification:
+def _type(settings: EdgeAgentSettings, capabilities: Capabilities) -> TypeSpecification:
     description = settings.description
     return TypeSpecification(
         series_name=description.series_name,
@@ -57,6 +58,7 @@ def _type(settings: EdgeAgentSettings) -> TypeSpecification:
         maximum_load_mass=description.maximum_load_mass,
         localization_types=description.localization_types,
         navigation_types=("FREELY_NAVIGATING",),
+        supported_zones=tuple(sorted(capabilities.zones)),
     )
 
 
@@ -81,7 +83,10 @@ def _limits(settings: EdgeAgentSettings, maximum_nodes: int) -> ProtocolLimits:
     return ProtocolLimits(
         maximum_string_lengths=MaximumStringLengths(maximum_message_length=MAXIMUM_PAYLOAD),
         maximum_array_lengths=MaximumArrayLengths(
-            order_nodes=maximum_nodes, order_edges=maximum_nodes - 1, instant_actions=MESSAGE_LIMIT
+            order_nodes=maximum_nodes,
+            order_edges=maximum_nodes - 1,
+            instant_actions=MESSAGE_LIMIT,
+            zone_set_zones=ZONES_IN_A_SET,
         ),
         timing=Timing(
             minimum_order_interval=0.0,

@@ -6,7 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from nena_edge_agent.protocol.events import Event, InstantActionsReceived, MessageRefused, OrderReceived
+from nena_edge_agent.protocol.events import (
+    Event,
+    InstantActionsReceived,
+    MessageRefused,
+    OrderReceived,
+    ResponsesReceived,
+    ZoneSetReceived,
+)
+from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound
 from nena_shared.vda5050.action import InstantActions
@@ -14,10 +22,12 @@ from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.error import ErrorEntry, ErrorReference, ErrorType, error
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.zone_set import ZoneSetTransfer
 
 log = get_logger(__name__)
-M = TypeVar("M", Order, InstantActions)
+M = TypeVar("M", Order, InstantActions, ZoneSetTransfer, Responses)
 
 
 @dataclass(slots=True)
@@ -31,12 +41,13 @@ class InboxCounts:
 
 
 class Inbox:
-    """Reads orders and instant actions for one robot."""
+    """Reads the messages of fleet control to one robot."""
 
-    def __init__(self, codec: Codec, robot: RobotKey, put: Callable[[Event], None]) -> None:
+    def __init__(self, codec: Codec, robot: RobotKey, put: Callable[[Event], None], clock: Clock) -> None:
         self._codec = codec
         self._robot = robot
         self._put = put
+        self._clock = clock
         self._log = log.bind(robot=str(robot))
         self.counts = InboxCounts()
 
@@ -51,6 +62,18 @@ class Inbox:
         actions = self._read(InstantActions, message, Topic.INSTANT_ACTIONS)
         if actions is not None:
             self._put(InstantActionsReceived(actions))
+
+    def take_zone_set(self, message: Inbound) -> None:
+        """Read a message under the zoneSet topic."""
+        transfer = self._read(ZoneSetTransfer, message, Topic.ZONE_SET)
+        if transfer is not None:
+            self._put(ZoneSetReceived(transfer))
+
+    def take_responses(self, message: Inbound) -> None:
+        """Read a message under the responses topic."""
+        responses = self._read(Responses, message, Topic.RESPONSES)
+        if responses is not None:
+            self._put(ResponsesReceived(responses, self._clock.now()))
 
     def _read(self, kind: type[M], message: Inbound, topic: Topic) -> M | None:
         if not message.payload:

@@ -6,12 +6,19 @@ import asyncio
 from collections import deque
 
 from nena_edge_agent.driver.port import BatteryReport, PoseReport
-from nena_edge_agent.protocol.events import Event, InstantActionsReceived, MessageRefused, OrderReceived
+from nena_edge_agent.protocol.events import (
+    Event,
+    InstantActionsReceived,
+    MessageRefused,
+    OrderReceived,
+    ResponsesReceived,
+    ZoneSetReceived,
+)
 
 MESSAGE_LIMIT = 100
 """Messages of fleet control that may wait."""
 
-_MESSAGES = (OrderReceived, InstantActionsReceived, MessageRefused)
+_MESSAGES = (OrderReceived, InstantActionsReceived, ZoneSetReceived, ResponsesReceived, MessageRefused)
 _SUPERSEDED = (PoseReport, BatteryReport)
 
 

@@ -179,6 +179,13 @@ class Driver(Protocol):
         """Stop as soon as possible and drop the goal; answered by :class:`Halted`, always."""
         ...
 
+    def limit_speed(self, speed: float | None) -> None:
+        """Be no faster than ``speed`` m/s from now on, whatever a goal allows; None: no limit.
+
+        Asked only of a driver that can do so.
+        """
+        ...
+
     def initialize_position(self, pose: Pose) -> None:
         """Tell the localisation where the robot is; answered by :class:`PositionInitialized`."""
         ...

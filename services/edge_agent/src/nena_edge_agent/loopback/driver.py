@@ -26,6 +26,8 @@ from nena_edge_agent.loopback.motion import Braking, Motion, braking
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_shared.clock import Clock
 
+SLOWEST = 0.01
+"""Metres per second: a limit of 0 would be a robot that never comes out of its zone again."""
 BATTERY_STEP = 1.0
 """Percent of charge between two reports."""
 
@@ -50,6 +52,7 @@ class LoopbackDriver:
         self._clock = clock
         self._pose = start
         self._speed = speed or settings.speed
+        self._speed_limit = inf
         self._localized = True
         self._navigation = NavigationReport(available=True, reason="")
         self._unreachable: dict[Circle, None] = {}
@@ -87,7 +90,7 @@ class LoopbackDriver:
             start=self._pose,
             goal=goal.pose,
             begin=self._clock.monotonic(),
-            speed=min(self._speed, goal.maximum_speed or inf),
+            speed=min(self._speed, goal.maximum_speed or inf, self._speed_limit),
             rate=self._settings.turn_rate,
             turn_at_end=goal.deviation_theta is not None,
         )
@@ -105,6 +108,12 @@ class LoopbackDriver:
         else:
             self._motion = slowing
             self._wait()
+
+    def limit_speed(self, speed: float | None) -> None:
+        """Go on at another speed, at once."""
+        self._speed_limit = inf if speed is None else max(speed, SLOWEST)
+        if self._goal:
+            self.go_to(self._goal)
 
     def initialize_position(self, pose: Pose) -> None:
         """Be there, at once."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.effects import CancelAction, PauseAction, ResumeAction, StartAction
@@ -12,7 +12,11 @@ from nena_edge_agent.protocol.parts import RobotParts
 from nena_edge_agent.protocol.predefined import PREDEFINED, WAIT_FOR_TRIGGER
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
+from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import Edge
+
+OwnAction = Callable[[Action], tuple[ActionStatus, str | None]]
+"""Does an action, or begins it; gives its status from now on, and a result."""
 
 
 class ActionFlow:
@@ -20,6 +24,8 @@ class ActionFlow:
 
     def __init__(self, parts: RobotParts) -> None:
         self._parts = parts
+        self.own: dict[str, OwnAction] = {}
+        """What the core does itself on nodes, by action type."""
 
     def enqueue(self, actions: Sequence[Action]) -> None:
         """Queue the actions of a node that is reached or an edge that is entered, and start what may run."""
@@ -46,6 +52,9 @@ class ActionFlow:
             return
         parts.loads = parts.loads if report.loads is None else report.loads
         parts.charging = parts.charging if report.charging is None else report.charging
+        parts.maps = parts.maps if report.maps is None else report.maps
+        if report.error:
+            parts.errors.show(report.error, Until.INSTANT_ACTION_ACCEPTED)
         record = states.get(report.action_id)
         if record and status.ended:
             parts.queue.remove(report.action_id)
@@ -139,8 +148,9 @@ class ActionFlow:
     def _start(self, action_id: str) -> None:
         parts = self._parts
         record = parts.actions.get(action_id) or parts.instants.get(action_id)
-        if record and _is_waiting(record):
-            self.report(ActionReport(action_id, ActionStatus.RUNNING))
+        if record and record.scope is not ActionScope.INSTANT and record.action.action_type in self.own:
+            status, result = self.own[record.action.action_type](record.action)
+            self.report(ActionReport(action_id, status, result))
         elif record:
             parts.effects.append(StartAction(record.action, parts.loads))
 

@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from nena_edge_agent.protocol.declaration import ActionDeclaration
+from nena_edge_agent.protocol.ground import Footprint
 from nena_edge_agent.protocol.rules import RULES, Rules
+from nena_shared.vda5050.zone_set import ZoneType
 
 
 class DriveStrategy(StrEnum):
@@ -24,6 +26,9 @@ class Capabilities:
     """A robot's set-up; distances in m, angles in rad, speeds in m/s.
 
     ``maximum_speed`` is the robot's own; ``limits_speed`` tells whether its driver can keep it below that.
+
+    ``braking_distance`` is the way in m in which the robot becomes slower, from its full speed; ``footprint``
+    is its contour.
 
     ``tolerated_parameters`` are optional fields of the order that are passed over instead of refused, by
     their path, e.g. ``edges.trajectory``.
@@ -42,4 +47,14 @@ class Capabilities:
     maximum_nodes: int = 1000
     maximum_actions: int = 1000
     tolerated_parameters: frozenset[str] = frozenset()
+    footprint: Footprint = field(default_factory=lambda: Footprint(length=0.8, width=0.6))
+    braking_distance: float = 1.0
     rules: Rules = RULES["2.1.0"]
+
+    @property
+    def zones(self) -> frozenset[ZoneType]:
+        """The types of zones that the robot honours."""
+        if not self.rules.standard.zones:
+            return frozenset()
+        limit = {ZoneType.SPEED_LIMIT} if self.limits_speed else set()
+        return frozenset({ZoneType.BLOCKED, ZoneType.LINE_GUIDED, ZoneType.RELEASE} | limit)

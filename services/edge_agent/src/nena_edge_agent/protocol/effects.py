@@ -22,6 +22,13 @@ class Halt:
 
 
 @dataclass(frozen=True, slots=True)
+class LimitSpeed:
+    """Have the driver be no faster than ``speed`` m/s, whatever its goal allows; None: no limit."""
+
+    speed: float | None
+
+
+@dataclass(frozen=True, slots=True)
 class SetPosition:
     """Tell the localisation where the robot is."""
 
@@ -70,6 +77,7 @@ class ReportState:
 Effect = (
     Drive
     | Halt
+    | LimitSpeed
     | SetPosition
     | StartAction
     | PauseAction

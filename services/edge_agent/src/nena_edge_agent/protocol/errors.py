@@ -21,6 +21,8 @@ class Until(Enum):
     """As ORDER_ACCEPTED, or the order is cancelled."""
     INSTANT_ACTION_ACCEPTED = auto()
     """The next instant action is accepted."""
+    ZONE_SET_TAKEN = auto()
+    """The next zone set is taken."""
     CONDITION_OVER = auto()
     """Its cause is gone."""
     TAKEN_BACK = auto()
@@ -29,7 +31,7 @@ class Until(Enum):
     """The robot takes orders again."""
 
 
-REFUSED = (Until.ORDER_ACCEPTED, Until.INSTANT_ACTION_ACCEPTED, Until.AVAILABLE)
+REFUSED = (Until.ORDER_ACCEPTED, Until.INSTANT_ACTION_ACCEPTED, Until.ZONE_SET_TAKEN, Until.AVAILABLE)
 """How long errors of refused messages last."""
 
 

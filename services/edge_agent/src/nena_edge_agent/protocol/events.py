@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import datetime
 
 from nena_edge_agent.driver.port import DriverEvent
 from nena_shared.vda5050.action import ActionStatus, InstantActions
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.order import Order
-from nena_shared.vda5050.state import EmergencyStop, Load, OperatingMode
+from nena_shared.vda5050.responses import Responses
+from nena_shared.vda5050.state import EmergencyStop, Load, Map, OperatingMode
+from nena_shared.vda5050.zone_set import ZoneSet, ZoneSetTransfer
 
 
 @dataclass(frozen=True, slots=True)
 class Started:
-    """The driver works: go on with what the journal held."""
+    """The driver works: go on with what the journal held. ``utc`` is the time of day, if that is known."""
+
+    utc: datetime | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +36,28 @@ class InstantActionsReceived:
 
 
 @dataclass(frozen=True, slots=True)
+class ZoneSetReceived:
+    """A well-formed zone set for this robot."""
+
+    message: ZoneSetTransfer
+
+
+@dataclass(frozen=True, slots=True)
+class ResponsesReceived:
+    """Well-formed answers to the robot's requests, which came at ``utc``."""
+
+    message: Responses
+    utc: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class MapsReport:
+    """The maps that the robot holds, all of them."""
+
+    maps: tuple[Map, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class MessageRefused:
     """A message that could not be read, or was not meant for this robot; ``error`` says so in the state."""
 
@@ -42,7 +69,8 @@ class ActionReport:
     """What an action plug-in tells of an action that it was given.
 
     ``loads`` and ``charging`` say what the robot carries, and whether it charges, from now on; None: as
-    before.
+    before. ``maps`` are the maps that the robot holds from now on, ``zone_set`` is one that the action has
+    brought. ``error`` says in the state what went wrong, until the next instant action.
     """
 
     action_id: str
@@ -50,6 +78,9 @@ class ActionReport:
     result: str | None = None
     loads: tuple[Load, ...] | None = None
     charging: bool | None = None
+    maps: tuple[Map, ...] | None = None
+    zone_set: ZoneSet | None = None
+    error: ErrorEntry | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +140,9 @@ Event = (
     Started
     | OrderReceived
     | InstantActionsReceived
+    | ZoneSetReceived
+    | ResponsesReceived
+    | MapsReport
     | MessageRefused
     | ActionReport
     | OperatingModeSwitched

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
+from nena_edge_agent.protocol.action_flow import OwnAction
 from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.effects import SendFactsheet, StartAction
 from nena_edge_agent.protocol.errors import Until
@@ -14,6 +16,8 @@ from nena_edge_agent.protocol.position_setting import PositionSetting
 from nena_edge_agent.protocol.predefined import (
     CANCEL_ORDER,
     CLEAR_INSTANT_ACTIONS,
+    DELETE_ZONE_SET,
+    ENABLE_ZONE_SET,
     FACTSHEET_REQUEST,
     INITIALIZE_POSITION,
     RETRY,
@@ -25,6 +29,7 @@ from nena_edge_agent.protocol.predefined import (
 )
 from nena_edge_agent.protocol.retry import Retry
 from nena_edge_agent.protocol.trigger import Trigger
+from nena_edge_agent.protocol.zone_keeping import ZoneKeeping
 from nena_shared.vda5050.action import Action, ActionStatus, InstantActions
 from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope
@@ -51,8 +56,14 @@ class InstantActionFlow:
         position: PositionSetting,
         retry: Retry,
         trigger: Trigger,
+        zones: ZoneKeeping,
     ) -> None:
         self._parts = parts
+        self.on_nodes: dict[str, OwnAction] = {
+            CLEAR_INSTANT_ACTIONS: self._clear,
+            ENABLE_ZONE_SET: zones.enable,
+        }
+        """Those that the order may name as well."""
         self._own: dict[str, Callable[[Action], None]] = {
             CANCEL_ORDER: cancel.request,
             START_PAUSE: pause.start,
@@ -60,7 +71,9 @@ class InstantActionFlow:
             INITIALIZE_POSITION: position.request,
             STATE_REQUEST: self._finish,
             FACTSHEET_REQUEST: self._send_factsheet,
-            CLEAR_INSTANT_ACTIONS: self._clear,
+            CLEAR_INSTANT_ACTIONS: partial(self._end, self._clear),
+            ENABLE_ZONE_SET: partial(self._end, zones.enable),
+            DELETE_ZONE_SET: partial(self._end, zones.delete),
             RETRY: retry.retry,
             SKIP_RETRY: retry.skip,
             TRIGGER: trigger.request,
@@ -154,10 +167,13 @@ class InstantActionFlow:
     def _finish(self, action: Action) -> None:
         self._parts.instants.change(action.action_id, ActionStatus.FINISHED)
 
-    def _clear(self, action: Action) -> None:
+    def _end(self, do: OwnAction, action: Action) -> None:
+        self._parts.instants.change(action.action_id, *do(action))
+
+    def _clear(self, _: Action) -> tuple[ActionStatus, str | None]:
         """Forget what has ended; the clearing itself is shown until the next one."""
         self._parts.instants.remove(lambda record: record.status.ended)
-        self._finish(action)
+        return ActionStatus.FINISHED, None
 
     def _send_factsheet(self, action: Action) -> None:
         self._parts.effects.append(SendFactsheet())

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from datetime import datetime
+
 from pydantic import BaseModel, ConfigDict
 
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import Edge, Node
+from nena_shared.vda5050.request import RequestStatus
 from nena_shared.vda5050.state import Load, OperatingMode
+from nena_shared.vda5050.zone_set import ZoneSet
 
 
 class ActionMemory(BaseModel):
@@ -51,6 +55,27 @@ class ProgressMemory(BaseModel):
     edges: tuple[Edge, ...]
 
 
+class ZoneSetMemory(BaseModel):
+    """A zone set, and whether it was enabled."""
+
+    model_config = ConfigDict(frozen=True)
+
+    zone_set: ZoneSet
+    enabled: bool
+
+
+class AccessMemory(BaseModel):
+    """A request to enter a zone; the fields are those of ``AccessRequest``."""
+
+    model_config = ConfigDict(frozen=True, from_attributes=True)
+
+    zone_set_id: str
+    zone_id: str
+    request_id: str
+    status: RequestStatus
+    lease_expiry: datetime | None
+
+
 class Memory(BaseModel):
     """All that is durable of one robot."""
 
@@ -68,3 +93,6 @@ class Memory(BaseModel):
     loads: tuple[Load, ...]
     operating_mode: OperatingMode = OperatingMode.AUTOMATIC
     wanted_mode: OperatingMode | None = None
+    zone_sets: tuple[ZoneSetMemory, ...] = ()
+    zone_requests: tuple[AccessMemory, ...] = ()
+    last_zone_request: int = 0

@@ -84,9 +84,9 @@ def _new_order_fault(order: Order, situation: Situation, capabilities: Capabilit
         _update_id_fault(order, capabilities)
         or _numbering_fault(order)
         or repeated_action_fault(order, situation.instant_action_ids)
-        or map_fault(order, capabilities)
+        or map_fault(order, situation)
         or _start_fault(order.nodes[0], order, situation, capabilities)
-        or route_fault(order, situation)
+        or route_fault(order, situation, capabilities)
     )
 
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import chain
+from collections.abc import Iterable, Iterator
+from itertools import chain, pairwise
 
 from nena_edge_agent.protocol.capabilities import Capabilities
+from nena_edge_agent.protocol.ground import Footprint, first_closed, zones_in
 from nena_edge_agent.protocol.optional_parameters import unsupported
 from nena_edge_agent.protocol.situation import Situation
 from nena_edge_agent.protocol.tolerance import distance, in_place, radius
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope
-from nena_shared.vda5050.order import Node, Order
+from nena_shared.vda5050.order import Node, NodePosition, Order
 
 STRAY = 1.0
 """Metres that a robot may have come to rest beside the node that it has reached, at most."""
@@ -102,35 +103,58 @@ def _action_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None
     return None
 
 
-def map_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None:
+def map_fault(order: Order, situation: Situation) -> ErrorEntry | None:
     """Check A3."""
     for node in order.nodes:
         position = node.node_position
-        if position and position.map_id != capabilities.map_id:
+        if position and position.map_id not in situation.maps:
             return refusal(
                 ErrorType.UNKNOWN_MAP_ID,
                 order,
-                f"node '{node.node_id}' is on map '{position.map_id}', the robot has '{capabilities.map_id}'",
-                hint="compare the mapId of the plant model with the setting map_id of the agent",
+                f"node '{node.node_id}' is on '{position.map_id}', the robot has {listed(situation.maps)}",
+                hint="bring the map to the robot, or compare the plant model with the agent's setting map_id",
                 node_id=node.node_id,
             )
     return None
 
 
-def route_fault(order: Order, situation: Situation) -> ErrorEntry | None:
-    """Check A5: navigation has to know a way to each node. The first one is where the robot is."""
-    for node in order.nodes[1:]:
-        place = node.node_position
-        if place is None:
-            problem = f"node '{node.node_id}' has no nodePosition"
-            hint = "the robot drives to coordinates only; send nodePosition with every node"
-        elif any(area.holds(place.x, place.y) for area in situation.no_route):
-            problem = f"no way leads to node '{node.node_id}'"
-            hint = "see what blocks the way, or send the robot elsewhere"
-        else:
-            continue
-        return refusal(ErrorType.NO_ROUTE_TO_TARGET, order, problem, hint=hint, node_id=node.node_id)
+def route_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
+    """Check A5: a way has to lead to each node. The first one is where the robot is."""
+    for before, node in pairwise(order.nodes):
+        fault = _way_fault(before.node_position, node, situation, capabilities.footprint)
+        if fault is not None:
+            problem, hint = fault
+            return refusal(ErrorType.NO_ROUTE_TO_TARGET, order, problem, hint=hint, node_id=node.node_id)
     return None
+
+
+def _way_fault(
+    start: NodePosition | None, node: Node, situation: Situation, footprint: Footprint
+) -> tuple[str, str] | None:
+    """Say why no way leads to ``node``, and what to do about it."""
+    place = node.node_position
+    if place is None:
+        hint = "the robot drives to coordinates only; send nodePosition with every node"
+        return f"node '{node.node_id}' has no nodePosition", hint
+    if any(area.holds(place.x, place.y) for area in situation.no_route):
+        return (
+            f"no way leads to node '{node.node_id}'",
+            "see what blocks the way, or send the robot elsewhere",
+        )
+    begin = start or place
+    if begin.map_id != place.map_id:
+        text = f"node '{node.node_id}' is on map '{place.map_id}', the one before it on '{begin.map_id}'"
+        return text, "the robot does not drive from map to map; set its position on the other one"
+    zone = first_closed(zones_in(footprint.way(begin, place), place.map_id, situation.closed))
+    if zone is None:
+        return None
+    text = f"the way to node '{node.node_id}' leads through zone '{zone.zone.zone_id}'"
+    return text, f"the zone is {zone.zone.zone_type}: lead the order around it, or enable another zone set"
+
+
+def listed(maps: Iterable[str]) -> str:
+    """Name the maps that a robot has."""
+    return ", ".join(f"'{each}'" for each in sorted(maps)) or "none"
 
 
 def repeated_action_fault(order: Order, used: frozenset[str], *, skip: int = 0) -> ErrorEntry | None:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from nena_edge_agent.protocol.action_flow import ActionFlow
 from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.ground import CLOSED
 from nena_edge_agent.protocol.order_acceptance import NewOrder, Rejected, Update, Verdict, judge
 from nena_edge_agent.protocol.parts import RobotParts
 from nena_edge_agent.protocol.situation import Situation
@@ -51,6 +52,8 @@ class OrderIntake:
             content=progress.content,
             pose=parts.senses.trusted_pose,
             no_route=parts.senses.no_route,
+            maps=parts.map_ids,
+            closed=tuple(each for each in parts.zone_sets.enabled if each.zone.zone_type in CLOSED),
             stands_on=progress.last_node_id if progress.on_last_node else "",
             instant_action_ids=frozenset(record.action.action_id for record in parts.instants),
             base_action_ids=frozenset(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from datetime import datetime
 
 from nena_edge_agent.driver.port import BatteryReport, Circle, GoalReport, NavigationReport, Pose, PoseReport
 from nena_edge_agent.protocol.action_queue import ActionQueue
@@ -13,8 +14,10 @@ from nena_edge_agent.protocol.effects import Effect
 from nena_edge_agent.protocol.errors import ActiveErrors
 from nena_edge_agent.protocol.events import SafetyReport
 from nena_edge_agent.protocol.order_progress import OrderProgress
+from nena_edge_agent.protocol.zone_access import ZoneAccess
+from nena_edge_agent.protocol.zone_sets import ZoneSets
 from nena_shared.vda5050.action import ActionStatus
-from nena_shared.vda5050.state import EmergencyStop, Load, OperatingMode
+from nena_shared.vda5050.state import EmergencyStop, Load, Map, MapStatus, OperatingMode
 
 SAFE = SafetyReport()
 NOT_REPORTED = NavigationReport(available=False, reason="navigation has not reported yet")
@@ -50,7 +53,8 @@ class RobotParts:
     ``now`` is the monotonic time in s of the event at hand. ``paused`` is fleet control's own pause,
     ``holding`` that driving and actions were held, for whatever reason. ``clearing``: the order is being
     ended before its end. ``wanted_mode`` is the mode that a person has switched to and the state does not
-    show yet.
+    show yet. ``utc`` is a time of day with the monotonic time in s at which it was, None: nobody has told.
+    ``speed_limit`` in m/s is what the zones ask of the driver. ``maps`` are those that the robot holds.
     """
 
     capabilities: Capabilities
@@ -70,8 +74,28 @@ class RobotParts:
     holding: bool = False
     clearing: bool = False
     journal_problem: str = ""
+    zone_access: ZoneAccess = field(default_factory=ZoneAccess)
+    speed_limit: float | None = None
+    utc: tuple[datetime, float] | None = None
     now: float = 0.0
     effects: list[Effect] = field(default_factory=list)
+    maps: tuple[Map, ...] = field(init=False)
+    zone_sets: ZoneSets = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Hold the map of the set-up, and no zones."""
+        one = Map(
+            map_id=self.capabilities.map_id,
+            map_version=self.capabilities.map_version,
+            map_status=MapStatus.ENABLED,
+        )
+        self.maps = (one,)
+        self.zone_sets = ZoneSets(self.capabilities.zones)
+
+    @property
+    def map_ids(self) -> frozenset[str]:
+        """The areas that the robot has a map of."""
+        return frozenset(each.map_id for each in self.maps)
 
     @property
     def idle(self) -> bool:

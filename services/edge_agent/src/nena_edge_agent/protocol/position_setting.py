@@ -6,6 +6,7 @@ from math import pi
 
 from nena_edge_agent.driver.port import Pose, PositionInitialized
 from nena_edge_agent.protocol.effects import SetPosition
+from nena_edge_agent.protocol.order_checks import listed
 from nena_edge_agent.protocol.parts import RobotParts
 from nena_edge_agent.protocol.predefined import INITIALIZE_POSITION
 from nena_shared.vda5050.action import Action, ActionStatus
@@ -66,8 +67,8 @@ class PositionSetting:
     def _problem(self, action: Action) -> str | None:
         parts = self._parts
         node_id, map_id = _text(action, "lastNodeId"), _text(action, "mapId")
-        if map_id != parts.capabilities.map_id:
-            return f"the robot has map '{parts.capabilities.map_id}', not '{map_id}'"
+        if map_id not in parts.map_ids:
+            return f"the robot has {listed(parts.map_ids)}, not '{map_id}'"
         if abs(_number(action, "theta")) > pi + 1e-6:
             return "theta must be within -π and π"
         if parts.goal.moving:

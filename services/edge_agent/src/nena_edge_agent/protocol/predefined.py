@@ -20,7 +20,14 @@ CLEAR_INSTANT_ACTIONS = "clearInstantActions"
 RETRY = "retry"
 SKIP_RETRY = "skipRetry"
 TRIGGER = "trigger"
+ENABLE_ZONE_SET = "enableZoneSet"
+DELETE_ZONE_SET = "deleteZoneSet"
 WAIT_FOR_TRIGGER = "waitForTrigger"
+DOWNLOAD_ZONE_SET = "downloadZoneSet"
+DOWNLOAD_MAP = "downloadMap"
+ENABLE_MAP = "enableMap"
+DELETE_MAP = "deleteMap"
+MAP_ACTIONS = frozenset({DOWNLOAD_MAP, ENABLE_MAP, DELETE_MAP})
 TRIGGER_TYPE = "triggerType"
 
 _POSITION = (
@@ -35,9 +42,23 @@ _POSITION = (
 _WHICH = (Parameter("actionId", ValueDataType.STRING, description="of the RETRIABLE action"),)
 
 
+_ZONE_SET = (Parameter("zoneSetId", ValueDataType.STRING),)
+
+
 def _instant(action_type: str, description: str, parameters: tuple[Parameter, ...] = ()) -> ActionDeclaration:
     return ActionDeclaration(
         action_type, scopes=(ActionScope.INSTANT,), parameters=parameters, description=description
+    )
+
+
+def _on_node_too(
+    action_type: str, description: str, parameters: tuple[Parameter, ...] = ()
+) -> ActionDeclaration:
+    return ActionDeclaration(
+        action_type,
+        scopes=(ActionScope.INSTANT, ActionScope.NODE),
+        parameters=parameters,
+        description=description,
     )
 
 
@@ -54,7 +75,9 @@ PREDEFINED: dict[str, ActionDeclaration] = {
         _instant(STATE_REQUEST, "Has the robot send its state."),
         _instant(FACTSHEET_REQUEST, "Has the robot send its factsheet."),
         _instant(INITIALIZE_POSITION, "Tells the localisation where the robot is.", _POSITION),
-        _instant(CLEAR_INSTANT_ACTIONS, "Takes the ended instant actions out of the state."),
+        _on_node_too(CLEAR_INSTANT_ACTIONS, "Takes the ended instant actions out of the state."),
+        _on_node_too(ENABLE_ZONE_SET, "Has a zone set count in place of another one of its map.", _ZONE_SET),
+        _instant(DELETE_ZONE_SET, "Forgets a zone set that is not enabled.", _ZONE_SET),
         _instant(RETRY, "Begins an action anew that failed and may be tried again.", _WHICH),
         _instant(SKIP_RETRY, "Lets an action that may be tried again be failed.", _WHICH),
         _instant(TRIGGER, "Releases the actions that wait for fleet control."),
@@ -81,4 +104,8 @@ def spoken(declarations: Mapping[str, ActionDeclaration], rules: Rules) -> dict[
         unknown.add(CLEAR_INSTANT_ACTIONS)
     if not rules.trigger_by_action:
         unknown.add(TRIGGER)
+    if not rules.maps:
+        unknown |= MAP_ACTIONS
+    if not rules.zones:
+        unknown |= {ENABLE_ZONE_SET, DELETE_ZONE_SET, DOWNLOAD_ZONE_SET}
     return {name: each for name, each in declarations.items() if name not in unknown}

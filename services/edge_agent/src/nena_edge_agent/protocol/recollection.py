@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.capabilities import Capabilities
-from nena_edge_agent.protocol.memory import ActionMemory, Memory, ProgressMemory
+from nena_edge_agent.protocol.memory import AccessMemory, ActionMemory, Memory, ProgressMemory, ZoneSetMemory
 from nena_edge_agent.protocol.order_progress import OrderProgress
 from nena_edge_agent.protocol.parts import RobotParts
+from nena_edge_agent.protocol.zone_access import AccessRequest, ZoneAccess
 
 
 def recall(parts: RobotParts) -> Memory:
@@ -23,6 +24,9 @@ def recall(parts: RobotParts) -> Memory:
         loads=parts.loads,
         operating_mode=parts.operating_mode,
         wanted_mode=parts.wanted_mode,
+        zone_sets=tuple(ZoneSetMemory(zone_set=one, enabled=on) for one, on in parts.zone_sets.held),
+        zone_requests=tuple(AccessMemory.model_validate(each) for each in parts.zone_access.requests),
+        last_zone_request=parts.zone_access.last_number,
     )
 
 
@@ -39,7 +43,11 @@ def recollect(memory: Memory, capabilities: Capabilities) -> RobotParts:
         loads=memory.loads,
         operating_mode=memory.operating_mode,
         wanted_mode=memory.wanted_mode,
+        zone_access=ZoneAccess(
+            (AccessRequest(**dict(each)) for each in memory.zone_requests), memory.last_zone_request
+        ),
     )
+    parts.zone_sets.restore(tuple((each.zone_set, each.enabled) for each in memory.zone_sets))
     parts.actions.add(_record(kept) for kept in memory.actions)
     parts.instants.add(_record(kept) for kept in memory.instant_actions)
     queued = (parts.actions.get(action_id) for action_id in memory.queue)

@@ -31,13 +31,16 @@ from nena_edge_agent.protocol.events import (
     InstantActionsReceived,
     JournalReport,
     LocalTrigger,
+    MapsReport,
     MessageRefused,
     OperatingModeSwitched,
     OrderReceived,
     PauseButton,
+    ResponsesReceived,
     SafetyReport,
     Started,
     TimePassed,
+    ZoneSetReceived,
 )
 from nena_edge_agent.protocol.instant_actions import InstantActionFlow
 from nena_edge_agent.protocol.memory import Memory
@@ -47,11 +50,15 @@ from nena_edge_agent.protocol.order_intake import OrderIntake
 from nena_edge_agent.protocol.parts import RobotParts
 from nena_edge_agent.protocol.pause import Pause
 from nena_edge_agent.protocol.position_setting import PositionSetting
+from nena_edge_agent.protocol.predefined import WAIT_FOR_TRIGGER
 from nena_edge_agent.protocol.recollection import recall, recollect
 from nena_edge_agent.protocol.retry import Retry
 from nena_edge_agent.protocol.state_report import make_state
 from nena_edge_agent.protocol.travel import Travel
 from nena_edge_agent.protocol.trigger import Trigger
+from nena_edge_agent.protocol.zone_guard import ZoneGuard
+from nena_edge_agent.protocol.zone_keeping import ZoneKeeping
+from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.state import State
 
 REQUESTS = (OrderReceived, InstantActionsReceived, MessageRefused)
@@ -72,7 +79,9 @@ class RobotCore:
         parts = recollect(memory, capabilities) if memory else RobotParts(capabilities)
         self._parts = parts
         self._flow = ActionFlow(parts)
-        self._travel = Travel(parts, self._flow)
+        self._zones = ZoneGuard(parts)
+        self._zone_keeping = ZoneKeeping(parts)
+        self._travel = Travel(parts, self._flow, self._zones)
         self._clearing = Clearing(parts, self._flow, self._travel)
         self._cancel = OrderCancel(parts, self._clearing)
         self._mode = ModeSwitch(parts, self._clearing)
@@ -86,7 +95,9 @@ class RobotCore:
             position=self._position,
             retry=Retry(parts, self._flow),
             trigger=self._trigger,
+            zones=self._zone_keeping,
         )
+        self._flow.own |= self._instants.on_nodes | {WAIT_FOR_TRIGGER: lambda _: (ActionStatus.RUNNING, None)}
         self._intake = OrderIntake(parts, self._flow)
         self._handlers = self._make_handlers()
         self._shown = self._visible()
@@ -97,11 +108,13 @@ class RobotCore:
         parts.now, parts.effects = now, []
         self._handlers[type(event)](event)
         self._pause.apply()
+        self._zones.expire()
         self._travel.advance()
         self._pause.advance()
         self._clearing.advance()
         self._mode.advance()
         self._position.advance()
+        self._zones.advance()
         check_conditions(parts)
         shown = self._visible()
         if shown != self._shown or isinstance(event, REQUESTS):
@@ -128,7 +141,7 @@ class RobotCore:
     @property
     def waits(self) -> bool:
         """Whether an answer is outstanding that may be overdue; then :class:`TimePassed` is wanted."""
-        return self._parts.goal.halting or self._position.waits
+        return self._parts.goal.halting or self._position.waits or self._parts.zone_access.waits
 
     @property
     def durable_version(self) -> tuple[object, ...]:
@@ -144,6 +157,8 @@ class RobotCore:
             parts.clearing,
             parts.operating_mode,
             parts.wanted_mode,
+            parts.zone_sets.revision,
+            parts.zone_access.revision,
         )
 
     def memory(self) -> Memory:
@@ -164,6 +179,7 @@ class RobotCore:
             parts.senses.external_goal,
             parts.senses.safety,
             parts.senses.pause_button,
+            parts.maps,
         )
 
     def _make_handlers(self) -> dict[type, Callable[[Any], object]]:
@@ -171,6 +187,9 @@ class RobotCore:
             Started: self._started,
             OrderReceived: lambda event: self._intake.take(event.order),
             InstantActionsReceived: lambda event: self._instants.take(event.message),
+            ZoneSetReceived: lambda event: self._zone_keeping.take(event.message.zone_set),
+            ResponsesReceived: lambda event: self._zones.answered(event.message, event.utc),
+            MapsReport: self._maps_reported,
             MessageRefused: lambda event: self._parts.errors.show(event.error, Until.ORDER_ACCEPTED),
             ActionReport: self._action_reported,
             JournalReport: self._journal_reported,
@@ -191,9 +210,10 @@ class RobotCore:
             GoalReport: self._goal_reported,
         }
 
-    def _started(self, _: Started) -> None:
+    def _started(self, event: Started) -> None:
         """Go on with what was going on: nobody knows what the robot did meanwhile."""
         parts = self._parts
+        parts.utc = (event.utc, parts.now) if event.utc else None
         self._position.interrupted()
         self._flow.take_up_again()
         self._flow.schedule()
@@ -201,11 +221,16 @@ class RobotCore:
             self._travel.resume_halt()
 
     def _action_reported(self, event: ActionReport) -> None:
+        if event.zone_set and (problem := self._zone_keeping.take(event.zone_set)):
+            event = ActionReport(event.action_id, ActionStatus.FAILED, problem)
         self._flow.report(event)
         self._flow.schedule()
 
     def _journal_reported(self, event: JournalReport) -> None:
         self._parts.journal_problem = event.problem
+
+    def _maps_reported(self, event: MapsReport) -> None:
+        self._parts.maps = event.maps
 
     def _safety_reported(self, event: SafetyReport) -> None:
         self._parts.senses.safety = event

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from nena_edge_agent.driver.port import Circle, Pose
 from nena_edge_agent.protocol.order_content import HeldContent
+from nena_edge_agent.protocol.zone_sets import EnabledZone
 from nena_shared.vda5050.state import OperatingMode
 
 
@@ -16,6 +17,7 @@ class Situation:
     ``fatal``: somebody has shown an error with which the robot takes no orders. ``cancelled``: the held order
     was cancelled, or is being ended; ``cleared``: it was ended before its end, perhaps far from its base.
     ``pose`` is None unless it can be trusted, ``no_route`` are the areas that navigation knows no way into.
+    ``maps`` are the areas that the robot has a map of, ``closed`` the zones that it must not drive in.
     ``stands_on`` is the node that the robot has reached and not left, or empty.
     """
 
@@ -30,6 +32,8 @@ class Situation:
     content: HeldContent | None
     pose: Pose | None
     no_route: tuple[Circle, ...]
+    maps: frozenset[str]
+    closed: tuple[EnabledZone, ...]
     stands_on: str
     instant_action_ids: frozenset[str]
     base_action_ids: frozenset[str]

@@ -10,8 +10,6 @@ from nena_edge_agent.protocol.tolerance import turn
 from nena_shared.vda5050.state import (
     InfoLevel,
     Information,
-    Map,
-    MapStatus,
     MobileRobotPosition,
     PowerSupply,
     SafetyState,
@@ -29,7 +27,9 @@ def make_state(header: dict[str, Any], parts: RobotParts, *, new_base_request: b
     node_states, edge_states = progress.states
     return State(
         **header,
-        maps=(_map(parts),),
+        maps=parts.maps,
+        zone_sets=parts.zone_sets.states,
+        zone_requests=parts.zone_access.states,
         order_id=progress.order_id,
         order_update_id=progress.order_update_id,
         last_node_id=progress.last_node_id,
@@ -74,11 +74,6 @@ def velocity(senses: Senses) -> Velocity | None:
     if senses.pose is None or senses.pose.vx is None:
         return None
     return Velocity(vx=senses.pose.vx, vy=0.0, omega=senses.pose.omega)
-
-
-def _map(parts: RobotParts) -> Map:
-    capabilities = parts.capabilities
-    return Map(map_id=capabilities.map_id, map_version=capabilities.map_version, map_status=MapStatus.ENABLED)
 
 
 def _power_supply(parts: RobotParts) -> PowerSupply:

@@ -14,6 +14,7 @@ from nena_edge_agent.protocol.effects import Drive, Halt
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.parts import RobotParts
 from nena_edge_agent.protocol.tolerance import distance, heading_fits, in_place, same_place
+from nena_edge_agent.protocol.zone_guard import ZoneGuard
 from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.order import Node, NodePosition
 
@@ -21,9 +22,10 @@ from nena_shared.vda5050.order import Node, NodePosition
 class Travel:
     """Decides where the robot drives, and when a node is traversed."""
 
-    def __init__(self, parts: RobotParts, flow: ActionFlow) -> None:
+    def __init__(self, parts: RobotParts, flow: ActionFlow, zones: ZoneGuard) -> None:
         self._parts = parts
         self._flow = flow
+        self._zones = zones
 
     def arrived(self, event: Arrived) -> None:
         """Count the goal's node as traversed."""
@@ -109,7 +111,12 @@ class Travel:
 
     def _must_stand(self) -> bool:
         parts = self._parts
-        return parts.holding or parts.clearing or parts.senses.trusted_pose is None
+        return (
+            parts.holding
+            or parts.clearing
+            or parts.senses.trusted_pose is None
+            or (parts.goal.target is not None and self._zones.must_stand)
+        )
 
     def _may_move(self) -> bool:
         parts = self._parts
@@ -121,6 +128,7 @@ class Travel:
             and parts.goal.failed_at != node.sequence_id
             and parts.goal.target is None
             and parts.queue.driving_allowed
+            and not self._zones.must_stand
         )
 
     def _enter_edge(self) -> None:
@@ -181,7 +189,14 @@ class Travel:
             and distance(pose, position) <= capabilities.pass_radius
             and in_place(pose, position, capabilities.default_deviation_xy)
             and heading_fits(pose, position, capabilities.default_deviation_theta)
+            and not self._barred_behind(position)
         )
+
+    def _barred_behind(self, position: NodePosition) -> bool:
+        """Tell whether a zone keeps the robot from going on behind the next node, at ``position``."""
+        following = next(islice(self._parts.progress.nodes, 1, None), None)
+        place = following.node_position if following else None
+        return place is not None and self._zones.barred(position, place) is not None
 
     def _base_length_left(self) -> float:
         """Give the straight length in m from the robot over the base's nodes to its end."""

@@ -25,8 +25,8 @@ def update_fault(order: Order, situation: Situation, capabilities: Capabilities)
         fault
         or _stitching_fault(order, situation, capabilities)
         or repeated_action_fault(order, situation.instant_action_ids | situation.base_action_ids, skip=1)
-        or map_fault(order, capabilities)
-        or route_fault(order, situation)
+        or map_fault(order, situation)
+        or route_fault(order, situation, capabilities)
     )
 
 

@@ -125,6 +125,9 @@ class Nav2Driver:
         self._halted.clear()
         self._apply(self._tracker.halt(self._clock.monotonic()))
 
+    def limit_speed(self, speed: float | None) -> None:
+        """Do nothing: Nav2 takes no limit by its topics, and the factsheet says so."""
+
     def initialize_position(self, pose: Pose) -> None:
         """Tell the localisation where the robot is.
 

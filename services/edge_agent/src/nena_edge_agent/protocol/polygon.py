@@ -1,0 +1,106 @@
+"""Plane geometry of zones and of the ground that a robot covers: corners in m, sides straight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+from math import atan2, cos, hypot, pi, sin
+
+Point = tuple[float, float]
+Polygon = tuple[Point, ...]
+"""Corners of a simple polygon in their order, the first one not repeated."""
+Box = tuple[float, float, float, float]
+"""Least x and y, greatest x and y."""
+
+
+def rectangle(start: Point, end: Point, *, length: float, width: float, theta: float) -> Polygon:
+    """Give what a rectangle covers that moves ahead to ``end``; on the spot it looks along ``theta``."""
+    run = hypot(end[0] - start[0], end[1] - start[1])
+    heading = atan2(end[1] - start[1], end[0] - start[0]) if run else theta
+    ahead, side = (cos(heading), sin(heading)), (-sin(heading), cos(heading))
+    corners = (
+        (-0.5 * length, -0.5),
+        (run + 0.5 * length, -0.5),
+        (run + 0.5 * length, 0.5),
+        (-0.5 * length, 0.5),
+    )
+    return tuple(
+        (
+            start[0] + along * ahead[0] + across * width * side[0],
+            start[1] + along * ahead[1] + across * width * side[1],
+        )
+        for along, across in corners
+    )
+
+
+def turning_circle(centre: Point, *, length: float, width: float) -> Polygon:
+    """Give an octagon around what a rectangle covers that turns about its centre."""
+    radius = hypot(length, width) / 2 / cos(pi / 8)
+    angles = (pi / 8 + index * pi / 4 for index in range(8))
+    return tuple((centre[0] + radius * cos(each), centre[1] + radius * sin(each)) for each in angles)
+
+
+def box(polygon: Polygon) -> Box:
+    """Give the upright rectangle around ``polygon``."""
+    xs, ys = zip(*polygon, strict=True)
+    return min(xs), min(ys), max(xs), max(ys)
+
+
+def boxes_meet(one: Box, other: Box) -> bool:
+    """Tell whether two boxes have a point in common; if not, what is in them has none."""
+    return one[0] <= other[2] and other[0] <= one[2] and one[1] <= other[3] and other[1] <= one[3]
+
+
+def overlap(one: Polygon, other: Polygon) -> bool:
+    """Tell whether the two have a point in common."""
+    return (
+        any(_cross(*side, *cut) for side in _sides(one) for cut in _sides(other))
+        or contains(one, other[0])
+        or contains(other, one[0])
+    )
+
+
+def contains(polygon: Polygon, point: Point) -> bool:
+    """Tell whether ``point`` lies inside; on the very border either answer may come."""
+    x, y = point
+    inside = False
+    for (x1, y1), (x2, y2) in _sides(polygon):
+        if (y1 > y) != (y2 > y) and x < x1 + (y - y1) * (x2 - x1) / (y2 - y1):
+            inside = not inside
+    return inside
+
+
+def is_simple(polygon: Polygon) -> bool:
+    """Tell whether no two sides meet but neighbours at their corner, and the polygon holds some ground."""
+    sides = list(_sides(polygon))
+    last = len(sides) - 1
+    apart = ((i, j) for i, j in combinations(range(len(sides)), 2) if j - i > 1 and (i, j) != (0, last))
+    return bool(_area(polygon)) and not any(_cross(*sides[i], *sides[j]) for i, j in apart)
+
+
+def _sides(polygon: Polygon) -> Iterator[tuple[Point, Point]]:
+    return zip(polygon, (*polygon[1:], polygon[0]), strict=True)
+
+
+def _area(polygon: Polygon) -> float:
+    return sum(x1 * y2 - x2 * y1 for (x1, y1), (x2, y2) in _sides(polygon)) / 2
+
+
+def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
+    """Tell whether the stretches a-b and c-d have a point in common."""
+    one, two = _turn(a, b, c), _turn(a, b, d)
+    three, four = _turn(c, d, a), _turn(c, d, b)
+    if one * two < 0 and three * four < 0:
+        return True
+    ends = ((one, a, b, c), (two, a, b, d), (three, c, d, a), (four, c, d, b))
+    return any(turn == 0 and _between(start, end, point) for turn, start, end, point in ends)
+
+
+def _turn(a: Point, b: Point, c: Point) -> float:
+    """Give twice the area of the triangle: above 0 where c lies to the left of a-b."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _between(start: Point, end: Point, point: Point) -> bool:
+    """Tell whether a point of the line through both lies on the stretch."""
+    return all(min(s, e) <= p <= max(s, e) for s, e, p in zip(start, end, point, strict=True))

@@ -1,0 +1,118 @@
+"""Plane geometry, against points that are tried one by one."""
+
+from __future__ import annotations
+
+from math import atan2, cos, hypot, pi, sin
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_edge_agent.protocol.polygon import (
+    Point,
+    Polygon,
+    box,
+    boxes_meet,
+    contains,
+    is_simple,
+    overlap,
+    rectangle,
+    turning_circle,
+)
+
+SQUARE: Polygon = ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))
+HORSESHOE: Polygon = (
+    (0.0, 0.0),
+    (9.0, 0.0),
+    (9.0, 9.0),
+    (6.0, 9.0),
+    (6.0, 3.0),
+    (3.0, 3.0),
+    (3.0, 9.0),
+    (0.0, 9.0),
+)
+numbers = st.floats(-10, 10).map(lambda value: round(value, 2))
+points = st.tuples(numbers, numbers)
+
+
+def moved(polygon: Polygon, by: Point) -> Polygon:
+    return tuple((x + by[0], y + by[1]) for x, y in polygon)
+
+
+@pytest.mark.parametrize(
+    ("point", "inside"),
+    [((1.0, 1.0), True), ((4.5, 1.0), True), ((4.5, 8.0), False), ((7.5, 8.0), True), ((-1.0, 1.0), False)],
+)
+def test_a_point_is_inside_or_not(point: Point, *, inside: bool) -> None:
+    assert contains(HORSESHOE, point) is inside
+
+
+@pytest.mark.parametrize(
+    ("by", "meets"),
+    [((3.0, 3.0), True), ((5.0, 0.0), False), ((4.0, 0.0), True), ((4.0, 4.0), True), ((0.0, 0.0), True)],
+)
+def test_two_squares_meet_or_not(by: Point, *, meets: bool) -> None:
+    assert overlap(SQUARE, moved(SQUARE, by)) is meets
+
+
+def test_one_within_the_other_overlaps_without_a_crossing() -> None:
+    small = moved(tuple((x / 8, y / 8) for x, y in SQUARE), (1.0, 1.0))
+
+    assert overlap(SQUARE, small)
+    assert overlap(small, SQUARE)
+
+
+def test_what_stands_in_the_gap_of_another_does_not_overlap() -> None:
+    post: Polygon = ((4.0, 5.0), (5.0, 5.0), (5.0, 6.0), (4.0, 6.0))
+
+    assert not overlap(HORSESHOE, post)
+    assert boxes_meet(box(HORSESHOE), box(post))
+
+
+@given(points, st.floats(0.2, 4), st.floats(0.2, 4), points)
+def test_overlap_agrees_with_the_distance_between_upright_boxes(
+    place: Point, width: float, height: float, other: Point
+) -> None:
+    one = moved(((0.0, 0.0), (width, 0.0), (width, height), (0.0, height)), place)
+    two = moved(SQUARE, other)
+
+    assert overlap(one, two) is boxes_meet(box(one), box(two))
+    assert overlap(one, two) is overlap(two, one)
+
+
+@given(points, points, st.floats(-pi, pi))
+def test_a_swept_rectangle_holds_the_robot_all_along(start: Point, end: Point, theta: float) -> None:
+    ground = rectangle(start, end, length=1.0, width=0.6, theta=theta)
+    if start != end:
+        theta = atan2(end[1] - start[1], end[0] - start[0])
+    for share in (0.0, 0.3, 1.0):
+        centre = (start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1]))
+        for along, across in ((0.49, 0.29), (-0.49, 0.29), (0.49, -0.29), (-0.49, -0.29)):
+            corner = (
+                centre[0] + along * cos(theta) - across * sin(theta),
+                centre[1] + along * sin(theta) + across * cos(theta),
+            )
+            assert contains(ground, corner)
+
+
+@given(points, st.floats(-pi, pi))
+def test_a_turning_robot_stays_in_its_turning_circle(centre: Point, theta: float) -> None:
+    circle = turning_circle(centre, length=1.0, width=0.6)
+    radius = hypot(1.0, 0.6) / 2 * 0.999
+
+    assert contains(circle, (centre[0] + radius * cos(theta), centre[1] + radius * sin(theta)))
+
+
+@pytest.mark.parametrize(
+    ("polygon", "simple"),
+    [
+        (SQUARE, True),
+        (HORSESHOE, True),
+        (tuple(reversed(SQUARE)), True),
+        (((0.0, 0.0), (4.0, 4.0), (4.0, 0.0), (0.0, 4.0)), False),
+        (((0.0, 0.0), (1.0, 1.0), (2.0, 2.0)), False),
+        (((0.0, 0.0), (4.0, 0.0), (2.0, 0.0), (2.0, 4.0)), False),
+    ],
+)
+def test_a_contour_that_crosses_itself_is_not_simple(polygon: Polygon, *, simple: bool) -> None:
+    assert is_simple(polygon) is simple

@@ -1,0 +1,344 @@
+"""Zones on a robot's way: kept out of, slowed down in, entered with a release only."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import pytest
+
+from nena_edge_agent.protocol.effects import Halt, LimitSpeed
+from nena_edge_agent.protocol.events import (
+    OperatingModeSwitched,
+    ResponsesReceived,
+    Started,
+    ZoneSetReceived,
+)
+from nena_edge_agent.protocol.rules import RULES
+from nena_edge_agent.protocol.zone_access import PAUSE_AFTER_REFUSAL
+from nena_shared.vda5050.state import OperatingMode
+from nena_shared.vda5050.zone_set import Zone, ZoneReleaseLossBehavior
+from support.robot_core import Bench, action, at, order
+from support.zones import responses, transfer, zone
+
+NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
+GATE = zone("gate", "RELEASE", 13, 17)
+
+
+def bench(*zones: Zone, **capabilities: Any) -> Bench:
+    """Give a robot with ``zones`` enabled."""
+    made = Bench(rules=RULES["3.0.0"], **capabilities)
+    made.do(Started(NOON))
+    enable(made, *zones)
+    return made
+
+
+def enable(robot: Bench, *zones: Zone, zone_set_id: str = "s1") -> None:
+    robot.do(ZoneSetReceived(transfer(*zones, zone_set_id=zone_set_id)))
+    action_id = f"enable {zone_set_id}"
+    robot.instant(action(action_id, "NONE", "enableZoneSet", zoneSetId=zone_set_id))
+    assert robot.status(action_id) == "FINISHED"
+
+
+def answer(robot: Bench, grant: str, *, lasting: float | None = None) -> None:
+    """Answer the last request."""
+    until = None if lasting is None else NOON + timedelta(seconds=lasting)
+    robot.do(ResponsesReceived(responses(requests(robot)[-1][1], grant, until), NOON))
+
+
+def requests(robot: Bench) -> list[tuple[str, str, str]]:
+    return [
+        (each.zone_id, each.request_id, each.request_status.value) for each in robot.state.zone_requests or ()
+    ]
+
+
+def wait(robot: Bench, seconds: float) -> None:
+    robot.now += seconds
+    assert robot.waits()
+    robot.do(at(robot.core.parts.senses.pose.pose.x if robot.core.parts.senses.pose else 0.0))
+
+
+class TestClosedZones:
+    pytestmark = pytest.mark.clause("6.4")
+
+    @pytest.mark.parametrize("kind", ["BLOCKED", "LINE_GUIDED"])
+    def test_an_order_through_one_is_refused(self, kind: str) -> None:
+        robot = bench(zone("wall", kind, 13, 17))
+
+        robot.send(order("n0", "n1", "n2"))
+
+        (entry,) = robot.state.errors
+        assert entry.error_type == "NO_ROUTE_TO_TARGET"
+        assert "zone 'wall'" in (entry.error_description or "")
+        assert not robot.goals
+
+    def test_an_order_beside_one_is_taken(self) -> None:
+        robot = bench(zone("wall", "BLOCKED", 13, 17, low=0.31, high=5))
+
+        robot.send(order("n0", "n1", "n2"))
+
+        assert robot.errors == []
+        assert robot.goal.pose.x == 10.0
+
+    def test_the_whole_contour_keeps_out(self) -> None:
+        robot = bench(zone("wall", "BLOCKED", 13, 17, low=0.29, high=5))
+
+        robot.send(order("n0", "n1", "n2"))
+
+        assert robot.errors == ["NO_ROUTE_TO_TARGET"]
+
+    def test_one_of_another_set_does_not_count(self) -> None:
+        robot = bench(zone("wall", "BLOCKED", 13, 17))
+        enable(robot, zone("far", "BLOCKED", 70, 80), zone_set_id="s2")
+
+        robot.send(order("n0", "n1", "n2"))
+
+        assert robot.errors == []
+
+    def test_one_that_is_closed_on_the_way_stops_the_robot_before_it(self) -> None:
+        robot = bench(zone("far", "BLOCKED", 70, 80))
+        robot.send(order("n0", "n1", "n2"))
+        robot.arrive()
+        enable(robot, zone("wall", "BLOCKED", 13, 17), zone_set_id="s2")
+
+        assert robot.effects_of(Halt)
+        assert robot.errors == ["NODE_UNREACHABLE"]
+        robot.halted()
+        enable(robot, zone("far", "BLOCKED", 70, 80), zone_set_id="s3")
+        assert robot.errors == []
+        assert robot.goal.pose.x == 20.0
+
+    def test_a_robot_that_stands_in_a_blocked_one_does_not_drive(self) -> None:
+        robot = bench(zone("far", "BLOCKED", 70, 80))
+        robot.send(order("n0", "n1", "n2"))
+        enable(robot, zone("here", "BLOCKED", -1, 1), zone_set_id="s2")
+
+        assert robot.effects_of(Halt)
+        assert "BLOCKED_ZONE_VIOLATION" in robot.errors
+        robot.do(at(5.0))
+        assert "BLOCKED_ZONE_VIOLATION" not in robot.errors
+
+
+@pytest.mark.clause("6.4")
+class TestSpeedLimit:
+    def test_the_robot_is_slow_before_the_border_and_quick_again_behind_it(self) -> None:
+        robot = bench(
+            zone("slow", "SPEED_LIMIT", 4, 6, maximum_speed=0.4),
+            zone("slower", "SPEED_LIMIT", 5, 6, maximum_speed=0.2),
+            braking_distance=1.0,
+        )
+        robot.send(order("n0", "n1"))
+        assert not robot.effects_of(LimitSpeed)
+
+        for x in (2.0, 2.9, 3.9, 5.5, 6.6):
+            robot.do(at(x))
+
+        assert [each.speed for each in robot.effects_of(LimitSpeed)] == [0.4, 0.2, None]
+
+    def test_a_driver_that_cannot_be_slowed_down_takes_no_such_zone(self) -> None:
+        robot = Bench(rules=RULES["3.0.0"], limits_speed=False)
+
+        robot.do(ZoneSetReceived(transfer(zone("slow", "SPEED_LIMIT", 4, 6, maximum_speed=0.4))))
+
+        assert robot.errors == ["VALIDATION_FAILURE"]
+        assert robot.state.zone_sets == ()
+
+
+@pytest.mark.clause("6.4.3", "6.9")
+class TestRelease:
+    def test_the_robot_asks_an_edge_ahead_and_stands_before_the_zone(self) -> None:
+        robot = bench(GATE)
+        robot.send(order("n0", "n1", "n2"))
+        assert requests(robot) == [("gate", "zone-1", "REQUESTED")]
+
+        robot.arrive()
+
+        assert [each.pose.x for each in robot.goals] == [10.0]
+
+    def test_it_drives_on_when_it_may_and_gives_the_zone_back_behind_it(self) -> None:
+        robot = bench(GATE)
+        robot.send(order("n0", "n1", "n2", "n3"))
+        robot.arrive()
+
+        answer(robot, "GRANTED")
+        assert requests(robot) == [("gate", "zone-1", "GRANTED")]
+        assert robot.goal.pose.x == 20.0
+        robot.do(at(17.3))
+        assert requests(robot) == [("gate", "zone-1", "GRANTED")]
+        robot.do(at(17.5))
+
+        assert requests(robot) == []
+
+    def test_zones_of_the_horizon_are_not_asked_for(self) -> None:
+        robot = bench(GATE)
+
+        robot.send(order("n0", "n1", "n2", released=2))
+
+        assert requests(robot) == []
+
+    def test_a_queued_request_goes_on_to_stand(self) -> None:
+        robot = bench(GATE)
+        robot.send(order("n0", "n1", "n2"))
+
+        answer(robot, "QUEUED")
+
+        assert requests(robot) == [("gate", "zone-1", "REQUESTED")]
+
+    def test_after_a_refusal_it_asks_again_in_a_while_under_another_id(self) -> None:
+        robot = bench(GATE)
+        robot.send(order("n0", "n1", "n2"))
+
+        answer(robot, "REJECTED")
+        assert requests(robot) == []
+        wait(robot, PAUSE_AFTER_REFUSAL - 1)
+        assert requests(robot) == []
+        wait(robot, 1.0)
+
+        assert requests(robot) == [("gate", "zone-2", "REQUESTED")]
+
+    def test_a_grant_that_is_taken_back_before_the_zone_stops_the_robot(self) -> None:
+        robot = bench(GATE)
+        robot.send(order("n0", "n1", "n2"))
+        robot.arrive()
+        answer(robot, "GRANTED")
+        robot.do(at(11.0))
+
+        answer(robot, "REVOKED")
+
+        assert robot.effects_of(Halt)
+        assert requests(robot) == [("gate", "zone-2", "REQUESTED")]
+        assert robot.errors == []
+
+    def test_a_lease_that_ends_is_no_permission_any_more(self) -> None:
+        robot = bench(GATE)
+        robot.send(order("n0", "n1", "n2"))
+        robot.arrive()
+        answer(robot, "GRANTED", lasting=5)
+        robot.do(at(15.0))
+        wait(robot, 4.9)
+        assert requests(robot) == [("gate", "zone-1", "GRANTED")]
+
+        wait(robot, 0.2)
+
+        assert requests(robot) == [("gate", "zone-1", "EXPIRED")]
+        assert robot.errors == ["RELEASE_LOST"]
+        assert robot.effects_of(Halt)
+
+    def test_a_longer_lease_extends_a_grant(self) -> None:
+        robot = bench(GATE)
+        robot.send(order("n0", "n1", "n2"))
+        robot.arrive()
+        answer(robot, "GRANTED", lasting=5)
+        answer(robot, "GRANTED", lasting=50)
+
+        wait(robot, 10.0)
+
+        assert requests(robot) == [("gate", "zone-1", "GRANTED")]
+
+    @pytest.mark.parametrize(
+        ("behavior", "stands"),
+        [(None, True), ("STOP", True), ("CONTINUE", False), ("EVACUATE", False)],
+    )
+    def test_a_loss_within_the_zone_is_met_as_the_zone_says(
+        self, behavior: str | None, *, stands: bool
+    ) -> None:
+        meets = ZoneReleaseLossBehavior(behavior) if behavior else None
+        robot = bench(zone("gate", "RELEASE", 13, 17, release_loss_behavior=meets))
+        robot.send(order("n0", "n1", "n2"))
+        robot.arrive()
+        answer(robot, "GRANTED")
+        robot.do(at(15.0))
+
+        answer(robot, "REVOKED")
+
+        assert requests(robot) == [("gate", "zone-1", "REVOKED")]
+        assert bool(robot.effects_of(Halt)) is stands
+        assert robot.errors == (["RELEASE_LOST"] if stands else [])
+
+    def test_a_robot_that_cannot_leave_by_its_base_stands(self) -> None:
+        evacuated = ZoneReleaseLossBehavior.EVACUATE
+        robot = bench(zone("gate", "RELEASE", 13, 21, release_loss_behavior=evacuated))
+        robot.send(order("n0", "n1", "n2"))
+        robot.arrive()
+        answer(robot, "GRANTED")
+        robot.do(at(15.0))
+
+        answer(robot, "REVOKED")
+
+        assert robot.errors == ["RELEASE_LOST"]
+
+    def test_a_new_grant_lets_it_go_on(self) -> None:
+        robot = bench(GATE)
+        robot.send(order("n0", "n1", "n2"))
+        robot.arrive()
+        answer(robot, "GRANTED")
+        robot.do(at(15.0))
+        answer(robot, "REVOKED")
+        robot.halted()
+
+        answer(robot, "GRANTED")
+
+        assert robot.errors == []
+        assert robot.goal.pose.x == 20.0
+        assert robot.goal.generation == 3
+
+    def test_all_requests_go_with_the_order(self) -> None:
+        robot = bench(GATE)
+        robot.send(order("n0", "n1", "n2"))
+        robot.instant(action("c", "NONE", "cancelOrder"))
+        robot.halted()
+
+        assert robot.status("c") == "FINISHED"
+        assert requests(robot) == []
+
+    @pytest.mark.parametrize("mode", [OperatingMode.INTERVENED, OperatingMode.MANUAL])
+    def test_a_person_who_takes_over_ends_all_requests(self, mode: OperatingMode) -> None:
+        robot = bench(GATE)
+        robot.send(order("n0", "n1", "n2"))
+
+        robot.do(OperatingModeSwitched(mode))
+        robot.halted()
+
+        assert requests(robot) == []
+
+    def test_a_robot_that_ends_its_order_in_the_zone_keeps_it(self) -> None:
+        robot = bench(zone("gate", "RELEASE", 13, 25))
+        robot.send(order("n0", "n1", "n2"))
+        robot.arrive()
+        answer(robot, "GRANTED")
+        robot.arrive()
+
+        assert robot.idle
+        assert requests(robot) == [("gate", "zone-1", "GRANTED")]
+
+    def test_a_restarted_agent_knows_its_zone_sets_and_requests(self) -> None:
+        robot = bench(GATE)
+        robot.send(order("n0", "n1", "n2"))
+        robot.arrive()
+        answer(robot, "GRANTED", lasting=5)
+
+        again = Bench(memory=robot.core.memory(), rules=RULES["3.0.0"], ready=False)
+        again.do(Started(NOON), at(15.0))
+
+        assert again.state.zone_sets == robot.state.zone_sets
+        assert requests(again) == [("gate", "zone-1", "GRANTED")]
+        wait(again, 6.0)
+        assert requests(again) == [("gate", "zone-1", "EXPIRED")]
+
+    def test_an_answer_to_a_request_that_nobody_made_is_passed_over(self) -> None:
+        robot = bench(GATE)
+        robot.send(order("n0", "n1", "n2"))
+
+        robot.do(ResponsesReceived(responses("zone-99", "GRANTED"), NOON))
+
+        assert requests(robot) == [("gate", "zone-1", "REQUESTED")]
+
+
+@pytest.mark.clause("6.4")
+def test_a_node_in_pass_through_is_not_passed_into_a_closed_gate() -> None:
+    robot = bench(GATE, strategy="pass_through")
+    robot.send(order("n0", "n1", "n2"))
+
+    robot.do(at(9.8))
+
+    assert robot.nodes == ["n1", "n2"]
