@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
+from collections import deque
 from typing import TextIO, cast
 
 import structlog
@@ -19,6 +20,17 @@ COMMON: tuple[Processor, ...] = (
     structlog.processors.format_exc_info,
 )
 """What is done with each line before it is written out."""
+_FIRST = ("timestamp", "level", "event")
+
+
+KEPT = 2000
+"""Lines of the log that a process remembers."""
+_recent: deque[str] = deque(maxlen=KEPT)
+
+
+def recent_lines() -> list[str]:
+    """Give the newest lines that were logged, oldest first, as plain text."""
+    return list(_recent)
 
 
 def get_logger(name: str) -> FilteringBoundLogger:
@@ -38,7 +50,7 @@ def configure(settings: LogSettings, stream: TextIO | None = None) -> None:
         )
     )
     structlog.configure(
-        processors=[*COMMON, renderer],
+        processors=[*COMMON, _remember, renderer],
         wrapper_class=structlog.make_filtering_bound_logger(level),
         logger_factory=structlog.PrintLoggerFactory(out),
         cache_logger_on_first_use=False,
@@ -52,8 +64,15 @@ def _formatter_for_libraries(renderer: Processor) -> logging.Formatter:
     """Give lines of libraries, which log in the standard library's way, the form of our own."""
     return structlog.stdlib.ProcessorFormatter(
         foreign_pre_chain=[_name_module, *COMMON],
-        processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, renderer],
+        processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, _remember, renderer],
     )
+
+
+def _remember(_logger: WrappedLogger, _method: str, event: EventDict) -> EventDict:
+    """Keep the line for a log report, before a renderer takes it apart."""
+    rest = " ".join(f"{key}={value}" for key, value in event.items() if key not in _FIRST)
+    _recent.append(" ".join((*(str(event.get(key, "")) for key in _FIRST), rest)).strip())
+    return event
 
 
 def _name_module(_logger: WrappedLogger, _method: str, event: EventDict) -> EventDict:

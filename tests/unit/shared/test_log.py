@@ -79,3 +79,18 @@ def test_failures_are_logged_with_their_trace(form: str, source: str) -> None:
     assert "ValueError: " in out.getvalue()
     if form == "json":
         assert "ValueError: " in lines(out)[0]["exception"]
+
+
+def test_the_newest_lines_are_remembered() -> None:
+    log.configure(LogSettings(form="json"), io.StringIO())
+
+    log.get_logger("example").info("one", robot="r1")
+    logging.getLogger("library").warning("two")
+
+    one, two = log.recent_lines()[-2:]
+    assert one.endswith("info one module=example robot=r1")
+    assert two.endswith("warning two module=library")
+    for number in range(log.KEPT + 1):
+        log.get_logger("example").info(str(number))
+    assert len(log.recent_lines()) == log.KEPT
+    assert log.recent_lines()[0].endswith("info 1 module=example")

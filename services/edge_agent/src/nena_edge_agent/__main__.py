@@ -6,10 +6,12 @@ import asyncio
 import sys
 from collections.abc import Callable, Mapping, Sequence
 
+from nena_edge_agent.actions.log_report import LogReport
 from nena_edge_agent.actions.plugin import ActionPlugin
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.timed_operation import TimedOperation
 from nena_edge_agent.actions.wait import Wait
+from nena_edge_agent.actions.zone_set_download import ZoneSetDownload
 from nena_edge_agent.agent import RobotAgent
 from nena_edge_agent.drivers import driver_maker
 from nena_edge_agent.fleet import run_fleet
@@ -18,13 +20,16 @@ from nena_edge_agent.loopback.bench import Bench
 from nena_edge_agent.loopback.charging import ChargingWatch
 from nena_edge_agent.loopback.control import ControlDoor
 from nena_edge_agent.loopback.rehearsal import rehearsal_actions
+from nena_edge_agent.maps.actions import map_actions
+from nena_edge_agent.maps.selection import map_store
+from nena_edge_agent.maps.store import MapStore
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.log import get_logger
 from nena_shared.program import run
 from nena_shared.tasks import Supervisor, forever
 from nena_shared.vda5050.topics import RobotKey
-from nena_shared.vda5050.versions import topics_for
+from nena_shared.vda5050.versions import codec_for, topics_for
 
 PROGRAM = "nena-edge-agent"
 DESCRIPTION = (
@@ -65,11 +70,17 @@ def _agent_maker(
     settings: EdgeAgentSettings, index: int, robot: RobotKey, bench: Bench, clock: Clock
 ) -> Callable[[], RobotAgent]:
     make_driver = driver_maker(settings, index, clock, bench)
-    registry = make_registry(settings, bench)
+    store = map_store(settings, robot)
+    registry = make_registry(settings, bench, store)
 
     def make() -> RobotAgent:
         agent = RobotAgent(
-            settings, robot.serial_number, make_driver=make_driver, registry=registry, clock=clock
+            settings,
+            robot.serial_number,
+            make_driver=make_driver,
+            registry=registry,
+            clock=clock,
+            maps=store.maps if store else (),
         )
         bench.cut_link = agent.cut_link
         return agent
@@ -77,9 +88,15 @@ def _agent_maker(
     return make
 
 
-def make_registry(settings: EdgeAgentSettings, bench: Bench) -> ActionRegistry:
+def make_registry(settings: EdgeAgentSettings, bench: Bench, store: MapStore | None = None) -> ActionRegistry:
     """Give the actions of one robot; a loopback robot charges its battery, and rehearses if it is to."""
     plugins: list[ActionPlugin] = [*(TimedOperation(each) for each in settings.operations), Wait()]
+    plugins += [
+        LogReport(settings.log_report),
+        ZoneSetDownload(codec_for(settings.version), settings.download),
+    ]
+    if store:
+        plugins.extend(map_actions(store, settings.download))
     if settings.driver == "loopback":
         plugins = [ChargingWatch(each, bench.set_charging) for each in plugins]
         if settings.loopback.rehearsal:

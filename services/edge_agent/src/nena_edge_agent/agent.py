@@ -28,7 +28,7 @@ from nena_edge_agent.protocol.effects import (
     SetPosition,
     StartAction,
 )
-from nena_edge_agent.protocol.events import Event, JournalReport, Started, TimePassed
+from nena_edge_agent.protocol.events import Event, JournalReport, MapsReport, Started, TimePassed
 from nena_edge_agent.protocol.ground import Footprint
 from nena_edge_agent.protocol.predefined import spoken
 from nena_edge_agent.protocol.robot import RobotCore
@@ -42,6 +42,7 @@ from nena_shared.mqtt import MqttLink, Outbound
 from nena_shared.tasks import Supervisor, TaskFailedError
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import Connection, ConnectionState
+from nena_shared.vda5050.state import Map
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.versions import codec_for, topics_for
 from nena_shared.vda5050.visualization import Visualization
@@ -77,9 +78,11 @@ class RobotAgent:
         make_driver: DriverMaker,
         registry: ActionRegistry,
         clock: Clock,
+        maps: tuple[Map, ...] = (),
     ) -> None:
         self._settings = settings
         self._clock = clock
+        self._maps = maps
         self.robot = RobotKey(settings.manufacturer, serial_number)
         self._log = log.bind(robot=str(self.robot))
         self._codec = codec_for(settings.version)
@@ -112,6 +115,8 @@ class RobotAgent:
             TaskFailedError: a task of the robot has failed.
 
         """
+        if self._maps:
+            self._mailbox.put(MapsReport(self._maps))
         self._mailbox.put(Started(self._clock.now()))  # before all that the driver tells
         await self._driver.start()
         try:

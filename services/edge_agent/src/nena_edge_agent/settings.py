@@ -7,8 +7,11 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
+from nena_edge_agent.actions.log_report import LogReportSettings
 from nena_edge_agent.actions.settings import OperationSettings, default_operations
+from nena_edge_agent.download import DownloadSettings
 from nena_edge_agent.loopback.settings import LoopbackSettings
+from nena_edge_agent.maps.settings import MapSettings
 from nena_edge_agent.protocol.capabilities import DriveStrategy
 from nena_edge_agent.protocol.optional_parameters import DEMANDS
 from nena_edge_agent.ros.settings import RosSettings
@@ -134,6 +137,13 @@ class EdgeAgentSettings(ServiceSettings):
     journal: JournalSettings = Field(default_factory=JournalSettings, description="Memory on disk.")
     description: DescriptionSettings = Field(
         default_factory=DescriptionSettings, description="The robot, for the factsheet."
+    )
+    maps: MapSettings = Field(default_factory=MapSettings, description="Maps.")
+    download: DownloadSettings = Field(
+        default_factory=DownloadSettings, description="Fetching maps and zone sets."
+    )
+    log_report: LogReportSettings = Field(
+        default_factory=LogReportSettings, description="The action logReport."
     )
     operations: tuple[OperationSettings, ...] = Field(
         default_factory=default_operations, description="Actions that take a set time: [[operations]] tables."

@@ -1,4 +1,4 @@
-"""Fixtures for tests of what is shared."""
+"""Fixtures for unit tests."""
 
 from __future__ import annotations
 

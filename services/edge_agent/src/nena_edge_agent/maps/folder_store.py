@@ -1,0 +1,136 @@
+"""Maps in a folder: ``<folder>/<mapId>/<mapVersion>/map`` and, beside the versions, which one is enabled."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from pathlib import Path
+from shutil import rmtree
+from urllib.parse import quote, unquote
+
+from nena_edge_agent.maps.store import DuplicateMapError, MapRefusedError, find
+from nena_shared.program import StartError
+from nena_shared.vda5050.state import Map, MapStatus
+
+CONTENT = "map"
+ENABLED = "enabled"
+UNFINISHED = ".new"
+
+
+class FolderMapStore:
+    """Keeps what it is given as it is; a robot that must do more with a map has a store of its own.
+
+    Raises:
+        StartError: the folder cannot be used.
+
+    """
+
+    def __init__(self, folder: Path, first: Map, *, maximum: int) -> None:
+        self._folder = folder.expanduser()
+        self._maximum = maximum
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            if not self._read():
+                self._write(first.map_id, first.map_version, b"")
+                self._mark(first.map_id, first.map_version)
+            self.maps = self._read()
+        except OSError as error:
+            message = f"the maps' folder {folder} cannot be used: {error.strerror}; set maps.folder"
+            raise StartError(message) from error
+
+    async def install(self, map_id: str, map_version: str, content: bytes) -> None:
+        """Keep a new map, DISABLED.
+
+        Raises:
+            MapRefusedError: it is there already, or there is no room.
+
+        """
+        if find(self.maps, map_id, map_version):
+            raise DuplicateMapError(map_id, map_version)
+        if len(self.maps) >= self._maximum:
+            message = f"the robot holds {self._maximum} maps; delete one first"
+            raise MapRefusedError(message)
+        try:
+            await asyncio.to_thread(self._write, map_id, map_version, content)
+        except OSError as error:
+            message = f"the map was not written: {error.strerror}"
+            raise MapRefusedError(message) from error
+        self.maps = self._read()
+
+    async def enable(self, map_id: str, map_version: str) -> None:
+        """Use this version, and no other one of the same mapId.
+
+        Raises:
+            MapRefusedError: it is not there.
+
+        """
+        self._expect(map_id, map_version)
+        self._mark(map_id, map_version)
+        self.maps = self._read()
+
+    async def delete(self, map_id: str, map_version: str) -> None:
+        """Forget a map.
+
+        Raises:
+            MapRefusedError: it is not there, or enabled.
+
+        """
+        if self._expect(map_id, map_version).map_status is MapStatus.ENABLED:
+            message = f"map '{map_id}' is enabled in version '{map_version}'; enable another version first"
+            raise MapRefusedError(message)
+        await asyncio.to_thread(rmtree, self._place(map_id, map_version))
+        self.maps = self._read()
+
+    def content(self, map_id: str, map_version: str) -> bytes:
+        """Give what was installed; empty for the robot's first map."""
+        return (self._place(map_id, map_version) / CONTENT).read_bytes()
+
+    def _expect(self, map_id: str, map_version: str) -> Map:
+        found = find(self.maps, map_id, map_version)
+        if found is None:
+            message = f"the robot holds no map '{map_id}' in version '{map_version}'"
+            raise MapRefusedError(message)
+        return found
+
+    def _place(self, map_id: str, map_version: str) -> Path:
+        return self._folder / _name(map_id) / _name(map_version)
+
+    def _write(self, map_id: str, map_version: str, content: bytes) -> None:
+        """Have the map there whole or not at all."""
+        place = self._place(map_id, map_version)
+        unfinished = place.with_name(place.name + UNFINISHED)
+        rmtree(unfinished, ignore_errors=True)
+        unfinished.mkdir(parents=True)
+        with (unfinished / CONTENT).open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        unfinished.rename(place)
+
+    def _mark(self, map_id: str, map_version: str) -> None:
+        mark = self._folder / _name(map_id) / ENABLED
+        new = mark.with_name(ENABLED + UNFINISHED)
+        new.write_text(map_version, encoding="utf-8")
+        new.replace(mark)
+
+    def _read(self) -> tuple[Map, ...]:
+        return tuple(
+            Map(
+                map_id=unquote(area.name[1:]),
+                map_version=unquote(version.name[1:]),
+                map_status=MapStatus.ENABLED if _is_enabled(area, version) else MapStatus.DISABLED,
+            )
+            for area in sorted(self._folder.iterdir())
+            for version in sorted(area.iterdir())
+            if version.is_dir() and not version.name.endswith(UNFINISHED)
+        )
+
+
+def _is_enabled(area: Path, version: Path) -> bool:
+    mark = area / ENABLED
+    return mark.exists() and mark.read_text(encoding="utf-8") == unquote(version.name[1:])
+
+
+def _name(text: str) -> str:
+    """Give the name of a folder; with its first letter none is a relative path or one of our own files."""
+    return "=" + quote(text, safe=" ").replace(".", "%2E")

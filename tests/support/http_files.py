@@ -1,0 +1,61 @@
+"""A web server on the loopback interface, with the files that a test gives it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from threading import Event, Thread
+
+
+class Files:
+    """What the server gives, by path; for ``slow`` paths it says that an answer comes, and is silent then."""
+
+    def __init__(self) -> None:
+        self.files: dict[str, bytes] = {}
+        self.slow: set[str] = set()
+        self.closing = Event()
+        self.address = ""
+
+    def put(self, path: str, content: bytes) -> str:
+        """Serve ``content`` under ``path``; gives the link."""
+        self.files[path] = content
+        return f"{self.address}{path}"
+
+
+@contextmanager
+def served_files() -> Iterator[Files]:
+    """Serve until the block ends."""
+    files = Files()
+    server = ThreadingHTTPServer(("127.0.0.1", 0), _handler(files))
+    files.address = f"http://127.0.0.1:{server.server_address[1]}"
+    thread = Thread(target=server.serve_forever, name="file server", daemon=True)
+    thread.start()
+    try:
+        yield files
+    finally:
+        files.closing.set()
+        server.shutdown()
+        server.server_close()
+        thread.join(5)
+
+
+def _handler(files: Files) -> type[BaseHTTPRequestHandler]:
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            content = files.files.get(self.path)
+            if content is None:
+                self.send_error(404)
+                return
+            self.send_response(200)
+            self.send_header("Content-Length", str(len(content)))
+            self.end_headers()
+            if self.path in files.slow:
+                files.closing.wait(30)
+            else:
+                self.wfile.write(content)
+
+        def log_message(self, *_: object) -> None:
+            """Say nothing."""
+
+    return Handler
