@@ -16,6 +16,7 @@ from typing import Any, Self
 from nena_edge_agent.__main__ import serve
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.action import Action, InstantActions
+from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.versions import codec_for, topics_for
@@ -124,6 +125,10 @@ class FleetControl:
     def instant(self, *actions: Action) -> None:
         message = InstantActions(**HEADER | self._header, actions=tuple(actions))
         self.peer.publish(self.topic(Topic.INSTANT_ACTIONS), self._codec.encode(message))
+
+    def publish(self, topic: Topic, message: Header) -> None:
+        """Send any other message of fleet control."""
+        self.peer.publish(self.topic(topic), self._codec.encode(message.model_copy(update=self._header)))
 
     @property
     def _header(self) -> dict[str, str]:
