@@ -145,6 +145,8 @@ def _way_fault(
     if begin.map_id != place.map_id:
         text = f"node '{node.node_id}' is on map '{place.map_id}', the one before it on '{begin.map_id}'"
         return text, "the robot does not drive from map to map; set its position on the other one"
+    if not situation.closed:
+        return None
     zone = first_closed(zones_in(footprint.way(begin, place), place.map_id, situation.closed))
     if zone is None:
         return None

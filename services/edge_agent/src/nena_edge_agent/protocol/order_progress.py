@@ -4,11 +4,21 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
+from typing import NamedTuple
 
 from nena_edge_agent.protocol.memory import ProgressMemory
 from nena_edge_agent.protocol.order_content import HeldContent, OrderContent
+from nena_edge_agent.protocol.planned_path import planned_path
 from nena_shared.vda5050.order import Edge, Node, Order
-from nena_shared.vda5050.state import EdgeState, NodeState
+from nena_shared.vda5050.state import EdgeState, NodeState, PlannedPath
+
+
+class Ahead(NamedTuple):
+    """The rest of the order, as the state message shows it."""
+
+    node_states: tuple[NodeState, ...]
+    edge_states: tuple[EdgeState, ...]
+    planned_path: PlannedPath | None
 
 
 class OrderProgress:
@@ -36,7 +46,7 @@ class OrderProgress:
         self.nodes: deque[Node] = deque()
         self.edges: deque[Edge] = deque()
         self.revision = 0
-        self._states: tuple[tuple[NodeState, ...], tuple[EdgeState, ...]] | None = None
+        self._ahead: Ahead | None = None
         self._node_states: dict[int, NodeState] = {}
         self._edge_states: dict[int, EdgeState] = {}
 
@@ -119,15 +129,16 @@ class OrderProgress:
         self._changed()
 
     @property
-    def states(self) -> tuple[tuple[NodeState, ...], tuple[EdgeState, ...]]:
-        """Node states and edge states as the state message shows them."""
-        if self._states is None:
+    def ahead(self) -> Ahead:
+        """What the state message shows of the rest of the order."""
+        if self._ahead is None:
             nodes, edges = self._node_states, self._edge_states
-            self._states = (
+            self._ahead = Ahead(
                 tuple(nodes.get(node.sequence_id) or self._show_node(node) for node in self.nodes),
                 tuple(edges.get(edge.sequence_id) or self._show_edge(edge) for edge in self.edges),
+                planned_path(self.last_node, self.nodes),
             )
-        return self._states
+        return self._ahead
 
     def _show_node(self, node: Node) -> NodeState:
         self._node_states[node.sequence_id] = shown = _node_state(node)
@@ -153,7 +164,7 @@ class OrderProgress:
 
     def _changed(self) -> None:
         self.revision += 1
-        self._states = None
+        self._ahead = None
 
 
 def _decision_point(nodes: Iterable[Node]) -> tuple[str, int]:

@@ -24,7 +24,7 @@ PERMANENTLY_FED = 100.0
 def make_state(header: dict[str, Any], parts: RobotParts, *, new_base_request: bool) -> State:
     """Make the state message; ``header`` holds its five header fields by their neutral names."""
     progress = parts.progress
-    node_states, edge_states = progress.states
+    ahead = progress.ahead
     return State(
         **header,
         maps=parts.maps,
@@ -34,8 +34,9 @@ def make_state(header: dict[str, Any], parts: RobotParts, *, new_base_request: b
         order_update_id=progress.order_update_id,
         last_node_id=progress.last_node_id,
         last_node_sequence_id=progress.last_node_sequence_id,
-        node_states=node_states,
-        edge_states=edge_states,
+        node_states=ahead.node_states,
+        edge_states=ahead.edge_states,
+        planned_path=ahead.planned_path,
         mobile_robot_position=position(parts.senses),
         velocity=velocity(parts.senses),
         loads=parts.loads,
