@@ -18,6 +18,7 @@ from nena_order_service.fleet import (
     Outputs,
     PublishInstantActions,
     PublishOrder,
+    PublishResponses,
     RobotChanged,
     RobotView,
 )
@@ -73,6 +74,7 @@ class Bench:
         self.now = 100.0
         self.wire: list[PublishOrder | PublishInstantActions] = []
         self.sent: list[PublishOrder | PublishInstantActions] = []
+        self.answers: list[PublishResponses] = []
         self.news: list[FleetOutput] = []
 
     def online(self) -> Bench:
@@ -88,7 +90,9 @@ class Bench:
 
     def take(self, outputs: Outputs) -> Outputs:
         for output in outputs:
-            if isinstance(output, PublishOrder | PublishInstantActions):
+            if isinstance(output, PublishResponses):
+                self.answers.append(output)
+            elif isinstance(output, PublishOrder | PublishInstantActions):
                 self.wire.append(output)
                 self.sent.append(output)
             else:

@@ -14,6 +14,7 @@ from nena_shared.vda5050.action import Action, ActionState, ActionStatus, Instan
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
 from nena_shared.vda5050.order import Edge, Node, Order
+from nena_shared.vda5050.request import ZoneRequest
 from nena_shared.vda5050.state import (
     EdgeState,
     EmergencyStop,
@@ -51,6 +52,8 @@ class HonestRobot:
     localized: bool = True
     charge: float = 80.0
     header_id: int = 0
+    version: str = "2.1.0"
+    zone_requests: tuple[ZoneRequest, ...] = ()
     reports_instants_apart: bool = False
     """True as in 3.0; False as in 2.x, among the order's actions."""
     actions_fail: bool = False
@@ -114,7 +117,7 @@ class HonestRobot:
         return Connection(
             header_id=0,
             timestamp=START + timedelta(seconds=seconds),
-            version="2.1.0",
+            version=self.version,
             manufacturer=self.key.manufacturer,
             serial_number=self.key.serial_number,
             connection_state=state,
@@ -129,7 +132,7 @@ class HonestRobot:
         return State(
             header_id=self.header_id,
             timestamp=START + timedelta(seconds=seconds),
-            version="2.1.0",
+            version=self.version,
             manufacturer=self.key.manufacturer,
             serial_number=self.key.serial_number,
             order_id=self.order_id,
@@ -152,6 +155,7 @@ class HonestRobot:
                 x=x, y=y, theta=theta, map_id=MAP, localized=self.localized
             ),
             power_supply=PowerSupply(state_of_charge=self.charge, charging=False),
+            zone_requests=self.zone_requests,
             operating_mode=self.mode,
             errors=tuple(self.errors),
             safety_state=SafetyState(active_emergency_stop=EmergencyStop.NONE, field_violation=False),
@@ -207,6 +211,8 @@ class HonestRobot:
             self._clear()
         elif action.action_type in ("startPause", "stopPause"):
             self.paused = action.action_type == "startPause"
+        elif action.action_type == "clearInstantActions":
+            self.instants.clear()
         else:
             return ActionStatus.FAILED
         return ActionStatus.FINISHED

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from nena_order_service.fleet import FleetLink, FleetOutput, FleetSettings, RobotChanged
+from nena_order_service.fleet import FleetLink, FleetOutput, FleetSettings, RobotAddresses, RobotChanged
 from nena_shared.clock import SystemClock
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.vda5050.action import InstantActions
@@ -98,7 +98,7 @@ class WiredFleet:
         self.mqtt = MqttLink(broker.settings, client_id=f"fleet-{interface_name}")
         self.fleet = FleetLink(
             self.mqtt,
-            schemes=[TopicScheme(interface_name, major) for major in ("v2", "v3")],
+            addresses=RobotAddresses([TopicScheme(interface_name, major) for major in ("v2", "v3")]),
             settings=settings,
             clock=SystemClock(),
             on_news=self.news.append,

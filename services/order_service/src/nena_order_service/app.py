@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fastapi import FastAPI
 
 from nena_order_service.dispatch.way import WayFinder
-from nena_order_service.fleet import FleetLink, OperationMap
+from nena_order_service.fleet import FleetLink, OperationMap, RobotAddresses
 from nena_order_service.http_server import SHUTDOWN_PATIENCE, HttpServer
 from nena_order_service.kernel import Kernel
 from nena_order_service.kernel.host_requests import HostRequests
@@ -74,10 +74,7 @@ def build(settings: OrderServiceSettings) -> OrderService:
     )
     fleet = FleetLink(
         mqtt,
-        schemes=(
-            TopicScheme(settings.interface_name, "v2"),
-            TopicScheme(settings.interface_name_v3, "v3"),
-        ),
+        addresses=_make_addresses(settings, kernel.registry),
         settings=settings.fleet,
         clock=clock,
         on_news=kernel.on_news,
@@ -147,6 +144,20 @@ def readiness(mqtt: MqttLink, store: Store) -> Readiness:
         store_ready=store.ready,
         problems=tuple(problems),
     )
+
+
+def _make_addresses(settings: OrderServiceSettings, registry: VehicleRegistry) -> RobotAddresses:
+    """Know the robots' topics, as far as settings and plant model tell.
+
+    Raises:
+        ConfigurationError: the plant model names a version that is not spoken here.
+
+    """
+    addresses = RobotAddresses(
+        [TopicScheme(settings.interface_name, "v2"), TopicScheme(settings.interface_name_v3, "v3")]
+    )
+    addresses.expect((each.key, each.model) for each in registry if each.model)
+    return addresses
 
 
 def _make_kernel(

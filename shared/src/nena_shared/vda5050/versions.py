@@ -71,8 +71,11 @@ def codec_of_header(payload: bytes) -> Codec | None:
     there is none, or no header.
     """
     version = version_of(payload)
-    if version is None:
-        return None
+    return None if version is None else nearest_codec(version)
+
+
+def nearest_codec(version: str) -> Codec | None:
+    """Give the codec of this version, or of the nearest older one of the same major version."""
     wanted = _numbers(version)
     older = [codec for codec in CODECS.values() if wanted[:1] <= _numbers(codec.version) <= wanted]
     return older[-1] if older else None

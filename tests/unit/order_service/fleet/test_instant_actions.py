@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from nena_order_service.fleet import FleetSettings, InstantActionEnded
+import pytest
+
+from nena_order_service.fleet import FleetSettings, InstantActionEnded, PublishInstantActions
 from nena_order_service.fleet.robot_control import INSTANT_ACTIONS_LIMIT
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.connection import ConnectionState
@@ -183,3 +185,53 @@ def test_own_cancels_are_not_told_to_anybody() -> None:
     bench.report()
     assert bench.told(InstantActionEnded) == []
     assert bench.ends() == {"m": 1}
+
+
+@pytest.mark.clause("6.2.3")
+def test_ended_instant_actions_are_cleared_before_they_pile_up() -> None:
+    bench = Bench(
+        FleetSettings(clear_instant_actions_from=2), HonestRobot(version="3.0.0", reports_instants_apart=True)
+    ).online()
+    for action_id in ("i1", "i2"):
+        bench.instruct(action("stopPause", action_id))
+        bench.deliver()
+        bench.report()
+
+    assert bench.instants_sent() == ["stopPause", "stopPause", "clearInstantActions"]
+    bench.deliver()
+    bench.report()
+    assert [each.action_type for each in bench.robot.state().instant_action_states] == ["clearInstantActions"]
+    bench.wait(5, reporting=True)
+    assert bench.instants_sent().count("clearInstantActions") == 1
+
+
+@pytest.mark.clause("6.2.3")
+def test_a_robot_of_an_older_version_is_not_told_to_clear() -> None:
+    bench = Bench(
+        FleetSettings(clear_instant_actions_from=1), HonestRobot(reports_instants_apart=True)
+    ).online()
+    bench.instruct(action("stopPause"))
+    bench.deliver()
+    bench.report()
+
+    assert bench.instants_sent() == ["stopPause"]
+
+
+@pytest.mark.clause("6.1.3")
+@pytest.mark.parametrize(("version", "named"), [("2.1.0", []), ("3.0.0", ["m1"])])
+def test_a_cancel_names_the_order_where_it_may(version: str, named: list[str]) -> None:
+    bench = Bench(robot=HonestRobot(version=version)).online()
+    bench.start(make_mission("m1", "A", "B", "C"))
+    bench.deliver()
+    bench.report()
+
+    bench.cancel()
+
+    (cancel,) = [
+        each
+        for sent in bench.sent
+        if isinstance(sent, PublishInstantActions)
+        for each in sent.actions
+        if each.action_type == "cancelOrder"
+    ]
+    assert [each.value for each in cancel.action_parameters] == named

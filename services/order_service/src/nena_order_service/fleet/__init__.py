@@ -3,6 +3,7 @@
 The core is pure: messages and the time, in monotonic seconds, go in; messages to send and news come out.
 """
 
+from nena_order_service.fleet.addresses import RobotAddresses
 from nena_order_service.fleet.controller import FleetController
 from nena_order_service.fleet.errors import RobotBusyError
 from nena_order_service.fleet.link import FleetLink
@@ -21,6 +22,7 @@ from nena_order_service.fleet.outputs import (
     Outputs,
     PublishInstantActions,
     PublishOrder,
+    PublishResponses,
     RobotChanged,
 )
 from nena_order_service.fleet.profile import RobotProfile
@@ -49,6 +51,8 @@ __all__ = [
     "Outputs",
     "PublishInstantActions",
     "PublishOrder",
+    "PublishResponses",
+    "RobotAddresses",
     "RobotBusyError",
     "RobotChanged",
     "RobotProfile",

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from datetime import UTC, datetime
 from itertools import chain
 
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.operations import fresh_id
 from nena_order_service.fleet.outputs import Outputs
+from nena_order_service.fleet.release_desk import ReleaseDesk
 from nena_order_service.fleet.robot_control import RobotControl
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.view import RobotView
@@ -18,6 +20,10 @@ from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 
 
+def _utc_now() -> datetime:
+    return datetime.now(UTC)
+
+
 class FleetController:
     """Sends missions to robots and follows them by what the robots' states say.
 
@@ -25,11 +31,18 @@ class FleetController:
     MissionCancelled. ``now`` is in monotonic seconds everywhere.
     """
 
-    def __init__(self, settings: FleetSettings, *, new_id: Callable[[], str] = fresh_id) -> None:
+    def __init__(
+        self,
+        settings: FleetSettings,
+        *,
+        new_id: Callable[[], str] = fresh_id,
+        utc_now: Callable[[], datetime] = _utc_now,
+    ) -> None:
         self._settings = settings
         self._new_id = new_id
         self._broker = False
         self._robots: dict[RobotKey, RobotControl] = {}
+        self._desk = ReleaseDesk(settings, utc_now)
 
     def on_connection(self, robot: RobotKey, message: Connection, now: float) -> Outputs:
         """Take in a connection message."""
@@ -37,7 +50,12 @@ class FleetController:
 
     def on_state(self, robot: RobotKey, message: State, now: float) -> Outputs:
         """Take in a state message; one that is repeated or out of order changes nothing."""
-        return tuple(self._control(robot).on_state(message, now))
+        control = self._control(robot)
+        outputs = tuple(control.on_state(message, now))
+        if message.zone_requests or message.edge_requests or self._desk.busy:
+            self._desk.on_state(robot, control.robot.state or message, now)
+            outputs += self._answers(now)
+        return outputs
 
     def on_factsheet(self, robot: RobotKey, message: Factsheet, now: float) -> Outputs:
         """Take in a factsheet."""
@@ -88,7 +106,8 @@ class FleetController:
 
     def tick(self, now: float) -> Outputs:
         """Do what is overdue: send again, give up, notice silence. Call it a few times each second."""
-        return tuple(chain.from_iterable(control.tick(now) for control in self._robots.values()))
+        ticks = chain.from_iterable(control.tick(now) for control in self._robots.values())
+        return (*ticks, *(self._answers(now) if self._desk.busy else ()))
 
     def view(self, robot: RobotKey, now: float) -> RobotView:
         """Tell what is known of a robot; of one that was never heard of, that."""
@@ -102,6 +121,13 @@ class FleetController:
     def has_room_for(self, robot: RobotKey) -> bool:
         """Tell whether messages of this robot can be taken in: it is known, or there are not too many yet."""
         return robot in self._robots or len(self._robots) < self._settings.robots_limit
+
+    def _answers(self, now: float) -> Outputs:
+        """Answer the robots' requests; nobody can be told anything while our own link is gone."""
+        if not self._broker:
+            return ()
+        known = all(each.robot.state or not each.robot.reachable for each in self._robots.values())
+        return tuple(self._desk.answers(now, all_known=known))
 
     def _control(self, robot: RobotKey) -> RobotControl:
         known = self._robots.get(robot)

@@ -8,9 +8,10 @@ from typing import Final
 
 from nena_order_service.fleet.delivery import Delivery
 from nena_order_service.fleet.settings import FleetSettings
-from nena_shared.vda5050.action import Action, ActionState, ActionStatus, BlockingType
+from nena_shared.vda5050.action import Action, ActionParameter, ActionState, ActionStatus, BlockingType
 
 CANCEL_ORDER: Final = "cancelOrder"
+CLEAR_INSTANT_ACTIONS: Final = "clearInstantActions"
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +85,17 @@ class InstantRun:
             self._delivery.hold()
 
 
-def cancel_order(action_id: str) -> Action:
-    """Make the action that ends the robot's order (section 6.1.3)."""
-    return Action(action_type=CANCEL_ORDER, action_id=action_id, blocking_type=BlockingType.HARD)
+def cancel_order(action_id: str, order_id: str | None = None) -> Action:
+    """Make the action that ends the robot's order, named ``order_id`` where it may be (section 6.1.3)."""
+    parameters = () if order_id is None else (ActionParameter(key="orderId", value=order_id),)
+    return Action(
+        action_type=CANCEL_ORDER,
+        action_id=action_id,
+        blocking_type=BlockingType.HARD,
+        action_parameters=parameters,
+    )
+
+
+def clear_instant_actions(action_id: str) -> Action:
+    """Make the action that takes ended instant actions out of the robot's state (section 6.2.3)."""
+    return Action(action_type=CLEAR_INSTANT_ACTIONS, action_id=action_id, blocking_type=BlockingType.NONE)

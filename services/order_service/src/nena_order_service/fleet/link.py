@@ -3,29 +3,28 @@
 from __future__ import annotations
 
 import asyncio
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Final, TypeVar
 
 from pydantic import ValidationError
 
-from nena_order_service.fleet.codecs import RobotCodecs
+from nena_order_service.fleet.addresses import RobotAddresses
 from nena_order_service.fleet.controller import FleetController
 from nena_order_service.fleet.mission import Mission
-from nena_order_service.fleet.outputs import FleetOutput, Publish, PublishInstantActions, PublishOrder
+from nena_order_service.fleet.outgoing import Outgoing
+from nena_order_service.fleet.outputs import FleetOutput, Publish
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.view import RobotView
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.tasks import forever
-from nena_shared.vda5050.action import Action, InstantActions
+from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.malformed import MalformedMessageError
-from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import reader_of
@@ -33,8 +32,6 @@ from nena_shared.vda5050.versions import reader_of
 log = get_logger(__name__)
 
 M = TypeVar("M", bound=Header)
-
-HEADER_ID_COUNT: Final = 2**32
 
 MALFORMED_LOGGED_EACH: Final = 100
 """Of a robot's malformed messages the first and then each of so many is logged."""
@@ -44,27 +41,26 @@ class FleetLink:
     """Couples a :class:`FleetController` with the broker; every method is for the event loop's thread.
 
     ``on_news`` gets each output of the core but the messages to send, in order, within the call that caused
-    it; it may call this object again. Orders and instant actions go out with quality of service 1 and never
-    wait for the broker: the core sends again what no state echoes.
+    it; it may call this object again. What goes out never waits for the broker: the core sends again what no
+    state echoes.
     """
 
     def __init__(
         self,
         mqtt: MqttLink,
         *,
-        schemes: Sequence[TopicScheme],
+        addresses: RobotAddresses,
         settings: FleetSettings,
         clock: Clock,
         on_news: Callable[[FleetOutput], None],
     ) -> None:
         self._mqtt = mqtt
-        self._schemes = {scheme.major_version: scheme for scheme in schemes}
-        self._codecs = RobotCodecs()
+        self._addresses = addresses
         self._settings = settings
         self._clock = clock
         self._on_news = on_news
-        self._controller = FleetController(settings)
-        self._header_ids: dict[tuple[RobotKey, Topic], int] = defaultdict(int)
+        self._controller = FleetController(settings, utc_now=clock.now)
+        self._outgoing = Outgoing(clock)
         self._connected = False
         self.malformed = 0
         """How many messages could not be read."""
@@ -75,8 +71,8 @@ class FleetLink:
             (Topic.FACTSHEET, self._take_factsheet),
             (Topic.STATE, self._take_state),
         ):
-            for scheme in schemes:
-                mqtt.subscribe(scheme.for_all(topic), partial(handler, scheme))
+            for scheme in addresses.schemes:
+                mqtt.subscribe(scheme.for_all(topic), partial(handler, scheme), qos=settings.qos)
 
     async def run(self) -> None:
         """Look after what is overdue, until cancelled."""
@@ -143,14 +139,14 @@ class FleetLink:
             self.ignored += 1
             return None
         codec = reader_of(inbound.payload, scheme.major_version)
-        if inbound.retained and self._codecs.is_outdated(robot, codec):
+        if inbound.retained and self._addresses.is_outdated(robot, codec, scheme):
             return None
         try:
             message = codec.decode(kind, inbound.payload)
         except MalformedMessageError as error:
             self._note_malformed(robot, inbound.topic, error)
             return None
-        self._codecs.learn(robot, codec)
+        self._addresses.learn(robot, codec, scheme)
         return robot, message
 
     def _note_malformed(self, robot: RobotKey, topic: str, error: MalformedMessageError) -> None:
@@ -173,41 +169,18 @@ class FleetLink:
                 self._on_news(output)
 
     def _publish(self, output: Publish) -> None:
-        topic = Topic.ORDER if isinstance(output, PublishOrder) else Topic.INSTANT_ACTIONS
-        codec = self._codecs.of(output.robot)
-        scheme = self._schemes[codec.major_version]
+        address = self._addresses.of(output.robot)
+        if address is None:
+            log.warning("nothing is sent to a robot that has said nothing yet", robot=str(output.robot))
+            return
+        topic, message = self._outgoing.message(output, address.codec.version)
         try:
-            payload = codec.encode(self._message(output, topic))
+            payload = address.codec.encode(message)
         except (MalformedMessageError, ValidationError):
             log.exception("a message cannot be said to this robot", robot=str(output.robot), topic=topic)
             return
-        self._mqtt.publish(Outbound(scheme.of(output.robot, topic), payload, qos=1, keep=False))
-
-    def _message(self, output: Publish, topic: Topic) -> Order | InstantActions:
-        header_id = self._header_ids[output.robot, topic]
-        self._header_ids[output.robot, topic] = (header_id + 1) % HEADER_ID_COUNT
-        timestamp, version = self._clock.now(), self._codecs.of(output.robot).version
-        manufacturer, serial_number = output.robot.manufacturer, output.robot.serial_number
-        if isinstance(output, PublishInstantActions):
-            return InstantActions(
-                header_id=header_id,
-                timestamp=timestamp,
-                version=version,
-                manufacturer=manufacturer,
-                serial_number=serial_number,
-                actions=output.actions,
-            )
-        return Order(
-            header_id=header_id,
-            timestamp=timestamp,
-            version=version,
-            manufacturer=manufacturer,
-            serial_number=serial_number,
-            order_id=output.mission.mission_id,
-            order_update_id=output.order_update_id,
-            nodes=output.mission.nodes,
-            edges=output.mission.edges,
-        )
+        place = address.scheme.of(output.robot, topic)
+        self._mqtt.publish(Outbound(place, payload, qos=self._settings.qos, keep=False))
 
     def _now(self) -> float:
         return self._clock.monotonic()

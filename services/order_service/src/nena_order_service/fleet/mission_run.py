@@ -87,6 +87,10 @@ class MissionRun:
         self._delivery.sent(now)
         return PublishOrder(self._robot, self.mission)
 
+    def refuse(self, reason: str) -> FleetOutput:
+        """End without having sent anything."""
+        return self._fail(Failure(reason))
+
     def hold(self) -> None:
         """Let no time pass for the delivery: the robot cannot be sent the order now."""
         self._delivery.hold()

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from nena_order_service.fleet.mission import Mission
 from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.responses import Response
 from nena_shared.vda5050.topics import RobotKey
 
 
@@ -26,7 +27,15 @@ class PublishInstantActions:
     actions: tuple[Action, ...]
 
 
-Publish = PublishOrder | PublishInstantActions
+@dataclass(frozen=True, slots=True)
+class PublishResponses:
+    """Answer requests of the robot; header fields are the sender's."""
+
+    robot: RobotKey
+    responses: tuple[Response, ...]
+
+
+Publish = PublishOrder | PublishInstantActions | PublishResponses
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""What orders to one robot need: its map, how exactly it must drive, its protocol version."""
+"""What orders to one robot need: its map, and how exactly it must drive."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ DEFAULT_DEVIATION_XY: Final = 0.5
 DEFAULT_DEVIATION_THETA: Final = 0.35
 """rad, about 20 degrees; above the goal tolerance that Nav2 has by default."""
 
-DEFAULT_VERSION: Final = "2.1.0"
-
 IDENTITY: Final = MapTransform()
 """Plant and map have the same frame."""
 
@@ -28,7 +26,6 @@ class RobotProfile:
     """m of the plant: how far from a node the robot may pass or stop."""
     deviation_theta: float = DEFAULT_DEVIATION_THETA
     """rad: how far from the wanted heading the robot may stop."""
-    version: str = DEFAULT_VERSION
     transform: MapTransform = IDENTITY
     """From the plant's frame to that of the robot's map."""
 
@@ -40,6 +37,5 @@ class RobotProfile:
             map_id=vehicle.map_id or default_map_id,
             deviation_xy=DEFAULT_DEVIATION_XY if deviation_xy is None else deviation_xy,
             deviation_theta=DEFAULT_DEVIATION_THETA if deviation_theta is None else deviation_theta,
-            version=vehicle.protocol_version or DEFAULT_VERSION,
             transform=transform or IDENTITY,
         )

@@ -10,8 +10,10 @@ from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.view import LinkStatus
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.rules import RULES, Rules
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.versions import nearest_codec
 
 AWAY: Final = {
     ConnectionState.OFFLINE: LinkStatus.OFFLINE,
@@ -74,6 +76,12 @@ class Robot:
             return AWAY[self.connection]
         silent = now - self._heard_at > self._silent_after
         return LinkStatus.SILENT if silent else LinkStatus.ONLINE
+
+    @property
+    def rules(self) -> Rules | None:
+        """What the version that the robot's states are of can say; None before the first one."""
+        codec = nearest_codec(self.state.version) if self.state else None
+        return RULES[codec.version] if codec else None
 
     @property
     def reachable(self) -> bool:

@@ -8,7 +8,8 @@ from typing import Final
 
 from nena_order_service.fleet import availability
 from nena_order_service.fleet.errors import RobotBusyError
-from nena_order_service.fleet.instant_run import CANCEL_ORDER, InstantRun, cancel_order
+from nena_order_service.fleet.fitness import fitted, instant_action_problem, order_problem
+from nena_order_service.fleet.instant_run import CANCEL_ORDER, InstantRun, cancel_order, clear_instant_actions
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.mission_run import MissionRun
 from nena_order_service.fleet.outputs import (
@@ -37,7 +38,8 @@ ENDED_MISSIONS_KEPT: Final = 50
 """Ids of missions that are remembered, so that a robot that takes one up too late is stopped."""
 
 STRAY_PAUSE: Final = 30.0
-"""Seconds between tries to stop a robot that works on a mission that has ended for us."""
+"""Seconds between tries to stop a robot that works on a mission that has ended for us, and between tries to
+have one clear its ended instant actions."""
 
 ALWAYS_ALLOWED: Final = frozenset({"stateRequest", "factsheetRequest"})
 """Instant actions that harm nobody in any operating mode."""
@@ -59,6 +61,7 @@ class RobotControl:
         self._ended: deque[str] = deque(maxlen=ENDED_MISSIONS_KEPT)
         self._last_order_at: float | None = None
         self._next_stray_cancel = 0.0
+        self._next_clearing = 0.0
         self._told: tuple[object, ...] = ()
         self._told_link = LinkStatus.UNKNOWN
 
@@ -83,6 +86,7 @@ class RobotControl:
             return
         if self._instants:
             yield from self._follow_instants(message, now)
+        self._clear_ended(message, now)
         if self._run:
             yield from self._run.on_state(message, now)
         yield from self._advance(now)
@@ -152,7 +156,7 @@ class RobotControl:
         elif run:
             yield from self._send_order(run, now)
             if run.wants_cancel(self.robot.state) and not self._unsendable(CANCEL_ORDER, now):
-                run.cancel = self._begin_instant(cancel_order(self._new_id()), requested=False)
+                run.cancel = self._begin_cancel(run.mission.mission_id)
         self._stop_stray(now)
         if self._instants:
             yield from self._send_instants(now)
@@ -168,8 +172,20 @@ class RobotControl:
         if state is None or self._obstacle(now):
             run.hold()
             return
+        if self.robot.factsheet and run.phase is MissionPhase.WAITING:
+            problem = order_problem(run.mission, self.robot.factsheet)
+            if problem:
+                yield from self._refuse(run, problem)
+                return
+            run.mission = fitted(run.mission, self.robot.factsheet)
         self._last_order_at = now
         yield run.send(state.errors, now)
+
+    def _refuse(self, run: MissionRun, problem: str) -> Iterator[FleetOutput]:
+        """End a mission that the robot could never take, before anything of it is sent."""
+        yield run.refuse(f"the robot cannot take the order: {problem}")
+        self._ended.append(run.mission.mission_id)
+        self._run = None
 
     def _obstacle(self, now: float) -> str | None:
         """Say why the robot must not be sent an order now; None if it may."""
@@ -222,6 +238,9 @@ class RobotControl:
             return f"{INSTANT_ACTIONS_LIMIT} instant actions are under way at the robot"
         if action.action_id in self._instant_ids:
             return f"the actionId {action.action_id!r} has been used before"
+        problem = instant_action_problem(action, self.robot.factsheet) if self.robot.factsheet else None
+        if problem:
+            return f"the robot cannot take it: {problem}"
         reason = self._unsendable(action.action_type, now)
         return f"the robot {reason}" if reason else None
 
@@ -230,6 +249,24 @@ class RobotControl:
         self._instants[action.action_id] = run
         self._instant_ids.append(action.action_id)
         return run
+
+    def _begin_cancel(self, order_id: str) -> InstantRun:
+        rules = self.robot.rules
+        named = order_id if rules and rules.cancel_names_order else None
+        return self._begin_instant(cancel_order(self._new_id(), named), requested=False)
+
+    def _clear_ended(self, state: State, now: float) -> None:
+        """Have the robot forget its ended instant actions, where they would pile up."""
+        ended = sum(1 for each in state.instant_action_states if each.action_status.ended)
+        if ended < self._settings.clear_instant_actions_from or now < self._next_clearing:
+            return
+        rules = self.robot.rules
+        if rules is None or not rules.instant_states_until_cleared:
+            return
+        action = clear_instant_actions(self._new_id())
+        if self._refusal(action, now) is None:
+            self._next_clearing = now + STRAY_PAUSE
+            self._begin_instant(action, requested=False)
 
     def _send_instants(self, now: float) -> Iterator[FleetOutput]:
         due = tuple(
@@ -273,7 +310,7 @@ class RobotControl:
         if cancelling or is_idle(state, self._instant_ids) or self._unsendable(CANCEL_ORDER, now):
             return
         self._next_stray_cancel = now + STRAY_PAUSE
-        self._begin_instant(cancel_order(self._new_id()), requested=False)
+        self._begin_cancel(state.order_id)
 
     def _tell_change(self, now: float) -> Iterator[FleetOutput]:
         self._told_link = self.robot.link(now)

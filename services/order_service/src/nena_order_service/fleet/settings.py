@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
+from typing import Literal
+
 from pydantic import Field
 
 from nena_shared.settings import SettingsGroup
+
+
+class ReleasePolicy(StrEnum):
+    """Who is let into a zone that needs a release."""
+
+    EXCLUSIVE = "exclusive"
+    """One robot at a time, in the order of asking."""
+    ALL = "all"
+    """Everybody."""
+    NONE = "none"
+    """Nobody: all are refused."""
 
 
 class FleetSettings(SettingsGroup):
@@ -30,6 +44,22 @@ class FleetSettings(SettingsGroup):
     )
     instant_action_limit: float = Field(
         300.0, gt=0, description="Seconds that an instant action, cancelOrder too, may take at a robot."
+    )
+    clear_instant_actions_from: int = Field(
+        20, ge=1, description="Ended instant actions in a robot's state from which it is told to clear them."
+    )
+    release_policy: ReleasePolicy = Field(
+        ReleasePolicy.EXCLUSIVE,
+        description="Who is let into zones and corridors that need it: one robot at a time (exclusive), "
+        "everybody (all) or nobody (none).",
+    )
+    release_lease: float = Field(
+        0.0, ge=0, description="Seconds that such a release lasts unless it is renewed; 0: until given back."
+    )
+    qos: Literal[0, 1] = Field(
+        1,
+        description="MQTT quality of service of what is sent to robots and read of them; the standard has 0, "
+        "except for connection.",
     )
     robots_limit: int = Field(
         10_000, ge=1, description="Robots that are listened to; messages of further ones are passed over."

@@ -1,0 +1,68 @@
+"""Where robots are spoken to."""
+
+from __future__ import annotations
+
+import pytest
+
+from nena_order_service.fleet.addresses import RobotAddresses
+from nena_shared.plant import Vehicle
+from nena_shared.settings import ConfigurationError
+from nena_shared.vda5050.topics import RobotKey, TopicScheme
+from nena_shared.vda5050.versions import codec_for
+
+pytestmark = pytest.mark.clause("4.2")
+
+ROBOT = RobotKey("ACME", "r1")
+V2, V3 = TopicScheme("uagv", "v2"), TopicScheme("vda5050", "v3")
+
+
+def addresses(**properties: str) -> RobotAddresses:
+    known = RobotAddresses([V2, V3])
+    vehicle = Vehicle(name="Tug", properties={f"vda5050:{key}": value for key, value in properties.items()})
+    known.expect([(ROBOT, vehicle)])
+    return known
+
+
+def test_a_robot_that_nobody_knows_has_no_address() -> None:
+    assert addresses().of(ROBOT) is None
+    assert addresses().schemes == (V2, V3)
+
+
+@pytest.mark.parametrize(("version", "scheme"), [("2.0.0", V2), ("2.1.0", V2), ("3.0.0", V3)])
+def test_the_plant_model_names_its_version(version: str, scheme: TopicScheme) -> None:
+    address = addresses(version=version).of(ROBOT)
+
+    assert address is not None
+    assert (address.codec.version, address.scheme) == (version, scheme)
+
+
+def test_the_plant_model_names_its_topics() -> None:
+    known = addresses(version="2.0.0", interfaceName="acme/hall")
+    address = known.of(ROBOT)
+
+    assert address is not None
+    assert address.scheme == TopicScheme("acme/hall", "v2")
+    assert known.schemes == (V2, V3, TopicScheme("acme/hall", "v2"), TopicScheme("acme/hall", "v3"))
+
+
+def test_a_version_that_is_not_spoken_here_is_an_error_of_the_plant_model() -> None:
+    with pytest.raises(ConfigurationError, match=r"vehicle 'Tug', property vda5050:version.*'1\.1'"):
+        addresses(version="1.1")
+
+
+def test_what_a_robot_says_counts_more_than_what_was_expected() -> None:
+    known = addresses(version="2.0.0")
+
+    known.learn(ROBOT, codec_for("3.0.0"), V3)
+
+    address = known.of(ROBOT)
+    assert address is not None
+    assert address.scheme == V3
+
+
+def test_what_the_broker_kept_from_another_time_is_known() -> None:
+    known = addresses(version="3.0.0")
+
+    assert known.is_outdated(ROBOT, codec_for("2.1.0"), V2)
+    assert not known.is_outdated(ROBOT, codec_for("3.0.0"), V3)
+    assert not known.is_outdated(RobotKey("ACME", "r2"), codec_for("2.1.0"), V2)

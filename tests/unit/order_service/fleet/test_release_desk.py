@@ -1,0 +1,187 @@
+"""Answers to robots that ask for a zone or a corridor."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from itertools import count
+
+import pytest
+
+from nena_order_service.fleet import FleetController, FleetSettings, PublishResponses
+from nena_order_service.fleet.release_desk import ReleaseDesk
+from nena_order_service.fleet.settings import ReleasePolicy
+from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.request import (
+    EdgeRequest,
+    EdgeRequestType,
+    RequestStatus,
+    ZoneRequest,
+    ZoneRequestType,
+)
+from nena_shared.vda5050.topics import RobotKey
+from support.honest_robot import HonestRobot
+
+pytestmark = pytest.mark.clause("6.9", "6.4.3")
+
+NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
+ONE, TWO = RobotKey("ACME", "one"), RobotKey("ACME", "two")
+
+
+class Desk:
+    def __init__(self, **settings: object) -> None:
+        self.desk = ReleaseDesk(FleetSettings.model_validate(settings), lambda: NOON)
+        self.now = 100.0
+
+    def ask(self, robot: RobotKey, *requests: ZoneRequest | EdgeRequest) -> None:
+        state = HonestRobot(key=robot, version="3.0.0").state()
+        zones = tuple(each for each in requests if isinstance(each, ZoneRequest))
+        edges = tuple(each for each in requests if isinstance(each, EdgeRequest))
+        asking = state.model_copy(update={"zone_requests": zones, "edge_requests": edges})
+        self.desk.on_state(robot, asking, self.now)
+
+    def answers(self, *, all_known: bool = True) -> dict[str, str]:
+        told = self.desk.answers(self.now, all_known=all_known)
+        return {each.request_id: each.grant_type.value for one in told for each in one.responses}
+
+
+def gate(request_id: str, status: str = "REQUESTED", zone_id: str = "gate") -> ZoneRequest:
+    return ZoneRequest(
+        request_id=request_id,
+        request_type=ZoneRequestType.ACCESS,
+        zone_id=zone_id,
+        zone_set_id="s1",
+        request_status=RequestStatus(status),
+    )
+
+
+def test_one_robot_is_let_in_and_the_next_one_waits_until_it_is_out() -> None:
+    desk = Desk()
+    desk.ask(ONE, gate("a"))
+    desk.ask(TWO, gate("b"))
+    assert desk.answers() == {"a": "GRANTED", "b": "QUEUED"}
+    assert desk.answers() == {}
+
+    desk.ask(ONE, gate("a", "GRANTED"))
+    assert desk.answers() == {}
+    desk.ask(ONE)
+    assert desk.answers() == {"b": "GRANTED"}
+
+
+def test_other_zones_do_not_matter() -> None:
+    desk = Desk()
+    desk.ask(ONE, gate("a"))
+    desk.ask(TWO, gate("b", zone_id="other"))
+
+    assert desk.answers() == {"a": "GRANTED", "b": "GRANTED"}
+
+
+def test_a_robot_that_lost_its_release_inside_still_holds_the_zone() -> None:
+    desk = Desk()
+    desk.ask(ONE, gate("a", "EXPIRED"))
+    desk.ask(TWO, gate("b"))
+
+    assert desk.answers() == {"a": "GRANTED", "b": "QUEUED"}
+
+
+def test_a_grant_that_the_robot_does_not_show_is_said_again() -> None:
+    desk = Desk(resend_after=2)
+    desk.ask(ONE, gate("a"))
+    assert desk.answers() == {"a": "GRANTED"}
+    desk.now += 1.9
+    assert desk.answers() == {}
+    desk.now += 0.1
+    assert desk.answers() == {"a": "GRANTED"}
+    desk.ask(ONE, gate("a", "GRANTED"))
+    desk.now += 10
+    assert desk.answers() == {}
+
+
+def test_a_new_request_of_the_same_robot_is_a_new_question() -> None:
+    desk = Desk()
+    desk.ask(ONE, gate("a"))
+    desk.answers()
+
+    desk.ask(ONE, gate("a2"))
+
+    assert desk.answers() == {"a2": "GRANTED"}
+
+
+def test_nothing_is_granted_before_everybody_was_heard() -> None:
+    desk = Desk()
+    desk.ask(ONE, gate("a"))
+    assert desk.answers(all_known=False) == {"a": "QUEUED"}
+
+    desk.ask(TWO, gate("b", "GRANTED"))
+
+    assert desk.answers() == {}
+    desk.ask(TWO)
+    assert desk.answers() == {"a": "GRANTED"}
+
+
+def test_a_lease_is_renewed_before_it_ends() -> None:
+    desk = Desk(release_lease=10.0)
+    desk.ask(ONE, gate("a"))
+    (answer,) = next(desk.desk.answers(desk.now, all_known=True)).responses
+    assert answer.lease_expiry is not None
+    assert (answer.lease_expiry - NOON).total_seconds() == 10.0
+    desk.ask(ONE, gate("a", "GRANTED"))
+    desk.now += 4.9
+    assert desk.answers() == {}
+    desk.now += 0.2
+    assert desk.answers() == {"a": "GRANTED"}
+
+
+@pytest.mark.parametrize(
+    ("policy", "grant"), [(ReleasePolicy.ALL, "GRANTED"), (ReleasePolicy.NONE, "REJECTED")]
+)
+def test_a_policy_may_let_in_all_or_nobody(policy: ReleasePolicy, grant: str) -> None:
+    desk = Desk(release_policy=policy)
+    desk.ask(ONE, gate("a"))
+    desk.ask(TWO, gate("b"))
+
+    assert desk.answers() == {"a": grant, "b": grant}
+
+
+@pytest.mark.clause("6.6.10")
+def test_a_corridor_is_given_to_one_robot_as_well() -> None:
+    desk = Desk()
+    for robot, request_id in ((ONE, "a"), (TWO, "b")):
+        desk.ask(
+            robot,
+            EdgeRequest(
+                request_id=request_id,
+                request_type=EdgeRequestType.CORRIDOR,
+                edge_id="A-B",
+                sequence_id=1,
+                request_status=RequestStatus.REQUESTED,
+            ),
+        )
+
+    assert desk.answers() == {"a": "GRANTED", "b": "QUEUED"}
+
+
+def test_the_controller_answers_when_all_robots_have_told_their_state() -> None:
+    numbers = count()
+    fleet = FleetController(FleetSettings(), new_id=lambda: str(next(numbers)), utc_now=lambda: NOON)
+    one, two = (HonestRobot(key=key, version="3.0.0") for key in (ONE, TWO))
+    one.zone_requests = (gate("a"),)
+    fleet.on_broker(connected=True, now=0.0)
+    for robot in (one, two):
+        fleet.on_connection(robot.key, robot.connection(ConnectionState.ONLINE), 0.0)
+
+    def answers(robot: HonestRobot, now: float) -> list[str]:
+        outputs = fleet.on_state(robot.key, robot.state(now), now)
+        told = [each for each in outputs if isinstance(each, PublishResponses)]
+        return [response.grant_type.value for each in told for response in each.responses]
+
+    assert answers(one, 1.0) == ["QUEUED"]
+    assert answers(two, 2.0) == ["GRANTED"]
+    fleet.on_broker(connected=False, now=3.0)
+    two.zone_requests = (gate("b", zone_id="other"),)
+    assert answers(two, 4.0) == []
+    assert [
+        response.request_id
+        for each in (*fleet.on_broker(connected=True, now=5.0), *fleet.tick(5.0))
+        if isinstance(each, PublishResponses)
+        for response in each.responses
+    ] == ["a", "b"]
