@@ -9,6 +9,7 @@ import pytest
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.v2_1 import CODEC
+from nena_shared.vda5050.v3_0 import CODEC as CODEC_3
 from support.broker import Broker, MqttPeer
 from support.fleet_examples import (
     ROBOT,
@@ -176,3 +177,25 @@ async def test_other_interfaces_and_odd_topics_are_not_ours(broker: Broker, serv
         served.send(peer, Topic.STATE, state(), robot=endless)
         await served.metric('nena_messages_malformed_total{topic="state"} 1.0')
         assert len((await served.get("/api/v1/fleet"))["robots"]) == 1
+
+
+@pytest.mark.clause("4.2")
+async def test_what_the_broker_kept_from_an_older_version_of_a_robot_does_not_count(
+    broker: Broker, interface_name: str
+) -> None:
+    old, new = TopicScheme(interface_name, "v2"), TopicScheme(f"{interface_name}-3", "v3")
+    with MqttPeer(broker) as peer:
+        peer.publish(old.of(ROBOT, Topic.CONNECTION), CODEC.encode(connection("OFFLINE")), retain=True)
+        newer = connection("ONLINE", at=9).model_copy(update={"version": "3.0.0"})
+        peer.publish(new.of(ROBOT, Topic.CONNECTION), CODEC_3.encode(newer), retain=True)
+        async with serving(broker, interface_name, interface_name_v3=f"{interface_name}-3") as served:
+            robot = "/api/v1/robots/ACME/r1"
+            now = state(at=10).model_copy(update={"version": "3.0.0"})
+            peer.publish(new.of(ROBOT, Topic.STATE), CODEC_3.encode(now))
+            await served.until(robot, lambda shown: shown.get("condition") == "IDLE")
+            peer.publish(old.of(ROBOT, Topic.CONNECTION), b"", retain=True)
+
+            shown = await served.until(robot, lambda shown: shown["connection"])
+
+        assert shown["connection"] == "ONLINE"
+        peer.publish(new.of(ROBOT, Topic.CONNECTION), b"", retain=True)

@@ -28,7 +28,14 @@ from nena_edge_agent.protocol.effects import (
     SetPosition,
     StartAction,
 )
-from nena_edge_agent.protocol.events import Event, JournalReport, MapsReport, Started, TimePassed
+from nena_edge_agent.protocol.events import (
+    Event,
+    JournalReport,
+    MapsReport,
+    Started,
+    SubscriptionsReport,
+    TimePassed,
+)
 from nena_edge_agent.protocol.ground import Footprint
 from nena_edge_agent.protocol.predefined import spoken
 from nena_edge_agent.protocol.robot import RobotCore
@@ -254,7 +261,9 @@ class RobotAgent:
         """Send the state; the first one after a connect waits until the link lets it through."""
         if self._greeting or self._link.state.connected:
             state = self._core.state(self._headers.make(Topic.STATE))
-            self._link.publish(self._outbound(Topic.STATE, state, keep=self._greeting))
+            self._link.publish(
+                self._outbound(Topic.STATE, state, qos=self._settings.qos, keep=self._greeting)
+            )
             self._greeting = False
 
     def _visualization(self) -> Visualization:
@@ -267,7 +276,7 @@ class RobotAgent:
         )
 
     def _outbound(
-        self, topic: Topic, message: Header, *, qos: int = 1, retain: bool = False, keep: bool = False
+        self, topic: Topic, message: Header, *, qos: int, retain: bool = False, keep: bool = False
     ) -> Outbound:
         payload = self._codec.encode(message)
         return Outbound(self._topics.of(self.robot, topic), payload, qos=qos, retain=retain, keep=keep)
@@ -278,12 +287,17 @@ class RobotAgent:
             client_id=f"nena-edge-agent-{self.robot.manufacturer}-{self.robot.serial_number}",
             will=lambda: self._connection(ConnectionState.CONNECTION_BROKEN),
             on_connected=self._greet,
+            on_subscribed=lambda: self._mailbox.put(SubscriptionsReport(self._link.state.refused)),
         )
-        link.subscribe(self._topics.of(self.robot, Topic.ORDER), self._inbox.take_order)
-        link.subscribe(self._topics.of(self.robot, Topic.INSTANT_ACTIONS), self._inbox.take_instant_actions)
+        handlers = {
+            Topic.ORDER: self._inbox.take_order,
+            Topic.INSTANT_ACTIONS: self._inbox.take_instant_actions,
+        }
         if self._capabilities.zones:
-            link.subscribe(self._topics.of(self.robot, Topic.ZONE_SET), self._inbox.take_zone_set)
-            link.subscribe(self._topics.of(self.robot, Topic.RESPONSES), self._inbox.take_responses)
+            handlers[Topic.ZONE_SET] = self._inbox.take_zone_set
+            handlers[Topic.RESPONSES] = self._inbox.take_responses
+        for topic, handler in handlers.items():
+            link.subscribe(self._topics.of(self.robot, topic), handler, qos=self._settings.qos)
         return link
 
     def _greet(self) -> Iterator[Outbound]:
@@ -295,7 +309,7 @@ class RobotAgent:
 
     def _connection(self, state: ConnectionState) -> Outbound:
         message = Connection(**self._headers.make(Topic.CONNECTION), connection_state=state)
-        return self._outbound(Topic.CONNECTION, message, retain=True)
+        return self._outbound(Topic.CONNECTION, message, qos=1, retain=True)
 
     def _factsheet(self) -> Outbound:
         message = make_factsheet(
@@ -303,7 +317,7 @@ class RobotAgent:
             self._settings,
             self._capabilities,
         )
-        return self._outbound(Topic.FACTSHEET, message, retain=True)
+        return self._outbound(Topic.FACTSHEET, message, qos=self._settings.qos, retain=True)
 
     async def _say_farewell(self, state: ConnectionState) -> None:
         self._link.publish(self._connection(state))

@@ -123,6 +123,11 @@ class EdgeAgentSettings(ServiceSettings):
         None,
         description="First levels of all topics; not given: what the version suggests, uagv or vda5050.",
     )
+    qos: Literal[0, 1] = Field(
+        1,
+        description="MQTT quality of service of state, factsheet and what is subscribed to; the standard has "
+        "0. connection is sent with 1 always.",
+    )
     map_id: str = Field("map", min_length=1, max_length=200, description="Map that the robot drives on.")
     map_version: str = Field("1", description="Version of that map, for the state.")
     driver: Literal["nav2", "loopback"] = Field(

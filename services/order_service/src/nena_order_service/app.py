@@ -136,6 +136,9 @@ def readiness(mqtt: MqttLink, store: Store) -> Readiness:
     if not mqtt.state.connected:
         why = mqtt.state.last_error or "not yet"
         problems.append(f"The MQTT broker is not connected ({why}). Orders are taken and wait.")
+    elif mqtt.state.refused:
+        topics = ", ".join(mqtt.state.refused)
+        problems.append(f"The MQTT broker refuses to tell of {topics}: look at its access list.")
     if not store.ready:
         problems.append(f"The store takes nothing ({store.problem or 'too much waits'}). Orders are refused.")
     return Readiness(

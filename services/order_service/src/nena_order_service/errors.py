@@ -14,6 +14,18 @@ class NameTakenError(Exception):
         self.name = name
 
 
+class KeyReusedError(Exception):
+    """The idempotency key has made another order than the one that is asked for now."""
+
+    def __init__(self, key: str, name: str) -> None:
+        super().__init__(
+            f"The idempotencyKey {key!r} has made the transport order {name!r} by a request that said "
+            "something else. Nothing was created; take a new key for a new order."
+        )
+        self.key = key
+        self.name = name
+
+
 class UnknownOrderError(Exception):
     """There is no order of this name."""
 

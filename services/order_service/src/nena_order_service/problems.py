@@ -10,6 +10,7 @@ from nena_shared.fleet_api.transport_order import Problem
 
 STATUS: dict[type[Exception], HTTPStatus] = {
     errors.NameTakenError: HTTPStatus.CONFLICT,
+    errors.KeyReusedError: HTTPStatus.UNPROCESSABLE_ENTITY,
     errors.OrderEndedError: HTTPStatus.CONFLICT,
     errors.VehicleNotReachedError: HTTPStatus.CONFLICT,
     errors.UnknownOrderError: HTTPStatus.NOT_FOUND,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from secrets import token_hex
+from typing import TypeVar
 
 from pydantic import ValidationError
 
@@ -15,10 +16,11 @@ from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink
 from nena_shared.plant.model import PlantModel
-from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.malformed import MalformedMessageError, problems_of
+from nena_shared.vda5050.robot_sources import RobotSources
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import reader_of
@@ -42,7 +44,9 @@ KEPT_AT_THE_BROKER = (MessageKind.CONNECTION, MessageKind.FACTSHEET)
 KEY_LENGTH = 200
 """Characters of manufacturer and serial number together."""
 
-RobotReader = Callable[[RobotKey, Inbound, Codec, Instant], None]
+M = TypeVar("M", bound=Header)
+Take = Callable[[RobotKey, M, Instant, Inbound], None]
+"""Hands a robot's message to the model; the last is what it was read from."""
 
 
 class FleetLink:
@@ -54,6 +58,7 @@ class FleetLink:
         self._schemes = protocol.schemes(settings)
         self._fleet_topics = FleetTopics(settings.topic_prefix)
         self._problems: dict[str, str] = {}
+        self._sources = RobotSources()
         self.mqtt = MqttLink(
             settings.mqtt,
             # several aggregators may watch one broker: the id must differ
@@ -72,16 +77,17 @@ class FleetLink:
             self._model.on_link(connected=True, at=Instant.of(self._clock))
 
     def _subscribe(self) -> None:
-        readers: dict[Topic, tuple[MessageKind, RobotReader]] = {
-            Topic.CONNECTION: (MessageKind.CONNECTION, self._read_connection),
-            Topic.STATE: (MessageKind.STATE, self._read_state),
-            Topic.VISUALIZATION: (MessageKind.VISUALIZATION, self._read_visualization),
-            Topic.FACTSHEET: (MessageKind.FACTSHEET, self._read_factsheet),
-        }
-        for topic, (kind, read) in readers.items():
-            for scheme in self._schemes:
-                handler = partial(self._on_robot_message, kind, read, scheme)
-                self.mqtt.subscribe(scheme.for_all(topic), handler)
+        for scheme in self._schemes:
+            self._hear(scheme, Topic.CONNECTION, MessageKind.CONNECTION, Connection, self._take_connection)
+            self._hear(scheme, Topic.STATE, MessageKind.STATE, State, self._take_state)
+            self._hear(
+                scheme,
+                Topic.VISUALIZATION,
+                MessageKind.VISUALIZATION,
+                Visualization,
+                self._take_visualization,
+            )
+            self._hear(scheme, Topic.FACTSHEET, MessageKind.FACTSHEET, Factsheet, self._take_factsheet)
         fleet = self._fleet_topics
         for topic_filter, kind, take in (
             (fleet.plant_model, MessageKind.PLANT_MODEL, self._read_plant_model),
@@ -90,23 +96,33 @@ class FleetLink:
         ):
             self.mqtt.subscribe(topic_filter, partial(self._on_fleet_message, kind, take))
 
+    def _hear(
+        self, scheme: TopicScheme, topic: Topic, kind: MessageKind, form: type[M], take: Take[M]
+    ) -> None:
+        """Subscribe to a topic of all robots; ``take`` gets what is well-formed and says something new."""
+
+        def handle(inbound: Inbound) -> None:
+            key = scheme.robot_of(inbound.topic)
+            if key is None or (not inbound.payload and kind in KEPT_AT_THE_BROKER):
+                return  # an empty one only clears what the broker keeps
+            at = Instant.of(self._clock)
+            if len(str(key)) > KEY_LENGTH:
+                self._malformed(kind, inbound.topic, f"a robot's name is longer than {KEY_LENGTH}", at, None)
+                return
+            codec = reader_of(inbound.payload, scheme.major_version)
+            try:
+                message = codec.decode(form, inbound.payload)
+            except MalformedMessageError as error:
+                self._malformed(kind, inbound.topic, _summary(error.problems), at, key)
+                return
+            kept, timestamp = inbound.retained, message.timestamp
+            if self._sources.accepts(key, scheme, timestamp=timestamp, retained=kept):
+                take(key, message, at, inbound)
+
+        self.mqtt.subscribe(scheme.for_all(topic), handle)
+
     def _lost(self) -> None:
         self._model.on_link(connected=False, at=Instant.of(self._clock))
-
-    def _on_robot_message(
-        self, kind: MessageKind, read: RobotReader, scheme: TopicScheme, inbound: Inbound
-    ) -> None:
-        key = scheme.robot_of(inbound.topic)
-        if key is None or (not inbound.payload and kind in KEPT_AT_THE_BROKER):
-            return  # an empty one only clears what the broker keeps
-        at = Instant.of(self._clock)
-        if len(str(key)) > KEY_LENGTH:
-            self._malformed(kind, inbound.topic, f"a robot's name is longer than {KEY_LENGTH}", at, None)
-            return
-        try:
-            read(key, inbound, reader_of(inbound.payload, scheme.major_version), at)
-        except MalformedMessageError as error:
-            self._malformed(kind, inbound.topic, _summary(error.problems), at, key)
 
     def _on_fleet_message(
         self, kind: MessageKind, take: Callable[[Inbound, Instant], None], inbound: Inbound
@@ -117,18 +133,17 @@ class FleetLink:
         except ValidationError as error:
             self._malformed(kind, inbound.topic, _summary(problems_of(error)), at, None)
 
-    def _read_connection(self, key: RobotKey, inbound: Inbound, codec: Codec, at: Instant) -> None:
-        self._model.on_connection(key, codec.decode(Connection, inbound.payload), at)
+    def _take_connection(self, key: RobotKey, message: Connection, at: Instant, _: Inbound) -> None:
+        self._model.on_connection(key, message, at)
 
-    def _read_state(self, key: RobotKey, inbound: Inbound, codec: Codec, at: Instant) -> None:
-        state = codec.decode(State, inbound.payload)
-        self._model.on_state(key, state, at, retained=inbound.retained)
+    def _take_state(self, key: RobotKey, message: State, at: Instant, inbound: Inbound) -> None:
+        self._model.on_state(key, message, at, retained=inbound.retained)
 
-    def _read_visualization(self, key: RobotKey, inbound: Inbound, codec: Codec, at: Instant) -> None:
-        self._model.on_visualization(key, codec.decode(Visualization, inbound.payload), at)
+    def _take_visualization(self, key: RobotKey, message: Visualization, at: Instant, _: Inbound) -> None:
+        self._model.on_visualization(key, message, at)
 
-    def _read_factsheet(self, key: RobotKey, inbound: Inbound, codec: Codec, at: Instant) -> None:
-        self._model.on_factsheet(key, codec.decode(Factsheet, inbound.payload), at)
+    def _take_factsheet(self, key: RobotKey, message: Factsheet, at: Instant, _: Inbound) -> None:
+        self._model.on_factsheet(key, message, at)
 
     def _read_plant_model(self, inbound: Inbound, _at: Instant) -> None:
         self._model.on_plant_model(PlantModel.from_json(inbound.payload) if inbound.payload else None)

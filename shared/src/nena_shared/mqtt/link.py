@@ -39,6 +39,8 @@ class LinkState:
     published: int = 0
     dropped: int = 0
     handler_failures: int = 0
+    refused: tuple[str, ...] = ()
+    """Topic filters that the broker does not let the program subscribe to."""
     last_error: str = ""
 
 
@@ -96,6 +98,7 @@ class MqttLink:
         will: Callable[[], Outbound] | None = None,
         on_connected: Callable[[], Iterable[Outbound]] = tuple,
         on_lost: Callable[[], None] = lambda: None,
+        on_subscribed: Callable[[], None] = lambda: None,
     ) -> None:
         """Prepare the link; nothing is connected before :meth:`run`.
 
@@ -105,6 +108,8 @@ class MqttLink:
             will: makes the last will, at each connect.
             on_connected: gives what is published first, before the subscriptions are made; made anew at
                 each connect, therefore never kept over a break.
+            on_subscribed: is told when the broker has answered the subscriptions; ``state.refused`` has
+                those that it refuses.
             on_lost: is told when a connection that stood has gone.
 
         Raises:
@@ -117,6 +122,7 @@ class MqttLink:
         self._will = will
         self._on_connected = on_connected
         self._on_lost = on_lost
+        self._on_subscribed = on_subscribed
         self._subscriptions: list[_Subscription] = []
         self._outbox: deque[Outbound] = deque()
         self._session: _Session | None = None
@@ -216,11 +222,13 @@ class MqttLink:
         if not self._subscriptions:
             return
         granted = await client.subscribe([(each.topic_filter, each.qos) for each in self._subscriptions])
-        for each, code in zip(self._subscriptions, granted, strict=True):
-            if getattr(code, "is_failure", False):
-                log.error(
-                    "the broker refuses a subscription; look at its access list", topic=each.topic_filter
-                )
+        answers = zip(self._subscriptions, granted, strict=True)
+        self.state.refused = tuple(
+            each.topic_filter for each, code in answers if getattr(code, "is_failure", False)
+        )
+        for topic_filter in self.state.refused:
+            log.error("the broker refuses a subscription; look at its access list", topic=topic_filter)
+        self._on_subscribed()
 
     def _leave(self, session: _Session) -> None:
         """Take back what the broker has not confirmed, in its old order, before what waits already."""

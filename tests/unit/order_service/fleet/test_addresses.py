@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
+
 import pytest
 
 from nena_order_service.fleet.addresses import RobotAddresses
@@ -13,6 +15,7 @@ from nena_shared.vda5050.versions import codec_for
 pytestmark = pytest.mark.clause("4.2")
 
 ROBOT = RobotKey("ACME", "r1")
+NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
 V2, V3 = TopicScheme("uagv", "v2"), TopicScheme("vda5050", "v3")
 
 
@@ -53,7 +56,7 @@ def test_a_version_that_is_not_spoken_here_is_an_error_of_the_plant_model() -> N
 def test_what_a_robot_says_counts_more_than_what_was_expected() -> None:
     known = addresses(version="2.0.0")
 
-    known.learn(ROBOT, codec_for("3.0.0"), V3)
+    assert known.learn(ROBOT, codec_for("3.0.0"), V3, timestamp=NOON, retained=False)
 
     address = known.of(ROBOT)
     assert address is not None
@@ -63,6 +66,7 @@ def test_what_a_robot_says_counts_more_than_what_was_expected() -> None:
 def test_what_the_broker_kept_from_another_time_is_known() -> None:
     known = addresses(version="3.0.0")
 
-    assert known.is_outdated(ROBOT, codec_for("2.1.0"), V2)
-    assert not known.is_outdated(ROBOT, codec_for("3.0.0"), V3)
-    assert not known.is_outdated(RobotKey("ACME", "r2"), codec_for("2.1.0"), V2)
+    assert not known.learn(ROBOT, codec_for("2.1.0"), V2, timestamp=NOON, retained=True)
+    address = known.of(ROBOT)
+    assert address is not None
+    assert address.scheme == V3

@@ -64,6 +64,28 @@ async def test_same_key_gives_the_same_order_also_by_header(client: httpx.AsyncC
     assert len((await client.get(ORDERS)).json()["transportOrders"]) == 1
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"priority": 3},
+        {"type": "Transport"},
+        {"deadline": "2030-01-01T00:00:00Z"},
+        {"properties": [{"key": "a", "value": "b"}]},
+        {"destinations": [{"locationName": "Packing stand"}]},
+        {"name": "T-2"},
+    ],
+)
+async def test_a_key_that_made_another_order_is_refused(
+    client: httpx.AsyncClient, change: dict[str, object]
+) -> None:
+    await client.post(ORDERS, json={**BODY, "name": "T-1", "idempotencyKey": "k"})
+
+    answer = await client.post(ORDERS, json={**BODY, "name": "T-1", "idempotencyKey": "k", **change})
+
+    assert "'T-1'" in problem(answer, 422).detail
+    assert len((await client.get(ORDERS)).json()["transportOrders"]) == 1
+
+
 async def test_requests_of_one_key_at_the_same_moment_make_one_order(client: httpx.AsyncClient) -> None:
     body = {**BODY, "idempotencyKey": "k", "name": "T-1"}
     answers = await asyncio.gather(*(client.post(ORDERS, json=body) for _ in range(20)))

@@ -7,6 +7,7 @@ from nena_edge_agent.protocol.parts import NOT_REPORTED, RobotParts
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
 
 JOURNAL_NOT_WRITTEN = "JOURNAL_NOT_WRITTEN"
+SUBSCRIPTION_REFUSED = "SUBSCRIPTION_REFUSED"
 
 
 def check_conditions(parts: RobotParts) -> None:
@@ -14,6 +15,7 @@ def check_conditions(parts: RobotParts) -> None:
     parts.errors.condition(ErrorType.LOCALIZATION_ERROR, _localisation(parts))
     parts.errors.condition(ErrorType.NAVIGATION_NOT_AVAILABLE, _navigation(parts))
     parts.errors.condition(JOURNAL_NOT_WRITTEN, _journal(parts))
+    parts.errors.condition(SUBSCRIPTION_REFUSED, _subscriptions(parts))
     if parts.coming_mode.takes_orders and parts.errors.worst_reported is not ErrorLevel.FATAL:
         parts.errors.end(Until.AVAILABLE)
 
@@ -55,4 +57,15 @@ def _journal(parts: RobotParts) -> ErrorEntry | None:
         error_level=ErrorLevel.URGENT,
         error_description=f"what the robot does is not kept on disk: {parts.journal_problem}",
         error_hint="see to the agent's disk; an interruption now would lose the order",
+    )
+
+
+def _subscriptions(parts: RobotParts) -> ErrorEntry | None:
+    if not parts.refused_topics:
+        return None
+    return ErrorEntry(
+        error_type=SUBSCRIPTION_REFUSED,
+        error_level=ErrorLevel.URGENT,
+        error_description=f"the broker does not let the robot hear {', '.join(parts.refused_topics)}",
+        error_hint="let the robot subscribe to its own topics in the broker's access list",
     )

@@ -132,6 +132,13 @@ class JournalReport:
 
 
 @dataclass(frozen=True, slots=True)
+class SubscriptionsReport:
+    """The topics that the broker does not let the robot subscribe to."""
+
+    refused: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class TimePassed:
     """Nothing but time: what waits for an answer may be overdue."""
 
@@ -151,6 +158,7 @@ Event = (
     | ErrorSwitched
     | LocalTrigger
     | JournalReport
+    | SubscriptionsReport
     | TimePassed
     | DriverEvent
 )

@@ -74,6 +74,7 @@ class RobotParts:
     holding: bool = False
     clearing: bool = False
     journal_problem: str = ""
+    refused_topics: tuple[str, ...] = ()
     zone_access: ZoneAccess = field(default_factory=ZoneAccess)
     speed_limit: float | None = None
     utc: tuple[datetime, float] | None = None

@@ -39,6 +39,7 @@ from nena_edge_agent.protocol.events import (
     ResponsesReceived,
     SafetyReport,
     Started,
+    SubscriptionsReport,
     TimePassed,
     ZoneSetReceived,
 )
@@ -193,6 +194,7 @@ class RobotCore:
             MessageRefused: lambda event: self._parts.errors.show(event.error, Until.ORDER_ACCEPTED),
             ActionReport: self._action_reported,
             JournalReport: self._journal_reported,
+            SubscriptionsReport: self._subscriptions_reported,
             OperatingModeSwitched: self._mode.switch,
             SafetyReport: self._safety_reported,
             PauseButton: self._pause_button,
@@ -231,6 +233,9 @@ class RobotCore:
 
     def _maps_reported(self, event: MapsReport) -> None:
         self._parts.maps = event.maps
+
+    def _subscriptions_reported(self, event: SubscriptionsReport) -> None:
+        self._parts.refused_topics = event.refused
 
     def _safety_reported(self, event: SafetyReport) -> None:
         self._parts.senses.safety = event

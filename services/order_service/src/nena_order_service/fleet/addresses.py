@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 
 from nena_shared.log import get_logger
 from nena_shared.plant import Vehicle
 from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.robot_sources import RobotSources
 from nena_shared.vda5050.topics import RobotKey, TopicScheme
 from nena_shared.vda5050.versions import UnknownVersionError, codec_for
 
@@ -33,6 +35,7 @@ class RobotAddresses:
         self._defaults = {scheme.major_version: scheme for scheme in schemes}
         self._schemes = dict.fromkeys(schemes)
         self._addresses: dict[RobotKey, RobotAddress] = {}
+        self._sources = RobotSources()
 
     @property
     def schemes(self) -> tuple[TopicScheme, ...]:
@@ -51,28 +54,25 @@ class RobotAddresses:
                 name = vehicle.interface_name or default.interface_name
                 self._schemes[TopicScheme(name, major)] = None
             if vehicle.protocol_version:
-                self._addresses[robot] = self._expected(vehicle, vehicle.protocol_version)
+                address = self._addresses[robot] = self._expected(vehicle, vehicle.protocol_version)
+                self._sources.expect(robot, address.scheme)
 
     def of(self, robot: RobotKey) -> RobotAddress | None:
         """Give where to speak to ``robot``; None for one that has said nothing yet and nobody knows of."""
         return self._addresses.get(robot)
 
-    def is_outdated(self, robot: RobotKey, codec: Codec, scheme: TopicScheme) -> bool:
-        """Tell whether ``robot`` is known to speak under other topics, or in another major version.
+    def learn(
+        self, robot: RobotKey, codec: Codec, scheme: TopicScheme, *, timestamp: datetime, retained: bool
+    ) -> bool:
+        """Note that ``robot`` has spoken there; from now on it is answered there.
 
-        What the broker keeps from before a robot changed its version must not change it back.
+        False: the message says nothing of it now, as :class:`RobotSources` has it.
         """
-        known = self._addresses.get(robot)
-        return known is not None and (known.scheme, known.codec.major_version) != (
-            scheme,
-            codec.major_version,
-        )
-
-    def learn(self, robot: RobotKey, codec: Codec, scheme: TopicScheme) -> None:
-        """Note that ``robot`` has spoken there; from now on it is answered there."""
+        if not self._sources.accepts(robot, scheme, timestamp=timestamp, retained=retained):
+            return False
         known = self._addresses.get(robot)
         if known and known.codec is codec and known.scheme == scheme:
-            return
+            return True
         self._addresses[robot] = RobotAddress(codec, scheme)
         log.info(
             "a robot's version of VDA 5050",
@@ -81,6 +81,7 @@ class RobotAddresses:
             interface_name=scheme.interface_name,
             before=known.codec.version if known else None,
         )
+        return True
 
     def _expected(self, vehicle: Vehicle, version: str) -> RobotAddress:
         try:

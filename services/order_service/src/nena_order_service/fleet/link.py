@@ -130,7 +130,7 @@ class FleetLink:
             self._hand_out(self._controller.on_state(*read, self._now()))
 
     def _read(self, kind: type[M], scheme: TopicScheme, inbound: Inbound) -> tuple[RobotKey, M] | None:
-        """Read a message; one that is malformed or from a robot too many is counted and passed over."""
+        """Read a message; one that is malformed, outdated or from a robot too many is passed over."""
         self._notice_broker()
         robot = scheme.robot_of(inbound.topic)
         if robot is None:
@@ -139,15 +139,15 @@ class FleetLink:
             self.ignored += 1
             return None
         codec = reader_of(inbound.payload, scheme.major_version)
-        if inbound.retained and self._addresses.is_outdated(robot, codec, scheme):
-            return None
         try:
             message = codec.decode(kind, inbound.payload)
         except MalformedMessageError as error:
             self._note_malformed(robot, inbound.topic, error)
             return None
-        self._addresses.learn(robot, codec, scheme)
-        return robot, message
+        now = self._addresses.learn(
+            robot, codec, scheme, timestamp=message.timestamp, retained=inbound.retained
+        )
+        return (robot, message) if now else None
 
     def _note_malformed(self, robot: RobotKey, topic: str, error: MalformedMessageError) -> None:
         self.malformed += 1

@@ -10,6 +10,7 @@ from secrets import token_hex
 from uuid import uuid4
 
 from nena_order_service.errors import (
+    KeyReusedError,
     NameTakenError,
     OrderEndedError,
     StoreNotReadyError,
@@ -70,6 +71,8 @@ class HostRequests:
             return self._visible(known), True
         if request.idempotency_key is None or known.idempotency_key != request.idempotency_key:
             raise NameTakenError(name)
+        if not known.asked_for_by(request) or not (complete or known.name == name):
+            raise KeyReusedError(request.idempotency_key, known.name)
         await self._committed()
         return self._visible(known), False
 

@@ -84,6 +84,16 @@ class TransportOrder:
         )
         return cls(number, status, request.idempotency_key)
 
+    def asked_for_by(self, request: TransportOrderRequest) -> bool:
+        """Tell whether ``request`` says what the one said that made the order; names are another matter."""
+        status = self.status
+        return (
+            tuple(each.destination for each in status.drive_orders) == request.destinations
+            and (status.intended_vehicle, status.type) == (request.intended_vehicle, request.type)
+            and (status.priority, status.deadline) == (request.priority, request.deadline)
+            and status.properties == request.properties
+        )
+
     @property
     def name(self) -> str:
         """Its name, unique in the store."""

@@ -1,0 +1,75 @@
+"""What a broker kept from before a robot changed its version says nothing about it now."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from nena_shared.vda5050.robot_sources import RobotSources
+from nena_shared.vda5050.topics import RobotKey, TopicScheme
+
+pytestmark = pytest.mark.clause("4.2")
+
+ROBOT = RobotKey("ACME", "r1")
+OLD, NEW = TopicScheme("uagv", "v2"), TopicScheme("vda5050", "v3")
+START = datetime(2026, 1, 1, tzinfo=UTC)
+
+
+class Ear:
+    def __init__(self) -> None:
+        self.sources = RobotSources()
+
+    def hears(self, scheme: TopicScheme, *, retained: bool, at: float = 0.0, robot: RobotKey = ROBOT) -> bool:
+        when = START + timedelta(seconds=at)
+        return self.sources.accepts(robot, scheme, timestamp=when, retained=retained)
+
+
+def test_what_was_kept_under_other_topics_is_passed_over_once_the_robot_has_spoken() -> None:
+    ear = Ear()
+
+    assert ear.hears(NEW, retained=False)
+    assert not ear.hears(OLD, retained=True, at=99)
+    assert ear.hears(NEW, retained=True)
+
+
+def test_of_two_that_were_kept_the_newer_one_decides() -> None:
+    ear = Ear()
+
+    assert ear.hears(OLD, retained=True, at=1)
+    assert ear.hears(NEW, retained=True, at=2)
+    assert not ear.hears(OLD, retained=True, at=1)
+    other = Ear()
+    assert other.hears(NEW, retained=True, at=2)
+    assert not other.hears(OLD, retained=True, at=1)
+
+
+def test_a_robot_that_speaks_elsewhere_now_is_believed() -> None:
+    ear = Ear()
+    ear.hears(OLD, retained=False)
+
+    assert ear.hears(NEW, retained=False)
+    assert not ear.hears(OLD, retained=True, at=99)
+
+
+def test_live_words_count_more_than_what_was_kept_later() -> None:
+    ear = Ear()
+    ear.hears(OLD, retained=True, at=5)
+    ear.hears(OLD, retained=False, at=1)
+
+    assert not ear.hears(NEW, retained=True, at=9)
+
+
+def test_what_is_expected_counts_as_spoken() -> None:
+    ear = Ear()
+    ear.sources.expect(ROBOT, NEW)
+
+    assert not ear.hears(OLD, retained=True, at=99)
+    assert ear.hears(OLD, retained=False)
+
+
+def test_each_robot_is_a_matter_of_its_own() -> None:
+    ear = Ear()
+    ear.hears(NEW, retained=False)
+
+    assert ear.hears(OLD, retained=True, robot=RobotKey("ACME", "r2"))
