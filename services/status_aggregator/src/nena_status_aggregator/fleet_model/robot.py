@@ -47,6 +47,8 @@ class Robot:
         self.sequences = {
             kind: Sequence() for kind in (MessageKind.STATE, MessageKind.VISUALIZATION, MessageKind.FACTSHEET)
         }
+        self.states = 0
+        """States taken in."""
         self.malformed = 0
         self.problem = ""
         """What was wrong with its last malformed message."""
@@ -73,6 +75,7 @@ class Robot:
         """Take in a state; one that the broker had kept is as old as its own timestamp says."""
         age = max(0.0, (at.utc - message.timestamp).total_seconds()) if retained else 0.0
         self.state = message
+        self.states += 1
         self.state_at = Instant(at.monotonic - age, at.utc - timedelta(seconds=age))
         self.state_after_connection = not retained
         self._silence_noticed = False

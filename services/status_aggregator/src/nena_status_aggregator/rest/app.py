@@ -12,7 +12,8 @@ from starlette.types import Scope
 
 from nena_status_aggregator import panel
 from nena_status_aggregator.aggregator import Aggregator
-from nena_status_aggregator.metrics import DISTRIBUTION, make_registry
+from nena_status_aggregator.metrics.exposition import Exposition
+from nena_status_aggregator.metrics.fleet_collector import DISTRIBUTION
 from nena_status_aggregator.rest import events, health, problem, resources
 from nena_status_aggregator.rest.security_headers import SecurityHeaders
 
@@ -42,6 +43,6 @@ def make_app(aggregator: Aggregator) -> FastAPI:
     app.add_middleware(SecurityHeaders)
     app.include_router(resources.make_router(aggregator))
     app.include_router(events.make_router(aggregator.events))
-    app.include_router(health.make_router(aggregator, make_registry(aggregator)))
+    app.include_router(health.make_router(aggregator, Exposition(aggregator)))
     app.mount("/", PanelFiles(directory=PANEL, html=True), name="panel")
     return app

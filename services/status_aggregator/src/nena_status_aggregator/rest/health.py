@@ -5,15 +5,14 @@ from __future__ import annotations
 from http import HTTPStatus
 
 from fastapi import APIRouter, Response
-from prometheus_client import CollectorRegistry
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
 
 from nena_status_aggregator.aggregator import Aggregator
-from nena_status_aggregator.metrics import exposition
+from nena_status_aggregator.metrics.exposition import Exposition
 from nena_status_aggregator.rest.problem import ProblemError
 
 
-def make_router(aggregator: Aggregator, registry: CollectorRegistry) -> APIRouter:
+def make_router(aggregator: Aggregator, exposition: Exposition) -> APIRouter:
     """Make the routes."""
     router = APIRouter(tags=["operation"])
 
@@ -33,6 +32,6 @@ def make_router(aggregator: Aggregator, registry: CollectorRegistry) -> APIRoute
     @router.get("/metrics")
     async def metrics() -> Response:
         """Give all metrics in Prometheus's text format."""
-        return Response(exposition(registry), media_type=CONTENT_TYPE_PLAIN_0_0_4)
+        return Response(await exposition.text(), media_type=CONTENT_TYPE_PLAIN_0_0_4)
 
     return router

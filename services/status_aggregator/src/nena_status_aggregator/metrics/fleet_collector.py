@@ -1,7 +1,7 @@
-"""What Prometheus is told: families made from the model's plain numbers when it asks, and not before.
+"""Figures of the fleet as a whole: families made from the model's plain numbers when Prometheus asks.
 
-Labels are bounded: conditions, topics, levels and states by their enumerations, robots by the setting
-``robots_limit``, error types by a limit of the model. ``docs/metrics.md`` lists every family.
+Labels are bounded: conditions, topics, levels and states by their enumerations, error types by a limit of the
+model.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from importlib.metadata import version
 
-from prometheus_client import CollectorRegistry, GCCollector, ProcessCollector, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily
 from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
@@ -20,26 +19,10 @@ from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.fleet_model.condition import Condition
 from nena_status_aggregator.fleet_model.statistics import DURATION_BOUNDS, Histogram
 
-ROBOT = ("manufacturer", "serial_number")
-
 DISTRIBUTION = "nena-status-aggregator"
 
 
-def make_registry(aggregator: Aggregator) -> CollectorRegistry:
-    """Give everything that ``/metrics`` shows, the process's own figures included."""
-    registry = CollectorRegistry()
-    registry.register(AggregatorCollector(aggregator))
-    ProcessCollector(registry=registry)
-    GCCollector(registry=registry)
-    return registry
-
-
-def exposition(registry: CollectorRegistry) -> bytes:
-    """Write all families in Prometheus's text format 0.0.4."""
-    return generate_latest(registry)
-
-
-class AggregatorCollector(Collector):
+class FleetCollector(Collector):
     """Reads the aggregator at each scrape."""
 
     def __init__(self, aggregator: Aggregator) -> None:
@@ -56,7 +39,6 @@ class AggregatorCollector(Collector):
             "nena_build_info", "The version that runs.", ("version",), [((version(DISTRIBUTION),), 1)]
         )
         yield from self._robots()
-        yield from self._per_robot()
         yield from self._errors()
         yield from self._messages()
         yield from self._orders()
@@ -79,29 +61,6 @@ class AggregatorCollector(Collector):
             "nena_robot_restarts", "Topics of robots on which the counting of messages began again.",
             (), [((), self._model.statistics.restarts)],
         )  # fmt: skip
-
-    def _per_robot(self) -> Iterator[Metric]:
-        now = self._aggregator.now()
-        condition = GaugeMetricFamily(
-            "nena_robot_condition", "1 for the condition that the robot is in.", labels=(*ROBOT, "condition")
-        )
-        age = GaugeMetricFamily("nena_robot_state_age_seconds", "Time since the last state.", labels=ROBOT)
-        skew = GaugeMetricFamily(
-            "nena_robot_clock_skew_seconds", "The robot's clock minus ours.", labels=ROBOT
-        )
-        battery = GaugeMetricFamily("nena_robot_battery_ratio", "State of charge, 0 to 1.", labels=ROBOT)
-        charging = GaugeMetricFamily("nena_robot_charging", "1 while the robot charges.", labels=ROBOT)
-        for robot in self._model.robots:
-            labels = (robot.key.manufacturer, robot.key.serial_number)
-            condition.add_metric((*labels, robot.condition.value), 1)
-            if robot.state is None:
-                continue
-            age.add_metric(labels, robot.age(now) or 0.0)
-            if robot.skew.seconds is not None:
-                skew.add_metric(labels, robot.skew.seconds)
-            battery.add_metric(labels, robot.state.power_supply.state_of_charge / 100)
-            charging.add_metric(labels, robot.state.power_supply.charging)
-        yield from (condition, age, skew, battery, charging)
 
     def _errors(self) -> Iterator[Metric]:
         active = Counter(

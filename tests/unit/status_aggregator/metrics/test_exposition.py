@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import asyncio
 import re
 import shutil
 import subprocess
@@ -14,9 +15,10 @@ from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.fleet_model.message_kind import MessageKind
-from nena_status_aggregator.metrics import exposition, make_registry
+from nena_status_aggregator.metrics.exposition import Exposition
+from nena_status_aggregator.metrics.robot_series import OF_ROBOT, OF_STATE
 from nena_status_aggregator.settings import AggregatorSettings
-from support.fleet_examples import ROBOT, START, connection, order_status, state
+from support.fleet_examples import ROBOT, START, connection, order_status, position, state
 from support.reference import PROJECT
 
 ROW = re.compile(r"^\| `(?P<name>nena_\w+)` \| (?P<type>\w+) \|(?P<labels>[^|]*)\|", re.MULTILINE)
@@ -32,7 +34,17 @@ def aggregator() -> Aggregator:
     model.on_state(
         ROBOT,
         state(
-            power_supply={"state_of_charge": 41.0, "charging": True},
+            order_id="o1",
+            last_node_id="A",
+            power_supply={
+                "state_of_charge": 41.0,
+                "charging": True,
+                "battery_voltage": 48.2,
+                "range": 900.0,
+            },
+            mobile_robot_position=position(1.0, 2.0),
+            velocity={"vx": 0.3, "vy": -0.4},
+            loads=({"load_id": "box"},),
             errors=({"error_type": "orderError", "error_level": "WARNING"},),
         ),
         now,
@@ -48,7 +60,7 @@ def aggregator() -> Aggregator:
 
 
 def exposed(aggregator: Aggregator) -> str:
-    return exposition(make_registry(aggregator)).decode()
+    return b"".join(Exposition(aggregator).parts()).decode()
 
 
 def families(aggregator: Aggregator) -> Iterator[Metric]:
@@ -86,23 +98,6 @@ def test_robots_by_condition(aggregator: Aggregator) -> None:
     assert value(aggregator, "nena_robots", condition="IDLE") == 0
 
 
-def test_figures_of_one_robot(aggregator: Aggregator) -> None:
-    robot = {"manufacturer": "ACME", "serial_number": "r1"}
-    assert value(aggregator, "nena_robot_condition", **robot, condition="CHARGING") == 1
-    assert value(aggregator, "nena_robot_battery_ratio", **robot) == 0.41
-    assert value(aggregator, "nena_robot_charging", **robot) == 1
-    assert value(aggregator, "nena_robot_state_age_seconds", **robot) == 0
-    assert isinstance(aggregator.clock, ManualClock)
-    aggregator.clock.advance(12)
-    assert value(aggregator, "nena_robot_state_age_seconds", **robot) == 12
-
-
-def test_a_robot_without_a_state_has_no_age_instead_of_a_wrong_one(aggregator: Aggregator) -> None:
-    labels = {"manufacturer": "ACME", "serial_number": 'r"2\\'}
-    assert value(aggregator, "nena_robot_condition", **labels, condition="BROKEN") == 1
-    assert value(aggregator, "nena_robot_state_age_seconds", **labels) is None
-
-
 def test_errors_messages_and_orders(aggregator: Aggregator) -> None:
     error = {"error_type": "orderError", "error_level": "WARNING"}
     assert value(aggregator, "nena_robot_errors", **error) == 1
@@ -135,3 +130,20 @@ def test_prometheus_finds_nothing_to_complain_about(aggregator: Aggregator) -> N
         check=False,
     )
     assert (told.returncode, told.stdout, told.stderr) == (0, "", "")
+
+
+async def test_the_loop_handles_what_has_come_between_the_families(aggregator: Aggregator) -> None:
+    turns = 0
+
+    async def count() -> None:
+        nonlocal turns
+        while True:
+            turns += 1
+            await asyncio.sleep(0)
+
+    counting = asyncio.create_task(count())
+    text = await Exposition(aggregator).text()
+    counting.cancel()
+
+    assert text.endswith(b"\n")
+    assert turns >= len(OF_ROBOT) + len(OF_STATE)

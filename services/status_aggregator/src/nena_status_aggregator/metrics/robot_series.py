@@ -1,0 +1,155 @@
+"""The metrics of single robots, written line by line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from math import hypot
+from typing import Generic, TypeVar
+
+from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.state import EmergencyStop, State
+from nena_shared.vda5050.topics import RobotKey
+from nena_status_aggregator.fleet_model.instant import Instant
+from nena_status_aggregator.fleet_model.robot import Robot
+from nena_status_aggregator.fleet_model.robot_view import is_active
+from nena_status_aggregator.metrics.text_format import head, labels_text
+
+S = TypeVar("S", Robot, State)
+
+
+@dataclass(frozen=True, slots=True)
+class Series(Generic[S]):
+    """One metric that each robot may have; ``value`` gives None where it has none now."""
+
+    name: str
+    kind: str
+    text: str
+    value: Callable[[S, Instant], float | None]
+
+
+def of_state(name: str, text: str, value: Callable[[State], float | None]) -> Series[State]:
+    """Make a gauge that is read from a robot's last state."""
+    return Series(name, "gauge", text, lambda state, _: value(state))
+
+
+def _speed(robot: Robot, _: Instant) -> float | None:
+    speed = robot.velocity
+    return None if speed is None else hypot(speed.vx or 0.0, speed.vy or 0.0)
+
+
+def _localized(state: State) -> float | None:
+    at = state.mobile_robot_position
+    return None if at is None else int(at.localized)
+
+
+def _progress(robot: Robot, _: Instant) -> float | None:
+    return robot.progress.percent / 100 if robot.state and robot.state.order_id else None
+
+
+def _connected(robot: Robot, _: Instant) -> float | None:
+    known = robot.connection
+    return None if known is None else int(known.connection_state is ConnectionState.ONLINE)
+
+
+OF_ROBOT: tuple[Series[Robot], ...] = (
+    Series("nena_robot_connected", "gauge", "1 while the robot's connection is ONLINE.", _connected),
+    Series("nena_robot_state_age_seconds", "gauge", "Time since the last state.", Robot.age),
+    Series(
+        "nena_robot_condition_age_seconds",
+        "gauge",
+        "Time since the robot came into its condition.",
+        lambda robot, now: max(0.0, (now.utc - robot.condition_since).total_seconds()),
+    ),
+    Series(
+        "nena_robot_clock_skew_seconds",
+        "gauge",
+        "The robot's clock minus ours.",
+        lambda robot, _: robot.skew.seconds,
+    ),
+    Series("nena_robot_speed_meters_per_second", "gauge", "Speed over the ground.", _speed),
+    Series("nena_robot_order_progress_ratio", "gauge", "Nodes of the order reached, 0 to 1.", _progress),
+    Series("nena_robot_states_total", "counter", "States taken in.", lambda robot, _: robot.states),
+    Series(
+        "nena_robot_malformed_total",
+        "counter",
+        "Messages of the robot that could not be read.",
+        lambda robot, _: robot.malformed,
+    ),
+)
+
+OF_STATE: tuple[Series[State], ...] = (
+    of_state(
+        "nena_robot_battery_ratio",
+        "State of charge, 0 to 1.",
+        lambda state: state.power_supply.state_of_charge / 100,
+    ),
+    of_state("nena_robot_battery_volts", "Voltage.", lambda state: state.power_supply.battery_voltage),
+    of_state("nena_robot_range_meters", "Way left with this charge.", lambda state: state.power_supply.range),
+    of_state(
+        "nena_robot_charging", "1 while the robot charges.", lambda state: int(state.power_supply.charging)
+    ),
+    of_state("nena_robot_driving", "1 while the robot drives.", lambda state: int(state.driving)),
+    of_state("nena_robot_paused", "1 while the robot is paused.", lambda state: int(bool(state.paused))),
+    of_state(
+        "nena_robot_emergency_stop",
+        "1 while an emergency stop is active.",
+        lambda state: int(state.safety_state.active_emergency_stop is not EmergencyStop.NONE),
+    ),
+    of_state(
+        "nena_robot_field_violation",
+        "1 while something is in the protective field.",
+        lambda state: int(state.safety_state.field_violation),
+    ),
+    of_state("nena_robot_localized", "1 while the robot knows where it is.", _localized),
+    of_state(
+        "nena_robot_order_active",
+        "1 while the robot has something of its order left to do.",
+        lambda state: int(is_active(state)),
+    ),
+    of_state(
+        "nena_robot_errors_active", "Errors that the robot reports now.", lambda state: len(state.errors)
+    ),
+    of_state(
+        "nena_robot_loads",
+        "Loads that the robot carries.",
+        lambda state: None if state.loads is None else len(state.loads),
+    ),
+)
+
+
+class RobotSeries:
+    """Writes the series of all robots; what does not change of a robot's lines is kept between scrapes."""
+
+    def __init__(self) -> None:
+        self._labels: dict[RobotKey, str] = {}
+
+    def families(self, robots: Iterable[Robot], now: Instant) -> Iterator[str]:
+        """Write one family after the other."""
+        known = self._labels
+        self._labels = {robot.key: known.get(robot.key) or _labels_of(robot.key) for robot in robots}
+        yield _conditions([(robot, self._labels[robot.key]) for robot in robots])
+        named = [(robot, f"{{{self._labels[robot.key]}}} ") for robot in robots]
+        for of_robot in OF_ROBOT:
+            yield _family(of_robot, named, now)
+        states = [(robot.state, labels) for robot, labels in named if robot.state is not None]
+        for series in OF_STATE:
+            yield _family(series, states, now)
+
+
+def _labels_of(key: RobotKey) -> str:
+    return labels_text(manufacturer=key.manufacturer, serial_number=key.serial_number)
+
+
+def _conditions(rows: list[tuple[Robot, str]]) -> str:
+    name = "nena_robot_condition"
+    lines = [f'{name}{{{labels},condition="{robot.condition}"}} 1\n' for robot, labels in rows]
+    return head(name, "gauge", "1 for the condition that the robot is in.") + "".join(lines)
+
+
+def _family(series: Series[S], rows: list[tuple[S, str]], now: Instant) -> str:
+    name, value_of = series.name, series.value
+    lines = [
+        f"{name}{labels}{value}\n" for each, labels in rows if (value := value_of(each, now)) is not None
+    ]
+    return head(name, series.kind, series.text) + "".join(lines)
