@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 # The first interpreter in range that really runs; `make PYTHON=...` overrides it.
 PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
 	$$p -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && command -v $$p && break; done)
-DISTRIBUTIONS := shared services/edge_agent services/order_service services/status_aggregator services/robot_simulator demo
+DISTRIBUTIONS := shared services/edge_agent services/order_service services/status_aggregator services/robot_simulator demo cli
 # Processes that run tests side by side; ROS, brokers and ports are their own in each test.
 WORKERS ?= 2
 # Tests of which more examples find more.
@@ -14,10 +14,10 @@ SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/order_se
 STAMP := $(VENV)/.set-up
 
 .DEFAULT_GOAL := help
-.PHONY: help setup lock format lint test soak smoke demo bench hooks clean broker browser
+.PHONY: help setup lock format lint test soak smoke demo bench conversations hooks clean broker browser
 
 help: ## this list
-	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
 
 setup: $(STAMP) ## prepare .venv with every service in it
 
@@ -55,6 +55,9 @@ demo: $(STAMP) broker ## start everything on this machine, run the main job, and
 
 bench: $(STAMP) broker ## measure latencies, CPU per message and memory; writes bench.json
 	PYTHONPATH=tests $(BIN)/python -m bench.run --output bench.json
+
+conversations: $(STAMP) broker ## record the conversations in tests/fixtures anew, from real agents
+	PYTHONPATH=tests $(BIN)/python -m support.conversations
 
 # Real parts that come from the system's packages. Where they cannot be installed, the demo takes the Python
 # broker, and tests say what is missing.

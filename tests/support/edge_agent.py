@@ -8,8 +8,10 @@ import os
 import signal
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self
 
@@ -115,28 +117,34 @@ class FleetControl:
         self.robot = RobotKey(MANUFACTURER, serial)
         self._codec = codec_for(version)
         self._topics = topics_for(version, interface_name)
+        self.honest_headers = False
+        """Whether headers are counted and tell the time, as those of a real fleet control."""
+        self._counts: Counter[Topic] = Counter()
 
     def topic(self, topic: Topic) -> str:
         return self._topics.of(self.robot, topic)
 
     def send(self, order: Order) -> None:
-        self.peer.publish(self.topic(Topic.ORDER), self._codec.encode(order.model_copy(update=self._header)))
+        self.publish(Topic.ORDER, order)
 
     def instant(self, *actions: Action) -> None:
-        message = InstantActions(**HEADER | self._header, actions=tuple(actions))
-        self.peer.publish(self.topic(Topic.INSTANT_ACTIONS), self._codec.encode(message))
+        self.publish(Topic.INSTANT_ACTIONS, InstantActions(**HEADER, actions=tuple(actions)))
 
     def publish(self, topic: Topic, message: Header) -> None:
-        """Send any other message of fleet control."""
-        self.peer.publish(self.topic(topic), self._codec.encode(message.model_copy(update=self._header)))
+        """Send any message of fleet control, under the robot's version and name."""
+        named = message.model_copy(update=self._header(topic))
+        self.peer.publish(self.topic(topic), self._codec.encode(named))
 
-    @property
-    def _header(self) -> dict[str, str]:
-        return {
+    def _header(self, topic: Topic) -> dict[str, Any]:
+        header: dict[str, Any] = {
             "version": self._codec.version,
             "manufacturer": self.robot.manufacturer,
             "serial_number": self.robot.serial_number,
         }
+        if self.honest_headers:
+            header |= {"header_id": self._counts[topic], "timestamp": datetime.now(UTC)}
+            self._counts[topic] += 1
+        return header
 
     @property
     def states(self) -> list[dict[str, Any]]:

@@ -1,0 +1,19 @@
+"""``nena``: one command, with a group of commands for each subject."""
+
+from __future__ import annotations
+
+import typer
+
+from nena_cli.vda5050.commands import app as vda5050
+
+app = typer.Typer(help="NeNa: fleets of VDA 5050 robots.", no_args_is_help=True, add_completion=False)
+app.add_typer(vda5050, name="vda5050")
+
+
+@app.callback()
+def root() -> None:
+    """Keep ``nena`` a group of commands, also while it has but one."""
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,134 @@
+"""The commands as a user calls them, at a real broker."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from nena_cli.vda5050.recording import read_file
+from support.broker import Broker, MqttPeer
+from support.conversations import FOLDER, recorder
+from support.waiting import until
+
+pytestmark = pytest.mark.broker
+
+FILE = FOLDER / "3.0.0-cancel.jsonl"
+
+
+def nena(*arguments: str, stdin: str = "") -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "nena_cli", "vda5050", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, input=stdin, timeout=60, check=False)
+
+
+def url(broker: Broker) -> str:
+    return f"mqtt://{broker.host}:{broker.port}"
+
+
+async def test_what_is_replayed_is_what_was_recorded(own_broker: Broker, tmp_path: Path) -> None:
+    again = tmp_path / "again.jsonl"
+    with recorder(own_broker, again):
+        await until(lambda: "SUBSCRIBE" in own_broker.log, what="the recorder")
+        done = nena("replay", str(FILE), url(own_broker), "--speed", "1000")
+        assert done.returncode == 0, done.stderr
+        count = len(FILE.read_text().splitlines())
+        await until(lambda: again.exists() and len(again.read_text().splitlines()) == count)
+
+    first, second = list(read_file(FILE)), list(read_file(again))
+    assert [(each.topic, each.payload) for each in first] == [(each.topic, each.payload) for each in second]
+
+
+def test_one_side_is_replayed_with_fresh_headers(own_broker: Broker) -> None:
+    with MqttPeer(own_broker, "fleet/#") as peer:
+        done = nena(
+            "replay", str(FILE), url(own_broker), "--speed", "1000", "--only", "fleet control", "--fresh"
+        )
+        assert done.returncode == 0, done.stderr
+        received = peer.received()
+
+    assert {each.topic.rsplit("/", 1)[1] for each in received} <= {"order", "instantActions"}
+    recorded = {entry.topic: json.loads(entry.payload)["timestamp"] for entry in read_file(FILE)}
+    for each in received:
+        assert json.loads(each.payload)["timestamp"] > recorded[each.topic]
+
+
+def test_a_recording_is_never_written_over(own_broker: Broker, tmp_path: Path) -> None:
+    file = tmp_path / "there.jsonl"
+    file.write_text("precious")
+
+    done = nena("record", url(own_broker), str(file), "--seconds", "0.1")
+
+    assert (done.returncode, file.read_text()) == (2, "precious")
+    assert "there.jsonl" in done.stderr
+
+
+def test_show_tells_what_changed() -> None:
+    done = nena("show", str(FILE))
+
+    assert done.returncode == 0, done.stderr
+    assert "ACME/0001 → order" in done.stdout
+    assert "do cancelOrder" in done.stdout
+    assert "cancelOrder" in done.stdout.split("FAILED")[0]
+    assert "WARNING NO_ORDER_TO_CANCEL" in done.stdout
+    assert nena("show", str(FILE), "--robot", "ACME/0009").stdout == ""
+
+
+def test_check_says_what_is_wrong_and_ends_with_1() -> None:
+    lines = FILE.read_text()
+
+    assert nena("check", str(FILE)).returncode == 0
+    broken = nena("check", "-", "--json", stdin=lines.replace('\\"driving\\":true', '\\"driving\\":7'))
+    assert broken.returncode == 1
+    finding = json.loads(broken.stdout.splitlines()[0])
+    assert (finding["rule"], finding["severity"], finding["version"]) == ("message", "error", "3.0.0")
+    assert finding["robot"] == "ACME/0001"
+    text = nena("check", "-", stdin=lines.replace('\\"driving\\":true', '\\"driving\\":7')).stdout
+    assert "VDA 5050 3.0.0, 7.1.1" in text
+
+
+async def test_check_listens_to_a_broker(own_broker: Broker) -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "nena_cli",
+        "vda5050",
+        "check",
+        url(own_broker),
+        "--messages",
+        "1",
+        "--json",
+    ]
+    with MqttPeer(own_broker, "none") as peer:
+        process = await _start(command)
+        try:
+            await until(lambda: own_broker.log.count("SUBSCRIBE") > 1, what="the checker")
+            peer.publish("fleet/v3/ACME/0001/state", b"{}")
+            out, _ = process.communicate(timeout=20)
+        finally:
+            process.kill()
+
+    assert process.returncode == 1
+    assert json.loads(out.splitlines()[0])["topic"] == "state"
+
+
+async def _start(command: list[str]) -> subprocess.Popen[str]:
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)  # noqa: ASYNC220 - at once
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("check", "/nowhere.jsonl"), "cannot be read"),
+        (("check", "mqtt://127.0.0.1:1", "--seconds", "30"), "not reached"),
+        (("record", "http://x", "/tmp/never.jsonl"), "no broker"),
+    ],
+)
+def test_what_cannot_be_done_is_one_clear_line_and_status_2(arguments: tuple[str, ...], said: str) -> None:
+    done = nena(*arguments)
+
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,62 @@
+"""Recordings are written and read without loss."""
+
+from __future__ import annotations
+
+import io
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_cli.vda5050.recording import Entry, RecordingError, append, read, read_file
+
+NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
+entries = st.builds(
+    Entry,
+    time=st.datetimes(timezones=st.just(UTC)),
+    topic=st.text(min_size=1),
+    payload=st.binary() | st.text().map(str.encode),
+    qos=st.integers(0, 2),
+    retain=st.booleans(),
+)
+
+
+@given(st.lists(entries))
+def test_what_is_written_is_read_again(recorded: list[Entry]) -> None:
+    file = io.StringIO()
+    for entry in recorded:
+        append(entry, file)
+
+    assert list(read(file.getvalue().splitlines(keepends=True), "it")) == recorded
+
+
+def test_text_stays_readable_in_the_file() -> None:
+    line = Entry(NOON, "fleet/v2/ACME/1/order", '{"ä": 1}'.encode(), 1).to_json()
+
+    assert line == (
+        '{"time":"2026-01-01T12:00:00Z","topic":"fleet/v2/ACME/1/order","payload":"{\\"ä\\": 1}","qos":1,"retain":false}'
+    )
+
+
+@pytest.mark.parametrize(
+    ("line", "problem"),
+    [
+        ("{", "line 2: line: Invalid JSON"),
+        ('{"topic": "t"}', "line 2: time: Field required"),
+        ('{"time": "2026-01-01T12:00:00", "topic": "t"}', "line 2: time: .*timezone"),
+        ('{"time": "2026-01-01T12:00:00Z", "topic": "t", "payload_base64": "?"}', "line 2: "),
+    ],
+)
+def test_a_line_that_is_no_message_is_named(line: str, problem: str) -> None:
+    with pytest.raises(RecordingError, match=problem):
+        list(read(["\n", line], "it"))
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"none\.jsonl"):
+        list(read_file(tmp_path / "none.jsonl"))
+    (tmp_path / "bytes").write_bytes(b"\xff\xfe")
+    with pytest.raises(RecordingError, match="bytes"):
+        list(read_file(tmp_path / "bytes"))
