@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 import pytest
 
 from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.plant import Vehicle
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.v2_1 import CODEC
 from nena_shared.vda5050.v3_0 import CODEC as CODEC_3
@@ -199,3 +200,22 @@ async def test_what_the_broker_kept_from_an_older_version_of_a_robot_does_not_co
 
         assert shown["connection"] == "ONLINE"
         peer.publish(new.of(ROBOT, Topic.CONNECTION), b"", retain=True)
+
+
+@pytest.mark.clause("4.2")
+async def test_a_robot_with_topics_of_its_own_in_the_plant_model_is_seen(
+    broker: Broker, interface_name: str, served: Served
+) -> None:
+    own = TopicScheme(f"{interface_name}/hall", "v3")
+    tug = Vehicle(name="Tug", properties={"vda5050:interfaceName": own.interface_name})
+    odd = Vehicle(name="Odd", properties={"vda5050:interfaceName": "#"})
+    plant = sample_plant().model_copy(update={"vehicles": (odd, tug)})
+    online = connection().model_copy(update={"version": "3.0.0"})
+    with MqttPeer(broker) as peer:
+        peer.publish(own.of(ROBOT, Topic.CONNECTION), CODEC_3.encode(online), retain=True)
+        peer.publish(served.fleet.plant_model, plant.to_json().encode())
+
+        shown = await served.until("/api/v1/robots/ACME/r1", lambda shown: shown.get("connection"))
+
+        peer.publish(own.of(ROBOT, Topic.CONNECTION), b"", retain=True)
+    assert shown["connection"] == "ONLINE"

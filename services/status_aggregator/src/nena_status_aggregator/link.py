@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from secrets import token_hex
 from typing import TypeVar
@@ -39,6 +39,9 @@ PROBLEMS_REMEMBERED = 1000
 TOPIC_LENGTH = 300
 """Characters of a topic that are remembered and logged."""
 
+SCHEMES_LIMIT = 100
+"""Interface names and major versions that are listened to."""
+
 KEPT_AT_THE_BROKER = (MessageKind.CONNECTION, MessageKind.FACTSHEET)
 
 KEY_LENGTH = 200
@@ -55,7 +58,7 @@ class FleetLink:
     def __init__(self, settings: AggregatorSettings, model: FleetModel, clock: Clock) -> None:
         self._model = model
         self._clock = clock
-        self._schemes = protocol.schemes(settings)
+        self._schemes: set[TopicScheme] = set()
         self._fleet_topics = FleetTopics(settings.topic_prefix)
         self._problems: dict[str, str] = {}
         self._sources = RobotSources()
@@ -65,7 +68,8 @@ class FleetLink:
             client_id=f"nena-status-aggregator-{token_hex(4)}",
             on_lost=self._lost,
         )
-        self._subscribe()
+        self._follow_robots(protocol.schemes(settings))
+        self._follow_orders()
 
     async def run(self) -> None:
         """Keep the link up until cancelled."""
@@ -76,8 +80,15 @@ class FleetLink:
         if self.mqtt.state.connected and not self._model.link_up:
             self._model.on_link(connected=True, at=Instant.of(self._clock))
 
-    def _subscribe(self) -> None:
-        for scheme in self._schemes:
+    def _follow_robots(self, schemes: Iterable[TopicScheme]) -> None:
+        """Subscribe to what all robots under these topics say, unless that is done already."""
+        for scheme in schemes:
+            if scheme in self._schemes:
+                continue
+            if len(self._schemes) >= SCHEMES_LIMIT:
+                log.error("too many interface names, some robots are not seen", limit=SCHEMES_LIMIT)
+                return
+            self._schemes.add(scheme)
             self._hear(scheme, Topic.CONNECTION, MessageKind.CONNECTION, Connection, self._take_connection)
             self._hear(scheme, Topic.STATE, MessageKind.STATE, State, self._take_state)
             self._hear(
@@ -88,6 +99,8 @@ class FleetLink:
                 self._take_visualization,
             )
             self._hear(scheme, Topic.FACTSHEET, MessageKind.FACTSHEET, Factsheet, self._take_factsheet)
+
+    def _follow_orders(self) -> None:
         fleet = self._fleet_topics
         for topic_filter, kind, take in (
             (fleet.plant_model, MessageKind.PLANT_MODEL, self._read_plant_model),
@@ -115,8 +128,7 @@ class FleetLink:
             except MalformedMessageError as error:
                 self._malformed(kind, inbound.topic, _summary(error.problems), at, key)
                 return
-            kept, timestamp = inbound.retained, message.timestamp
-            if self._sources.accepts(key, scheme, timestamp=timestamp, retained=kept):
+            if self._sources.accepts(key, scheme, message, retained=inbound.retained):
                 take(key, message, at, inbound)
 
         self.mqtt.subscribe(scheme.for_all(topic), handle)
@@ -146,15 +158,18 @@ class FleetLink:
         self._model.on_factsheet(key, message, at)
 
     def _read_plant_model(self, inbound: Inbound, _at: Instant) -> None:
-        self._model.on_plant_model(PlantModel.from_json(inbound.payload) if inbound.payload else None)
+        plant = PlantModel.from_json(inbound.payload) if inbound.payload else None
+        self._model.on_plant_model(plant)
+        if plant:
+            self._follow_robots(protocol.schemes_of(plant.vehicles))
 
     def _read_vehicle_status(self, inbound: Inbound, at: Instant) -> None:
         if inbound.payload:
             self._model.on_vehicle_status(VehicleStatus.model_validate_json(inbound.payload), at)
 
-    def _read_order_status(self, inbound: Inbound, _at: Instant) -> None:
+    def _read_order_status(self, inbound: Inbound, at: Instant) -> None:
         if inbound.payload:
-            self._model.on_order_status(TransportOrderStatus.model_validate_json(inbound.payload))
+            self._model.on_order_status(TransportOrderStatus.model_validate_json(inbound.payload), at)
         else:
             self._model.on_order_cleared(inbound.topic.rsplit("/", 2)[1])
 

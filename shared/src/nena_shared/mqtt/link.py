@@ -7,6 +7,7 @@ import math
 import socket
 from collections import deque
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Self
@@ -57,6 +58,9 @@ class _Session:
 
     client: _Client
     deliveries: dict[asyncio.Task[None], Outbound] = field(default_factory=dict)
+    subscribed: int = 0
+    """How many of the link's subscriptions the broker has been asked for."""
+    subscribing: asyncio.Task[None] | None = None
 
 
 class _Client(aiomqtt.Client):
@@ -78,7 +82,8 @@ class _Client(aiomqtt.Client):
         """Break the connection without DISCONNECT: the broker sends the will."""
         sock = self._client.socket()
         if isinstance(sock, socket.socket):
-            sock.shutdown(socket.SHUT_RDWR)
+            with suppress(OSError):  # it is broken already
+                sock.shutdown(socket.SHUT_RDWR)
 
 
 class MqttLink:
@@ -131,9 +136,11 @@ class MqttLink:
         self.state = LinkState()
 
     def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1) -> None:
-        """Have ``handler`` called for each message under ``topic_filter``, from the next connect on."""
+        """Have ``handler`` get each message under ``topic_filter``, now or from the next connect on."""
         self._subscriptions.append(_Subscription(topic_filter, handler, qos))
         self._handlers.cache_clear()
+        if self._session:
+            self._subscribe_late(self._session)
 
     def publish(self, message: Outbound) -> None:
         """Send ``message`` now, or when the link stands again if it is to be kept."""
@@ -210,7 +217,8 @@ class MqttLink:
         """Publish what comes first, subscribe, then let the outbox go."""
         for first in self._on_connected():
             self._deliver(session, replace(first, keep=False))
-        await self._subscribe(session.client)
+        self.state.refused = ()
+        await self._subscribe(session)
         self._session = session
         self.state.connected = True
         self.state.connects += 1
@@ -218,17 +226,32 @@ class MqttLink:
         log.info("broker connected", host=self._settings.host, port=self._settings.port)
         self._refill()
 
-    async def _subscribe(self, client: aiomqtt.Client) -> None:
-        if not self._subscriptions:
-            return
-        granted = await client.subscribe([(each.topic_filter, each.qos) for each in self._subscriptions])
-        answers = zip(self._subscriptions, granted, strict=True)
-        self.state.refused = tuple(
-            each.topic_filter for each, code in answers if getattr(code, "is_failure", False)
-        )
-        for topic_filter in self.state.refused:
-            log.error("the broker refuses a subscription; look at its access list", topic=topic_filter)
-        self._on_subscribed()
+    async def _subscribe(self, session: _Session) -> None:
+        """Ask the broker for what it was not asked for yet, also for what is added meanwhile."""
+        while new := self._subscriptions[session.subscribed :]:
+            session.subscribed += len(new)
+            granted = await session.client.subscribe([(each.topic_filter, each.qos) for each in new])
+            refused = [
+                each.topic_filter
+                for each, code in zip(new, granted, strict=True)
+                if getattr(code, "is_failure", False)
+            ]
+            self.state.refused += tuple(refused)
+            for topic_filter in refused:
+                log.error("the broker refuses a subscription; look at its access list", topic=topic_filter)
+            self._on_subscribed()
+
+    def _subscribe_late(self, session: _Session) -> None:
+        if session.subscribing and not session.subscribing.done():
+            return  # it takes what is new as well
+        session.subscribing = asyncio.create_task(self._try_to_subscribe(session), name="subscribe")
+
+    async def _try_to_subscribe(self, session: _Session) -> None:
+        try:
+            await self._subscribe(session)
+        except aiomqtt.MqttError as error:
+            log.warning("new subscriptions are not answered, connecting anew", reason=str(error))
+            session.client.cut()
 
     def _leave(self, session: _Session) -> None:
         """Take back what the broker has not confirmed, in its old order, before what waits already."""
@@ -236,6 +259,8 @@ class MqttLink:
         for task in session.deliveries:
             task.cancel()
         session.deliveries.clear()
+        if session.subscribing:
+            session.subscribing.cancel()
         kept = [message for message in unsent if message.keep][-self._settings.outgoing_limit :]
         self._outbox = deque(kept)
         self.state.dropped += len(unsent) - len(kept)

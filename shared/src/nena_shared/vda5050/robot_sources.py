@@ -4,23 +4,29 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Final
 
+from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.topics import RobotKey, TopicScheme
+
+FAREWELLS: Final = frozenset({ConnectionState.OFFLINE, ConnectionState.CONNECTION_BROKEN})
+"""What ends a connection. The broker may tell the will of an old one when the new one stands long since."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Source:
     scheme: TopicScheme
     timestamp: datetime | None
-    """Of the newest message that the broker had kept; None: the robot is known to speak there."""
+    """Of the newest message from another time; None: the robot is known to speak there."""
 
 
 class RobotSources:
     """Remembers for each robot the topics that it speaks under.
 
-    A robot that has changed its version or interface name leaves its retained messages under the old topics.
-    They say nothing about a robot that speaks elsewhere; while only retained messages are known of it, the
-    newest of them decides.
+    A robot that has changed its version or interface name leaves its retained messages under the old topics,
+    and maybe a last will that is yet to come. They say nothing about a robot that speaks elsewhere; while
+    only such messages are known of it, the newest of them decides.
     """
 
     def __init__(self) -> None:
@@ -30,13 +36,18 @@ class RobotSources:
         """Know where a robot speaks before it has done so."""
         self._sources[robot] = _Source(scheme, None)
 
-    def accepts(self, robot: RobotKey, scheme: TopicScheme, *, timestamp: datetime, retained: bool) -> bool:
+    def accepts(self, robot: RobotKey, scheme: TopicScheme, message: Header, *, retained: bool) -> bool:
         """Tell whether a message says something of the robot now; later ones are compared with it."""
         known = self._sources.get(robot)
-        if known is not None and known.scheme != scheme and retained:
-            if known.timestamp is None or timestamp <= known.timestamp:
+        of_another_time = retained or _is_farewell(message)
+        if known is not None and known.scheme != scheme and of_another_time:
+            if known.timestamp is None or message.timestamp <= known.timestamp:
                 return False
-        elif known is not None and known.scheme == scheme and (known.timestamp is None or retained):
+        elif known is not None and known.scheme == scheme and (known.timestamp is None or of_another_time):
             return True
-        self._sources[robot] = _Source(scheme, timestamp if retained else None)
+        self._sources[robot] = _Source(scheme, message.timestamp if of_another_time else None)
         return True
+
+
+def _is_farewell(message: Header) -> bool:
+    return isinstance(message, Connection) and message.connection_state in FAREWELLS

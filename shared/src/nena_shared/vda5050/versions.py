@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
@@ -17,6 +18,9 @@ CODECS: Final[Mapping[str, Codec]] = MappingProxyType(
     {codec.version: codec for codec in (v2_0.CODEC, v2_1.CODEC, v3_0.CODEC)}
 )
 """By version number, the oldest first."""
+
+_WRITTEN: Final = re.compile(r"v?(\d{1,3})(?:\.(\d{1,3}))?(?:\.(\d{1,3}))?", re.ASCII)
+"""A version number of which the end may be missing."""
 
 
 class UnknownVersionError(Exception):
@@ -37,6 +41,20 @@ def codec_for(version: str) -> Codec:
     if version not in CODECS:
         raise UnknownVersionError(version)
     return CODECS[version]
+
+
+def codec_named(text: str) -> Codec:
+    """Give the codec of a version as people write it, such as ``2.0`` in a plant model.
+
+    Raises:
+        UnknownVersionError: it is no version that is spoken here, nor a later one of the same major version.
+
+    """
+    written = _WRITTEN.fullmatch(text.strip())
+    codec = nearest_codec(".".join(part or "0" for part in written.groups())) if written else None
+    if codec is None:
+        raise UnknownVersionError(text)
+    return codec
 
 
 def topics_for(version: str, interface_name: str | None = None) -> TopicScheme:

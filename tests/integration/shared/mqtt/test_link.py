@@ -80,6 +80,22 @@ async def test_receives_by_topic(broker: Broker, interface_name: str) -> None:
     assert link.state.received == 3
 
 
+async def test_subscribes_while_the_link_stands(broker: Broker, interface_name: str) -> None:
+    heard: list[bytes] = []
+    link = MqttLink(broker.settings, client_id=interface_name)
+    with MqttPeer(broker) as peer:
+        peer.publish(f"{interface_name}/b", b"kept", retain=True)
+        async with running(link):
+            for level in "abc":
+                link.subscribe(f"{interface_name}/{level}", lambda each: heard.append(each.payload))
+            await until(lambda: heard == [b"kept"])
+            peer.publish(f"{interface_name}/c", b"fresh")
+            await until(lambda: heard == [b"kept", b"fresh"])
+            link.cut(0.0)
+            await until(lambda: heard == [b"kept", b"fresh", b"kept"], what="what is kept, after the break")
+        peer.publish(f"{interface_name}/b", b"", retain=True)
+
+
 async def test_handler_that_fails_ends_nothing(broker: Broker, interface_name: str) -> None:
     seen: list[bytes] = []
 

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
-
 import pytest
 
 from nena_order_service.fleet.addresses import RobotAddresses
 from nena_shared.plant import Vehicle
 from nena_shared.settings import ConfigurationError
+from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey, TopicScheme
 from nena_shared.vda5050.versions import codec_for
+from support.honest_robot import HonestRobot
 
 pytestmark = pytest.mark.clause("4.2")
 
 ROBOT = RobotKey("ACME", "r1")
-NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
+HELLO = HonestRobot(key=ROBOT).connection(ConnectionState.ONLINE)
 V2, V3 = TopicScheme("uagv", "v2"), TopicScheme("vda5050", "v3")
 
 
@@ -31,12 +31,27 @@ def test_a_robot_that_nobody_knows_has_no_address() -> None:
     assert addresses().schemes == (V2, V3)
 
 
-@pytest.mark.parametrize(("version", "scheme"), [("2.0.0", V2), ("2.1.0", V2), ("3.0.0", V3)])
-def test_the_plant_model_names_its_version(version: str, scheme: TopicScheme) -> None:
-    address = addresses(version=version).of(ROBOT)
+@pytest.mark.parametrize(
+    ("written", "version", "scheme"),
+    [
+        ("2.0.0", "2.0.0", V2),
+        ("2.0", "2.0.0", V2),
+        ("2.1", "2.1.0", V2),
+        ("3.0.0", "3.0.0", V3),
+        ("3.0", "3.0.0", V3),
+    ],
+)
+def test_the_plant_model_names_its_version(written: str, version: str, scheme: TopicScheme) -> None:
+    address = addresses(version=written).of(ROBOT)
 
     assert address is not None
     assert (address.codec.version, address.scheme) == (version, scheme)
+
+
+@pytest.mark.parametrize("name", ["#", "a/+/b", "uagv/"])
+def test_an_interface_name_that_is_no_topic_is_an_error_of_the_plant_model(name: str) -> None:
+    with pytest.raises(ConfigurationError, match=r"vehicle 'Tug', property vda5050:interfaceName"):
+        addresses(interfaceName=name)
 
 
 def test_the_plant_model_names_its_topics() -> None:
@@ -56,7 +71,7 @@ def test_a_version_that_is_not_spoken_here_is_an_error_of_the_plant_model() -> N
 def test_what_a_robot_says_counts_more_than_what_was_expected() -> None:
     known = addresses(version="2.0.0")
 
-    assert known.learn(ROBOT, codec_for("3.0.0"), V3, timestamp=NOON, retained=False)
+    assert known.learn(ROBOT, codec_for("3.0.0"), V3, HELLO, retained=False)
 
     address = known.of(ROBOT)
     assert address is not None
@@ -66,7 +81,7 @@ def test_what_a_robot_says_counts_more_than_what_was_expected() -> None:
 def test_what_the_broker_kept_from_another_time_is_known() -> None:
     known = addresses(version="3.0.0")
 
-    assert not known.learn(ROBOT, codec_for("2.1.0"), V2, timestamp=NOON, retained=True)
+    assert not known.learn(ROBOT, codec_for("2.1.0"), V2, HELLO, retained=True)
     address = known.of(ROBOT)
     assert address is not None
     assert address.scheme == V3

@@ -6,6 +6,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
+from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.robot_sources import RobotSources
 from nena_shared.vda5050.topics import RobotKey, TopicScheme
 
@@ -20,9 +21,24 @@ class Ear:
     def __init__(self) -> None:
         self.sources = RobotSources()
 
-    def hears(self, scheme: TopicScheme, *, retained: bool, at: float = 0.0, robot: RobotKey = ROBOT) -> bool:
-        when = START + timedelta(seconds=at)
-        return self.sources.accepts(robot, scheme, timestamp=when, retained=retained)
+    def hears(
+        self,
+        scheme: TopicScheme,
+        *,
+        retained: bool,
+        at: float = 0.0,
+        robot: RobotKey = ROBOT,
+        says: ConnectionState = ConnectionState.ONLINE,
+    ) -> bool:
+        message = Connection(
+            header_id=0,
+            timestamp=START + timedelta(seconds=at),
+            version="2.1.0",
+            manufacturer=robot.manufacturer,
+            serial_number=robot.serial_number,
+            connection_state=says,
+        )
+        return self.sources.accepts(robot, scheme, message, retained=retained)
 
 
 def test_what_was_kept_under_other_topics_is_passed_over_once_the_robot_has_spoken() -> None:
@@ -73,3 +89,22 @@ def test_each_robot_is_a_matter_of_its_own() -> None:
     ear.hears(NEW, retained=False)
 
     assert ear.hears(OLD, retained=True, robot=RobotKey("ACME", "r2"))
+
+
+@pytest.mark.parametrize("farewell", [ConnectionState.OFFLINE, ConnectionState.CONNECTION_BROKEN])
+def test_the_end_of_an_old_connection_says_nothing_of_the_new_one(farewell: ConnectionState) -> None:
+    ear = Ear()
+    ear.hears(OLD, retained=False)
+    assert ear.hears(OLD, retained=False, says=farewell), "while it speaks there, it is its own"
+    ear.hears(NEW, retained=False)
+
+    assert not ear.hears(OLD, retained=False, at=99, says=farewell)
+    assert ear.hears(NEW, retained=False, says=farewell)
+
+
+def test_the_end_of_a_connection_may_be_the_first_that_is_heard_of_a_robot() -> None:
+    ear = Ear()
+
+    assert ear.hears(OLD, retained=False, at=1, says=ConnectionState.CONNECTION_BROKEN)
+    assert ear.hears(NEW, retained=False)
+    assert not ear.hears(OLD, retained=True, at=99)

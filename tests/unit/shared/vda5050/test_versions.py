@@ -9,6 +9,7 @@ from nena_shared.vda5050.versions import (
     CODECS,
     UnknownVersionError,
     codec_for,
+    codec_named,
     codec_of_header,
     reader_of,
     topics_for,
@@ -97,3 +98,17 @@ def test_topic_of_an_unknown_major_version_has_no_reader() -> None:
 def test_version_is_read_from_the_top_of_the_message_alone() -> None:
     assert version_of(b'{"deep":{"version":"3.0.0"},"version":"2.0.0"}') == "2.0.0"
     assert version_of(b'{"deep":{"version":"3.0.0"}}') is None
+
+
+@pytest.mark.parametrize(
+    ("text", "version"),
+    [("2.0", "2.0.0"), ("2.1", "2.1.0"), ("v3", "3.0.0"), (" 2.1.3 ", "2.1.0"), ("3.0.1", "3.0.0")],
+)
+def test_a_version_as_people_write_it(text: str, version: str) -> None:
+    assert codec_named(text).version == version
+
+
+@pytest.mark.parametrize("text", ["", "1.1", "4", "two", "2.", "2.0.0.0", "-2", "2" * 9])
+def test_what_is_no_version_that_is_spoken_here_is_refused(text: str) -> None:
+    with pytest.raises(UnknownVersionError):
+        codec_named(text)

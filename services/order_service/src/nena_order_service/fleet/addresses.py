@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from typing import Final
+
+from pydantic import TypeAdapter, ValidationError
 
 from nena_shared.log import get_logger
 from nena_shared.plant import Vehicle
-from nena_shared.settings import ConfigurationError
+from nena_shared.settings import ConfigurationError, TopicPrefix
+from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.robot_sources import RobotSources
 from nena_shared.vda5050.topics import RobotKey, TopicScheme
-from nena_shared.vda5050.versions import UnknownVersionError, codec_for
+from nena_shared.vda5050.versions import UnknownVersionError, codec_named
 
 log = get_logger(__name__)
+
+_INTERFACE_NAME: Final[TypeAdapter[str | None]] = TypeAdapter(TopicPrefix | None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +51,13 @@ class RobotAddresses:
         """Note what the plant model says of its vehicles' versions and interface names.
 
         Raises:
-            ConfigurationError: it names a version that is not spoken here.
+            ConfigurationError: it names a version that is not spoken here, or an interface name that is
+                no topic.
 
         """
         for robot, vehicle in vehicles:
             for major, default in self._defaults.items():
-                name = vehicle.interface_name or default.interface_name
+                name = _interface_name(vehicle) or default.interface_name
                 self._schemes[TopicScheme(name, major)] = None
             if vehicle.protocol_version:
                 address = self._addresses[robot] = self._expected(vehicle, vehicle.protocol_version)
@@ -62,13 +68,13 @@ class RobotAddresses:
         return self._addresses.get(robot)
 
     def learn(
-        self, robot: RobotKey, codec: Codec, scheme: TopicScheme, *, timestamp: datetime, retained: bool
+        self, robot: RobotKey, codec: Codec, scheme: TopicScheme, message: Header, *, retained: bool
     ) -> bool:
         """Note that ``robot`` has spoken there; from now on it is answered there.
 
         False: the message says nothing of it now, as :class:`RobotSources` has it.
         """
-        if not self._sources.accepts(robot, scheme, timestamp=timestamp, retained=retained):
+        if not self._sources.accepts(robot, scheme, message, retained=retained):
             return False
         known = self._addresses.get(robot)
         if known and known.codec is codec and known.scheme == scheme:
@@ -85,7 +91,7 @@ class RobotAddresses:
 
     def _expected(self, vehicle: Vehicle, version: str) -> RobotAddress:
         try:
-            codec = codec_for(version)
+            codec = codec_named(version)
         except UnknownVersionError as error:
             message = f"plant: vehicle '{vehicle.name}', property vda5050:version: {error}"
             raise ConfigurationError([message]) from error
@@ -93,3 +99,12 @@ class RobotAddresses:
         return RobotAddress(
             codec, TopicScheme(vehicle.interface_name or default.interface_name, codec.major_version)
         )
+
+
+def _interface_name(vehicle: Vehicle) -> str | None:
+    try:
+        return _INTERFACE_NAME.validate_python(vehicle.interface_name or None)
+    except ValidationError as error:
+        problem = error.errors()[0]["msg"]
+        message = f"plant: vehicle '{vehicle.name}', property vda5050:interfaceName: {problem}"
+        raise ConfigurationError([message]) from error

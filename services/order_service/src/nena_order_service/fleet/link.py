@@ -144,9 +144,7 @@ class FleetLink:
         except MalformedMessageError as error:
             self._note_malformed(robot, inbound.topic, error)
             return None
-        now = self._addresses.learn(
-            robot, codec, scheme, timestamp=message.timestamp, retained=inbound.retained
-        )
+        now = self._addresses.learn(robot, codec, scheme, message, retained=inbound.retained)
         return (robot, message) if now else None
 
     def _note_malformed(self, robot: RobotKey, topic: str, error: MalformedMessageError) -> None:
