@@ -165,7 +165,7 @@ def test_the_order_service_names_the_robot_and_says_why_it_is_free() -> None:
 
 def test_an_order_advances_with_its_vehicle() -> None:
     fleet = model()
-    fleet.on_order_status(order_status())
+    fleet.on_order_status(order_status(), at(0))
     fleet.on_vehicle_status(vehicle_status(transport_order="TO-1"), at(0))
     fleet.on_state(ROBOT, state(last_node_id="A"), at(0))
     fleet.flush(at(0))
@@ -264,7 +264,7 @@ def happen_beside(fleet: FleetModel, event: Event, now: Instant) -> None:
             fleet.on_vehicle_status(vehicle_status(f"v{who}", robot=key, transport_order=f"TO-{number}"), now)
         case "order":
             states = tuple(TransportOrderState)
-            fleet.on_order_status(order_status(f"TO-{who}", number, states[variant % len(states)]))
+            fleet.on_order_status(order_status(f"TO-{who}", number, states[variant % len(states)]), at(0))
         case "cleared":
             fleet.on_order_cleared(f"TO-{who}")
         case "plant":

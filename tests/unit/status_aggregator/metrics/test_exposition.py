@@ -51,9 +51,10 @@ def aggregator() -> Aggregator:
     )
     model.on_connection(broken, connection("CONNECTION_BROKEN", robot=broken), now)
     model.on_malformed(MessageKind.STATE, "t", "p", now)
-    model.on_order_status(order_status("living"))
+    model.on_order_status(order_status("living"), now)
     model.on_order_status(
-        order_status("ended", state=TransportOrderState.FINISHED, finished=START.replace(minute=1))
+        order_status("ended", state=TransportOrderState.FINISHED, finished=START.replace(minute=1)),
+        now,
     )
     made.publish_changes()
     return made

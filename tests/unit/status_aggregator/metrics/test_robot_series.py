@@ -72,6 +72,7 @@ def test_figures_of_a_state() -> None:
         "nena_robot_order_progress_ratio": pytest.approx(1 / 3, abs=0.001),
         "nena_robot_errors_active": 1,
         "nena_robot_loads": 1,
+        "nena_robot_distance_meters_total": 0,
         "nena_robot_states_total": 1,
         "nena_robot_malformed_total": 0,
     }
@@ -81,6 +82,7 @@ def test_what_a_robot_has_not_said_is_absent_instead_of_wrong() -> None:
     assert figures(robot())["r1"].keys() == {
         "nena_robot_condition",
         "nena_robot_condition_age_seconds",
+        "nena_robot_distance_meters_total",
         "nena_robot_states_total",
         "nena_robot_malformed_total",
     }

@@ -33,7 +33,7 @@ async def client(aggregator: Aggregator) -> AsyncIterator[httpx.AsyncClient]:
 def populate(aggregator: Aggregator) -> None:
     aggregator.model.on_link(connected=True, at=aggregator.now())
     aggregator.model.on_state(ROBOT, state(), aggregator.now())
-    aggregator.model.on_order_status(order_status())
+    aggregator.model.on_order_status(order_status(), aggregator.now())
     aggregator.publish_changes()
 
 

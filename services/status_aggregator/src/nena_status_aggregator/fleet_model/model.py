@@ -9,12 +9,11 @@ from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant.model import PlantModel
 from nena_shared.vda5050.connection import Connection
-from nena_shared.vda5050.error import ErrorType
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
-from nena_shared.vda5050.v2_1.error_type import WRITTEN
 from nena_shared.vda5050.visualization import Visualization
+from nena_status_aggregator.fleet_model.chronicle import Chronicle, Tell
 from nena_status_aggregator.fleet_model.delta import Delta
 from nena_status_aggregator.fleet_model.instant import Instant
 from nena_status_aggregator.fleet_model.message_kind import MessageKind
@@ -25,11 +24,8 @@ from nena_status_aggregator.fleet_model.robot import Robot
 from nena_status_aggregator.fleet_model.robot_register import RobotRegister
 from nena_status_aggregator.fleet_model.robot_view import short, view_robot
 from nena_status_aggregator.fleet_model.sequence import Verdict
-from nena_status_aggregator.fleet_model.statistics import BoundedLabels, Statistics
+from nena_status_aggregator.fleet_model.statistics import Statistics
 from nena_status_aggregator.fleet_model.views import FleetView, OrderView, PlantView, RobotView
-
-ERROR_LABELS = 100
-"""Different error types that metrics tell apart; robots may invent their own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,13 +46,14 @@ class FleetModel:
     Owned by one task; nothing in it waits.
     """
 
-    def __init__(self, limits: ModelLimits) -> None:
+    def __init__(self, limits: ModelLimits, tell: Tell = lambda _: None) -> None:
+        """Begin with an empty fleet; ``tell`` is handed each happening and must return at once."""
         self.limits = limits
         self.robots = RobotRegister(limits.robots, limits.silence)
         self.orders = OrderBook(limits.orders)
         self.statistics = Statistics()
+        self._chronicle = Chronicle(self.statistics, tell)
         self.plant: PlantModel | None = None
-        self._error_labels = BoundedLabels(ERROR_LABELS, {*ErrorType, *WRITTEN.values()})
         self._key_of_vehicle: dict[str, RobotKey] = {}
         self._plant_version = 0
         self._public = Publication()
@@ -65,15 +62,18 @@ class FleetModel:
         """Take in a connection message; never judged late, for a will carries the header of its CONNECT."""
         robot = self._meet(key, MessageKind.CONNECTION, at)
         if robot is not None:
+            before = robot.connection.connection_state.value if robot.connection else None
             robot.on_connection(message, at)
+            self._chronicle.connection(robot, before, at)
 
     def on_state(self, key: RobotKey, message: State, at: Instant, *, retained: bool = False) -> None:
         """Take in a state; ``retained``: the broker had kept it."""
         robot = self._meet(key, MessageKind.STATE, at)
         if robot is None or not self._is_news(robot, MessageKind.STATE, message):
             return
-        self._count_new_errors(robot.state, message)
+        before = robot.state
         robot.on_state(message, at, retained=retained)
+        self._chronicle.state(robot, before, message, at)
         self._touch_order_of(robot)
 
     def on_visualization(self, key: RobotKey, message: Visualization, at: Instant) -> None:
@@ -127,7 +127,7 @@ class FleetModel:
         self._key_of_vehicle[status.name] = key
         self._touch_order_of(robot)
 
-    def on_order_status(self, status: TransportOrderStatus) -> None:
+    def on_order_status(self, status: TransportOrderStatus, at: Instant) -> None:
         """Take in what the order service says of a transport order."""
         self.statistics.received[MessageKind.ORDER_STATUS] += 1
         known = self.orders.get(status.name)
@@ -136,6 +136,7 @@ class FleetModel:
             return
         if status.state.final and not (known and known.status.state.final):
             self.statistics.count_end(status)
+        self._chronicle.order(known.status if known else None, status, at)
         self._public.orders.touch(status.name)
         for name in self.orders.shrink():
             self.statistics.orders_forgotten += 1
@@ -159,6 +160,7 @@ class FleetModel:
     def on_link(self, *, connected: bool, at: Instant) -> None:
         """Take in that the link to the broker stands, or is lost."""
         self._public.link = {"connected": connected, "since": iso(at.utc)}
+        self._chronicle.link(connected=connected, at=at)
         for robot in self.robots:
             self._public.robots.touch(robot.key)
         if not connected:
@@ -196,6 +198,7 @@ class FleetModel:
         robot, gone = self.robots.meet(key, at)
         if gone is not None:
             self.statistics.robots_forgotten += 1
+            self._chronicle.forgotten(gone, at)
             self._public.robots.touch(gone.key)
             if gone.vehicle:
                 self._key_of_vehicle.pop(gone.vehicle.name, None)
@@ -215,19 +218,6 @@ class FleetModel:
         self.statistics.late[kind] += verdict is Verdict.LATE
         return verdict is Verdict.TAKEN
 
-    def _count_new_errors(self, before: State | None, now: State) -> None:
-        if not now.errors:
-            return
-        known = {(each.error_type, each.error_references) for each in before.errors} if before else set()
-        for each in now.errors:
-            if (each.error_type, each.error_references) not in known:
-                label = (self.error_label(each.error_type), each.error_level.value)
-                self.statistics.errors_raised[label] = self.statistics.errors_raised.get(label, 0) + 1
-
-    def error_label(self, error_type: str) -> str:
-        """Give the metrics' label for an error type that a robot reports: itself, or ``other``."""
-        return self._error_labels.of(error_type)
-
     def _touch_order_of(self, robot: Robot) -> None:
         if robot.vehicle and robot.vehicle.transport_order:
             self._public.orders.touch(robot.vehicle.transport_order)
@@ -236,7 +226,9 @@ class FleetModel:
         robot = self.robots.get(key)
         if robot is None:
             return None
+        before = robot.condition, robot.reason
         robot.judge(at, self.limits.silence, link_up=self.link_up)
+        self._chronicle.condition(robot, before, at)
         return view_robot(
             robot,
             silence_limit=robot.silence_limit(self.limits.silence),

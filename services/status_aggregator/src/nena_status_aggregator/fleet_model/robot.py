@@ -15,6 +15,7 @@ from nena_status_aggregator.fleet_model.clock_skew import ClockSkew
 from nena_status_aggregator.fleet_model.condition import Condition, Evidence, Reason, judge
 from nena_status_aggregator.fleet_model.instant import Instant
 from nena_status_aggregator.fleet_model.message_kind import MessageKind
+from nena_status_aggregator.fleet_model.odometer import Odometer
 from nena_status_aggregator.fleet_model.order_progress import OrderProgress
 from nena_status_aggregator.fleet_model.sequence import Sequence
 
@@ -43,6 +44,7 @@ class Robot:
         self.factsheet: Factsheet | None = None
         self.vehicle: VehicleStatus | None = None
         self.progress = OrderProgress()
+        self.odometer = Odometer()
         self.skew = ClockSkew()
         self.sequences = {
             kind: Sequence() for kind in (MessageKind.STATE, MessageKind.VISUALIZATION, MessageKind.FACTSHEET)
@@ -82,12 +84,14 @@ class Robot:
         self.position = message.mobile_robot_position
         self.velocity = message.velocity
         self.progress.follow(message)
+        self.odometer.follow(message.mobile_robot_position)
         if not retained:
             self.skew.measure(message.timestamp, at.utc)
 
     def on_visualization(self, message: Visualization) -> None:
         """Take in a visualization: where it is now, between two states."""
         self.position = message.mobile_robot_position or self.position
+        self.odometer.follow(self.position)
         self.velocity = message.velocity or self.velocity
 
     def silence_limit(self, setting: float | None) -> float:

@@ -7,6 +7,7 @@ from nena_shared.vda5050.action import ActionState
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.state import NodeState, State
 from nena_status_aggregator.fleet_model.robot import Robot
+from nena_status_aggregator.fleet_model.session import session_of
 from nena_status_aggregator.fleet_model.views import (
     ActionView,
     AheadView,
@@ -14,6 +15,7 @@ from nena_status_aggregator.fleet_model.views import (
     BodyView,
     ErrorView,
     LoadView,
+    MapView,
     PositionView,
     RobotOrderView,
     RobotView,
@@ -54,6 +56,7 @@ def view_robot(robot: Robot, *, silence_limit: float, skew_limit: float) -> Robo
         "reasonValues": robot.reason.values,
         "connection": robot.connection.connection_state.value if robot.connection else None,
         "connectionSince": iso(robot.connection_since) if robot.connection else None,
+        "session": session_of(robot.condition, state).value,
         "lastState": iso(robot.state_at.utc) if state else None,
         "silenceLimit": silence_limit,
         "clockSkew": None if skew is None or abs(skew) < skew_limit else float(round(skew)),
@@ -63,6 +66,7 @@ def view_robot(robot: Robot, *, silence_limit: float, skew_limit: float) -> Robo
         "position": _position(robot),
         "velocity": _velocity(robot),
         "battery": _battery(state) if state else None,
+        "maps": _maps(state) if state else None,
         "loads": _loads(state) if state else None,
         "errors": [_error(each) for each in state.errors[:LIST_LIMIT]] if state else [],
         "actions": [_action(each) for each in _all_actions(state)[:LIST_LIMIT]] if state else [],
@@ -100,6 +104,15 @@ def _battery(state: State) -> BatteryView:
         "voltage": power.battery_voltage,
         "range": power.range,
     }
+
+
+def _maps(state: State) -> list[MapView] | None:
+    if state.maps is None:
+        return None
+    return [
+        {"mapId": each.map_id, "mapVersion": each.map_version, "status": each.map_status.value}
+        for each in state.maps[:LIST_LIMIT]
+    ]
 
 
 def _loads(state: State) -> list[LoadView] | None:

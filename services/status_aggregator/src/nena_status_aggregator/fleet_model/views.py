@@ -32,6 +32,14 @@ class BatteryView(TypedDict):
     range: float | None
 
 
+class MapView(TypedDict):
+    """A map that the robot holds."""
+
+    mapId: str
+    mapVersion: str
+    status: str
+
+
 class LoadView(TypedDict):
     """kg."""
 
@@ -119,6 +127,7 @@ class RobotView(TypedDict):
     reasonValues: dict[str, str | float]
     connection: str | None
     connectionSince: str | None
+    session: str
     lastState: str | None
     silenceLimit: float
     clockSkew: float | None
@@ -128,6 +137,7 @@ class RobotView(TypedDict):
     position: PositionView | None
     velocity: VelocityView | None
     battery: BatteryView | None
+    maps: list[MapView] | None
     loads: list[LoadView] | None
     errors: list[ErrorView]
     actions: list[ActionView]

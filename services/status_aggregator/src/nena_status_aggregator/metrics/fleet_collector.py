@@ -42,6 +42,7 @@ class FleetCollector(Collector):
         yield from self._errors()
         yield from self._messages()
         yield from self._orders()
+        yield from self._work()
         yield from self._link()
         yield from self._events()
 
@@ -64,7 +65,7 @@ class FleetCollector(Collector):
 
     def _errors(self) -> Iterator[Metric]:
         active = Counter(
-            (self._model.error_label(each.error_type), each.error_level.value)
+            (self._model.statistics.error_labels.of(each.error_type), each.error_level.value)
             for robot in self._model.robots
             if robot.state is not None
             for each in robot.state.errors
@@ -114,6 +115,25 @@ class FleetCollector(Collector):
         for state in final:
             durations.add_metric((state,), *_buckets(told.order_durations.get(state, Histogram())))
         yield durations
+
+    def _work(self) -> Iterator[Metric]:
+        told = self._model.statistics
+        yield _counter(
+            "nena_robot_orders_taken", "Orders and updates that robots show as taken.", ("kind",),
+            [(("order",), told.robot_orders_taken), (("update",), told.robot_order_updates)],
+        )  # fmt: skip
+        outcomes = [((outcome.value,), count) for outcome, count in told.robot_orders_ended.items()]
+        yield _counter(
+            "nena_robot_orders_ended",
+            "Orders of which robots have nothing left to do.",
+            ("outcome",),
+            outcomes,
+        )
+        yield _counter(
+            "nena_robot_nodes_reached", "Nodes that robots have reached.", (), [((), told.nodes_reached)]
+        )
+        actions = [((status.value,), count) for status, count in told.actions_ended.items()]
+        yield _counter("nena_robot_actions_ended", "Actions that have ended.", ("status",), actions)
 
     def _link(self) -> Iterator[Metric]:
         state = self._aggregator.link.mqtt.state

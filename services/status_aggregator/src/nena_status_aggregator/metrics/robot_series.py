@@ -69,6 +69,12 @@ OF_ROBOT: tuple[Series[Robot], ...] = (
     ),
     Series("nena_robot_speed_meters_per_second", "gauge", "Speed over the ground.", _speed),
     Series("nena_robot_order_progress_ratio", "gauge", "Nodes of the order reached, 0 to 1.", _progress),
+    Series(
+        "nena_robot_distance_meters_total",
+        "counter",
+        "Way driven, by the positions that the robot reports.",
+        lambda robot, _: round(robot.odometer.meters, 2),
+    ),
     Series("nena_robot_states_total", "counter", "States taken in.", lambda robot, _: robot.states),
     Series(
         "nena_robot_malformed_total",

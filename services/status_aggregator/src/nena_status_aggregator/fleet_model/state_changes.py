@@ -1,0 +1,126 @@
+"""What has happened between two states of a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from nena_shared.vda5050.action import ActionState, ActionStatus
+from nena_shared.vda5050.error import ErrorEntry, ErrorReference
+from nena_shared.vda5050.state import State
+from nena_status_aggregator.fleet_model.happening import Code, Outcome, Values
+from nena_status_aggregator.fleet_model.robot_view import LIST_LIMIT, is_active, short
+
+
+class Change(NamedTuple):
+    """What happened, in words and values."""
+
+    code: Code
+    text: str
+    values: Values
+
+
+def changes(before: State | None, now: State) -> Iterator[Change]:
+    """Tell what changed; of a first state only its errors, for nobody knows how old the rest is."""
+    yield from _errors(before.errors if before else (), now.errors)
+    if before is None:
+        return
+    yield from _order(before, now)
+    yield from _actions(before, now)
+    if before.operating_mode is not now.operating_mode:
+        mode, old = now.operating_mode.value, before.operating_mode.value
+        yield Change(Code.OPERATING_MODE, f"Operating mode {mode}.", {"mode": mode, "before": old})
+    yield from _body(before, now)
+
+
+def _errors(before: tuple[ErrorEntry, ...], now: tuple[ErrorEntry, ...]) -> Iterator[Change]:
+    if not before and not now:
+        return
+    old, new = _by_identity(before), _by_identity(now)
+    for entry in (new[key] for key in new.keys() - old.keys()):
+        text = short(entry.error_description) or "No description."
+        values = _error_values(entry)
+        yield Change(Code.ERROR_RAISED, f"{values['errorType']}: {text}", {**values, "description": text})
+    for entry in (old[key] for key in old.keys() - new.keys()):
+        values = _error_values(entry)
+        yield Change(Code.ERROR_CLEARED, f"No longer: {values['errorType']}.", values)
+
+
+def _by_identity(
+    errors: tuple[ErrorEntry, ...],
+) -> dict[tuple[str, tuple[ErrorReference, ...]], ErrorEntry]:
+    return {(each.error_type, each.error_references): each for each in errors[:LIST_LIMIT]}
+
+
+def _error_values(entry: ErrorEntry) -> Values:
+    return {"errorType": short(entry.error_type), "errorLevel": entry.error_level.value}
+
+
+def _order(before: State, now: State) -> Iterator[Change]:
+    another = now.order_id != before.order_id
+    if is_active(before) and (another or not is_active(now)):
+        outcome = _outcome(before, now)
+        text = f"Order {before.order_id} {outcome.value}."
+        yield Change(Code.ORDER_ENDED, text, {"orderId": before.order_id, "outcome": outcome.value})
+    values: Values = {"orderId": now.order_id, "orderUpdateId": now.order_update_id}
+    if another and now.order_id:
+        yield Change(Code.ORDER_TAKEN, f"Took order {now.order_id}.", values)
+    elif not another and now.order_update_id != before.order_update_id:
+        yield Change(Code.ORDER_UPDATED, f"Took update {now.order_update_id} of its order.", values)
+    reached = (now.last_node_id, now.last_node_sequence_id)
+    if now.last_node_id and (another or reached != (before.last_node_id, before.last_node_sequence_id)):
+        yield from _node(before, now)
+
+
+def _node(before: State, now: State) -> Iterator[Change]:
+    """Tell of a node, unless it is only the first one of a new order, where the robot stands already."""
+    if now.last_node_id != before.last_node_id or now.order_id == before.order_id:
+        values: Values = {"nodeId": now.last_node_id, "sequenceId": now.last_node_sequence_id}
+        yield Change(Code.NODE_REACHED, f"Reached {now.last_node_id}.", values)
+
+
+def _outcome(before: State, now: State) -> Outcome:
+    if now.order_id != before.order_id:
+        return Outcome.UNSEEN
+    last = before.node_states[-1].sequence_id if before.node_states else 0
+    failed = any(each.action_status is ActionStatus.FAILED for each in now.action_states)
+    completed = now.last_node_sequence_id >= last and not failed
+    return Outcome.COMPLETED if completed else Outcome.ABANDONED
+
+
+def _actions(before: State, now: State) -> Iterator[Change]:
+    if not (now.action_states or now.instant_action_states):
+        return
+    known = {
+        each.action_id: each.action_status for each in (*before.action_states, *before.instant_action_states)
+    }
+    for action in (*now.action_states[:LIST_LIMIT], *now.instant_action_states[:LIST_LIMIT]):
+        old = known.get(action.action_id)
+        if action.action_status.ended and action.action_status is not old:
+            yield _action_ended(action)
+
+
+def _action_ended(action: ActionState) -> Change:
+    status, name = action.action_status.value, action.action_type or action.action_id
+    result = short(action.action_result)
+    values: Values = {
+        "actionId": action.action_id,
+        "actionType": action.action_type,
+        "status": status,
+        "result": result,
+    }
+    return Change(Code.ACTION_ENDED, f"Action {name}: {status}." + (f" {result}" if result else ""), values)
+
+
+def _body(before: State, now: State) -> Iterator[Change]:
+    power = now.power_supply
+    if power.charging is not before.power_supply.charging:
+        text = "Began to charge." if power.charging else "Ended charging."
+        values: Values = {"charging": power.charging, "charge": power.state_of_charge}
+        yield Change(Code.CHARGING, text, values)
+    loads, loads_before = len(now.loads or ()), len(before.loads or ())
+    if loads != loads_before:
+        yield Change(Code.LOADS, f"Carries {loads} loads.", {"loads": loads, "before": loads_before})
+    here, there = now.mobile_robot_position, before.mobile_robot_position
+    if here and there and here.map_id != there.map_id:
+        yield Change(Code.MAP, f"Is on map {here.map_id}.", {"mapId": here.map_id, "before": there.map_id})
