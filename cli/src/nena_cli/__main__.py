@@ -5,6 +5,8 @@ from __future__ import annotations
 import typer
 
 from nena_cli.vda5050.commands import app as vda5050
+from nena_shared import log
+from nena_shared.settings import LogSettings
 
 app = typer.Typer(help="NeNa: fleets of VDA 5050 robots.", no_args_is_help=True, add_completion=False)
 app.add_typer(vda5050, name="vda5050")
@@ -12,7 +14,8 @@ app.add_typer(vda5050, name="vda5050")
 
 @app.callback()
 def root() -> None:
-    """Keep ``nena`` a group of commands, also while it has but one."""
+    """Have libraries and links complain on standard error, and only where something is wrong."""
+    log.configure(LogSettings(level="warning"))
 
 
 if __name__ == "__main__":

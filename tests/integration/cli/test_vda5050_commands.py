@@ -123,7 +123,7 @@ async def _start(command: list[str]) -> subprocess.Popen[str]:
     [
         (("check", "/nowhere.jsonl"), "cannot be read"),
         (("check", "mqtt://127.0.0.1:1", "--seconds", "30"), "not reached"),
-        (("record", "http://x", "/tmp/never.jsonl"), "no broker"),
+        (("record", "http://x", "never.jsonl"), "no broker"),
     ],
 )
 def test_what_cannot_be_done_is_one_clear_line_and_status_2(arguments: tuple[str, ...], said: str) -> None:

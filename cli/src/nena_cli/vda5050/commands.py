@@ -59,7 +59,7 @@ def record(
         )
         with file.open("x", encoding="utf-8") as out:
             count = _listen(chosen, lambda entry: append(entry, out), seconds, messages)
-    Console(stderr=True).print(f"{count} messages recorded in {file}", markup=False)
+    _say(f"{count} messages recorded in {file}")
 
 
 @app.command()
@@ -82,7 +82,7 @@ def replay(
                 entries, chosen, speed=speed, speaker=only, fresh=fresh, client_id=f"nena-replay-{getpid()}"
             )
         )
-    Console(stderr=True).print(f"{count} messages published", markup=False)
+    _say(f"{count} messages published")
 
 
 @app.command()
@@ -99,7 +99,7 @@ def show(
     with _faults_told():
         shown = show_conversation(_entries(file), console, robot=robot, everything=everything)
     if not shown:
-        Console(stderr=True).print("no message of VDA 5050 in it")
+        _say("no message of VDA 5050 in it")
 
 
 @app.command()
@@ -133,8 +133,13 @@ def check(
             for entry in _entries(source):
                 take(checker.take(entry))
         take(checker.end())
-    Console(stderr=True).print(f"{checker.checked} messages checked, {errors} errors")
+    _say(f"{checker.checked} messages checked, {errors} errors")
     raise typer.Exit(FOUND if errors else 0)
+
+
+def _say(text: str, style: str | None = None) -> None:
+    """Tell the person at the terminal; standard output belongs to the results."""
+    Console(stderr=True, soft_wrap=True).print(text, markup=False, highlight=False, style=style)
 
 
 def _print(finding: Finding, *, as_json: bool) -> None:
@@ -202,5 +207,5 @@ def _faults_told() -> Iterator[None]:
     try:
         yield
     except (RecordingError, broker.BrokerError, ConfigurationError, TaskFailedError, OSError) as error:
-        Console(stderr=True).print(f"nena: {error}", markup=False, style="red")
+        _say(f"nena: {error}", style="red")
         raise typer.Exit(WRONG) from error

@@ -29,15 +29,14 @@ def test_what_is_written_is_read_again(recorded: list[Entry]) -> None:
     for entry in recorded:
         append(entry, file)
 
-    assert list(read(file.getvalue().splitlines(keepends=True), "it")) == recorded
+    assert list(read(io.StringIO(file.getvalue()), "it")) == recorded
 
 
 def test_text_stays_readable_in_the_file() -> None:
     line = Entry(NOON, "fleet/v2/ACME/1/order", '{"ä": 1}'.encode(), 1).to_json()
 
-    assert line == (
-        '{"time":"2026-01-01T12:00:00Z","topic":"fleet/v2/ACME/1/order","payload":"{\\"ä\\": 1}","qos":1,"retain":false}'
-    )
+    assert line.startswith('{"time":"2026-01-01T12:00:00Z","topic":"fleet/v2/ACME/1/order",')
+    assert line.endswith('"payload":"{\\"ä\\": 1}","qos":1,"retain":false}')
 
 
 @pytest.mark.parametrize(
