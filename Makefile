@@ -44,6 +44,9 @@ lint: $(STAMP) ## style, types, import rules
 test: $(STAMP) broker browser ## every test, with branch coverage; TESTS=path for a part of them
 	$(BIN)/pytest $(if $(TESTS),$(TESTS),-n $(WORKERS) --cov --cov-report=term --cov-report=xml --cov-fail-under=85)
 
+conformance: $(STAMP) ## write docs/vda5050.md anew: how the standard is kept, and which tests show it
+	PYTHONPATH=tests $(BIN)/python -m conformance.table
+
 soak: $(STAMP) ## the tests that guard the cores, with many more examples: about half an hour on two cores
 	NENA_EXAMPLES=100000 NENA_PLANTS=400 $(BIN)/pytest -n $(WORKERS) --timeout 7200 $(SOAK)
 

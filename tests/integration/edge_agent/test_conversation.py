@@ -48,6 +48,7 @@ async def fleet(
         yield fleet
 
 
+@pytest.mark.clause("6.6.2", "7.8/loads", "6.2.3/pick")
 async def test_an_order_is_driven_to_its_end(fleet: FleetControl) -> None:
     work = {"n1": [action("a", "HARD", "pick")], "n3": [action("b", "HARD", "drop")]}
     fleet.send(order("n0", "n1", "n2", "n3", node_actions=work))
@@ -65,6 +66,7 @@ async def test_an_order_is_driven_to_its_end(fleet: FleetControl) -> None:
     assert state["loads"] == []
 
 
+@pytest.mark.clause("7.2/headerId")
 async def test_headers_are_counted_per_topic(fleet: FleetControl) -> None:
     fleet.send(order("n0", "n1"))
     await fleet.state(ended("o1"))
@@ -75,6 +77,7 @@ async def test_headers_are_counted_per_topic(fleet: FleetControl) -> None:
         assert numbers == list(range(len(numbers)))
 
 
+@pytest.mark.clause("6.6.3", "6.1.2/B6")
 async def test_a_base_that_is_extended_in_time_is_driven_on(fleet: FleetControl) -> None:
     fleet.send(order("n0", "n1", "n2", released=2))
     waiting = await fleet.state(lambda state: state["lastNodeId"] == "n1")
@@ -87,6 +90,7 @@ async def test_a_base_that_is_extended_in_time_is_driven_on(fleet: FleetControl)
     assert (state["orderUpdateId"], state["lastNodeId"]) == (1, "n3")
 
 
+@pytest.mark.clause("6.1.4.1", "6.6.5.2", "6.6.1/request")
 async def test_a_malformed_order_is_answered_and_the_robot_lives_on(fleet: FleetControl) -> None:
     fleet.peer.publish(fleet.topic(Topic.ORDER), '{"orderId": "bad", "orderUpdateId": 3, "nodes": []}')
     state = await fleet.state(lambda state: state["errors"])
@@ -105,6 +109,7 @@ async def test_a_malformed_order_is_answered_and_the_robot_lives_on(fleet: Fleet
     assert not state["errors"]
 
 
+@pytest.mark.clause("7.2")
 async def test_an_order_for_another_robot_is_refused(fleet: FleetControl) -> None:
     wrong = json.dumps(
         {
@@ -124,6 +129,7 @@ async def test_an_order_for_another_robot_is_refused(fleet: FleetControl) -> Non
     assert "ACME/0002" in state["errors"][0]["errorDescription"]
 
 
+@pytest.mark.clause("7.2/version")
 @pytest.mark.parametrize(("version", "taken"), [("2.0.0", True), ("3.0.0", False)])
 async def test_the_major_version_decides(fleet: FleetControl, version: str, taken: bool) -> None:  # noqa: FBT001
     fleet.send(order("n0", "n1", order_id="first"))
@@ -138,6 +144,7 @@ async def test_the_major_version_decides(fleet: FleetControl, version: str, take
     assert (state["orderId"] == "second") is taken
 
 
+@pytest.mark.clause("6.1.3")
 async def test_a_cancel_stops_the_robot_on_its_way(
     broker: Broker, peer: MqttPeer, interface_name: str, tmp_path: Path
 ) -> None:
@@ -156,6 +163,7 @@ async def test_a_cancel_stops_the_robot_on_its_way(
         assert state["agvPosition"]["x"] < 10.0
 
 
+@pytest.mark.clause("4.1/retain")
 async def test_a_retained_order_is_not_executed(
     broker: Broker, peer: MqttPeer, interface_name: str, tmp_path: Path
 ) -> None:
@@ -173,6 +181,7 @@ async def test_a_retained_order_is_not_executed(
     peer.publish(fleet.topic(Topic.ORDER), b"", retain=True)
 
 
+@pytest.mark.clause("6.5", "6.5/start", "4.1/retain", "6.10")
 async def test_connection_factsheet_and_state_come_at_the_start_and_offline_at_the_end(
     broker: Broker, peer: MqttPeer, interface_name: str, tmp_path: Path
 ) -> None:
@@ -191,6 +200,7 @@ async def test_connection_factsheet_and_state_come_at_the_start_and_offline_at_t
     assert fleet.connections == ["ONLINE", "OFFLINE"]
 
 
+@pytest.mark.clause("6.2.3/factsheetRequest", "6.10")
 async def test_a_factsheet_request_is_answered(fleet: FleetControl) -> None:
     fleet.instant(action("f", "NONE", "factsheetRequest"))
 
@@ -198,6 +208,7 @@ async def test_a_factsheet_request_is_answered(fleet: FleetControl) -> None:
     await until(lambda: len(fleet.peer.payloads(fleet.topic(Topic.FACTSHEET))) == 2)
 
 
+@pytest.mark.clause("7.7", "7.8", "7.9", "7.10/message")
 async def test_what_the_robot_publishes_fits_the_official_schemas(fleet: FleetControl) -> None:
     fleet.send(order("n0", "n1", "n2", released=2, node_actions={"n1": [action("a", "SOFT", "pick")]}))
     await fleet.state(lambda state: status_of(state, "a") == "FINISHED")
@@ -278,6 +289,7 @@ async def test_a_fault_in_the_core_costs_one_message_and_not_the_robot(
     assert state["lastNodeId"] == "n1"
 
 
+@pytest.mark.clause("6.6.5.1/keeps")
 async def test_a_driver_that_fails_is_an_error_in_the_state(
     fleet: FleetControl, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -298,6 +310,7 @@ async def test_a_driver_that_fails_is_an_error_in_the_state(
     assert not state["errors"]
 
 
+@pytest.mark.clause("6.2.3/startPause", "6.2.3/stopPause", "6.6.9")
 async def test_an_action_is_held_and_goes_on(fleet: FleetControl) -> None:
     fleet.send(order("n0", node_actions={"n0": [action("a", "HARD", "wait", duration=0.5)]}))
     await fleet.state(lambda state: status_of(state, "a") == "RUNNING")
@@ -311,6 +324,7 @@ async def test_an_action_is_held_and_goes_on(fleet: FleetControl) -> None:
     assert status_of(state, "a") == "FINISHED"
 
 
+@pytest.mark.clause("6.1.3/actions")
 async def test_a_running_action_is_cancelled_with_its_order(fleet: FleetControl) -> None:
     fleet.send(order("n0", "n1", node_actions={"n0": [action("a", "HARD", "wait", duration=60)]}))
     await fleet.state(lambda state: status_of(state, "a") == "RUNNING")
@@ -321,6 +335,7 @@ async def test_a_running_action_is_cancelled_with_its_order(fleet: FleetControl)
     assert (status_of(state, "a"), state["nodeStates"]) == ("FAILED", [])
 
 
+@pytest.mark.clause("6.2.3/initializePosition")
 async def test_a_robot_is_told_where_it_is(fleet: FleetControl) -> None:
     place: dict[str, Any] = {"x": 50.0, "y": 0.0, "theta": 1.0, "mapId": MAP, "lastNodeId": "n5"}
     fleet.instant(action("i", "NONE", "initializePosition", **place))

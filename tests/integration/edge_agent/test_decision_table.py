@@ -224,7 +224,7 @@ async def test_row_a1_another_order_is_active(robot: BenchRobot) -> None:
     await refused(robot, order("n1", "n2", order_id=new_id()), Refusal(ErrorType.OTHER_ORDER_ACTIVE))
 
 
-@pytest.mark.clause("6.1.2")
+@pytest.mark.clause("6.1.2/A2")
 async def test_row_a2_a_new_order_with_an_update_id(robot: BenchRobot) -> None:
     sent = order("n0", "n1", order_id=new_id(), update=3)
 
@@ -268,7 +268,7 @@ async def test_row_a5_a_node_to_which_no_way_leads(robot: BenchRobot) -> None:
     await robot.command("noRoute", x=30, y=0, active=False)
 
 
-@pytest.mark.clause("6.1.2", "6.6.5")
+@pytest.mark.clause("6.1.2/A6", "6.6.5")
 async def test_row_a6_an_accepted_order_ends_what_was_refused_before(robot: BenchRobot) -> None:
     await refused(robot, order("n4", "n5", order_id=new_id()), Refusal(ErrorType.START_NODE_OUT_OF_RANGE))
     await robot.command("speed", speed=1)
@@ -321,7 +321,7 @@ async def test_row_b3_the_update_that_is_held_already(robot: BenchRobot) -> None
         assert [each.node_id for each in state.node_states] == ["n2"]
 
 
-@pytest.mark.clause("6.1.2")
+@pytest.mark.clause("6.1.2/B4")
 @pytest.mark.parametrize(("node_id", "first"), [("n2", 4), ("n0", 0), ("n1", 4)])
 async def test_row_b4_an_update_that_begins_elsewhere(robot: BenchRobot, node_id: str, first: int) -> None:
     order_id = new_id()
@@ -334,7 +334,7 @@ async def test_row_b4_an_update_that_begins_elsewhere(robot: BenchRobot, node_id
     )
 
 
-@pytest.mark.clause("6.1.2")
+@pytest.mark.clause("6.1.2/stitching")
 async def test_row_b4_an_update_that_changes_the_decision_point(robot: BenchRobot) -> None:
     order_id = new_id()
     await held(robot, order_id)
@@ -349,7 +349,7 @@ async def test_row_b4_an_update_that_changes_the_decision_point(robot: BenchRobo
         assert state.action_states == ()
 
 
-@pytest.mark.clause("6.1.2")
+@pytest.mark.clause("6.1.2/B5")
 async def test_row_b5_an_update_of_an_order_that_is_done(robot: BenchRobot) -> None:
     order_id = new_id()
     robot.fleet.send(order("n0", "n1", order_id=order_id))
@@ -364,7 +364,7 @@ async def test_row_b5_an_update_of_an_order_that_is_done(robot: BenchRobot) -> N
     await robot.state(lambda state: state.last_node_id == "n2" and idle(state))
 
 
-@pytest.mark.clause("6.1.2")
+@pytest.mark.clause("6.1.2/B6")
 async def test_row_b6_an_accepted_update_takes_the_place_of_the_horizon(robot: BenchRobot) -> None:
     order_id = new_id()
     await held(robot, order_id)

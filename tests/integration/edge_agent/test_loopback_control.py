@@ -53,7 +53,7 @@ async def test_a_person_takes_the_robot_over_and_gives_it_back(robot: BenchRobot
     await robot.state(lambda state: state.operating_mode is OperatingMode.AUTOMATIC)
 
 
-@pytest.mark.clause("6.6.5", "6.6.6")
+@pytest.mark.clause("6.6.5.4/localisation", "7.8/position")
 async def test_a_lost_position_stops_the_robot_until_it_is_found(robot: BenchRobot) -> None:
     await robot.begin("n0", "n9")
     await robot.command("localization", localized=False)
@@ -65,7 +65,7 @@ async def test_a_lost_position_stops_the_robot_until_it_is_found(robot: BenchRob
     assert not errors(await robot.finish("n9"))
 
 
-@pytest.mark.clause("6.6.5.4")
+@pytest.mark.clause("6.6.5.4/unreachable", "6.6.5.1/keeps")
 async def test_a_node_that_cannot_be_reached_is_an_error_and_the_order_stays(robot: BenchRobot) -> None:
     await robot.command("speed", speed=50)
     await robot.command("unreachable", x=20, y=0)
@@ -105,7 +105,7 @@ async def test_an_order_goes_on_when_navigation_is_back(robot: BenchRobot) -> No
     assert not errors(await robot.finish("n5"))
 
 
-@pytest.mark.clause("6.6.5.1")
+@pytest.mark.clause("6.6.5.1", "6.6.5")
 @pytest.mark.parametrize("level", ErrorLevel)
 async def test_an_error_of_each_level_comes_and_goes(robot: BenchRobot, level: ErrorLevel) -> None:
     wrong: dict[str, Any] = {"errorType": "bumperWorn", "errorReferences": {"part": "left"}}
@@ -134,7 +134,7 @@ async def test_a_critical_error_stops_the_robot_for_as_long_as_it_lasts(robot: B
     await robot.finish("n9")
 
 
-@pytest.mark.clause("7.8")
+@pytest.mark.clause("7.8/safety")
 async def test_a_field_violation_stops_the_robot_until_the_field_is_free(robot: BenchRobot) -> None:
     await robot.begin("n0", "n9")
     await robot.command("fieldViolation", active=True)
@@ -145,7 +145,7 @@ async def test_a_field_violation_stops_the_robot_until_the_field_is_free(robot: 
     assert not done.safety_state.field_violation
 
 
-@pytest.mark.clause("7.8")
+@pytest.mark.clause("7.8/safety")
 @pytest.mark.parametrize("stop", [EmergencyStop.MANUAL, EmergencyStop.REMOTE])
 async def test_an_emergency_stop_lasts_until_it_is_acknowledged(
     robot: BenchRobot, stop: EmergencyStop
@@ -163,7 +163,7 @@ async def test_an_emergency_stop_lasts_until_it_is_acknowledged(
     assert done.safety_state.active_emergency_stop is EmergencyStop.NONE
 
 
-@pytest.mark.clause("6.2.3")
+@pytest.mark.clause("7.8/paused")
 async def test_the_pause_button_holds_the_robot(robot: BenchRobot) -> None:
     await robot.begin("n0", "n9")
     await robot.command("pauseButton", pressed=True)
@@ -173,6 +173,7 @@ async def test_the_pause_button_holds_the_robot(robot: BenchRobot) -> None:
     assert not (await robot.finish("n9")).paused
 
 
+@pytest.mark.clause("7.8/power")
 async def test_charging_fills_the_battery_and_driving_ends_it(robot: BenchRobot) -> None:
     await robot.command("battery", stateOfCharge=12)
     await robot.state(charged(12))
@@ -184,6 +185,7 @@ async def test_charging_fills_the_battery_and_driving_ends_it(robot: BenchRobot)
     assert not done.power_supply.charging
 
 
+@pytest.mark.clause("6.2.3/startCharging")
 async def test_an_action_that_charges_fills_the_battery_too(robot: BenchRobot) -> None:
     await robot.command("battery", stateOfCharge=20)
     await robot.begin("n0", node_actions={"n0": [action(f"charge-{id(robot)}", "HARD", "startCharging")]})
@@ -208,7 +210,7 @@ async def test_the_robot_keeps_to_the_speed_that_is_set(robot: BenchRobot) -> No
     await robot.finish("n1")
 
 
-@pytest.mark.clause("6.5", "4.1")
+@pytest.mark.clause("4.1/will", "4.1")
 async def test_a_robot_that_falls_silent_is_broken_until_it_is_back(robot: BenchRobot) -> None:
     await robot.command("linkSilence", seconds=0.3)
 
@@ -252,7 +254,7 @@ async def test_what_is_no_command_at_all_is_answered_as_well(robot: BenchRobot, 
     assert robot.answers[-1]["problems"]
 
 
-@pytest.mark.clause("6.2.3", "6.6.9")
+@pytest.mark.clause("6.6.9/failed", "6.2.3/pick")
 async def test_actions_for_rehearsal_fail_and_succeed_as_they_say(robot: BenchRobot) -> None:
     await robot.command("pauseButton", pressed=False)
     run = uuid4().hex

@@ -16,7 +16,7 @@ from support.http_files import served_files
 from support.robot_core import MAP, action, order
 from support.schemas import schema_problems
 
-pytestmark = [pytest.mark.broker, pytest.mark.clause("6.3", "6.2.3")]
+pytestmark = pytest.mark.broker
 
 
 def maps(state: dict[str, Any]) -> dict[tuple[str, str], str]:
@@ -27,6 +27,7 @@ def in_attic(x: float) -> NodePosition:
     return NodePosition(x=x, y=0.0, map_id="attic")
 
 
+@pytest.mark.clause("6.3", "6.2.3/downloadMap", "6.2.3/enableMap", "6.1.4.10")
 @pytest.mark.parametrize(("version", "error_type"), [("2.1.0", "orderError"), ("3.0.0", "UNKNOWN_MAP_ID")])
 async def test_a_map_is_brought_and_the_robot_drives_on_it(
     broker: Broker, interface_name: str, tmp_path: Path, version: str, error_type: str

@@ -21,6 +21,7 @@ SLOW = ("--loopback.speed", "10", "--loopback.turn_rate", "50", "--loopback.pose
 WAY = ("n0", "n1", "n2", "n3")
 
 
+@pytest.mark.clause("4.1/will", "6.5")
 async def test_the_last_will_tells_of_a_killed_agent(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
@@ -41,6 +42,7 @@ async def test_the_last_will_tells_of_a_killed_agent(
         assert json.loads(will.payload)["connectionState"] == "CONNECTIONBROKEN"
 
 
+@pytest.mark.clause("6.5")
 async def test_an_agent_that_is_told_to_end_says_so(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
@@ -92,6 +94,7 @@ async def test_an_order_goes_on_after_kill_9(broker: Broker, interface_name: str
         assert all(status_of(each, "a") == "FINISHED" for each in fleet.states[after:])
 
 
+@pytest.mark.clause("6.2.3/startPause")
 async def test_a_paused_robot_is_still_paused_after_kill_9(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
@@ -115,6 +118,7 @@ async def test_a_paused_robot_is_still_paused_after_kill_9(
         assert (await fleet.state(ended("o1")))["lastNodeId"] == "n3"
 
 
+@pytest.mark.clause("4.1/offline", "4.1", "6.5/start")
 async def test_the_robot_drives_on_without_a_broker_and_is_right_when_it_is_back(
     own_broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:

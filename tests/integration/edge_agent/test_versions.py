@@ -17,7 +17,7 @@ pytestmark = pytest.mark.broker
 VERSIONS = ("2.0.0", "2.1.0", "3.0.0")
 
 
-@pytest.mark.clause("4.2", "7.2")
+@pytest.mark.clause("4.2", "7.2", "7.7", "7.8", "7.9", "7.10/message")
 @pytest.mark.parametrize("version", VERSIONS)
 async def test_an_order_is_done_and_every_message_is_of_the_version(
     broker: Broker, interface_name: str, tmp_path: Path, version: str

@@ -18,7 +18,7 @@ from support.robot_core import action, order
 from support.schemas import schema_problems
 from support.zones import responses, transfer, zone
 
-pytestmark = [pytest.mark.broker, pytest.mark.clause("6.4", "6.4.1", "6.4.2", "6.4.3", "6.9")]
+pytestmark = pytest.mark.broker
 
 WALL = zone("wall", "BLOCKED", 13, 17)
 GATE = zone("gate", "RELEASE", 13, 17)
@@ -54,6 +54,7 @@ async def enable(fleet: FleetControl, zone_set_id: str) -> None:
     await fleet.state(lambda state: sets(state).get(zone_set_id) == "ENABLED")
 
 
+@pytest.mark.clause("6.4/BLOCKED", "6.4.1", "6.4.2", "6.1.4.8")
 async def test_an_order_through_a_blocked_zone_is_refused_while_its_set_is_enabled(
     fleet: FleetControl,
 ) -> None:
@@ -70,6 +71,7 @@ async def test_an_order_through_a_blocked_zone_is_refused_while_its_set_is_enabl
     await fleet.state(ended("o1"))
 
 
+@pytest.mark.clause("6.4.3", "6.9")
 async def test_a_release_zone_is_asked_for_entered_and_given_back(fleet: FleetControl) -> None:
     fleet.publish(Topic.ZONE_SET, transfer(GATE))
     await enable(fleet, "s1")
@@ -88,6 +90,7 @@ async def test_a_release_zone_is_asked_for_entered_and_given_back(fleet: FleetCo
     await fleet.state(lambda state: requested(state) == {} and state["lastNodeId"] == "n2")
 
 
+@pytest.mark.clause("6.4.1")
 async def test_a_set_that_was_brought_twice_is_said(fleet: FleetControl) -> None:
     fleet.publish(Topic.ZONE_SET, transfer(WALL))
     fleet.publish(Topic.ZONE_SET, transfer(GATE))
@@ -97,6 +100,7 @@ async def test_a_set_that_was_brought_twice_is_said(fleet: FleetControl) -> None
     assert sets(state) == {"s1": "DISABLED"}
 
 
+@pytest.mark.clause("6.2.3/downloadZoneSet")
 async def test_a_set_is_fetched_when_told_to(fleet: FleetControl) -> None:
     with served_files() as files:
         link = files.put("/zones.json", CODEC.encode(transfer(WALL)))
@@ -106,6 +110,7 @@ async def test_a_set_is_fetched_when_told_to(fleet: FleetControl) -> None:
     assert sets(state) == {"s1": "DISABLED"}
 
 
+@pytest.mark.clause("7.6")
 async def test_what_is_no_zone_set_is_refused(fleet: FleetControl) -> None:
     fleet.peer.publish(fleet.topic(Topic.ZONE_SET), b'{"zoneSet": {}}')
 

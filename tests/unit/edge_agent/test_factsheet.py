@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import json
 
+import pytest
+
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.settings import OperationSettings
 from nena_edge_agent.actions.timed_operation import TimedOperation
@@ -22,6 +24,7 @@ def factsheet(*operations: OperationSettings, **changes: object) -> Factsheet:
     return make_factsheet(HEADER, settings, make_capabilities(settings, registry))
 
 
+@pytest.mark.clause("6.10", "6.2.3")
 def test_it_lists_exactly_the_actions_that_the_robot_does() -> None:
     lift = OperationSettings(
         action_type="lift",
@@ -51,6 +54,7 @@ def test_it_lists_exactly_the_actions_that_the_robot_does() -> None:
     assert (duration.key, duration.is_optional) == ("duration", False)
 
 
+@pytest.mark.clause("6.10")
 def test_it_follows_the_settings() -> None:
     sheet = factsheet(
         interval={"state_minimum": 0.5, "state_maximum": 10.0, "visualization": 0},
@@ -66,6 +70,7 @@ def test_it_follows_the_settings() -> None:
     assert sheet.load_specification.load_positions == ()
 
 
+@pytest.mark.clause("6.10/parameters", "7.3/speed")
 def test_a_limit_of_speed_is_offered_only_where_the_driver_keeps_it() -> None:
     offered = {
         driver: {each.parameter for each in factsheet(driver=driver).protocol_features.optional_parameters}
@@ -76,6 +81,7 @@ def test_a_limit_of_speed_is_offered_only_where_the_driver_keeps_it() -> None:
     assert "order.nodes.nodePosition.theta" in offered["nav2"]
 
 
+@pytest.mark.clause("7.10/message")
 def test_it_fits_the_official_schema() -> None:
     payload = CODEC.encode(factsheet(OperationSettings(action_type="pick", load="take")))
 

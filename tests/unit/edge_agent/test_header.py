@@ -2,11 +2,14 @@ from __future__ import annotations
 
 from datetime import timedelta
 
+import pytest
+
 from nena_edge_agent.header import WRAP, HeaderMaker
 from nena_shared.clock import ManualClock
 from nena_shared.vda5050.topics import RobotKey, Topic
 
 
+@pytest.mark.clause("7.2/headerId", "7.2")
 def test_each_topic_is_counted_for_itself_from_0() -> None:
     clock = ManualClock()
     maker = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=clock)
@@ -22,6 +25,7 @@ def test_each_topic_is_counted_for_itself_from_0() -> None:
     assert (maker.last_id(Topic.STATE), maker.last_id(Topic.FACTSHEET)) == (1, 0)
 
 
+@pytest.mark.clause("7.2/headerId")
 def test_the_count_stays_within_32_bits() -> None:
     maker = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=ManualClock())
     maker._counts[Topic.STATE] = WRAP - 1

@@ -54,6 +54,7 @@ def test_good_instant_actions_become_an_event() -> None:
     assert event.message.actions[0].action_id == "a"
 
 
+@pytest.mark.clause("4.1/retain")
 def test_a_retained_message_is_passed_over() -> None:
     desk = Desk()
 
@@ -73,6 +74,7 @@ def test_an_empty_message_only_clears_what_the_broker_keeps(*, retained: bool) -
     assert desk.inbox.counts == InboxCounts()
 
 
+@pytest.mark.clause("6.1.4.1")
 @pytest.mark.parametrize("payload", [b" ", b"\xff", b"[]", b'"order"', b"{}", b"null"])
 def test_rubbish_is_refused_and_counted(payload: bytes) -> None:
     desk = Desk()
@@ -83,6 +85,7 @@ def test_rubbish_is_refused_and_counted(payload: bytes) -> None:
     assert desk.inbox.counts.malformed == 1
 
 
+@pytest.mark.clause("6.1.4.1", "6.6.5.2")
 def test_what_can_be_read_of_a_broken_message_is_referenced() -> None:
     desk = Desk()
     content = json.loads(CODEC.encode(order("n0", "n1", order_id="o7", update=2)))
@@ -93,6 +96,7 @@ def test_what_can_be_read_of_a_broken_message_is_referenced() -> None:
     assert desk.refusal == {"topic": "order", "headerId": "7", "orderId": "o7", "orderUpdateId": "2"}
 
 
+@pytest.mark.clause("7.2")
 def test_a_message_for_another_robot_is_refused() -> None:
     desk = Desk(serial="0002")
 

@@ -52,6 +52,7 @@ async def test_a_mission_goes_its_whole_way(fleet: WiredFleet, robot: WiredRobot
     ]
 
 
+@pytest.mark.clause("7.2", "4.1/retain", "6.1.2/A2", "7.2/headerId")
 async def test_what_is_sent_is_what_the_standard_wants(
     fleet: WiredFleet, robot: WiredRobot, broker: Broker, interface_name: str
 ) -> None:
@@ -73,6 +74,7 @@ async def test_what_is_sent_is_what_the_standard_wants(
     assert cancel["headerId"] == 0
 
 
+@pytest.mark.clause("6.1.2/confirm", "7.2/headerId")
 async def test_an_order_is_sent_again_with_new_headers_until_it_is_heard(
     fleet: WiredFleet, robot: WiredRobot
 ) -> None:
@@ -88,6 +90,7 @@ async def test_an_order_is_sent_again_with_new_headers_until_it_is_heard(
     assert robot.robot.accepted == ["m"]
 
 
+@pytest.mark.clause("6.1.2/confirm")
 async def test_an_order_that_is_never_heard_fails(fleet: WiredFleet, robot: WiredRobot) -> None:
     await free(fleet)
     robot.deaf = True
@@ -98,6 +101,7 @@ async def test_an_order_that_is_never_heard_fails(fleet: WiredFleet, robot: Wire
     assert robot.received["m"] == 5
 
 
+@pytest.mark.clause("6.1.4/fleet")
 async def test_a_refused_order_fails_with_the_robots_words(broker: Broker, interface_name: str) -> None:
     far = HonestRobot(position=(50.0, 0.0, 0.0))
     async with (
@@ -111,6 +115,7 @@ async def test_a_refused_order_fails_with_the_robots_words(broker: Broker, inter
     assert failed.details == ("noRouteError: no",)
 
 
+@pytest.mark.clause("6.1.3/fleet")
 async def test_a_cancelled_mission_is_cancelled_at_the_robot(fleet: WiredFleet, robot: WiredRobot) -> None:
     await free(fleet)
     fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B"))
@@ -121,6 +126,7 @@ async def test_a_cancelled_mission_is_cancelled_at_the_robot(fleet: WiredFleet, 
     assert robot.received == {"m": 1, "cancelOrder": 1}
 
 
+@pytest.mark.clause("6.5/fleet")
 async def test_the_last_will_and_silence_are_told_apart(
     fleet: WiredFleet, broker: Broker, interface_name: str
 ) -> None:
@@ -206,6 +212,7 @@ async def test_a_mission_is_adopted_by_a_new_process(
     assert robot.received == {"m": 1}
 
 
+@pytest.mark.clause("7.2/version", "4.2")
 @pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
 async def test_a_robot_is_driven_in_its_own_version(
     fleet: WiredFleet, broker: Broker, interface_name: str, version: str

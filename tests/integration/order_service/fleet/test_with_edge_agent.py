@@ -66,6 +66,7 @@ async def start(fleet: WiredFleet, name: str, goal: str | Coordinate, operation:
     fleet.fleet.start_mission(AGENT, mission)
 
 
+@pytest.mark.clause("6.2.3/pick")
 async def test_drive_and_pick(fleet: WiredFleet, broker: Broker, interface_name: str, tmp_path: Path) -> None:
     async with running_agent(agent_settings(broker, interface_name, tmp_path)):
         await start(fleet, "m-0", "C", "Load cargo")
@@ -82,6 +83,7 @@ async def test_drive_and_pick(fleet: WiredFleet, broker: Broker, interface_name:
         assert (state.last_node_id, state.loads) == ("A", ())
 
 
+@pytest.mark.clause("7.10")
 async def test_an_operation_that_the_robot_cannot_do_is_refused(
     fleet: WiredFleet, broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
@@ -99,6 +101,7 @@ def slow() -> dict[str, Any]:
     return {"loopback": QUICK | {"speed": 0.6}}
 
 
+@pytest.mark.clause("6.1.3/after", "6.1.1/first")
 async def test_cancel_on_the_way_and_go_on_from_there(
     fleet: WiredFleet, broker: Broker, interface_name: str, tmp_path: Path, slow: dict[str, Any]
 ) -> None:
@@ -112,6 +115,7 @@ async def test_cancel_on_the_way_and_go_on_from_there(
         await fleet.wait_for("MissionFinished")
 
 
+@pytest.mark.clause("6.2.3/startPause", "6.2.3/stopPause")
 async def test_pause_and_go_on(
     fleet: WiredFleet, broker: Broker, interface_name: str, tmp_path: Path, slow: dict[str, Any]
 ) -> None:

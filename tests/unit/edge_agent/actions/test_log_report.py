@@ -14,7 +14,7 @@ from nena_shared.vda5050.action import ActionStatus
 from support.robot_core import action
 from support.waiting import until
 
-pytestmark = pytest.mark.clause("6.2.3")
+pytestmark = pytest.mark.clause("6.2.3/logReport")
 
 
 async def write(folder: Path, *, keep: int = 20) -> ActionReport:

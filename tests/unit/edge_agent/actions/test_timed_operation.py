@@ -41,11 +41,13 @@ async def test_it_runs_and_is_finished_after_its_time() -> None:
     assert (end.status, end.loads, end.charging) == (ActionStatus.FINISHED, None, None)
 
 
+@pytest.mark.clause("6.2.3/pick", "7.8/loads")
 async def test_taking_loads_the_robot_and_giving_unloads_it() -> None:
     assert (await Trial(load="take").ends()).loads == (Load(load_id="box", load_type="EPAL"),)
     assert (await Trial(BOX, load="give").ends()).loads == ()
 
 
+@pytest.mark.clause("6.2.3/pick")
 @pytest.mark.parametrize(("load", "loads"), [("take", BOX), ("give", ())])
 async def test_a_load_that_does_not_fit_fails_at_once(load: str, loads: tuple[Load, ...]) -> None:
     trial = Trial(loads, load=load)
@@ -55,6 +57,7 @@ async def test_a_load_that_does_not_fit_fails_at_once(load: str, loads: tuple[Lo
     assert report.result
 
 
+@pytest.mark.clause("6.2.3/startCharging")
 @pytest.mark.parametrize("charging", [True, False])
 async def test_it_may_say_whether_the_robot_charges(charging: bool) -> None:  # noqa: FBT001
     assert (await Trial(charging=charging).ends()).charging is charging

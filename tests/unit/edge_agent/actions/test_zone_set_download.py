@@ -17,7 +17,7 @@ from support.robot_core import action
 from support.waiting import until
 from support.zones import transfer, zone, zone_set
 
-pytestmark = pytest.mark.clause("6.2.3")
+pytestmark = pytest.mark.clause("6.2.3/downloadZoneSet")
 
 WALL = zone("wall", "BLOCKED", 4, 6)
 

@@ -20,7 +20,7 @@ from support.http_files import Files, served_files
 from support.robot_core import action
 from support.waiting import until
 
-pytestmark = pytest.mark.clause("6.2.3", "6.3")
+pytestmark = pytest.mark.clause("6.3")
 
 
 class Stage:
@@ -61,6 +61,7 @@ def versions(report: ActionReport) -> dict[str, str]:
     return {each.map_version: each.map_status.value for each in report.maps or ()}
 
 
+@pytest.mark.clause("6.2.3/downloadMap", "6.2.3/enableMap", "6.2.3/deleteMap")
 async def test_a_map_is_fetched_enabled_and_deleted(stage: Stage) -> None:
     link = stage.files.put("/hall-2", b"walls")
 
@@ -72,6 +73,7 @@ async def test_a_map_is_fetched_enabled_and_deleted(stage: Stage) -> None:
     assert versions(await stage.play("deleteMap", "1")) == {"2": "ENABLED"}
 
 
+@pytest.mark.clause("6.2.3/downloadMap")
 async def test_a_map_that_is_there_is_not_fetched_again(stage: Stage) -> None:
     report = await stage.play("downloadMap", "1", mapDownloadLink="http://127.0.0.1:1/nobody")
 
@@ -82,6 +84,7 @@ async def test_a_map_that_is_there_is_not_fetched_again(stage: Stage) -> None:
     assert references == {"actionId": "a", "mapId": "hall", "mapVersion": "1"}
 
 
+@pytest.mark.clause("6.2.3/enableMap", "6.2.3/deleteMap")
 @pytest.mark.parametrize(
     ("action_type", "version"), [("enableMap", "9"), ("deleteMap", "9"), ("deleteMap", "1")]
 )
@@ -92,6 +95,7 @@ async def test_what_cannot_be_done_fails_with_a_reason(stage: Stage, action_type
     assert report.result
 
 
+@pytest.mark.clause("6.2.3/downloadMap")
 async def test_a_link_that_leads_nowhere_fails(stage: Stage) -> None:
     report = await stage.play("downloadMap", "2", mapDownloadLink=f"{stage.files.address}/none")
 

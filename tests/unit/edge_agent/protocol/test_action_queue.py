@@ -16,6 +16,7 @@ def queue(*kinds: str) -> ActionQueue:
     return made
 
 
+@pytest.mark.clause("6.2.2")
 @pytest.mark.parametrize(
     ("kinds", "runnable", "driving"),
     [
@@ -41,6 +42,7 @@ def test_what_may_run_and_whether_the_robot_may_drive(
     assert made.driving_allowed is driving
 
 
+@pytest.mark.clause("6.2.2")
 def test_an_ended_action_leaves_the_queue_and_lets_the_next_ones_run() -> None:
     made = queue("Na", "Hb", "Nc")
 
@@ -50,11 +52,13 @@ def test_an_ended_action_leaves_the_queue_and_lets_the_next_ones_run() -> None:
     assert (made.runnable(), made.driving_allowed) == (["Nc"], True)
 
 
+@pytest.mark.clause("6.2.2")
 def test_a_node_lets_drive_unless_an_action_wants_the_robot_to_stand() -> None:
     assert lets_drive([action("a", "NONE"), action("b", "SINGLE")])
     assert not lets_drive([action("a", "NONE"), action("b", "SOFT")])
 
 
+@pytest.mark.clause("6.2.2")
 def test_the_example_of_the_standard() -> None:
     """[N1, H1, N2, H2, N3]: stop; N1; then H1 alone; N2; H2 alone; N3, now driving is allowed."""
     names = ["N1", "H1", "N2", "H2", "N3"]
@@ -72,6 +76,7 @@ def test_the_example_of_the_standard() -> None:
     assert len(bench.goals) == 1
 
 
+@pytest.mark.clause("6.2.2", "6.6.9/failed")
 def test_a_failed_action_does_not_hold_back_the_others() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", node_actions={"n0": [action("a", "HARD"), action("b", "HARD")]}))
@@ -83,6 +88,7 @@ def test_a_failed_action_does_not_hold_back_the_others() -> None:
     assert len(bench.goals) == 1
 
 
+@pytest.mark.clause("6.2.2/outlive")
 def test_actions_of_a_node_may_outlive_it() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", node_actions={"n0": [action("a")], "n1": [action("b", "HARD")]}))

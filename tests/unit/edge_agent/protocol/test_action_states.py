@@ -16,6 +16,7 @@ def states(status: str) -> ActionStates:
     return made
 
 
+@pytest.mark.clause("6.6.9")
 @pytest.mark.parametrize("ended", ["FINISHED", "FAILED"])
 @pytest.mark.parametrize("to", list(ActionStatus))
 def test_an_ended_action_stays_ended(ended: str, to: ActionStatus) -> None:
@@ -25,6 +26,7 @@ def test_an_ended_action_stays_ended(ended: str, to: ActionStatus) -> None:
     assert made.states[0].action_status == ended
 
 
+@pytest.mark.clause("6.6.9")
 @pytest.mark.parametrize(
     ("old", "new", "allowed"),
     [

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from nena_edge_agent.protocol.errors import LIMIT, ActiveErrors, Until
 from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
 
@@ -14,6 +16,7 @@ def lost(text: str = "lost") -> ErrorEntry:
     return error(ErrorType.LOCALIZATION_ERROR, text)
 
 
+@pytest.mark.clause("6.6.5")
 def test_there_is_one_entry_per_type_and_references() -> None:
     errors = ActiveErrors()
     errors.show(refusal("o1"), Until.ORDER_ACCEPTED)
@@ -33,6 +36,7 @@ def test_the_same_error_again_is_no_change() -> None:
     assert errors.revision == revision
 
 
+@pytest.mark.clause("6.6.5")
 def test_an_error_ends_with_its_own_cause_only() -> None:
     errors = ActiveErrors()
     errors.show(refusal("o1"), Until.ORDER_ACCEPTED)
@@ -44,6 +48,7 @@ def test_an_error_ends_with_its_own_cause_only() -> None:
     assert list(errors.entries) == [lost()]
 
 
+@pytest.mark.clause("6.6.5")
 def test_a_condition_is_shown_once_and_goes_with_its_cause() -> None:
     errors = ActiveErrors()
     errors.condition(ErrorType.LOCALIZATION_ERROR, lost("a"))
@@ -63,6 +68,7 @@ def test_a_condition_about_something_else_replaces_the_old_one() -> None:
     assert list(errors.entries) == [entry]
 
 
+@pytest.mark.clause("6.6.5")
 def test_the_number_of_errors_is_bounded_and_the_oldest_goes() -> None:
     errors = ActiveErrors()
     for number in range(LIMIT + 1):
@@ -72,6 +78,7 @@ def test_the_number_of_errors_is_bounded_and_the_oldest_goes() -> None:
     assert errors.entries[0] == refusal("o1")
 
 
+@pytest.mark.clause("6.6.5")
 def test_a_message_sent_again_under_another_header_id_is_no_other_error() -> None:
     errors = ActiveErrors()
     for number in (1, 2):
@@ -81,6 +88,7 @@ def test_a_message_sent_again_under_another_header_id_is_no_other_error() -> Non
     assert errors.entries == (entry,)
 
 
+@pytest.mark.clause("6.6.5")
 def test_refusals_do_not_push_out_why_the_robot_stands() -> None:
     errors = ActiveErrors()
     stands = error(ErrorType.NODE_UNREACHABLE, "blocked", node_id="n1")

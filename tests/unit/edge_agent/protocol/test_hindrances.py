@@ -28,6 +28,7 @@ HINDRANCES: list[tuple[str, Event, Event]] = [
 NAMES = [each[0] for each in HINDRANCES]
 
 
+@pytest.mark.clause("6.6.5.1", "7.8/safety")
 @pytest.mark.parametrize(("_", "begin", "end"), HINDRANCES, ids=NAMES)
 def test_a_hindrance_stops_the_drive_and_its_end_gives_the_goal_again(
     _: str, begin: Event, end: Event
@@ -44,6 +45,7 @@ def test_a_hindrance_stops_the_drive_and_its_end_gives_the_goal_again(
     assert [goal.generation for goal in bench.goals] == [1, 2]
 
 
+@pytest.mark.clause("6.6.5.1", "7.8/safety")
 @pytest.mark.parametrize(("_", "begin", "end"), HINDRANCES, ids=NAMES)
 def test_a_hindrance_holds_the_actions_that_can_be_held(_: str, begin: Event, end: Event) -> None:
     bench = Bench()
@@ -57,6 +59,7 @@ def test_a_hindrance_holds_the_actions_that_can_be_held(_: str, begin: Event, en
     assert [effect.action_id for effect in bench.effects_of(ResumeAction)] == []  # it never said PAUSED
 
 
+@pytest.mark.clause("6.6.5.1")
 @pytest.mark.parametrize("level", [ErrorLevel.WARNING, ErrorLevel.URGENT])
 def test_with_a_small_error_the_robot_goes_on(level: ErrorLevel) -> None:
     bench = Bench()
@@ -69,6 +72,7 @@ def test_with_a_small_error_the_robot_goes_on(level: ErrorLevel) -> None:
     assert not bench.errors
 
 
+@pytest.mark.clause("6.2.3/stopPause", "7.8/paused")
 def test_the_pause_button_is_a_pause_that_fleet_control_cannot_end() -> None:
     bench = Bench()
     bench.do(PauseButton(pressed=True))
@@ -81,6 +85,7 @@ def test_the_pause_button_is_a_pause_that_fleet_control_cannot_end() -> None:
     assert not bench.state.paused
 
 
+@pytest.mark.clause("7.8/paused")
 def test_a_pause_of_fleet_control_outlives_the_button() -> None:
     bench = Bench()
     bench.instant(action("p", "NONE", "startPause"))
@@ -89,6 +94,7 @@ def test_a_pause_of_fleet_control_outlives_the_button() -> None:
     assert bench.state.paused
 
 
+@pytest.mark.clause("7.8/safety")
 def test_the_state_shows_emergency_stop_and_field_at_once() -> None:
     bench = Bench()
 

@@ -12,6 +12,7 @@ from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from support.robot_core import Bench, action, order
 
 
+@pytest.mark.clause("6.2.3/stateRequest")
 def test_a_state_request_is_finished_in_the_state_that_it_asks_for() -> None:
     bench = Bench()
 
@@ -21,6 +22,7 @@ def test_a_state_request_is_finished_in_the_state_that_it_asks_for() -> None:
     assert bench.status("i") == "FINISHED"
 
 
+@pytest.mark.clause("6.2.3/factsheetRequest")
 def test_a_factsheet_request_sends_the_factsheet() -> None:
     bench = Bench()
 
@@ -30,6 +32,7 @@ def test_a_factsheet_request_sends_the_factsheet() -> None:
     assert bench.status("i") == "FINISHED"
 
 
+@pytest.mark.clause("6.2.1/refused", "6.6.5")
 @pytest.mark.parametrize("wrong", ["dance", "lift"], ids=["unknown", "wrong scope"])
 def test_what_cannot_be_done_fails_with_an_error_until_the_next_is_accepted(wrong: str) -> None:
     bench = Bench()
@@ -47,6 +50,7 @@ def test_what_cannot_be_done_fails_with_an_error_until_the_next_is_accepted(wron
     assert not bench.errors
 
 
+@pytest.mark.clause("6.2.1")
 def test_each_action_of_a_message_is_judged_for_itself() -> None:
     bench = Bench()
 
@@ -56,6 +60,7 @@ def test_each_action_of_a_message_is_judged_for_itself() -> None:
     assert [effect.action.action_id for effect in bench.effects_of(StartAction)] == ["j"]
 
 
+@pytest.mark.clause("6.2.1/again")
 def test_an_action_that_comes_again_does_not_run_twice() -> None:
     bench = Bench()
     bench.instant(action("i"))
@@ -68,6 +73,7 @@ def test_an_action_that_comes_again_does_not_run_twice() -> None:
     assert bench.status("i") == "FINISHED"
 
 
+@pytest.mark.clause("6.2.1", "6.2.1/blocking", "6.6.8")
 def test_an_instant_action_does_not_stop_the_drive() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
@@ -81,6 +87,7 @@ def test_an_instant_action_does_not_stop_the_drive() -> None:
     assert bench.status("i") == "RUNNING"
 
 
+@pytest.mark.clause("6.2.1")
 def test_a_failed_instant_action_is_shown_with_its_reason() -> None:
     bench = Bench()
     bench.instant(action("i"))
@@ -91,6 +98,7 @@ def test_a_failed_instant_action_is_shown_with_its_reason() -> None:
     assert bench.state.instant_action_states[0].action_result == "broken"
 
 
+@pytest.mark.clause("6.1.1/ids")
 def test_the_id_of_an_action_of_the_order_is_refused() -> None:
     bench = Bench()
     bench.send(order("n0", node_actions={"n0": [action("a", "HARD")]}))
@@ -101,6 +109,7 @@ def test_the_id_of_an_action_of_the_order_is_refused() -> None:
     assert bench.statuses() == {"a": "INITIALIZING"}
 
 
+@pytest.mark.clause("6.6.9/instant")
 def test_ended_states_go_with_the_next_order_and_running_ones_stay() -> None:
     bench = Bench()
     bench.instant(action("i"), action("j", "NONE", "stateRequest"))
@@ -111,6 +120,7 @@ def test_ended_states_go_with_the_next_order_and_running_ones_stay() -> None:
     assert [state.action_id for state in bench.state.instant_action_states] == ["i"]
 
 
+@pytest.mark.clause("6.2.1/limits")
 def test_the_number_of_states_is_bounded_and_the_oldest_ended_go_first() -> None:
     bench = Bench()
     bench.instant(action("running"))
@@ -124,6 +134,7 @@ def test_the_number_of_states_is_bounded_and_the_oldest_ended_go_first() -> None
     assert ids[-1] == f"i{STATES_KEPT + 4}"
 
 
+@pytest.mark.clause("6.2.1/limits")
 def test_a_message_with_too_many_actions_is_refused_as_a_whole() -> None:
     bench = Bench()
 
@@ -137,6 +148,7 @@ def test_a_message_with_too_many_actions_is_refused_as_a_whole() -> None:
     assert not bench.errors
 
 
+@pytest.mark.clause("6.2.1/limits")
 def test_no_more_actions_are_begun_than_states_are_shown() -> None:
     bench = Bench()
 
@@ -161,7 +173,7 @@ def test_a_state_does_not_repeat_a_long_descriptor() -> None:
     assert state.action_descriptor == "x" * DESCRIPTOR_SHOWN
 
 
-@pytest.mark.clause("6.2.3", "6.6.9")
+@pytest.mark.clause("6.2.3/clearInstantActions", "6.6.9/instant")
 def test_ended_instant_actions_stay_until_they_are_cleared_or_a_new_order_comes() -> None:
     new, old = Bench(rules=RULES["3.0.0"]), Bench(rules=RULES["2.1.0"])
     for bench in (new, old):

@@ -113,7 +113,7 @@ def test_orders_are_refused_as_soon_as_the_mode_is_switched(version: str) -> Non
     assert bench.errors == ["MOBILE_ROBOT_NOT_AVAILABLE"]
 
 
-@pytest.mark.clause("6.6.5.1")
+@pytest.mark.clause("6.6.5.1", "6.1.4.9")
 @VERSIONS
 def test_a_robot_with_a_fatal_error_takes_no_orders(version: str) -> None:
     bench, entry = Bench(rules=RULES[version]), ErrorEntry(error_type="x", error_level=ErrorLevel.FATAL)
@@ -126,7 +126,7 @@ def test_a_robot_with_a_fatal_error_takes_no_orders(version: str) -> None:
     assert not bench.errors
 
 
-@pytest.mark.clause("6.6.6")
+@pytest.mark.clause("6.6.6", "6.2.3/stateRequest")
 @VERSIONS
 @CLEARING
 def test_instant_actions_that_do_something_fail(version: str, mode: OperatingMode) -> None:
@@ -139,7 +139,7 @@ def test_instant_actions_that_do_something_fail(version: str, mode: OperatingMod
     assert not bench.state.paused
 
 
-@pytest.mark.clause("6.6.6")
+@pytest.mark.clause("6.6.6/INTERVENED")
 @VERSIONS
 def test_an_operator_who_intervenes_holds_the_order_and_gives_it_back(version: str) -> None:
     bench = driving(version)
@@ -157,7 +157,7 @@ def test_an_operator_who_intervenes_holds_the_order_and_gives_it_back(version: s
     assert bench.idle
 
 
-@pytest.mark.clause("6.6.6")
+@pytest.mark.clause("6.6.6/INTERVENED")
 @VERSIONS
 def test_while_an_operator_intervenes_an_order_is_taken_and_run_later(version: str) -> None:
     bench = Bench(rules=RULES[version])
@@ -170,7 +170,7 @@ def test_while_an_operator_intervenes_an_order_is_taken_and_run_later(version: s
     assert (bench.status("a"), len(bench.goals)) == ("INITIALIZING", 1)
 
 
-@pytest.mark.clause("6.6.6", "6.1.3")
+@pytest.mark.clause("6.6.6/INTERVENED", "6.1.3")
 @VERSIONS
 def test_while_an_operator_intervenes_only_cancel_order_is_taken(version: str) -> None:
     bench = driving(version)
@@ -183,7 +183,7 @@ def test_while_an_operator_intervenes_only_cancel_order_is_taken(version: str) -
     assert bench.idle
 
 
-@pytest.mark.clause("6.6.6", "6.6.7")
+@pytest.mark.clause("6.6.7/node")
 @pytest.mark.parametrize(
     ("version", "kept"), [("2.0.0", "n1"), ("2.1.0", "n1"), ("3.0.0", "")], ids=["2.0", "2.1", "3.0"]
 )
@@ -199,7 +199,7 @@ def test_the_last_node_is_forgotten_where_the_version_says_so(
     assert bench.state.last_node_id == kept
 
 
-@pytest.mark.clause("6.6.6")
+@pytest.mark.clause("6.6.7/node")
 @pytest.mark.parametrize(
     ("version", "kept"), [("2.0.0", "n1"), ("2.1.0", "n1"), ("3.0.0", "")], ids=["2.0", "2.1", "3.0"]
 )
@@ -214,7 +214,7 @@ def test_in_manual_the_last_node_is_forgotten_when_the_robot_is_driven_away(vers
     assert bench.state.last_node_id == kept
 
 
-@pytest.mark.clause("6.1.2", "6.6.7")
+@pytest.mark.clause("6.1.2/cleared")
 @VERSIONS
 def test_after_clearing_an_update_is_taken_only_where_the_base_ended(version: str) -> None:
     bench = driving(version)
@@ -228,7 +228,7 @@ def test_after_clearing_an_update_is_taken_only_where_the_base_ended(version: st
     assert (bench.nodes, bench.errors) == (["n3"], [])
 
 
-@pytest.mark.clause("6.1.2", "6.6.7")
+@pytest.mark.clause("6.1.2/cleared")
 @VERSIONS
 def test_after_clearing_an_update_far_from_the_end_of_the_base_is_refused(version: str) -> None:
     bench = driving(version)
@@ -241,6 +241,7 @@ def test_after_clearing_an_update_far_from_the_end_of_the_base_is_refused(versio
     assert bench.errors == [RULES[version].wrong_stitching_node]
 
 
+@pytest.mark.clause("6.6.6")
 @VERSIONS
 def test_the_mode_outlives_a_restart_of_the_agent(version: str) -> None:
     bench = Bench(rules=RULES[version])
@@ -252,6 +253,7 @@ def test_the_mode_outlives_a_restart_of_the_agent(version: str) -> None:
     assert again.state.operating_mode is OperatingMode.MANUAL
 
 
+@pytest.mark.clause("6.6.7")
 @VERSIONS
 def test_a_clearing_outlives_a_restart_of_the_agent(version: str) -> None:
     bench = driving(version, node_actions={"n0": [action("a", "HARD", "press")]})

@@ -59,6 +59,7 @@ def refused(bench: Bench, wrong: Order) -> ErrorEntry:
     return new
 
 
+@pytest.mark.clause("6.1.4.1")
 def test_row_1_a_malformed_message_is_shown_and_changes_nothing() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
@@ -72,12 +73,14 @@ def test_row_1_a_malformed_message_is_shown_and_changes_nothing() -> None:
     assert bench.state.model_copy(update={"errors": ()}) == before
 
 
+@pytest.mark.clause("6.1.4.1")
 def test_row_1_an_order_without_an_id_is_refused_and_not_taken_for_the_one_that_is_held() -> None:
     entry = refused(Bench(), order("n0", "n1", order_id=""))
 
     assert entry.error_type == ErrorType.VALIDATION_FAILURE
 
 
+@pytest.mark.clause("6.1.4.9")
 def test_row_2_a_mode_without_fleet_control_takes_no_orders() -> None:
     entry = rejection(order("n0", "n1"), replace(FREE, operating_mode=OperatingMode.MANUAL))
 
@@ -86,6 +89,7 @@ def test_row_2_a_mode_without_fleet_control_takes_no_orders() -> None:
     assert references(entry)["orderId"] == "o1"
 
 
+@pytest.mark.clause("6.1.4", "7.1.2")
 def test_row_3_an_order_beyond_the_limits_is_refused() -> None:
     bench = Bench(maximum_nodes=2)
 
@@ -96,6 +100,7 @@ def test_row_3_an_order_beyond_the_limits_is_refused() -> None:
     assert references(entry)["orderUpdateId"] == "0"
 
 
+@pytest.mark.clause("7.1.2")
 def test_row_3_counts_actions_too() -> None:
     bench = Bench(maximum_actions=1)
 
@@ -104,6 +109,7 @@ def test_row_3_counts_actions_too() -> None:
     assert entry.error_type == ErrorType.INSUFFICIENT_MEMORY
 
 
+@pytest.mark.clause("6.1.4", "6.1.4.2", "7.1.1", "7.3/trajectory", "7.3/rotation")
 @pytest.mark.parametrize(
     ("field", "value"),
     [
@@ -126,6 +132,7 @@ def test_row_4_an_optional_field_that_the_robot_cannot_act_on_is_refused(field: 
     assert references(entry)["parameter"].startswith("edges.")
 
 
+@pytest.mark.clause("6.1.4.2")
 def test_row_4_passes_over_what_the_settings_tolerate() -> None:
     bench = Bench(tolerated_parameters=frozenset({"edges.direction"}))
 
@@ -134,6 +141,7 @@ def test_row_4_passes_over_what_the_settings_tolerate() -> None:
     assert bench.state.order_id == "o1"
 
 
+@pytest.mark.clause("6.1.4.2", "7.3/speed")
 @pytest.mark.parametrize(
     ("limit", "limits_speed", "taken"),
     [(0.5, True, True), (0.5, False, False), (1.2, False, True), (0.0, True, False), (None, False, True)],
@@ -153,6 +161,7 @@ def test_row_4_a_robot_that_would_be_too_fast_refuses_the_edge(
         assert references(entry)["parameter"] == "edges.maximumSpeed"
 
 
+@pytest.mark.clause("6.1.4.2")
 def test_row_4_demands_that_are_met_anyway_are_none() -> None:
     bench = Bench()
 
@@ -163,6 +172,7 @@ def test_row_4_demands_that_are_met_anyway_are_none() -> None:
     assert bench.state.order_id == "o1"
 
 
+@pytest.mark.clause("6.1.4", "6.1.4.3", "6.6.5.2")
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -191,6 +201,7 @@ def test_row_5_an_impossible_action_is_refused_also_in_the_horizon(wrong: object
     }
 
 
+@pytest.mark.clause("6.1.4.3")
 def test_row_5_looks_at_the_scope_edge() -> None:
     bench = Bench()
 
@@ -199,6 +210,7 @@ def test_row_5_looks_at_the_scope_edge() -> None:
     assert entry.error_type == ErrorType.INVALID_ORDER_ACTION
 
 
+@pytest.mark.clause("6.1.4", "6.1.4.6")
 def test_row_a1_no_new_order_before_the_old_one_has_ended() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
@@ -209,6 +221,7 @@ def test_row_a1_no_new_order_before_the_old_one_has_ended() -> None:
     assert references(entry)["orderId"] == "o2"
 
 
+@pytest.mark.clause("6.1.4.6", "6.6.8")
 def test_row_a1_a_robot_at_its_decision_point_with_a_horizon_is_not_idle() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", released=1))
@@ -216,6 +229,7 @@ def test_row_a1_a_robot_at_its_decision_point_with_a_horizon_is_not_idle() -> No
     assert refused(bench, order("n0", order_id="o2")).error_type == ErrorType.OTHER_ORDER_ACTIVE
 
 
+@pytest.mark.clause("6.1.4.6", "6.6.8")
 def test_row_a1_a_running_action_keeps_the_robot_busy_and_a_failed_one_does_not() -> None:
     bench = Bench()
     bench.send(order("n0", node_actions={"n0": [action("a")]}))
@@ -227,6 +241,7 @@ def test_row_a1_a_running_action_keeps_the_robot_busy_and_a_failed_one_does_not(
     assert bench.state.order_id == "o2"
 
 
+@pytest.mark.clause("6.1.4.6", "6.6.8")
 def test_row_a1_instant_actions_do_not_keep_the_robot_busy() -> None:
     bench = Bench()
     bench.instant(action("i", action_type="work"))
@@ -238,6 +253,7 @@ def test_row_a1_instant_actions_do_not_keep_the_robot_busy() -> None:
     assert bench.status("i") == "RUNNING"
 
 
+@pytest.mark.clause("6.1.2/A2")
 def test_row_a2_an_order_of_2_1_may_begin_with_any_update_id() -> None:
     bench = Bench()
 
@@ -246,6 +262,7 @@ def test_row_a2_an_order_of_2_1_may_begin_with_any_update_id() -> None:
     assert (bench.state.order_id, bench.state.order_update_id) == ("o1", 5)
 
 
+@pytest.mark.clause("6.1.2/A2")
 def test_row_a2_the_lost_beginning_of_an_order_is_not_left_out() -> None:
     bench = Bench()
 
@@ -255,6 +272,7 @@ def test_row_a2_the_lost_beginning_of_an_order_is_not_left_out() -> None:
     assert references(entry)["orderUpdateId"] == "1"
 
 
+@pytest.mark.clause("6.1.4", "6.1.4.10", "6.3.1")
 def test_row_a3_a_map_that_the_robot_has_not_is_refused() -> None:
     bench = Bench()
     elsewhere = position(10.0).model_copy(update={"map_id": "cellar"})
@@ -265,6 +283,7 @@ def test_row_a3_a_map_that_the_robot_has_not_is_refused() -> None:
     assert references(entry)["nodeId"] == "n1"
 
 
+@pytest.mark.clause("6.1.4", "6.1.4.7")
 def test_row_a4_the_robot_must_stand_on_the_first_node() -> None:
     bench = Bench()
 
@@ -274,6 +293,7 @@ def test_row_a4_the_robot_must_stand_on_the_first_node() -> None:
     assert references(entry)["nodeId"] == "n1"
 
 
+@pytest.mark.clause("6.1.4.7")
 @pytest.mark.parametrize(
     ("radius", "taken"), [(None, False), (0.0, False), (9.9, False), (10.1, True)], ids=str
 )
@@ -285,6 +305,7 @@ def test_row_a4_the_first_node_may_allow_a_large_deviation(radius: float | None,
     assert (bench.state.order_id == "o1") is taken
 
 
+@pytest.mark.clause("6.1.4.7", "7.3/deviation")
 def test_row_a4_the_own_deviation_counts_where_the_node_says_none() -> None:
     bench = Bench(default_deviation_xy=10.5)
 
@@ -293,6 +314,7 @@ def test_row_a4_the_own_deviation_counts_where_the_node_says_none() -> None:
     assert bench.state.order_id == "o1"
 
 
+@pytest.mark.clause("6.1.4.7")
 def test_row_a4_the_node_that_the_robot_reports_counts_without_a_position() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
@@ -303,6 +325,7 @@ def test_row_a4_the_node_that_the_robot_reports_counts_without_a_position() -> N
     assert bench.state.order_id == "o2"
 
 
+@pytest.mark.clause("6.1.4.7")
 def test_row_a4_a_robot_that_has_left_its_last_node_does_not_stand_there() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
@@ -313,6 +336,7 @@ def test_row_a4_a_robot_that_has_left_its_last_node_does_not_stand_there() -> No
     assert refused(bench, order("n0", order_id="o2")).error_type == ErrorType.START_NODE_OUT_OF_RANGE
 
 
+@pytest.mark.clause("6.1.4.7")
 def test_row_a4_a_robot_that_was_driven_away_by_hand_does_not_stand_there() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
@@ -327,6 +351,7 @@ def test_row_a4_a_robot_that_was_driven_away_by_hand_does_not_stand_there() -> N
     assert bench.state.order_id == "o2"
 
 
+@pytest.mark.clause("6.1.4.7")
 def test_row_a4_a_robot_without_a_position_says_so() -> None:
     bench = Bench(ready=False)
 
@@ -336,6 +361,7 @@ def test_row_a4_a_robot_without_a_position_says_so() -> None:
     assert "not known" in str(entry.error_description)
 
 
+@pytest.mark.clause("6.1.4", "6.1.4.8")
 def test_row_a5_a_node_without_a_position_cannot_be_found() -> None:
     bench = Bench()
 
@@ -360,6 +386,7 @@ def test_row_a5_a_node_that_navigation_knows_no_way_to_is_refused_also_in_the_ho
     assert bench.errors == []
 
 
+@pytest.mark.clause("6.1.2/A6", "6.6.2/first")
 def test_row_a6_a_new_order_replaces_the_ended_one_and_clears_refusals() -> None:
     bench = Bench()
     bench.send(order("n0", node_actions={"n0": [action("a")]}))
@@ -387,6 +414,7 @@ def held() -> Bench:
     return bench
 
 
+@pytest.mark.clause("6.1.4", "6.1.4.4", "6.6.5.2")
 def test_row_b1_an_older_update_is_refused() -> None:
     entry = refused(held(), order("n1", "n2", update=2, first=2))
 
@@ -394,6 +422,7 @@ def test_row_b1_an_older_update_is_refused() -> None:
     assert references(entry) == {"topic": "order", "headerId": "7", "orderId": "o1", "orderUpdateId": "2"}
 
 
+@pytest.mark.clause("6.1.3.1")
 @pytest.mark.parametrize("ended", [False, True], ids=["being cancelled", "cancelled"])
 def test_row_b2_no_update_follows_a_cancel(ended: bool) -> None:  # noqa: FBT001
     bench = held()
@@ -406,6 +435,7 @@ def test_row_b2_no_update_follows_a_cancel(ended: bool) -> None:  # noqa: FBT001
         assert entry.error_type == ErrorType.ORDER_UPDATE_FOLLOWING_CANCEL
 
 
+@pytest.mark.clause("6.1.4.5", "6.6.1/request")
 def test_row_b3_the_same_update_again_is_dropped_without_an_error_but_answered() -> None:
     bench = held()
     before = bench.state
@@ -416,6 +446,7 @@ def test_row_b3_the_same_update_again_is_dropped_without_an_error_but_answered()
     assert bench.state == before
 
 
+@pytest.mark.clause("6.1.4", "6.1.2/B4")
 @pytest.mark.parametrize(
     ("node", "first"), [("n2", 4), ("n0", 0), ("n1", 4)], ids=["horizon's end", "start", "wrong number"]
 )
@@ -426,6 +457,7 @@ def test_row_b4_an_update_begins_at_the_decision_point(node: str, first: int) ->
     assert references(entry)["nodeId"] == node
 
 
+@pytest.mark.clause("6.1.2/B5")
 def test_row_b5_an_update_of_an_ended_order_goes_on_where_it_ended() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
@@ -440,6 +472,7 @@ def test_row_b5_an_update_of_an_ended_order_goes_on_where_it_ended() -> None:
     assert not bench.state.errors
 
 
+@pytest.mark.clause("6.1.2/B6")
 def test_row_b6_an_update_drops_the_horizon_and_appends() -> None:
     bench = held()
     refused(bench, order("n9", update=9, first=2))
@@ -453,6 +486,7 @@ def test_row_b6_an_update_drops_the_horizon_and_appends() -> None:
     assert bench.state.errors == ()
 
 
+@pytest.mark.clause("6.1.1/ids")
 def test_an_action_id_that_is_in_use_is_refused() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", node_actions={"n1": [action("a")]}))
@@ -463,6 +497,7 @@ def test_an_action_id_that_is_in_use_is_refused() -> None:
     assert references(entry)["actionId"] == "a"
 
 
+@pytest.mark.clause("6.1.1/ids")
 def test_the_id_of_an_instant_action_is_refused_in_an_order() -> None:
     bench = Bench()
     bench.instant(action("a"))
@@ -472,7 +507,7 @@ def test_the_id_of_an_instant_action_is_refused_in_an_order() -> None:
     assert entry.error_type == ErrorType.INVALID_ORDER_ACTION
 
 
-@pytest.mark.clause("6.1.2")
+@pytest.mark.clause("6.1.2/A2")
 @pytest.mark.parametrize(
     ("version", "taken"), [("2.0.0", True), ("2.1.0", True), ("3.0.0", False)], ids=["2.0", "2.1", "3.0"]
 )
@@ -518,7 +553,7 @@ def test_row_b3_after_a_restart() -> None:
     assert again.errors == ["SAME_ORDER_UPDATE_ID"]
 
 
-@pytest.mark.clause("6.1.2")
+@pytest.mark.clause("6.1.2/stitching")
 @pytest.mark.parametrize(("version", "taken"), [("2.0.0", True), ("2.1.0", True), ("3.0.0", False)])
 def test_row_b4_the_stitching_node_is_repeated_as_it_was(
     version: str,

@@ -17,6 +17,7 @@ def driving() -> Bench:
     return bench
 
 
+@pytest.mark.clause("6.1.3", "6.1.3/actions")
 def test_a_cancel_between_nodes_stops_the_robot_and_ends_the_order_in_one_state() -> None:
     bench = driving()
 
@@ -36,6 +37,7 @@ def test_a_cancel_between_nodes_stops_the_robot_and_ends_the_order_in_one_state(
     assert bench.idle
 
 
+@pytest.mark.clause("6.1.3/actions")
 def test_a_cancel_waits_for_what_cannot_be_interrupted() -> None:
     bench = Bench()
     actions = [action("soft", "SOFT"), action("hard", "SOFT", "press"), action("next", "HARD")]
@@ -55,6 +57,7 @@ def test_a_cancel_waits_for_what_cannot_be_interrupted() -> None:
     assert not bench.errors
 
 
+@pytest.mark.clause("6.1.3/nothing")
 def test_without_an_order_there_is_nothing_to_cancel() -> None:
     bench = Bench()
 
@@ -68,6 +71,7 @@ def test_without_an_order_there_is_nothing_to_cancel() -> None:
     assert not bench.errors
 
 
+@pytest.mark.clause("6.1.3/nothing")
 def test_an_ended_order_cannot_be_cancelled() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
@@ -78,6 +82,7 @@ def test_an_ended_order_cannot_be_cancelled() -> None:
     assert bench.status("c") == "FAILED"
 
 
+@pytest.mark.clause("6.1.3/nothing")
 def test_a_cancelled_order_cannot_be_cancelled_again() -> None:
     bench = driving()
     bench.instant(action("c", "NONE", "cancelOrder"))
@@ -88,6 +93,7 @@ def test_a_cancelled_order_cannot_be_cancelled_again() -> None:
     assert (bench.status("c"), bench.status("d")) == ("FINISHED", "FAILED")
 
 
+@pytest.mark.clause("6.1.3/again")
 def test_a_second_cancel_joins_the_first() -> None:
     bench = driving()
     bench.instant(action("c", "NONE", "cancelOrder"))
@@ -100,6 +106,7 @@ def test_a_second_cancel_joins_the_first() -> None:
     assert (bench.status("c"), bench.status("d")) == ("FINISHED", "FINISHED")
 
 
+@pytest.mark.clause("6.1.3/again", "6.2.1/again")
 def test_a_cancel_that_is_delivered_again_has_no_effect_even_on_the_next_order() -> None:
     bench = driving()
     bench.instant(action("c", "NONE", "cancelOrder"))
@@ -113,7 +120,7 @@ def test_a_cancel_that_is_delivered_again_has_no_effect_even_on_the_next_order()
     assert bench.state.driving
 
 
-@pytest.mark.clause("6.1.3")
+@pytest.mark.clause("6.1.3/named")
 @pytest.mark.parametrize("version", ["2.0.0", "2.1.0"])
 def test_before_3_0_a_cancel_is_for_the_order_that_the_robot_has(version: str) -> None:
     bench = Bench(rules=RULES[version])
@@ -124,7 +131,7 @@ def test_before_3_0_a_cancel_is_for_the_order_that_the_robot_has(version: str) -
     assert bench.status("c") == "RUNNING"
 
 
-@pytest.mark.clause("6.1.3")
+@pytest.mark.clause("6.1.3/named")
 def test_the_wrong_order_id_leaves_the_order_alone() -> None:
     bench = Bench(rules=RULES["3.0.0"])
     bench.send(order("n0", "n1"))
@@ -139,6 +146,7 @@ def test_the_wrong_order_id_leaves_the_order_alone() -> None:
     assert bench.status("d") == "FINISHED"
 
 
+@pytest.mark.clause("6.1.3")
 def test_a_robot_that_waits_for_its_horizon_can_be_cancelled() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", released=1))
@@ -149,6 +157,7 @@ def test_a_robot_that_waits_for_its_horizon_can_be_cancelled() -> None:
     assert not bench.effects_of(Halt)
 
 
+@pytest.mark.clause("6.1.3")
 def test_an_order_of_one_node_lives_by_its_actions_and_can_be_cancelled() -> None:
     bench = Bench()
     bench.send(order("n0", node_actions={"n0": [action("a", "HARD")]}))
@@ -161,6 +170,7 @@ def test_an_order_of_one_node_lives_by_its_actions_and_can_be_cancelled() -> Non
     assert bench.status("c") == "FINISHED"
 
 
+@pytest.mark.clause("6.1.3")
 def test_a_cancel_works_in_a_pause_which_stays() -> None:
     bench = driving()
     bench.instant(action("p", "NONE", "startPause"))
@@ -172,6 +182,7 @@ def test_a_cancel_works_in_a_pause_which_stays() -> None:
     assert bench.state.paused
 
 
+@pytest.mark.clause("6.1.3", "6.6.5")
 def test_a_cancel_clears_the_error_of_a_failed_drive() -> None:
     bench = driving()
     bench.do(DriveFailed(bench.goal.generation, DriveFailure.ABORTED, "no way"))
@@ -182,6 +193,7 @@ def test_a_cancel_clears_the_error_of_a_failed_drive() -> None:
     assert not bench.errors
 
 
+@pytest.mark.clause("6.1.4.6", "6.1.3/after")
 def test_no_new_order_is_taken_during_a_cancel_and_one_is_after_it() -> None:
     bench = Bench()
     bench.send(order("n0", node_actions={"n0": [action("a", "HARD", "press")]}))
@@ -197,6 +209,7 @@ def test_no_new_order_is_taken_during_a_cancel_and_one_is_after_it() -> None:
     assert not bench.errors
 
 
+@pytest.mark.clause("6.1.3/after")
 def test_after_a_cancel_the_last_node_with_a_large_deviation_is_a_start() -> None:
     bench = driving()
     bench.do(at(4.0))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from nena_edge_agent.protocol.effects import Halt, PauseAction, ResumeAction, StartAction
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import ActionStatus
@@ -11,6 +13,7 @@ START = action("p", "NONE", "startPause")
 STOP = action("s", "NONE", "stopPause")
 
 
+@pytest.mark.clause("6.2.3/startPause", "6.2.3/stopPause")
 def test_a_pause_stops_the_drive_and_its_end_gives_the_goal_again() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
@@ -29,6 +32,7 @@ def test_a_pause_stops_the_drive_and_its_end_gives_the_goal_again() -> None:
     assert bench.state.last_node_id == "n1"
 
 
+@pytest.mark.clause("6.2.3/startPause", "6.2.3/stopPause")
 def test_a_standing_robot_is_paused_at_once_and_begins_no_action() -> None:
     bench = Bench()
     bench.instant(START)
@@ -42,6 +46,7 @@ def test_a_standing_robot_is_paused_at_once_and_begins_no_action() -> None:
     assert len(bench.goals) == 1
 
 
+@pytest.mark.clause("6.2.3/startPause", "6.2.3/stopPause", "6.6.9")
 def test_actions_that_can_be_held_are_held() -> None:
     bench = Bench()
     actions = [action("a", "SOFT"), action("b", "SOFT", "press")]
@@ -59,6 +64,7 @@ def test_actions_that_can_be_held_are_held() -> None:
     assert bench.status("a") == "RUNNING"
 
 
+@pytest.mark.clause("6.2.3/startPause")
 def test_a_second_pause_finishes_like_the_first() -> None:
     bench = Bench()
     bench.instant(START)
@@ -67,6 +73,7 @@ def test_a_second_pause_finishes_like_the_first() -> None:
     assert bench.status("q") == "FINISHED"
 
 
+@pytest.mark.clause("6.2.3/stopPause")
 def test_a_pause_that_has_not_come_to_a_stand_is_taken_back() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
@@ -80,6 +87,7 @@ def test_a_pause_that_has_not_come_to_a_stand_is_taken_back() -> None:
     assert len(bench.goals) == 2
 
 
+@pytest.mark.clause("6.2.3/stopPause")
 def test_a_held_action_is_resumed_and_not_begun_again() -> None:
     bench = Bench()
     bench.send(order("n0", node_actions={"n0": [action("a")]}))

@@ -8,7 +8,7 @@ from nena_edge_agent.protocol.planned_path import planned_path
 from nena_edge_agent.protocol.rules import RULES
 from support.robot_core import Bench, order
 
-pytestmark = pytest.mark.clause("6.6.2")
+pytestmark = pytest.mark.clause("6.6.2/path")
 
 
 def test_it_leads_over_the_nodes_of_the_base() -> None:

@@ -29,6 +29,7 @@ def be_at(
     )
 
 
+@pytest.mark.clause("6.2.3/initializePosition")
 def test_the_position_is_handed_over_and_finished_when_it_is_taken() -> None:
     bench = Bench()
 
@@ -43,6 +44,7 @@ def test_the_position_is_handed_over_and_finished_when_it_is_taken() -> None:
     assert bench.state.order_id == "o1"
 
 
+@pytest.mark.clause("6.2.3/initializePosition")
 def test_a_position_that_the_localisation_refuses_fails() -> None:
     bench = Bench()
     bench.instant(be_at())
@@ -54,6 +56,7 @@ def test_a_position_that_the_localisation_refuses_fails() -> None:
     assert bench.state.last_node_id == ""
 
 
+@pytest.mark.clause("6.2.3/initializePosition")
 def test_a_silent_localisation_fails_the_action_after_a_time() -> None:
     bench = Bench()
     bench.instant(be_at())
@@ -68,6 +71,7 @@ def test_a_silent_localisation_fails_the_action_after_a_time() -> None:
     assert bench.state.last_node_id == ""
 
 
+@pytest.mark.clause("6.2.3/initializePosition")
 @pytest.mark.parametrize(
     "wrong", [be_at(map_id="cellar"), be_at(theta=4.0)], ids=["unknown map", "impossible heading"]
 )
@@ -91,6 +95,7 @@ def test_one_position_at_a_time() -> None:
     assert bench.state.last_node_id == "n5"
 
 
+@pytest.mark.clause("6.2.3/initializePosition")
 def test_a_driving_robot_is_not_moved_to_another_place() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
@@ -101,6 +106,7 @@ def test_a_driving_robot_is_not_moved_to_another_place() -> None:
     assert bench.state.last_node_id == "n0"
 
 
+@pytest.mark.clause("6.2.3/initializePosition", "6.6.5.4/localisation")
 def test_an_order_goes_on_when_its_lost_robot_is_told_where_it_is() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
@@ -127,6 +133,7 @@ def test_a_number_that_no_float_can_hold_is_refused_and_blocks_nothing() -> None
     assert bench.status("i") == "RUNNING"
 
 
+@pytest.mark.clause("6.1.2/B5")
 def test_an_ended_order_does_not_go_on_from_a_place_that_the_robot_was_taken_away_from() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from nena_edge_agent.driver.port import Halted, NavigationReport
 from nena_edge_agent.protocol.effects import Halt, SetPosition, StartAction
 from nena_edge_agent.protocol.events import JournalReport, Started
@@ -72,6 +74,7 @@ def test_an_action_that_ended_stays_ended() -> None:
     assert len(again.goals) == 1
 
 
+@pytest.mark.clause("6.1.3", "6.1.3.1")
 def test_a_cancel_is_brought_to_its_end() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
@@ -87,6 +90,7 @@ def test_a_cancel_is_brought_to_its_end() -> None:
     assert again.errors == ["ORDER_UPDATE_FOLLOWING_CANCEL"]
 
 
+@pytest.mark.clause("6.2.3/startPause")
 def test_a_pause_lasts() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
@@ -100,6 +104,7 @@ def test_a_pause_lasts() -> None:
     assert len(again.goals) == 1
 
 
+@pytest.mark.clause("6.2.1/again")
 def test_an_instant_action_that_comes_again_is_still_known() -> None:
     bench = Bench()
     bench.instant(action("i"))

@@ -9,7 +9,7 @@ from nena_edge_agent.protocol.memory import Memory
 from nena_edge_agent.protocol.rules import RULES
 from support.robot_core import Bench, action, order
 
-pytestmark = pytest.mark.clause("6.2.3", "6.6.9")
+pytestmark = pytest.mark.clause("6.6.9/retriable")
 
 
 def failed(version: str = "3.0.0", *, retriable: bool = True) -> Bench:
@@ -38,6 +38,7 @@ def test_a_failure_may_be_retried_where_order_and_version_say_so(
     assert bench.status("b") == ("WAITING" if status == "RETRIABLE" else "INITIALIZING")
 
 
+@pytest.mark.clause("6.2.3/retry")
 def test_it_holds_the_order_until_it_is_tried_again() -> None:
     bench = failed()
     assert not bench.idle
@@ -53,6 +54,7 @@ def test_it_holds_the_order_until_it_is_tried_again() -> None:
     assert bench.status("b") == "INITIALIZING"
 
 
+@pytest.mark.clause("6.2.3/skipRetry")
 def test_skipped_it_is_failed_and_the_order_goes_on() -> None:
     bench = failed()
 
@@ -62,6 +64,7 @@ def test_skipped_it_is_failed_and_the_order_goes_on() -> None:
     assert bench.errors == ["ACTION_FAILED"]
 
 
+@pytest.mark.clause("6.2.3/retry", "6.2.3/skipRetry", "6.2.1/refused")
 @pytest.mark.parametrize("kind", ["retry", "skipRetry"])
 @pytest.mark.parametrize("wanted", ["b", "unknown"])
 def test_what_is_not_retriable_is_not_tried_again(kind: str, wanted: str) -> None:
@@ -74,6 +77,7 @@ def test_what_is_not_retriable_is_not_tried_again(kind: str, wanted: str) -> Non
     assert bench.status("a") == "RETRIABLE"
 
 
+@pytest.mark.clause("6.2.3/retry")
 def test_versions_without_it_do_not_know_it() -> None:
     bench = failed("2.1.0")
 
@@ -82,6 +86,7 @@ def test_versions_without_it_do_not_know_it() -> None:
     assert bench.status("r") == "FAILED"
 
 
+@pytest.mark.clause("6.2.3/retry")
 def test_in_a_pause_nothing_is_tried_again() -> None:
     bench = failed()
     bench.instant(action("p", "NONE", "startPause"))
@@ -91,6 +96,7 @@ def test_in_a_pause_nothing_is_tried_again() -> None:
     assert (bench.status("r"), bench.status("a")) == ("FAILED", "RETRIABLE")
 
 
+@pytest.mark.clause("6.1.3/actions")
 def test_a_cancel_ends_it() -> None:
     bench = failed()
 
@@ -113,6 +119,7 @@ def test_it_ends_with_its_edge() -> None:
     assert bench.idle
 
 
+@pytest.mark.clause("6.2.3/retry")
 def test_it_may_still_be_tried_again_after_a_restart() -> None:
     bench = failed()
     again = Bench(

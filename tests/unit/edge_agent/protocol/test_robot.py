@@ -19,6 +19,7 @@ from support.robot_core import MAP, Bench, action, at, order, position
 REPORT = [ReportState()]
 
 
+@pytest.mark.clause("6.6.1", "6.6.1/quiet")
 def test_a_state_is_sent_for_what_changes_and_not_for_each_pose() -> None:
     bench = Bench()
 
@@ -31,6 +32,7 @@ def test_a_state_is_sent_for_what_changes_and_not_for_each_pose() -> None:
     assert bench.do(GoalReport("h", external=True, status="EXECUTING")) == REPORT
 
 
+@pytest.mark.clause("6.6.4")
 def test_an_external_goal_is_shown_for_information() -> None:
     bench = Bench()
     bench.do(GoalReport("h", external=True, status="EXECUTING"))
@@ -41,6 +43,7 @@ def test_an_external_goal_is_shown_for_information() -> None:
     assert "EXECUTING" in str(information.info_descriptor)
 
 
+@pytest.mark.clause("7.8/position")
 @pytest.mark.parametrize("x", [nan, inf, -inf])
 def test_a_pose_that_is_no_place_is_passed_over(x: float) -> None:
     bench = Bench()
@@ -52,6 +55,7 @@ def test_a_pose_that_is_no_place_is_passed_over(x: float) -> None:
     assert place.x == 0.0
 
 
+@pytest.mark.clause("7.8/power")
 @pytest.mark.parametrize("charge", [nan, -1.0, 101.0])
 def test_a_charge_that_is_none_is_passed_over(charge: float) -> None:
     bench = Bench()
@@ -64,6 +68,7 @@ def test_a_charge_that_is_none_is_passed_over(charge: float) -> None:
     assert (supply.battery_voltage, supply.battery_current) == (24.0, -1.0)
 
 
+@pytest.mark.clause("7.8/position")
 def test_a_heading_is_shown_between_minus_pi_and_pi() -> None:
     bench = Bench()
     bench.do(at(0.0, theta=4.0))
@@ -73,6 +78,7 @@ def test_a_heading_is_shown_between_minus_pi_and_pi() -> None:
     assert place.theta == pytest.approx(4.0 - 2 * 3.14159265)
 
 
+@pytest.mark.clause("7.8/position", "7.8/power")
 def test_before_anything_is_known_a_state_can_be_made() -> None:
     state = Bench(ready=False).state
 
@@ -80,6 +86,7 @@ def test_before_anything_is_known_a_state_can_be_made() -> None:
     assert state.power_supply.state_of_charge == 100.0
 
 
+@pytest.mark.clause("7.8/loads", "6.2.3/startCharging")
 def test_loads_and_charging_follow_the_actions() -> None:
     bench = Bench()
     bench.instant(action("i"))
@@ -91,6 +98,7 @@ def test_loads_and_charging_follow_the_actions() -> None:
     assert bench.state.power_supply.charging
 
 
+@pytest.mark.clause("6.2.3/startCharging")
 def test_charging_ends_when_the_robot_drives() -> None:
     bench = Bench()
     bench.instant(action("i"))
@@ -101,6 +109,7 @@ def test_charging_ends_when_the_robot_drives() -> None:
     assert not bench.state.power_supply.charging
 
 
+@pytest.mark.clause("6.6.9")
 def test_a_late_report_of_an_ended_action_changes_nothing() -> None:
     bench = Bench()
     bench.instant(action("i"))

@@ -12,6 +12,7 @@ from nena_shared.vda5050.order import AllowedDeviationXY
 from support.robot_core import MAP, position
 
 
+@pytest.mark.clause("7.3/deviation")
 def test_an_ellipse_is_turned_by_its_angle() -> None:
     place = position(0.0).model_copy(
         update={"allowed_deviation_xy": AllowedDeviationXY(a=2.0, b=0.5, theta=pi / 2)}
@@ -26,16 +27,19 @@ def test_another_map_is_another_place() -> None:
     assert not in_place(Pose(0.0, 0.0, 0.0, "cellar"), position(0.0), 10.0)
 
 
+@pytest.mark.clause("7.3/deviation")
 def test_no_deviation_means_the_robots_own() -> None:
     assert radius(position(0.0), 0.3) == 0.3
     assert radius(position(0.0, radius=0.0), 0.3) == 0.3
 
 
+@pytest.mark.clause("7.3/theta")
 @pytest.mark.parametrize(("theta", "fits"), [(pi - 0.1, True), (-pi + 0.1, True), (pi - 0.5, False)])
 def test_headings_are_compared_across_the_seam(theta: float, fits: bool) -> None:  # noqa: FBT001
     assert heading_fits(Pose(0.0, 0.0, theta, MAP), position(0.0, theta=pi), 0.2) is fits
 
 
+@pytest.mark.clause("7.3/theta")
 def test_without_a_demand_every_heading_fits() -> None:
     assert heading_fits(Pose(0.0, 0.0, 1.0, MAP), position(0.0), 0.1)
 

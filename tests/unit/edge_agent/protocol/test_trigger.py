@@ -9,8 +9,6 @@ from nena_edge_agent.protocol.events import LocalTrigger
 from nena_edge_agent.protocol.rules import RULES
 from support.robot_core import Bench, action, order
 
-pytestmark = pytest.mark.clause("6.2.3")
-
 
 def waiting(*types: str, version: str = "3.0.0") -> Bench:
     bench = Bench(rules=RULES[version])
@@ -19,6 +17,7 @@ def waiting(*types: str, version: str = "3.0.0") -> Bench:
     return bench
 
 
+@pytest.mark.clause("6.2.3/waitForTrigger")
 def test_the_robot_waits_without_a_plug_in() -> None:
     bench = waiting("FLEET_CONTROL")
 
@@ -27,6 +26,7 @@ def test_the_robot_waits_without_a_plug_in() -> None:
     assert not bench.goals
 
 
+@pytest.mark.clause("6.2.3/trigger", "6.2.3/waitForTrigger")
 def test_fleet_control_releases_it() -> None:
     bench = waiting("LOCAL", "FLEET_CONTROL")
 
@@ -36,6 +36,7 @@ def test_fleet_control_releases_it() -> None:
     assert bench.goal.pose.x == 10.0
 
 
+@pytest.mark.clause("6.2.3/trigger")
 def test_a_trigger_that_nobody_waits_for_fails() -> None:
     bench = waiting("LOCAL")
 
@@ -44,6 +45,7 @@ def test_a_trigger_that_nobody_waits_for_fails() -> None:
     assert (bench.status("t"), bench.status("w")) == ("FAILED", "RUNNING")
 
 
+@pytest.mark.clause("6.2.3/waitForTrigger")
 @pytest.mark.parametrize("version", list(RULES))
 def test_somebody_at_the_robot_releases_it(version: str) -> None:
     bench = waiting("LOCAL", version=version)
@@ -55,6 +57,7 @@ def test_somebody_at_the_robot_releases_it(version: str) -> None:
     assert bench.status("w") == "FINISHED"
 
 
+@pytest.mark.clause("6.2.3/waitForTrigger")
 def test_a_cancel_ends_the_waiting() -> None:
     bench = waiting("LOCAL")
 
@@ -63,6 +66,7 @@ def test_a_cancel_ends_the_waiting() -> None:
     assert (bench.status("c"), bench.status("w"), bench.idle) == ("FINISHED", "FAILED", True)
 
 
+@pytest.mark.clause("6.2.3/waitForTrigger", "6.1.4.3")
 def test_without_a_type_the_order_is_refused() -> None:
     bench = Bench(rules=RULES["3.0.0"])
 
@@ -71,6 +75,7 @@ def test_without_a_type_the_order_is_refused() -> None:
     assert bench.errors == ["INVALID_ORDER_ACTION"]
 
 
+@pytest.mark.clause("6.2.3/trigger")
 def test_2_x_has_no_trigger_of_fleet_control() -> None:
     bench = waiting("FLEET_CONTROL", version="2.1.0")
 

@@ -61,6 +61,7 @@ def wait(robot: Bench, seconds: float) -> None:
 class TestClosedZones:
     pytestmark = pytest.mark.clause("6.4")
 
+    @pytest.mark.clause("6.4/BLOCKED", "6.4/LINEGUIDED", "6.1.4.8")
     @pytest.mark.parametrize("kind", ["BLOCKED", "LINE_GUIDED"])
     def test_an_order_through_one_is_refused(self, kind: str) -> None:
         robot = bench(zone("wall", kind, 13, 17))
@@ -87,6 +88,7 @@ class TestClosedZones:
 
         assert robot.errors == ["NO_ROUTE_TO_TARGET"]
 
+    @pytest.mark.clause("6.4.2")
     def test_one_of_another_set_does_not_count(self) -> None:
         robot = bench(zone("wall", "BLOCKED", 13, 17))
         enable(robot, zone("far", "BLOCKED", 70, 80), zone_set_id="s2")
@@ -95,6 +97,7 @@ class TestClosedZones:
 
         assert robot.errors == []
 
+    @pytest.mark.clause("6.4/BLOCKED", "6.6.5.4/unreachable")
     def test_one_that_is_closed_on_the_way_stops_the_robot_before_it(self) -> None:
         robot = bench(zone("far", "BLOCKED", 70, 80))
         robot.send(order("n0", "n1", "n2"))
@@ -108,6 +111,7 @@ class TestClosedZones:
         assert robot.errors == []
         assert robot.goal.pose.x == 20.0
 
+    @pytest.mark.clause("6.4/BLOCKED")
     def test_a_robot_that_stands_in_a_blocked_one_does_not_drive(self) -> None:
         robot = bench(zone("far", "BLOCKED", 70, 80))
         robot.send(order("n0", "n1", "n2"))
@@ -121,6 +125,7 @@ class TestClosedZones:
 
 @pytest.mark.clause("6.4")
 class TestSpeedLimit:
+    @pytest.mark.clause("6.4/SPEEDLIMIT")
     def test_the_robot_is_slow_before_the_border_and_quick_again_behind_it(self) -> None:
         robot = bench(
             zone("slow", "SPEED_LIMIT", 4, 6, maximum_speed=0.4),
@@ -135,6 +140,7 @@ class TestSpeedLimit:
 
         assert [each.speed for each in robot.effects_of(LimitSpeed)] == [0.4, 0.2, None]
 
+    @pytest.mark.clause("6.4/SPEEDLIMIT", "6.4/others")
     def test_a_driver_that_cannot_be_slowed_down_takes_no_such_zone(self) -> None:
         robot = Bench(rules=RULES["3.0.0"], limits_speed=False)
 
@@ -196,6 +202,7 @@ class TestRelease:
 
         assert requests(robot) == [("gate", "zone-2", "REQUESTED")]
 
+    @pytest.mark.clause("6.4.3/loss")
     def test_a_grant_that_is_taken_back_before_the_zone_stops_the_robot(self) -> None:
         robot = bench(GATE)
         robot.send(order("n0", "n1", "n2"))
@@ -209,6 +216,7 @@ class TestRelease:
         assert requests(robot) == [("gate", "zone-2", "REQUESTED")]
         assert robot.errors == []
 
+    @pytest.mark.clause("6.4.3/loss")
     def test_a_lease_that_ends_is_no_permission_any_more(self) -> None:
         robot = bench(GATE)
         robot.send(order("n0", "n1", "n2"))
@@ -235,6 +243,7 @@ class TestRelease:
 
         assert requests(robot) == [("gate", "zone-1", "GRANTED")]
 
+    @pytest.mark.clause("6.4.3/loss")
     @pytest.mark.parametrize(
         ("behavior", "stands"),
         [(None, True), ("STOP", True), ("CONTINUE", False), ("EVACUATE", False)],
@@ -255,6 +264,7 @@ class TestRelease:
         assert bool(robot.effects_of(Halt)) is stands
         assert robot.errors == (["RELEASE_LOST"] if stands else [])
 
+    @pytest.mark.clause("6.4.3/loss")
     def test_a_robot_that_cannot_leave_by_its_base_stands(self) -> None:
         evacuated = ZoneReleaseLossBehavior.EVACUATE
         robot = bench(zone("gate", "RELEASE", 13, 21, release_loss_behavior=evacuated))
@@ -267,6 +277,7 @@ class TestRelease:
 
         assert robot.errors == ["RELEASE_LOST"]
 
+    @pytest.mark.clause("6.4.3/loss")
     def test_a_new_grant_lets_it_go_on(self) -> None:
         robot = bench(GATE)
         robot.send(order("n0", "n1", "n2"))
@@ -311,6 +322,7 @@ class TestRelease:
         assert robot.idle
         assert requests(robot) == [("gate", "zone-1", "GRANTED")]
 
+    @pytest.mark.clause("6.9/restart", "6.4.2")
     def test_a_restarted_agent_knows_its_zone_sets_and_requests(self) -> None:
         robot = bench(GATE)
         robot.send(order("n0", "n1", "n2"))

@@ -22,7 +22,7 @@ def bench() -> Bench:
     return Bench(rules=RULES["3.0.0"])
 
 
-@pytest.mark.clause("6.4.2")
+@pytest.mark.clause("6.4.1", "6.6.5")
 def test_the_same_id_is_refused_until_another_set_is_taken(bench: Bench) -> None:
     bench.do(ZoneSetReceived(transfer(WALL)))
     bench.do(ZoneSetReceived(transfer(zone("other", "BLOCKED", 0, 1))))
@@ -35,7 +35,7 @@ def test_the_same_id_is_refused_until_another_set_is_taken(bench: Bench) -> None
     assert held(bench) == {"s1": "DISABLED", "s2": "DISABLED"}
 
 
-@pytest.mark.clause("6.2.3")
+@pytest.mark.clause("6.2.3/enableZoneSet", "6.2.3/deleteZoneSet")
 def test_instant_actions_enable_and_delete(bench: Bench) -> None:
     bench.do(ZoneSetReceived(transfer(WALL)), ZoneSetReceived(transfer(WALL, zone_set_id="s2")))
 
@@ -53,7 +53,7 @@ def test_instant_actions_enable_and_delete(bench: Bench) -> None:
     assert held(bench) == {"s1": "ENABLED"}
 
 
-@pytest.mark.clause("6.2.3")
+@pytest.mark.clause("6.2.3/enableZoneSet")
 def test_an_order_enables_a_set_on_a_node(bench: Bench) -> None:
     bench.do(ZoneSetReceived(transfer(WALL)))
     enabling = action("e", "HARD", "enableZoneSet", zoneSetId="s1")
@@ -65,7 +65,7 @@ def test_an_order_enables_a_set_on_a_node(bench: Bench) -> None:
     assert bench.goal.pose.x == 10.0
 
 
-@pytest.mark.clause("6.2.3")
+@pytest.mark.clause("6.2.3/downloadZoneSet")
 def test_a_set_that_an_action_brought_is_taken_or_fails_it(bench: Bench) -> None:
     for action_id in ("w1", "w2"):
         bench.instant(action(action_id, "NONE", "work"))
@@ -75,7 +75,7 @@ def test_a_set_that_an_action_brought_is_taken_or_fails_it(bench: Bench) -> None
     assert "DUPLICATE_ZONE_SET" in bench.errors
 
 
-@pytest.mark.clause("6.4")
+@pytest.mark.clause("6.4", "6.10/zones", "6.2.3")
 @pytest.mark.parametrize("version", ["2.0.0", "2.1.0"])
 def test_older_versions_have_no_zones(version: str) -> None:
     bench = Bench(rules=RULES[version])

@@ -82,6 +82,7 @@ def _bow_tie() -> Zone:
     return Zone(zone_id="b", zone_type=ZoneType.BLOCKED, vertices=tuple(Vertex(x=x, y=y) for x, y in corners))
 
 
+@pytest.mark.clause("6.4/others")
 @pytest.mark.parametrize(
     ("bad", "problem"),
     [

@@ -40,6 +40,7 @@ def test_nobody_is_there() -> None:
     assert bench.view().vehicle_state is VehicleState.UNKNOWN
 
 
+@pytest.mark.clause("6.5/fleet")
 def test_silence_is_told_without_any_message() -> None:
     bench = Bench().online()
     bench.news.clear()
@@ -48,6 +49,7 @@ def test_silence_is_told_without_any_message() -> None:
     assert bench.view().availability.reason == "is silent: it has not reported its state for too long"
 
 
+@pytest.mark.clause("6.6.6/fleet")
 @pytest.mark.parametrize("mode", [OperatingMode.MANUAL, OperatingMode.SERVICE, OperatingMode.TEACH_IN])
 def test_modes_without_fleet_control(mode: OperatingMode) -> None:
     bench = Bench().online()
@@ -71,6 +73,7 @@ def test_an_own_mission() -> None:
     assert reason(bench) == "works on the mission 'm'"
 
 
+@pytest.mark.clause("6.6.5.1/fleet")
 def test_a_fatal_error() -> None:
     bench = Bench().online()
     bench.robot.errors.append(
@@ -105,6 +108,7 @@ def test_a_paused_robot_is_still_sent_the_mission_that_it_was_given() -> None:
     assert bench.orders_sent() == ["m"]
 
 
+@pytest.mark.clause("6.6.8")
 def test_a_running_instant_action_does_not_keep_a_robot_from_orders() -> None:
     bench = Bench().online()
     action = Action(action_type="startCharging", action_id="c", blocking_type=BlockingType.NONE)
@@ -113,6 +117,7 @@ def test_a_running_instant_action_does_not_keep_a_robot_from_orders() -> None:
     assert reason(bench) is None
 
 
+@pytest.mark.clause("6.6.8")
 @pytest.mark.parametrize(
     ("fields", "expected"),
     [

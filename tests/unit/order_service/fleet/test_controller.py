@@ -30,6 +30,7 @@ def failure(bench: Bench) -> MissionFailed:
     return only
 
 
+@pytest.mark.clause("6.6.2/fleet", "6.1.2/confirm")
 def test_a_mission_goes_its_whole_way() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B", "C", operation="pick"))
@@ -55,6 +56,7 @@ def test_a_mission_without_way_and_operation_is_done_when_it_is_taken() -> None:
     assert bench.story() == ["MissionAccepted", "NodePassed", "MissionFinished"]
 
 
+@pytest.mark.clause("6.6.2/fleet")
 def test_nodes_whose_states_were_lost_are_told_in_order() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B", "C", "B", "D"))
@@ -66,6 +68,7 @@ def test_nodes_whose_states_were_lost_are_told_in_order() -> None:
     assert passed == [("A", 0), ("B", 2), ("C", 4), ("B", 6), ("D", 8)]
 
 
+@pytest.mark.clause("6.6.2/fleet")
 def test_the_operation_is_not_over_when_the_last_node_is_reached() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B", operation="pick"))
@@ -84,6 +87,7 @@ def test_a_robot_has_one_mission_at_a_time() -> None:
     assert bench.orders_sent() == ["m"]
 
 
+@pytest.mark.clause("6.1.2/confirm")
 def test_a_lost_order_is_sent_again_with_growing_pauses() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -101,6 +105,7 @@ def test_a_lost_order_is_sent_again_with_growing_pauses() -> None:
     assert bench.robot.accepted == ["m"]
 
 
+@pytest.mark.clause("6.1.2/confirm")
 def test_an_order_that_is_never_taken_up_fails_with_the_number_of_sendings() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -109,6 +114,7 @@ def test_an_order_that_is_never_taken_up_fails_with_the_number_of_sendings() -> 
     assert bench.orders_sent() == ["m"] * 6
 
 
+@pytest.mark.clause("6.1.3/fleet")
 def test_an_order_that_comes_too_late_is_stopped() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -123,6 +129,7 @@ def test_an_order_that_comes_too_late_is_stopped() -> None:
     assert bench.ends() == {"m": 1}
 
 
+@pytest.mark.clause("6.1.4/fleet")
 def test_a_refusal_that_names_the_order_fails_the_mission_with_the_robots_words() -> None:
     bench = Bench(robot=HonestRobot(position=(9.0, 9.0, 0.0))).online()
     bench.start(make_mission("m", "A", "B"))
@@ -132,6 +139,7 @@ def test_a_refusal_that_names_the_order_fails_the_mission_with_the_robots_words(
     assert failure(bench).details == ("START_NODE_OUT_OF_RANGE: no",)
 
 
+@pytest.mark.clause("6.1.4/fleet")
 @pytest.mark.parametrize("kind", ["noRouteError", "orderError", "validationError", "orderUpdateError"])
 def test_a_refusal_without_references_is_known_by_its_type_and_time(kind: str) -> None:
     bench = Bench().online()
@@ -141,6 +149,7 @@ def test_a_refusal_without_references_is_known_by_its_type_and_time(kind: str) -
     assert failure(bench).details == (kind,)
 
 
+@pytest.mark.clause("6.1.4/fleet")
 def test_a_refusal_from_before_the_order_is_not_taken_for_one_of_it() -> None:
     bench = Bench()
     bench.robot.errors.append(ErrorEntry(error_type="noRouteError", error_level=ErrorLevel.WARNING))
@@ -151,6 +160,7 @@ def test_a_refusal_from_before_the_order_is_not_taken_for_one_of_it() -> None:
     assert bench.told(MissionFinished)
 
 
+@pytest.mark.clause("6.1.4/fleet")
 def test_a_refusal_of_another_order_is_none_of_this_one() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -162,6 +172,7 @@ def test_a_refusal_of_another_order_is_none_of_this_one() -> None:
     assert bench.ends() == {}
 
 
+@pytest.mark.clause("6.6.9/failed")
 def test_a_failed_operation_fails_the_mission_with_the_robots_words() -> None:
     bench = Bench(robot=HonestRobot(actions_fail=True)).online()
     bench.start(make_mission("m", "A", "B", operation="pick"))
@@ -171,6 +182,7 @@ def test_a_failed_operation_fails_the_mission_with_the_robots_words() -> None:
     assert bench.instants_sent() == [], "the robot has ended the order itself"
 
 
+@pytest.mark.clause("6.6.9/failed", "6.1.3/fleet")
 def test_a_failed_operation_cancels_what_comes_behind_it() -> None:
     bench = Bench(robot=HonestRobot(actions_fail=True)).online()
     one, two = (make_mission("m", "A", operation=each) for each in ("pick", "weigh"))
@@ -187,6 +199,7 @@ def test_a_failed_operation_cancels_what_comes_behind_it() -> None:
     assert bench.robot.executed == ["m/pick"]
 
 
+@pytest.mark.clause("6.6.5.1/fleet")
 def test_a_node_that_cannot_be_reached_cancels_the_order_and_then_fails_it() -> None:
     bench = Bench(robot=HonestRobot(unreachable={"C"})).online()
     bench.start(make_mission("m", "A", "B", "C"))
@@ -204,6 +217,7 @@ def test_a_node_that_cannot_be_reached_cancels_the_order_and_then_fails_it() -> 
     assert bench.robot.idle
 
 
+@pytest.mark.clause("6.6.5.1/fleet")
 def test_a_fatal_error_that_names_nothing_is_given_some_time() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -220,6 +234,7 @@ def test_a_fatal_error_that_names_nothing_is_given_some_time() -> None:
     assert failure(bench).details == ("lidarDirty",)
 
 
+@pytest.mark.clause("6.6.5.1/fleet")
 def test_a_fatal_error_that_passes_does_not_fail_the_mission() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -236,6 +251,7 @@ def test_a_fatal_error_that_passes_does_not_fail_the_mission() -> None:
     assert bench.told(MissionFinished)
 
 
+@pytest.mark.clause("6.6.5.1/fleet")
 def test_a_warning_does_not_touch_the_mission() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -244,6 +260,7 @@ def test_a_warning_does_not_touch_the_mission() -> None:
     assert bench.told(MissionFinished)
 
 
+@pytest.mark.clause("6.1.3/fleet")
 def test_a_cancelled_mission_ends_when_the_robot_has_confirmed_it() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B", operation="pick"))
@@ -259,6 +276,7 @@ def test_a_cancelled_mission_ends_when_the_robot_has_confirmed_it() -> None:
     assert bench.robot.executed == []
 
 
+@pytest.mark.clause("6.1.3/fleet")
 def test_a_cancel_is_asked_for_once_however_often_somebody_wants_it() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -269,6 +287,7 @@ def test_a_cancel_is_asked_for_once_however_often_somebody_wants_it() -> None:
     assert bench.instants_sent() == ["cancelOrder"]
 
 
+@pytest.mark.clause("6.1.3/fleet", "6.2.1/fleet")
 def test_a_cancel_that_is_lost_is_sent_again_under_the_same_id() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -293,6 +312,7 @@ def test_an_order_that_waits_to_be_sent_is_cancelled_at_once() -> None:
     assert bench.sent == []
 
 
+@pytest.mark.clause("6.1.3/fleet")
 def test_an_order_that_may_be_on_its_way_is_cancelled_at_the_robot() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -329,6 +349,7 @@ def test_a_mission_that_is_done_before_the_cancel_comes_is_finished() -> None:
     assert bench.ends() == {"m": 1}
 
 
+@pytest.mark.clause("6.1.3/fleet")
 def test_no_order_is_sent_while_a_cancel_may_still_hit_it() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -354,6 +375,7 @@ def test_a_cancel_that_is_never_confirmed_fails_the_mission() -> None:
     assert "does not confirm cancelOrder: sent 6 times" in failure(bench).reason
 
 
+@pytest.mark.clause("6.6.6/fleet")
 def test_a_robot_that_went_to_manual_has_given_the_order_up() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -408,6 +430,7 @@ def test_an_order_that_is_not_confirmed_in_the_usual_time_says_so() -> None:
     assert bench.view().mission_note == "the robot has not yet confirmed the order"
 
 
+@pytest.mark.clause("6.5/fleet")
 def test_an_order_waits_for_a_robot_that_is_away_and_says_so() -> None:
     bench = Bench().online()
     bench.connection(ConnectionState.CONNECTION_BROKEN)
@@ -451,6 +474,7 @@ def test_nothing_is_sent_and_nothing_fails_while_our_own_link_is_down() -> None:
     assert bench.told(MissionFinished)
 
 
+@pytest.mark.clause("6.5/fleet")
 def test_an_order_to_a_robot_that_is_silent_without_a_will_fails_in_the_end() -> None:
     bench = Bench().online()
     bench.wait(30)
@@ -461,6 +485,7 @@ def test_an_order_to_a_robot_that_is_silent_without_a_will_fails_in_the_end() ->
     assert bench.ends() == {"m": 1}
 
 
+@pytest.mark.clause("4.1/offline")
 def test_a_running_mission_outlives_the_loss_of_the_link() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B", "C"))
@@ -477,6 +502,7 @@ def test_a_running_mission_outlives_the_loss_of_the_link() -> None:
     assert bench.orders_sent() == ["m"]
 
 
+@pytest.mark.clause("7.10/interval")
 def test_orders_keep_the_least_interval_of_the_factsheet() -> None:
     bench = Bench(FleetSettings(resend_after=0.25)).online()
     slow = factsheet()
@@ -600,6 +626,7 @@ def test_a_robot_with_missing_action_states_is_not_waited_for_for_ever() -> None
     assert failure(bench).reason == "the robot does not report the actions of the order"
 
 
+@pytest.mark.clause("6.6.9/instant", "6.6.8")
 def test_statuses_of_the_orders_actions_are_told_from_instant_ones() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B", operation="pick"))

@@ -81,6 +81,7 @@ def test_a_mission_that_fits_is_taken(factsheet: Factsheet) -> None:
     assert order_problem(MISSION, factsheet) is None
 
 
+@pytest.mark.clause("7.1.1")
 @pytest.mark.parametrize(
     ("factsheet", "problem"),
     [
@@ -110,6 +111,7 @@ def test_a_mission_that_does_not_fit_is_named(factsheet: Factsheet, problem: str
     assert problem in (order_problem(MISSION, factsheet) or "")
 
 
+@pytest.mark.clause("7.1.1")
 def test_fields_that_the_robot_does_not_list_are_left_out() -> None:
     lists_one = sheet(
         fields=(
@@ -124,6 +126,7 @@ def test_fields_that_the_robot_does_not_list_are_left_out() -> None:
     assert fitted(MISSION, sheet()) is MISSION
 
 
+@pytest.mark.clause("6.2.1/fleet")
 def test_an_instant_action_is_looked_at_as_well() -> None:
     pick = Action(
         action_type="pick",

@@ -22,6 +22,7 @@ def ended(bench: Bench) -> InstantActionEnded:
     return only
 
 
+@pytest.mark.clause("6.2.1/fleet")
 def test_a_pause_is_sent_and_its_end_is_told() -> None:
     bench = Bench().online()
     bench.instruct(action("startPause"))
@@ -32,6 +33,7 @@ def test_a_pause_is_sent_and_its_end_is_told() -> None:
     assert bench.robot.paused
 
 
+@pytest.mark.clause("6.6.9/instant")
 def test_the_states_of_3_0_are_found_in_their_own_place() -> None:
     bench = Bench(robot=HonestRobot(reports_instants_apart=True)).online()
     bench.instruct(action("stopPause"))
@@ -40,6 +42,7 @@ def test_the_states_of_3_0_are_found_in_their_own_place() -> None:
     assert ended(bench).status is ActionStatus.FINISHED
 
 
+@pytest.mark.clause("6.2.1/fleet")
 def test_what_the_robot_cannot_do_fails() -> None:
     bench = Bench().online()
     bench.instruct(action("fly"))
@@ -49,6 +52,7 @@ def test_what_the_robot_cannot_do_fails() -> None:
     assert ended(bench).reason == "the robot could not do it"
 
 
+@pytest.mark.clause("6.2.1/fleet")
 def test_a_lost_action_is_sent_again_and_in_the_end_given_up() -> None:
     bench = Bench().online()
     bench.instruct(action("startPause"))
@@ -58,6 +62,7 @@ def test_a_lost_action_is_sent_again_and_in_the_end_given_up() -> None:
     assert ended(bench).reason == "sent 6 times, but the robot never reported it"
 
 
+@pytest.mark.clause("6.2.1/fleet")
 def test_a_seen_action_is_not_sent_again_and_has_its_limit() -> None:
     bench = Bench(FleetSettings(instant_action_limit=20)).online()
     bench.instruct(action("downloadMap"))
@@ -96,6 +101,7 @@ def test_an_action_that_vanishes_with_a_restart_has_ended() -> None:
     assert ended(bench).reason == "the robot no longer reports it; it may have started anew"
 
 
+@pytest.mark.clause("6.2.1/fleet")
 def test_an_action_for_an_absent_robot_is_not_kept_for_later() -> None:
     bench = Bench().online()
     bench.connection(ConnectionState.OFFLINE)
@@ -106,6 +112,7 @@ def test_an_action_for_an_absent_robot_is_not_kept_for_later() -> None:
     assert bench.sent == []
 
 
+@pytest.mark.clause("6.2.1/fleet")
 def test_an_action_that_was_perhaps_lost_is_not_sent_to_a_robot_that_comes_back() -> None:
     bench = Bench().online()
     bench.instruct(action("startPause"))
@@ -118,6 +125,7 @@ def test_an_action_that_was_perhaps_lost_is_not_sent_to_a_robot_that_comes_back(
     assert bench.instants_sent() == ["startPause"]
 
 
+@pytest.mark.clause("6.6.6/fleet")
 def test_a_cancel_is_not_sent_again_in_manual_mode_but_afterwards() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -135,6 +143,7 @@ def test_a_cancel_is_not_sent_again_in_manual_mode_but_afterwards() -> None:
     assert bench.story()[-1] == "MissionCancelled"
 
 
+@pytest.mark.clause("6.6.6/fleet", "6.2.1/fleet")
 def test_a_robot_in_manual_mode_is_only_asked_for_what_harms_nobody() -> None:
     bench = Bench().online()
     bench.robot.set_mode(OperatingMode.MANUAL)
@@ -145,6 +154,7 @@ def test_a_robot_in_manual_mode_is_only_asked_for_what_harms_nobody() -> None:
     assert bench.instants_sent() == ["stateRequest"]
 
 
+@pytest.mark.clause("6.1.1/ids")
 def test_an_id_is_never_used_twice() -> None:
     bench = Bench().online()
     bench.instruct(action("startPause"))
@@ -187,7 +197,7 @@ def test_own_cancels_are_not_told_to_anybody() -> None:
     assert bench.ends() == {"m": 1}
 
 
-@pytest.mark.clause("6.2.3")
+@pytest.mark.clause("6.2.3/clearInstantActions")
 def test_ended_instant_actions_are_cleared_before_they_pile_up() -> None:
     bench = Bench(
         FleetSettings(clear_instant_actions_from=2), HonestRobot(version="3.0.0", reports_instants_apart=True)
@@ -205,7 +215,7 @@ def test_ended_instant_actions_are_cleared_before_they_pile_up() -> None:
     assert bench.instants_sent().count("clearInstantActions") == 1
 
 
-@pytest.mark.clause("6.2.3")
+@pytest.mark.clause("6.2.3/clearInstantActions")
 def test_a_robot_of_an_older_version_is_not_told_to_clear() -> None:
     bench = Bench(
         FleetSettings(clear_instant_actions_from=1), HonestRobot(reports_instants_apart=True)
@@ -217,7 +227,7 @@ def test_a_robot_of_an_older_version_is_not_told_to_clear() -> None:
     assert bench.instants_sent() == ["stopPause"]
 
 
-@pytest.mark.clause("6.1.3")
+@pytest.mark.clause("6.1.3/named")
 @pytest.mark.parametrize(("version", "named"), [("2.1.0", []), ("3.0.0", ["m1"])])
 def test_a_cancel_names_the_order_where_it_may(version: str, named: list[str]) -> None:
     bench = Bench(robot=HonestRobot(version=version)).online()

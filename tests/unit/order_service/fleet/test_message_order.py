@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
 
+import pytest
+
 from nena_order_service.fleet.message_order import MessageOrder
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
@@ -25,17 +27,20 @@ def test_rising_headers_are_new() -> None:
     assert order.is_new(7, at(6), 0.0), "several messages within a hundredth of a second"
 
 
+@pytest.mark.clause("7.2/headerId")
 def test_the_same_message_again_is_not_new_however_often() -> None:
     order = order_at(5, 5)
     assert [order.is_new(5, at(5), 0.0) for _ in range(10)] == [False] * 10
 
 
+@pytest.mark.clause("7.2/headerId")
 def test_an_overtaken_message_is_not_new() -> None:
     order = order_at(5, 5)
     assert not order.is_new(4, at(4), 0.0)
     assert order.is_new(6, at(6), 0.0)
 
 
+@pytest.mark.clause("7.2/headerId")
 def test_a_restart_at_zero_is_new_at_once() -> None:
     assert order_at(5000, 5).is_new(0, at(6), 0.0)
 
@@ -44,6 +49,7 @@ def test_a_clock_that_was_set_back_does_not_matter_while_headers_rise() -> None:
     assert order_at(5, 5000).is_new(6, at(0), 0.0)
 
 
+@pytest.mark.clause("7.2/headerId")
 def test_the_count_may_run_over() -> None:
     assert order_at(2**32 - 1, 5).is_new(0, at(6), 0.0)
 

@@ -57,6 +57,7 @@ def to(goal: str, start: Standing, **more: object) -> Mission:
     return build_mission("m", plant=PLANT, standing=start, profile=PROFILE, route=route, **more)  # type: ignore[arg-type] # passed on
 
 
+@pytest.mark.clause("6.1.1")
 def test_a_route_becomes_a_graph_that_the_standard_allows() -> None:
     actions = OperationMap().actions("Load", {})
     mission = to("C", standing(0.1, 0.0), actions=actions)
@@ -87,6 +88,7 @@ def test_edges_have_the_ids_of_the_plant() -> None:
     assert [edge.edge_id for edge in mission.edges] == ["home:backward"]
 
 
+@pytest.mark.clause("6.1.1/first")
 def test_a_robot_beside_the_points_starts_where_it_is() -> None:
     mission = to("C", standing(1.4, 0.3))
     assert [node.node_id for node in mission.nodes] == ["start:m", "B", "C"]
@@ -138,6 +140,7 @@ def test_along_a_route_and_then_to_a_coordinate() -> None:
     assert place(mission.nodes[1]).theta is None
 
 
+@pytest.mark.clause("6.1.1/first")
 def test_the_start_is_wide_enough_for_a_robot_that_must_drive_exactly() -> None:
     exact = RobotProfile(map_id="hall", deviation_xy=0.0)
     start = locate(PLANT, state(mobile_robot_position=pose(0.1, 0.0)), exact)

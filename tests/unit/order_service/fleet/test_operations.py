@@ -18,6 +18,7 @@ def parameters(
     return {each.key: each.value for each in action.action_parameters}
 
 
+@pytest.mark.clause("6.2.3")
 @pytest.mark.parametrize(
     ("operation", "action_type"),
     [
@@ -41,12 +42,14 @@ def test_being_there_is_no_action(operation: str) -> None:
     assert OperationMap().actions(operation, {}, STATION) == ()
 
 
+@pytest.mark.clause("6.1.1/ids")
 def test_each_action_has_an_id_of_its_own() -> None:
     operations = OperationMap()
     ids = {operations.actions("Load", {}, STATION)[0].action_id for _ in range(100)}
     assert len(ids) == 100
 
 
+@pytest.mark.clause("6.2.3/pick")
 def test_pick_names_its_station_and_load() -> None:
     assert parameters("Load", {"loadType": "EPAL", "height": "1.2"}) == {
         "stationType": "Transfer station",
@@ -56,6 +59,7 @@ def test_pick_names_its_station_and_load() -> None:
     }
 
 
+@pytest.mark.clause("6.2.3/pick")
 def test_what_2_1_demands_is_there_even_where_nobody_says_it() -> None:
     assert parameters("Unload", {}, None) == {"stationType": "point", "loadType": "unspecified"}
 

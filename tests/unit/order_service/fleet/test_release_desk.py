@@ -21,7 +21,7 @@ from nena_shared.vda5050.request import (
 from nena_shared.vda5050.topics import RobotKey
 from support.honest_robot import HonestRobot
 
-pytestmark = pytest.mark.clause("6.9", "6.4.3")
+pytestmark = pytest.mark.clause("6.9")
 
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
 ONE, TWO = RobotKey("ACME", "one"), RobotKey("ACME", "two")
@@ -106,6 +106,7 @@ def test_a_new_request_of_the_same_robot_is_a_new_question() -> None:
     assert desk.answers() == {"a2": "GRANTED"}
 
 
+@pytest.mark.clause("6.9/restart")
 def test_nothing_is_granted_before_everybody_was_heard() -> None:
     desk = Desk()
     desk.ask(ONE, gate("a"))
@@ -160,6 +161,7 @@ def test_a_corridor_is_given_to_one_robot_as_well() -> None:
     assert desk.answers() == {"a": "GRANTED", "b": "QUEUED"}
 
 
+@pytest.mark.clause("6.9/restart")
 def test_the_controller_answers_when_all_robots_have_told_their_state() -> None:
     numbers = count()
     fleet = FleetController(FleetSettings(), new_id=lambda: str(next(numbers)), utc_now=lambda: NOON)

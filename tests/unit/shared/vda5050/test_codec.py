@@ -32,6 +32,7 @@ def refusal(kind: type[Header], content: object) -> MalformedMessageError:
     return caught.value
 
 
+@pytest.mark.clause("7.3")
 def test_minimal_order_is_read(order: JsonObject) -> None:
     message = read(Order, order)
 
@@ -41,6 +42,7 @@ def test_minimal_order_is_read(order: JsonObject) -> None:
     assert message.edges[0].edge_id == "A-B"
 
 
+@pytest.mark.clause("7.8")
 def test_smallest_state_is_read(state: JsonObject) -> None:
     message = read(State, state)
 
@@ -49,6 +51,7 @@ def test_smallest_state_is_read(state: JsonObject) -> None:
     assert message.instant_action_states == ()
 
 
+@pytest.mark.clause("7.2/timestamp")
 @pytest.mark.parametrize(
     ("written", "microsecond"),
     [
@@ -71,6 +74,7 @@ def test_timestamp_is_read_with_any_decimals_and_as_utc_without_zone(
     assert message.timestamp.tzinfo is UTC
 
 
+@pytest.mark.clause("7.2/timestamp")
 @pytest.mark.parametrize(
     "written",
     ["yesterday", "2026-01-01", "", 5, None, "0001-01-01T00:00:00+01:00", "9999-12-31T23:59:59-01:00"],
@@ -79,17 +83,20 @@ def test_what_is_no_time_in_utc_is_refused(state: JsonObject, written: object) -
     assert refusal(State, state | {"timestamp": written}).problems[0].startswith("timestamp: ")
 
 
+@pytest.mark.clause("7.2/timestamp")
 def test_early_years_are_written_with_four_digits(state: JsonObject) -> None:
     message = read(State, state | {"timestamp": "0009-01-01T00:00:00.999Z"})
 
     assert json.loads(CODEC.encode(message))["timestamp"] == "0009-01-01T00:00:00.99Z"
 
 
+@pytest.mark.clause("7.1/types")
 @pytest.mark.parametrize("value", [True, "1", 1.0, -1, 2**32, None, [], 10**400])
 def test_order_update_id_is_an_integer_of_32_bits(order: JsonObject, value: object) -> None:
     assert refusal(Order, order | {"orderUpdateId": value}).problems[0].startswith("orderUpdateId: ")
 
 
+@pytest.mark.clause("7.1/types")
 @pytest.mark.parametrize("value", [True, "1.5", float("nan"), float("inf"), -0.1, [], 10**400])
 def test_distance_is_a_finite_number(state: JsonObject, value: object) -> None:
     problem = refusal(State, state | {"distanceSinceLastNode": value}).problems[0]
@@ -97,20 +104,24 @@ def test_distance_is_a_finite_number(state: JsonObject, value: object) -> None:
     assert problem.startswith("distanceSinceLastNode: ")
 
 
+@pytest.mark.clause("7.1/types")
 def test_an_integer_is_a_number(state: JsonObject) -> None:
     assert read(State, state | {"distanceSinceLastNode": 3}).distance_since_last_node == 3.0
 
 
+@pytest.mark.clause("7.1/types")
 @pytest.mark.parametrize("value", [0, 1, "true", None])
 def test_a_truth_value_is_neither_number_nor_text(state: JsonObject, value: object) -> None:
     assert refusal(State, state | {"driving": value}).problems[0].startswith("driving: ")
 
 
+@pytest.mark.clause("7.1/types")
 @pytest.mark.parametrize("value", ["automatic", "FLYING", 0, None])
 def test_an_unknown_word_of_a_closed_list_is_refused(state: JsonObject, value: object) -> None:
     assert refusal(State, state | {"operatingMode": value}).problems[0].startswith("operatingMode: ")
 
 
+@pytest.mark.clause("7.1/unknown")
 def test_unknown_fields_are_passed_over(order: JsonObject) -> None:
     order["vendorField"] = {"deep": [1]}
     order["nodes"][0]["vendorField"] = "x"
@@ -124,6 +135,7 @@ def test_names_of_the_code_are_no_names_on_the_wire(order: JsonObject) -> None:
     assert refusal(Order, order).problems == ("orderId: Field required",)
 
 
+@pytest.mark.clause("7.3.1")
 @pytest.mark.parametrize("value", [True, 7, -2.5, "text", [1, "a", None], {"a": {"b": [1.5]}}, "", [], {}])
 def test_action_parameter_takes_any_json_but_null(instant_action: JsonObject, value: object) -> None:
     instant_action["actions"][0]["actionParameters"][0]["value"] = value
@@ -135,6 +147,7 @@ def test_action_parameter_takes_any_json_but_null(instant_action: JsonObject, va
     assert written["actions"][0]["actionParameters"] == [{"key": "x", "value": value}]
 
 
+@pytest.mark.clause("7.3.1")
 @pytest.mark.parametrize("value", [None, float("nan"), [float("inf")], {"a": [float("-inf")]}])
 def test_action_parameter_without_a_value_is_refused(instant_action: JsonObject, value: Any) -> None:
     instant_action["actions"][0]["actionParameters"][0]["value"] = value
@@ -150,6 +163,7 @@ def test_parameter_that_is_not_there_is_none(instant_action: JsonObject) -> None
     assert read(InstantActions, instant_action).actions[0].parameter("y") is None
 
 
+@pytest.mark.clause("6.1.4.1")
 @pytest.mark.parametrize(
     "payload",
     [
@@ -171,12 +185,14 @@ def test_what_is_no_message_is_refused_without_references(payload: bytes) -> Non
     assert error.references == {}
 
 
+@pytest.mark.clause("7.1.2/size")
 def test_deep_nesting_inside_a_parameter_is_refused(instant_action: JsonObject) -> None:
     payload = json.dumps(instant_action).replace("1.5", "[" * 300 + "]" * 300).encode()
 
     assert "recursion limit" in refusal(InstantActions, payload).problems[0]
 
 
+@pytest.mark.clause("7.1.2/size")
 def test_size_limit(order: JsonObject) -> None:
     payload = json.dumps(order).encode()
     CODEC.decode(Order, payload.ljust(MAXIMUM_PAYLOAD))
@@ -186,6 +202,7 @@ def test_size_limit(order: JsonObject) -> None:
     )
 
 
+@pytest.mark.clause("7.2/version")
 @pytest.mark.parametrize("version", ["3.0.0", "1.1.0", "21.0.0"])
 def test_another_major_version_is_refused(order: JsonObject, version: str) -> None:
     problem = refusal(Order, order | {"version": version}).problems[0]
@@ -193,6 +210,7 @@ def test_another_major_version_is_refused(order: JsonObject, version: str) -> No
     assert problem == f"version: {version} is not of the same major version as 2.1.0"
 
 
+@pytest.mark.clause("7.2/version")
 def test_an_older_minor_version_is_read_and_answered_in_our_own(order: JsonObject) -> None:
     message = read(Order, order | {"version": "2.0.0"})
 
@@ -205,6 +223,7 @@ def test_a_version_has_three_short_numbers(order: JsonObject, version: object) -
     assert refusal(Order, order | {"version": version}).problems[0].startswith("version: ")
 
 
+@pytest.mark.clause("6.1.4.1")
 def test_refusal_names_what_could_be_read(order: JsonObject) -> None:
     order |= {"headerId": 12, "orderId": "o7", "orderUpdateId": 3, "nodes": "none"}
 
@@ -225,6 +244,7 @@ def test_refusal_shows_only_the_first_problems() -> None:
     assert len(refusal(State, {}).problems) == PROBLEMS_SHOWN
 
 
+@pytest.mark.clause("6.1.1")
 def test_order_that_breaks_the_graph_rules_is_neither_read_nor_written(order: JsonObject) -> None:
     message = read(Order, order)
     order["edges"] = []

@@ -5,6 +5,7 @@ import pytest
 from nena_shared.vda5050.error import ErrorLevel, ErrorReference, ErrorType, error
 
 
+@pytest.mark.clause("6.6.5.4", "6.6.5.1")
 @pytest.mark.parametrize(
     ("kind", "level"),
     [
@@ -21,6 +22,7 @@ def test_level_is_that_of_the_standards_table(kind: ErrorType, level: ErrorLevel
     assert error(kind, "why").error_level is level
 
 
+@pytest.mark.clause("6.6.5.2")
 def test_references_are_camel_case_text_and_only_what_is_known() -> None:
     entry = error(ErrorType.VALIDATION_FAILURE, "why", order_update_id=3, order_id=None, topic="order")
 

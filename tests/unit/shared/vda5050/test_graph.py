@@ -55,6 +55,7 @@ def change_edge(order: Order, index: int, **changes: object) -> Order:
     return order.model_copy(update={"edges": tuple(edges)})
 
 
+@pytest.mark.clause("6.1.1")
 @pytest.mark.parametrize(
     "releases",
     ["+", "+++", "+--", "+++--"],
@@ -64,14 +65,17 @@ def test_valid_graphs(releases: str) -> None:
     assert violations(graph(releases)) == ()
 
 
+@pytest.mark.clause("6.1.1")
 def test_a_node_may_come_twice() -> None:
     assert violations(change_node(graph("+++"), 1, node_id="n0")) == ()
 
 
+@pytest.mark.clause("6.1.1")
 def test_no_nodes() -> None:
     assert violations(graph("")) == ("an order has at least one node",)
 
 
+@pytest.mark.clause("6.1.1")
 def test_number_of_edges() -> None:
     order = graph("+++")
 
@@ -80,41 +84,49 @@ def test_number_of_edges() -> None:
     )
 
 
+@pytest.mark.clause("6.1.1")
 def test_nodes_are_even() -> None:
     order = change_node(graph("+"), 0, sequence_id=1)
 
     assert violations(order) == ("node 'n0' has the odd sequenceId 1; nodes have even ones",)
 
 
+@pytest.mark.clause("6.1.1")
 def test_an_update_starts_anywhere_even() -> None:
     assert violations(change_node(graph("+"), 0, sequence_id=14)) == ()
 
 
+@pytest.mark.clause("6.1.1")
 def test_gap_at_a_node() -> None:
     order = change_node(graph("+++"), 1, sequence_id=4)
 
     assert violations(order) == ("node 'n2' has sequenceId 4, not 2",)
 
 
+@pytest.mark.clause("6.1.1")
 def test_gap_at_an_edge() -> None:
     order = change_edge(graph("+++"), 0, sequence_id=3)
 
     assert violations(order) == ("edge 'e1' has sequenceId 3, not 1",)
 
 
+@pytest.mark.clause("6.1.1")
 def test_first_node_is_released() -> None:
     assert violations(graph("-")) == ("the first node 'n0' is not released",)
 
 
+@pytest.mark.clause("6.1.1")
 def test_released_edge_needs_released_ends() -> None:
     assert violations(graph("++-")) == ("edge 'e1' is released, but not both of its nodes are",)
 
 
+@pytest.mark.clause("6.1.1")
 def test_nothing_is_released_behind_the_base() -> None:
     assert violations(graph("+--++")) == ("edge 'e3' is released, but not both of its nodes are",)
     assert violations(graph("+-+")) == ("node 'n2' is released behind the end of the base",)
 
 
+@pytest.mark.clause("6.1.1/ids")
 @pytest.mark.parametrize("where", ["node and node", "node and edge", "one node"])
 def test_an_action_id_stands_once(where: str) -> None:
     order = change_node(graph("+++"), 0, actions=(BEEP, BEEP) if where == "one node" else (BEEP,))
@@ -148,6 +160,7 @@ def own(part: Node | Edge) -> Action:
     return BEEP.model_copy(update={"action_id": f"at {part.sequence_id}"})
 
 
+@pytest.mark.clause("6.1.1")
 @given(valid_graphs())
 def test_generated_graphs_keep_all_rules(order: Order) -> None:
     assert violations(order) == ()
@@ -194,6 +207,7 @@ MUTATIONS: list[Callable[[Order], Order]] = [
 ]
 
 
+@pytest.mark.clause("6.1.1")
 @pytest.mark.parametrize("mutate", MUTATIONS)
 @given(order=valid_graphs(least_nodes=2))
 def test_each_mutation_of_a_valid_graph_is_found(mutate: Callable[[Order], Order], order: Order) -> None:

@@ -82,6 +82,7 @@ def _fields(root: Mapping[str, Any], part: Mapping[str, Any], path: str) -> Iter
         yield from _fields(root, part["items"], path + "[]")
 
 
+@pytest.mark.clause("7.3", "7.4", "7.5", "7.6", "7.7", "7.8", "7.9", "7.10/message")
 @EACH_MESSAGE
 @settings(max_examples=30)
 @given(st.data())
@@ -91,6 +92,7 @@ def test_everything_sent_fits(codec: Codec, topic: Topic, data: st.DataObject) -
     assert [error.message for error in validator(codec.version, topic).iter_errors(json.loads(payload))] == []
 
 
+@pytest.mark.clause("7.3", "7.4", "7.5", "7.6", "7.7", "7.8", "7.9", "7.10/message")
 @EACH_MESSAGE
 def test_fields_are_those_of_the_official_schema(codec: Codec, topic: Topic) -> None:
     official = fields(official_schema(codec.version, topic))
@@ -121,6 +123,7 @@ def test_nothing_is_ever_null(order: dict[str, Any]) -> None:
     assert len(list(validator("2.1.0", Topic.ORDER).iter_errors(order))) == 1
 
 
+@pytest.mark.clause("7.6")
 def test_zone_needs_what_belongs_to_its_type() -> None:
     corners = [{"x": 0, "y": 0}, {"x": 1, "y": 0}, {"x": 0, "y": 1}]
     zone = {"zoneId": "z", "zoneType": "SPEED_LIMIT", "vertices": corners}
@@ -138,6 +141,7 @@ def test_zone_needs_what_belongs_to_its_type() -> None:
     assert [error.message for error in found] == ["'maximumSpeed' is a required property"]
 
 
+@pytest.mark.clause("4.3")
 def test_message_or_version_that_there_is_not() -> None:
     with pytest.raises(MalformedMessageError, match=r"2\.1\.0 has no such message"):
         json_schema("2.1.0", Topic.ZONE_SET)

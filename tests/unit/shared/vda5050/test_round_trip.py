@@ -22,6 +22,7 @@ EACH_MESSAGE = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.clause("7.3", "7.4", "7.5", "7.6", "7.7", "7.8", "7.9", "7.10/message")
 @EACH_MESSAGE
 @given(st.data())
 def test_message_arrives_as_the_nearest_that_the_version_can_say(
@@ -33,6 +34,7 @@ def test_message_arrives_as_the_nearest_that_the_version_can_say(
     assert plain(codec.decode(kind, codec.encode(message))) == nearest(codec.version, plain(message))
 
 
+@pytest.mark.clause("7.3", "7.4", "7.5", "7.6", "7.7", "7.8", "7.9", "7.10/message")
 @EACH_MESSAGE
 @settings(max_examples=50)
 @given(st.data())

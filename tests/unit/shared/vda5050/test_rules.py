@@ -41,6 +41,7 @@ def test_there_is_a_row_for_each_version() -> None:
     assert list(RULES) == list(CODECS)
 
 
+@pytest.mark.clause("6.6.6/STARTUP")
 @EACH_VERSION
 def test_operating_modes(version: str, neutral: State) -> None:
     told = [
@@ -51,6 +52,7 @@ def test_operating_modes(version: str, neutral: State) -> None:
     assert kept(OperatingMode, list(told)) == RULES[version].operating_modes
 
 
+@pytest.mark.clause("6.6.9", "6.6.9/retriable")
 @EACH_VERSION
 def test_action_statuses(version: str, neutral: State) -> None:
     states = tuple(ActionState(action_id=each, action_status=each) for each in ActionStatus)
@@ -62,6 +64,7 @@ def test_action_statuses(version: str, neutral: State) -> None:
     )
 
 
+@pytest.mark.clause("6.6.5.4", "6.6.5.1")
 @EACH_VERSION
 def test_names_and_levels_of_errors(version: str, neutral: State) -> None:
     errors = tuple(error(kind, "why") for kind in ErrorType)
@@ -76,6 +79,7 @@ def test_names_and_levels_of_errors(version: str, neutral: State) -> None:
     assert kept(ErrorLevel, list(levels)) == RULES[version].error_levels
 
 
+@pytest.mark.clause("6.6.9/instant")
 @EACH_VERSION
 def test_where_states_of_instant_actions_are(version: str, neutral: State) -> None:
     instant = (ActionState(action_id="i", action_status=ActionStatus.RUNNING),)
@@ -95,12 +99,14 @@ def test_maps(version: str, neutral: State) -> None:
     assert bool(told.maps) is RULES[version].maps
 
 
+@pytest.mark.clause("4.3")
 @EACH_VERSION
 def test_zones(version: str) -> None:
     assert (Topic.ZONE_SET in CODECS[version].kinds) is RULES[version].zones
     assert (Topic.RESPONSES in CODECS[version].kinds) is RULES[version].zones
 
 
+@pytest.mark.clause("6.2.2/single", "6.1.3/named")
 @EACH_VERSION
 def test_blocking_types_and_the_name_of_the_cancelled_order(version: str, order: dict[str, Any]) -> None:
     actions = tuple(
@@ -125,6 +131,7 @@ def test_blocking_types_and_the_name_of_the_cancelled_order(version: str, order:
     assert named == ["o1" if RULES[version].cancel_names_order else None] * len(BlockingType)
 
 
+@pytest.mark.clause("7.7")
 @EACH_VERSION
 def test_connection_states(version: str, neutral: State) -> None:
     header = neutral.model_dump(include={"header_id", "timestamp", "manufacturer", "serial_number"})

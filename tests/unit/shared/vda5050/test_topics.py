@@ -11,14 +11,17 @@ ROBOT = RobotKey("ACME", "0001")
 LEVEL = st.text("abzAZ09_.:-", min_size=1, max_size=5)
 
 
+@pytest.mark.clause("4.2")
 def test_topic_of_a_robot() -> None:
     assert TopicScheme("uagv").of(ROBOT, Topic.INSTANT_ACTIONS) == "uagv/v2/ACME/0001/instantActions"
 
 
+@pytest.mark.clause("4.2")
 def test_filter_for_all_robots() -> None:
     assert TopicScheme("site/hall 1", "v3").for_all(Topic.STATE) == "site/hall 1/v3/+/+/state"
 
 
+@pytest.mark.clause("4.2")
 @pytest.mark.parametrize(
     "topic",
     [
@@ -35,6 +38,7 @@ def test_topic_of_another_form_is_of_no_robot(topic: str) -> None:
     assert TopicScheme("uagv").robot_of(topic) is None
 
 
+@pytest.mark.clause("4.2")
 @given(
     levels=st.lists(LEVEL, min_size=1, max_size=3),
     version=st.sampled_from(["v2", "v3"]),

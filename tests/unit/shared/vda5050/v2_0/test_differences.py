@@ -35,6 +35,7 @@ def test_examples_are_read_and_written_under_its_own_number(
     assert schema_problems("2.0.0", name, payload) == []
 
 
+@pytest.mark.clause("6.1.5", "7.1/unknown")
 def test_corridor_is_an_unknown_field(order: JsonObject) -> None:
     order["edges"][0]["corridor"] = {"leftWidth": "wide"}
 
@@ -44,6 +45,7 @@ def test_corridor_is_an_unknown_field(order: JsonObject) -> None:
     assert "corridor" not in written(message)["edges"][0]
 
 
+@pytest.mark.clause("6.6.5.3", "7.1/unknown")
 def test_maps_and_hints_are_unknown_fields(state: JsonObject) -> None:
     state["maps"] = "all"
     state["errors"] = [{"errorType": "oven", "errorLevel": "FATAL", "errorHint": 5}]
@@ -62,6 +64,7 @@ def test_health_of_the_battery_is_a_whole_number(state: JsonObject, health: floa
     assert (sent, type(sent)) == (told, int)
 
 
+@pytest.mark.clause("7.10/message")
 def test_array_limits_are_read_by_both_names(factsheet: JsonObject) -> None:
     limits = factsheet["protocolLimits"]["maxArrayLens"]
     limits |= {"state.informations": 7, "informations.infoReferences": 8}
@@ -74,6 +77,7 @@ def test_array_limits_are_read_by_both_names(factsheet: JsonObject) -> None:
     assert again == message.protocol_limits.maximum_array_lengths
 
 
+@pytest.mark.clause("7.10/message")
 def test_what_2_1_added_to_the_factsheet_is_not_told(factsheet: JsonObject) -> None:
     corridor = {"parameter": "order.edges.corridor", "support": "SUPPORTED"}
     speed = {"parameter": "order.edges.maxSpeed", "support": "SUPPORTED"}

@@ -60,6 +60,7 @@ def test_examples_of_the_reference_are_read() -> None:
     assert CODEC.decode(State, state.encode()).header_id == 7
 
 
+@pytest.mark.clause("7.3/rotation")
 @pytest.mark.parametrize(("allowed", "before_entering"), [(True, False), (False, True), (None, None)])
 def test_rotation_allowed_is_the_inverse(order: JsonObject, *, allowed: Any, before_entering: Any) -> None:
     if allowed is not None:
@@ -71,6 +72,7 @@ def test_rotation_allowed_is_the_inverse(order: JsonObject, *, allowed: Any, bef
     assert written(message)["edges"][0].get("rotationAllowed") is allowed
 
 
+@pytest.mark.clause("7.3/deviation")
 def test_deviation_is_a_circle(order: JsonObject) -> None:
     message = read(Order, order)
     position = message.nodes[1].node_position
@@ -82,6 +84,7 @@ def test_deviation_is_a_circle(order: JsonObject) -> None:
     assert again["nodes"][1]["nodePosition"]["allowedDeviationXY"] == 0.5
 
 
+@pytest.mark.clause("7.3/deviation")
 @pytest.mark.parametrize("deviation", ["0.3", True, -1, {"a": 1, "b": "x"}])
 def test_deviation_is_not_negative(order: JsonObject, deviation: object) -> None:
     order["nodes"][1]["nodePosition"]["allowedDeviationXY"] = deviation
@@ -90,12 +93,14 @@ def test_deviation_is_not_negative(order: JsonObject, deviation: object) -> None
         read(Order, order)
 
 
+@pytest.mark.clause("6.1.1/ends")
 def test_edges_name_their_ends(order: JsonObject) -> None:
     edge = written(read(Order, order))["edges"][0]
 
     assert (edge["startNodeId"], edge["endNodeId"]) == ("A", "B")
 
 
+@pytest.mark.clause("6.1.1/ends")
 @pytest.mark.parametrize("missing", ["startNodeId", "endNodeId"])
 def test_edges_that_do_not_name_their_ends_are_refused(order: JsonObject, missing: str) -> None:
     del order["edges"][0][missing]
@@ -104,6 +109,7 @@ def test_edges_that_do_not_name_their_ends_are_refused(order: JsonObject, missin
         read(Order, order)
 
 
+@pytest.mark.clause("6.1.1/ends")
 def test_edge_that_joins_other_nodes_is_refused(order: JsonObject) -> None:
     order["edges"][0]["endNodeId"] = "C"
 
@@ -111,6 +117,7 @@ def test_edge_that_joins_other_nodes_is_refused(order: JsonObject) -> None:
         read(Order, order)
 
 
+@pytest.mark.clause("6.1.5")
 def test_corridor_that_needs_a_release_is_left_out(order: JsonObject) -> None:
     message = read(Order, order)
     free = Corridor(
@@ -128,6 +135,7 @@ def test_corridor_that_needs_a_release_is_left_out(order: JsonObject) -> None:
     assert corridor(free.model_copy(update={"release_required": True})) is None
 
 
+@pytest.mark.clause("7.3/trajectory")
 @pytest.mark.parametrize(
     ("points", "degree", "knots"),
     [
@@ -141,12 +149,14 @@ def test_knots_by_default_are_clamped_and_even(points: int, degree: int, knots: 
     assert uniform_knots(points, degree) == knots
 
 
+@pytest.mark.clause("7.3/trajectory")
 def test_trajectory_of_an_absurd_degree_costs_nothing(order: JsonObject) -> None:
     order["edges"][0]["trajectory"] = {"degree": 2_000_000_000, "controlPoints": [{"x": 0, "y": 0}]}
 
     assert read(Order, order).edges[0].trajectory.knot_vector is None
 
 
+@pytest.mark.clause("7.4", "6.2.3/initializePosition")
 def test_initial_position_has_a_shorter_name(instant_action: JsonObject) -> None:
     message = read(InstantActions, instant_action)
 
@@ -154,6 +164,7 @@ def test_initial_position_has_a_shorter_name(instant_action: JsonObject) -> None
     assert written(message)["actions"][0]["actionType"] == "initPosition"
 
 
+@pytest.mark.clause("6.2.2/single")
 def test_single_becomes_hard(instant_action: JsonObject) -> None:
     message = read(InstantActions, instant_action)
     action = message.actions[0].model_copy(update={"blocking_type": BlockingType.SINGLE})
@@ -163,6 +174,7 @@ def test_single_becomes_hard(instant_action: JsonObject) -> None:
     assert again["actions"][0]["blockingType"] == "HARD"
 
 
+@pytest.mark.clause("7.8/safety")
 def test_stop_that_acknowledges_itself_is_a_field_violation(state: JsonObject) -> None:
     state["safetyState"] = {"eStop": "AUTOACK", "fieldViolation": False}
 
@@ -171,6 +183,7 @@ def test_stop_that_acknowledges_itself_is_a_field_violation(state: JsonObject) -
     assert (safety.active_emergency_stop, safety.field_violation) == (EmergencyStop.NONE, True)
 
 
+@pytest.mark.clause("7.8/safety")
 @pytest.mark.parametrize("stop", ["MANUAL", "REMOTE", "NONE"])
 def test_other_stops_stay(state: JsonObject, stop: str) -> None:
     state["safetyState"] = {"eStop": stop, "fieldViolation": False}
@@ -181,6 +194,7 @@ def test_other_stops_stay(state: JsonObject, stop: str) -> None:
     assert written(message)["safetyState"] == state["safetyState"]
 
 
+@pytest.mark.clause("6.6.6/STARTUP", "6.6.6/INTERVENED")
 @pytest.mark.parametrize(
     ("mode", "name"),
     [
@@ -197,11 +211,13 @@ def test_operating_modes(state: JsonObject, mode: OperatingMode, name: str) -> N
     assert written(message).get("paused") is (True if mode is OperatingMode.INTERVENED else None)
 
 
+@pytest.mark.clause("6.6.6/STARTUP")
 def test_teach_in_is_read_in_either_spelling(state: JsonObject) -> None:
     for spelling in ("TEACHIN", "TEACH_IN"):
         assert read(State, state | {"operatingMode": spelling}).operating_mode is OperatingMode.TEACH_IN
 
 
+@pytest.mark.clause("7.7")
 def test_connection_broken_has_no_underscore(order: JsonObject) -> None:
     header = {
         name: order[name] for name in ("headerId", "timestamp", "version", "manufacturer", "serialNumber")
@@ -212,6 +228,7 @@ def test_connection_broken_has_no_underscore(order: JsonObject) -> None:
     assert written(message) == header | {"connectionState": "CONNECTIONBROKEN"}
 
 
+@pytest.mark.clause("7.1/unknown")
 def test_fields_of_3_0_are_unknown_fields(state: JsonObject) -> None:
     state |= {"plannedPath": 5, "intermediatePath": "x", "instantActionStates": [{"bad": 1}]}
     state["batteryState"]["batteryCurrent"] = "much"
@@ -223,11 +240,13 @@ def test_fields_of_3_0_are_unknown_fields(state: JsonObject) -> None:
     assert message.instant_action_states == ()
 
 
+@pytest.mark.clause("6.6.5.4")
 def test_every_error_type_has_a_name_of_2_x() -> None:
     assert set(WRITTEN) == set(ErrorType)
     assert set(ErrorType) >= REJECTIONS
 
 
+@pytest.mark.clause("6.6.5.1", "6.6.5.3", "6.6.5.4")
 @pytest.mark.parametrize("kind", ErrorType)
 def test_only_what_stops_the_robot_is_fatal(state: JsonObject, kind: ErrorType) -> None:
     entry = error(kind, "why", hint="do this", order_id="o1")
@@ -241,6 +260,7 @@ def test_only_what_stops_the_robot_is_fatal(state: JsonObject, kind: ErrorType) 
     assert (sent["errorDescription"], sent["errorHint"]) == ("why", "do this")
 
 
+@pytest.mark.clause("6.6.5.1")
 @pytest.mark.parametrize(
     ("level", "name"),
     [
@@ -260,12 +280,14 @@ def test_levels_of_errors_of_its_own(state: JsonObject, level: ErrorLevel, name:
     assert (sent["errorType"], sent["errorLevel"]) == ("somethingElse", name)
 
 
+@pytest.mark.clause("6.6.5.4")
 def test_unknown_error_types_are_read_as_they_are(state: JsonObject) -> None:
     state["errors"] = [{"errorType": "ovenTooHot", "errorLevel": "FATAL"}]
 
     assert read(State, state).errors[0].error_type == "ovenTooHot"
 
 
+@pytest.mark.clause("6.2.3/waitForTrigger", "7.4")
 def test_single_trigger_is_a_list_in_3_0(instant_action: JsonObject) -> None:
     action = instant_action["actions"][0]
     action |= {"actionType": "waitForTrigger", "actionParameters": [{"key": "triggerType", "value": "LOCAL"}]}
@@ -283,6 +305,7 @@ def test_trigger_of_another_type_stays_what_it_is(instant_action: JsonObject) ->
     assert read(InstantActions, instant_action).actions[0].parameter("triggerType") == 3
 
 
+@pytest.mark.clause("6.2.3/waitForTrigger")
 def test_of_several_triggers_the_first_is_told(instant_action: JsonObject) -> None:
     triggers = ActionParameter(key="triggerType", value=["FLEET_CONTROL", "LOCAL"])
     message = read(InstantActions, instant_action)
@@ -295,6 +318,7 @@ def test_of_several_triggers_the_first_is_told(instant_action: JsonObject) -> No
     assert sent["actionParameters"] == [{"key": "triggerType", "value": "FLEET_CONTROL"}]
 
 
+@pytest.mark.clause("6.1.3/named")
 def test_cancel_does_not_name_the_order(instant_action: JsonObject) -> None:
     parameters = (ActionParameter(key="orderId", value="o1"), ActionParameter(key="why", value="x"))
     message = read(InstantActions, instant_action)
@@ -307,6 +331,7 @@ def test_cancel_does_not_name_the_order(instant_action: JsonObject) -> None:
     assert sent["actionParameters"] == [{"key": "why", "value": "x"}]
 
 
+@pytest.mark.clause("6.10/parameters", "7.10/message")
 def test_optional_parameters_have_the_names_of_the_version(factsheet: JsonObject) -> None:
     listed = ["order.edges.maxSpeed", "order.edges.corridor.corridorRefPoint", "order.edges.rotationAllowed"]
     factsheet["protocolFeatures"]["optionalParameters"] = [
@@ -325,6 +350,7 @@ def test_optional_parameters_have_the_names_of_the_version(factsheet: JsonObject
     assert [each["parameter"] for each in sent] == listed
 
 
+@pytest.mark.clause("6.10/parameters")
 def test_optional_parameters_that_2_1_does_not_have_are_not_told(factsheet: JsonObject) -> None:
     message = read(Factsheet, factsheet)
     features = message.protocol_features.model_copy(
@@ -341,6 +367,7 @@ def test_optional_parameters_that_2_1_does_not_have_are_not_told(factsheet: Json
     assert sent["protocolFeatures"]["optionalParameters"] == []
 
 
+@pytest.mark.clause("6.6.5.2")
 def test_errors_refer_to_parameters_by_the_names_of_the_version(state: JsonObject) -> None:
     references = [
         {"referenceKey": "parameter", "referenceValue": "edges.maxSpeed"},
@@ -359,6 +386,7 @@ def test_errors_refer_to_parameters_by_the_names_of_the_version(state: JsonObjec
     assert written(message)["errors"][0]["errorReferences"] == references
 
 
+@pytest.mark.clause("7.2/lenient")
 @pytest.mark.parametrize("missing", ["headerId", "timestamp"])
 def test_factsheet_may_come_without(factsheet: JsonObject, missing: str) -> None:
     del factsheet[missing]
@@ -370,6 +398,7 @@ def test_factsheet_may_come_without(factsheet: JsonObject, missing: str) -> None
     assert message.timestamp >= before or missing == "headerId"
 
 
+@pytest.mark.clause("7.2/lenient", "7.9")
 def test_visualization_may_come_without_a_header() -> None:
     before = datetime.now(UTC)
 
@@ -385,6 +414,7 @@ def test_zone_set_in_use_is_an_id_alone(order: JsonObject, state: JsonObject) ->
     assert written(read(State, state | {"zoneSetId": "z"}))["zoneSetId"] == "z"
 
 
+@pytest.mark.clause("7.10/message")
 def test_factsheet_reads_the_names_of_2_x(factsheet: JsonObject) -> None:
     message = read(Factsheet, factsheet)
 

@@ -57,17 +57,20 @@ def test_example_of_the_reference_is_read() -> None:
     assert CODEC.decode(State, state.encode()).header_id == 7
 
 
+@pytest.mark.clause("7.2/timestamp")
 def test_time_is_written_in_milliseconds(state: JsonObject) -> None:
     message = read(State, state | {"timestamp": "2026-01-01T00:00:05.123456Z"})
 
     assert written(message)["timestamp"] == "2026-01-01T00:00:05.123Z"
 
 
+@pytest.mark.clause("7.2/version")
 def test_major_version_is_its_own(state: JsonObject) -> None:
     with pytest.raises(MalformedMessageError, match=r"2\.1\.0 is not of the same major version as 3\.0\.0"):
         read(State, state | {"version": "2.1.0"})
 
 
+@pytest.mark.clause("7.7", "6.6.6/STARTUP")
 def test_spellings_of_2_x_are_read(header: JsonObject, state: JsonObject) -> None:
     broken = read(Connection, header | {"connectionState": "CONNECTIONBROKEN"})
 
@@ -76,6 +79,7 @@ def test_spellings_of_2_x_are_read(header: JsonObject, state: JsonObject) -> Non
     assert read(State, state | {"operatingMode": "TEACHIN"}).operating_mode is OperatingMode.TEACH_IN
 
 
+@pytest.mark.clause("7.3")
 def test_edge_reads_the_name_of_the_schema_and_the_spelling_of_2_x(order: JsonObject) -> None:
     corridor = {"leftWidth": 1, "rightWidth": 1, "corridorReferencePoint": "KINEMATICCENTER"}
     order["edges"][0] |= {"maxRotationSpeed": 0.5, "corridor": corridor}
@@ -89,12 +93,14 @@ def test_edge_reads_the_name_of_the_schema_and_the_spelling_of_2_x(order: JsonOb
     assert edge["corridor"]["corridorReferencePoint"] == "KINEMATIC_CENTER"
 
 
+@pytest.mark.clause("7.4")
 def test_position_is_initialized_by_either_name(instant_action: JsonObject) -> None:
     instant_action["actions"][0]["actionType"] = "initPosition"
 
     assert read(InstantActions, instant_action).actions[0].action_type == "initializePosition"
 
 
+@pytest.mark.clause("6.2.1/blocking")
 @pytest.mark.parametrize("blocking", BlockingType)
 def test_instant_action_never_blocks(instant_action: JsonObject, blocking: BlockingType) -> None:
     instant_action["actions"][0]["blockingType"] = blocking
@@ -102,6 +108,7 @@ def test_instant_action_never_blocks(instant_action: JsonObject, blocking: Block
     assert read(InstantActions, instant_action).actions[0].blocking_type is BlockingType.NONE
 
 
+@pytest.mark.clause("6.2.1/blocking")
 def test_instant_action_without_a_word_for_blocking_is_refused(instant_action: JsonObject) -> None:
     instant_action["actions"][0]["blockingType"] = "LOOSE"
 
@@ -109,6 +116,7 @@ def test_instant_action_without_a_word_for_blocking_is_refused(instant_action: J
         read(InstantActions, instant_action)
 
 
+@pytest.mark.clause("7.3/deviation")
 @pytest.mark.parametrize(
     ("turn", "told"), [(0.5, 0.5), (pi / 2, pi / 2), (3.0, 3.0 - pi), (-2.0, pi - 2.0), (-pi, 0.0)]
 )
@@ -123,6 +131,7 @@ def test_ellipse_is_turned_by_at_most_a_quarter(order: JsonObject, turn: float, 
     assert sent["allowedDeviationXY"] == {"a": 2.0, "b": 1.0, "theta": pytest.approx(told)}
 
 
+@pytest.mark.clause("7.3/trajectory")
 def test_control_point_without_weight_shapes_nothing(order: JsonObject) -> None:
     order["edges"][0]["trajectory"] = {"controlPoints": [{"x": 0, "y": 0, "weight": 0}, {"x": 1, "y": 0}]}
 
@@ -135,6 +144,7 @@ def test_zone_set_of_2_x_is_an_unknown_field(order: JsonObject, state: JsonObjec
     assert read(State, state | {"zoneSetId": 5}).zone_set_id is None
 
 
+@pytest.mark.clause("6.9")
 def test_queued_request_is_read_and_still_a_request_when_sent(state: JsonObject) -> None:
     request = {
         "requestId": "r",
@@ -150,6 +160,7 @@ def test_queued_request_is_read_and_still_a_request_when_sent(state: JsonObject)
     assert written(message)["zoneRequests"] == [request | {"requestStatus": "REQUESTED"}]
 
 
+@pytest.mark.clause("6.6.5.4")
 def test_older_name_of_an_error_is_read(state: JsonObject) -> None:
     state["errors"] = [{"errorType": "INVALID_ORDER", "errorLevel": "WARNING"}]
 
@@ -164,6 +175,7 @@ def test_arrival_is_a_moment(state: JsonObject) -> None:
     assert written(message)["intermediatePath"] == {"polyline": [point]}
 
 
+@pytest.mark.clause("7.5")
 @pytest.mark.parametrize("name", ["grantType", "responseType"])
 def test_response_is_read_by_both_names(header: JsonObject, name: str) -> None:
     message = read(Responses, header | {"responses": [{"requestId": "r", name: "GRANTED"}]})
@@ -172,6 +184,7 @@ def test_response_is_read_by_both_names(header: JsonObject, name: str) -> None:
     assert written(message)["responses"] == [{"requestId": "r", "grantType": "GRANTED"}]
 
 
+@pytest.mark.clause("7.10/message")
 def test_factsheet_reads_what_its_faulty_schema_demands(factsheet: JsonObject) -> None:
     specification = factsheet["typeSpecification"]
     specification["mobileRobotKinematic"] = specification.pop("mobileRobotKinematics")
@@ -183,6 +196,7 @@ def test_factsheet_reads_what_its_faulty_schema_demands(factsheet: JsonObject) -
     assert sent["mobileRobotConfiguration"] == {"batteryCharging": {"minimumChargingTime": 5.0}}
 
 
+@pytest.mark.clause("7.10/message")
 def test_factsheet_reads_the_spellings_of_2_x(factsheet: JsonObject) -> None:
     factsheet["typeSpecification"] |= {"mobileRobotKinematics": "OMNI", "navigationTypes": ["AUTONOMOUS"]}
     features = factsheet["protocolFeatures"]
@@ -197,6 +211,7 @@ def test_factsheet_reads_the_spellings_of_2_x(factsheet: JsonObject) -> None:
     assert message.protocol_features.optional_parameters[0].parameter == "order.edges.maximumRotationSpeed"
 
 
+@pytest.mark.clause("7.6")
 @pytest.mark.parametrize(
     ("zone_type", "misspelt", "name", "value"),
     [
@@ -219,6 +234,7 @@ def test_zone_reads_what_its_faulty_schema_demands(
     assert sent == zone | directed | {"zoneType": zone_type, name: value}
 
 
+@pytest.mark.clause("7.6")
 @pytest.mark.parametrize(
     ("zone_type", "needed"),
     [
@@ -237,12 +253,14 @@ def test_zone_without_what_its_type_needs_is_refused(
         read(ZoneSetTransfer, zone_set(header, zone | {"zoneType": zone_type}))
 
 
+@pytest.mark.clause("7.6")
 @pytest.mark.parametrize("zone_type", ["STRANGE", 5, [], {}])
 def test_zone_of_no_type_is_refused(header: JsonObject, zone: JsonObject, zone_type: object) -> None:
     with pytest.raises(MalformedMessageError, match="zoneType"):
         read(ZoneSetTransfer, zone_set(header, zone | {"zoneType": zone_type, "limitation": "SOFT"}))
 
 
+@pytest.mark.clause("7.6")
 def test_lost_release_means_stop(header: JsonObject, zone: JsonObject) -> None:
     message = read(ZoneSetTransfer, zone_set(header, zone | {"zoneType": "RELEASE"}))
 
@@ -251,6 +269,7 @@ def test_lost_release_means_stop(header: JsonObject, zone: JsonObject) -> None:
     assert written(read(ZoneSetTransfer, kept)) == kept
 
 
+@pytest.mark.clause("7.6")
 def test_area_has_three_corners_and_each_zone_its_own_id(header: JsonObject, zone: JsonObject) -> None:
     with pytest.raises(MalformedMessageError, match="vertices"):
         read(ZoneSetTransfer, zone_set(header, zone | {"vertices": zone["vertices"][:2]}))
@@ -258,6 +277,7 @@ def test_area_has_three_corners_and_each_zone_its_own_id(header: JsonObject, zon
         read(ZoneSetTransfer, zone_set(header, zone, zone))
 
 
+@pytest.mark.clause("4.3")
 def test_message_that_2_x_does_not_have(header: JsonObject, zone: JsonObject) -> None:
     content = zone_set(header, zone)
 
