@@ -29,6 +29,7 @@ def lost_at(x: float) -> PoseReport:
     return at(x, localized=False)
 
 
+@pytest.mark.clause("6.6.2", "6.6.2/first")
 def test_an_order_is_driven_node_by_node_to_its_end() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", "n2"))
@@ -46,6 +47,7 @@ def test_an_order_is_driven_node_by_node_to_its_end() -> None:
     assert not bench.state.driving
 
 
+@pytest.mark.clause("7.3/deviation", "7.3/theta", "7.3/speed")
 def test_a_goal_carries_what_node_and_edge_demand() -> None:
     bench = Bench()
     place = position(10.0, 5.0, theta=1.5, radius=0.2).model_copy(update={"allowed_deviation_theta": 0.1})
@@ -56,6 +58,7 @@ def test_a_goal_carries_what_node_and_edge_demand() -> None:
     assert bench.goal.maximum_speed == 0.5
 
 
+@pytest.mark.clause("7.3/theta")
 def test_without_a_demand_the_robot_looks_ahead_and_any_heading_will_do() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", positions={"n1": position(0.0, 5.0)}))
@@ -82,6 +85,7 @@ def picture(blocking: str) -> Bench:
     return bench
 
 
+@pytest.mark.clause("6.6.2")
 def test_picture_of_a_node_that_does_not_block() -> None:
     bench = picture("NONE")
 
@@ -92,6 +96,7 @@ def test_picture_of_a_node_that_does_not_block() -> None:
     assert sum(isinstance(effect, Drive) for effect in effects) == 1
 
 
+@pytest.mark.clause("6.6.2", "6.6.2/blocking")
 @pytest.mark.parametrize("blocking", ["SOFT", "HARD"])
 def test_picture_of_a_node_that_blocks(blocking: str) -> None:
     bench = picture(blocking)
@@ -108,6 +113,7 @@ def test_picture_of_a_node_that_blocks(blocking: str) -> None:
     assert any(isinstance(effect, Drive) for effect in effects)
 
 
+@pytest.mark.clause("6.2.2/edge")
 def test_a_blocking_action_of_an_edge_runs_before_the_robot_moves_on_it() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", edge_actions={"n0-n1": [action("e", "HARD")]}))
@@ -119,6 +125,7 @@ def test_a_blocking_action_of_an_edge_runs_before_the_robot_moves_on_it() -> Non
     assert len(bench.goals) == 1
 
 
+@pytest.mark.clause("6.2.2/edge")
 def test_an_edge_action_with_a_goal_of_its_own_fails_when_its_edge_ends() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", edge_actions={"n0-n1": [action("e")]}))
@@ -131,6 +138,7 @@ def test_an_edge_action_with_a_goal_of_its_own_fails_when_its_edge_ends() -> Non
     assert bench.state.errors[0].error_level is ErrorLevel.WARNING
 
 
+@pytest.mark.clause("6.6.2/decision", "6.6.8")
 def test_the_robot_stops_at_its_decision_point_and_goes_on_when_the_base_is_extended() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", "n2", released=2))
@@ -143,6 +151,7 @@ def test_the_robot_stops_at_its_decision_point_and_goes_on_when_the_base_is_exte
     assert bench.goal.pose.x == 20.0
 
 
+@pytest.mark.clause("6.1.2/zero")
 def test_an_edge_without_length_is_traversed_where_the_robot_stands() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", released=1))
@@ -175,6 +184,7 @@ def test_a_late_failure_of_an_older_goal_is_passed_over() -> None:
     assert bench.state.driving
 
 
+@pytest.mark.clause("6.6.2/range")
 def test_pass_through_gives_the_next_goal_in_the_range_of_a_node() -> None:
     bench = Bench(**PASS)
     bench.send(order("n0", "n1", "n2", positions={"n1": position(10.0, radius=0.4)}))
@@ -188,6 +198,7 @@ def test_pass_through_gives_the_next_goal_in_the_range_of_a_node() -> None:
     assert not bench.effects_of(Halt)
 
 
+@pytest.mark.clause("6.6.2/range")
 def test_pass_through_is_bounded_by_the_set_radius() -> None:
     bench = Bench(**PASS, pass_radius=0.5)
     bench.send(order("n0", "n1", "n2", positions={"n1": position(10.0, radius=3.0)}))
@@ -198,6 +209,7 @@ def test_pass_through_is_bounded_by_the_set_radius() -> None:
     assert bench.nodes == ["n2"]
 
 
+@pytest.mark.clause("6.6.2/range", "6.6.2/decision", "7.3/theta")
 @pytest.mark.parametrize(
     "reason",
     [
@@ -219,6 +231,7 @@ def test_a_node_with_a_reason_to_stop_is_not_passed(reason: dict[str, Any]) -> N
     assert bench.nodes == ["n2"]
 
 
+@pytest.mark.clause("6.6.2/decision")
 def test_an_update_in_time_lets_the_robot_pass_its_old_decision_point() -> None:
     bench = Bench(**PASS)
     bench.send(order("n0", "n1", "n2", released=2))
@@ -231,6 +244,7 @@ def test_an_update_in_time_lets_the_robot_pass_its_old_decision_point() -> None:
     assert not bench.effects_of(Halt)
 
 
+@pytest.mark.clause("6.6.5.1/keeps", "6.6.5.4/unreachable", "6.6.5.2", "6.6.5.3")
 @pytest.mark.parametrize("failure", list(DriveFailure))
 def test_a_failed_drive_is_an_error_and_the_node_is_not_traversed(failure: DriveFailure) -> None:
     bench = Bench()
@@ -252,6 +266,7 @@ def test_a_failed_drive_is_an_error_and_the_node_is_not_traversed(failure: Drive
     assert len(bench.goals) == 1
 
 
+@pytest.mark.clause("6.6.5.1/keeps")
 def test_an_update_tries_a_failed_drive_again() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", "n2", released=2))
@@ -290,6 +305,7 @@ def test_the_goal_is_given_again_when_navigation_is_back() -> None:
     assert bench.goals[0].pose == bench.goals[1].pose
 
 
+@pytest.mark.clause("6.6.5.4/localisation")
 def test_a_robot_that_is_lost_stops_and_goes_on_when_it_is_found() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
@@ -324,6 +340,7 @@ def test_a_halt_that_nobody_answers_is_asked_for_again() -> None:
     assert not bench.waits()
 
 
+@pytest.mark.clause("6.6.3")
 def test_more_base_is_asked_for_when_its_end_comes_near() -> None:
     bench = Bench(base_request_distance=3.0)
     bench.send(order("n0", "n1", "n2", released=2))
@@ -338,6 +355,7 @@ def test_more_base_is_asked_for_when_its_end_comes_near() -> None:
     assert not bench.asks_for_base()
 
 
+@pytest.mark.clause("6.6.3", "6.1.2/B6")
 def test_at_the_end_of_the_base_more_is_asked_for_and_without_a_horizon_nothing() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", released=1))
@@ -348,6 +366,7 @@ def test_at_the_end_of_the_base_more_is_asked_for_and_without_a_horizon_nothing(
     assert bench.idle
 
 
+@pytest.mark.clause("6.6.2/first")
 def test_actions_of_the_first_node_start_with_the_order() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", node_actions={"n0": [action("a", "HARD")]}))
@@ -356,6 +375,7 @@ def test_actions_of_the_first_node_start_with_the_order() -> None:
     assert not bench.goals
 
 
+@pytest.mark.clause("6.1.2/stitching")
 def test_actions_of_the_stitching_node_do_not_run_again() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", node_actions={"n1": [action("a", "HARD")]}))
@@ -368,6 +388,7 @@ def test_actions_of_the_stitching_node_do_not_run_again() -> None:
     assert len(bench.effects_of(StartAction)) == 1
 
 
+@pytest.mark.clause("6.1.2/B6")
 def test_an_action_that_moves_from_horizon_to_base_keeps_its_state_and_others_go() -> None:
     bench = Bench()
     bench.send(
@@ -380,6 +401,7 @@ def test_an_action_that_moves_from_horizon_to_base_keeps_its_state_and_others_go
     assert bench.statuses() == {"kept": "WAITING"}
 
 
+@pytest.mark.clause("6.1.2/zero")
 def test_an_edge_without_length_is_driven_by_a_robot_that_is_elsewhere() -> None:
     """The first node may allow a large deviation; the next one at the same place need not."""
     bench = Bench()
