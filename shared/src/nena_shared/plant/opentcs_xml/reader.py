@@ -1,9 +1,7 @@
 """Reads a whole plant model and collects all that is wrong or odd about it."""
 
-from dataclasses import dataclass
-
 from nena_shared.plant.checks import find_errors, find_warnings
-from nena_shared.plant.errors import ObjectKind, PlantModelError, Problem
+from nena_shared.plant.errors import ObjectKind, PlantModelError
 from nena_shared.plant.model import PlantModel
 from nena_shared.plant.opentcs_xml.document import DEFAULT_LIMITS, Limits, parse
 from nena_shared.plant.opentcs_xml.drawing import read_drawing
@@ -13,14 +11,7 @@ from nena_shared.plant.opentcs_xml.places import read_block, read_location, read
 from nena_shared.plant.opentcs_xml.track import TrackReader
 from nena_shared.plant.opentcs_xml.vehicles import read_vehicle
 from nena_shared.plant.opentcs_xml.xml_object import XmlObject
-
-
-@dataclass(frozen=True, slots=True)
-class ImportReport:
-    """A plant model that can be used, and what its author should know about it."""
-
-    model: PlantModel
-    warnings: tuple[Problem, ...]
+from nena_shared.plant.reports import ImportReport
 
 
 def read(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> ImportReport:
