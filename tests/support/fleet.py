@@ -174,12 +174,12 @@ class Bench:
 def hand_over(output: PublishOrder | PublishInstantActions, robot: HonestRobot) -> None:
     """Let a robot take what was sent to it."""
     if isinstance(output, PublishOrder):
-        robot.take_order(order_of(output.mission, robot))
+        robot.take_order(order_of(output.mission, robot, output.order_update_id))
     else:
         robot.take_instant_actions(instants_of(output.actions, robot))
 
 
-def order_of(mission: Mission, robot: HonestRobot) -> Order:
+def order_of(mission: Mission, robot: HonestRobot, update_id: int = 0) -> Order:
     return Order(
         header_id=0,
         timestamp=START,
@@ -187,7 +187,7 @@ def order_of(mission: Mission, robot: HonestRobot) -> Order:
         manufacturer=robot.key.manufacturer,
         serial_number=robot.key.serial_number,
         order_id=mission.mission_id,
-        order_update_id=0,
+        order_update_id=update_id,
         nodes=mission.nodes,
         edges=mission.edges,
     )

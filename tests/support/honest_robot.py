@@ -40,6 +40,9 @@ class HonestRobot:
     order_id: str = ""
     last_node_id: str = ""
     last_sequence_id: int = 0
+    update_id: int = 0
+    cleared: bool = False
+    refuses_updates: bool = False
     nodes: list[Node] = field(default_factory=list)
     edges: list[Edge] = field(default_factory=list)
     actions: list[Action] = field(default_factory=list)
@@ -70,8 +73,8 @@ class HonestRobot:
 
     def take_order(self, order: Order) -> None:
         if order.order_id == self.order_id:
-            return  # the same update again; there are no updates here
-        if not self.mode.takes_orders:
+            self._take_update(order)
+        elif not self.mode.takes_orders:
             self._refuse(order, ErrorType.MOBILE_ROBOT_NOT_AVAILABLE)
         elif not self.idle:
             self._refuse(order, ErrorType.OTHER_ORDER_ACTIVE)
@@ -79,6 +82,26 @@ class HonestRobot:
             self._refuse(order, ErrorType.START_NODE_OUT_OF_RANGE)
         else:
             self._accept(order)
+
+    def _take_update(self, order: Order) -> None:
+        """Put an update behind the base; it must begin where the base ends."""
+        if order.order_update_id <= self.update_id:
+            return
+        base = [node for node in self.nodes if node.released]
+        end = (base[-1].node_id, base[-1].sequence_id) if base else (self.last_node_id, self.last_sequence_id)
+        first = order.nodes[0]
+        if self.cleared or (first.node_id, first.sequence_id) != end or self.refuses_updates:
+            self._refuse(order, ErrorType.OUTDATED_ORDER_UPDATE)
+            return
+        horizon = {action.action_id for node in self.nodes if not node.released for action in node.actions}
+        self.actions = [each for each in self.actions if each.action_id not in horizon]
+        self.nodes = [*base, *order.nodes[1:]]
+        self.edges = [*self.edges[: len(base)], *order.edges]
+        self.update_id = order.order_update_id
+        new = [action for node in order.nodes[1:] for action in node.actions]
+        self.actions += new
+        self.statuses = {key: status for key, status in self.statuses.items() if key not in horizon}
+        self.statuses |= {action.action_id: ActionStatus.WAITING for action in new}
 
     def take_instant_actions(self, message: InstantActions) -> None:
         for action in message.actions:
@@ -91,7 +114,8 @@ class HonestRobot:
             return
         running = next((each for each in self.actions if not self.statuses[each.action_id].ended), None)
         if self.nodes:
-            self._drive(self.nodes[0])
+            if self.nodes[0].released:
+                self._drive(self.nodes[0])
         elif running and self.statuses[running.action_id] is ActionStatus.WAITING:
             self.statuses[running.action_id] = ActionStatus.RUNNING
             self.executed.append(running.action_id)
@@ -136,18 +160,19 @@ class HonestRobot:
             manufacturer=self.key.manufacturer,
             serial_number=self.key.serial_number,
             order_id=self.order_id,
-            order_update_id=0,
+            order_update_id=self.update_id,
             last_node_id=self.last_node_id,
             last_node_sequence_id=self.last_sequence_id,
             node_states=tuple(
-                NodeState(node_id=each.node_id, sequence_id=each.sequence_id, released=True)
+                NodeState(node_id=each.node_id, sequence_id=each.sequence_id, released=bool(each.released))
                 for each in self.nodes
             ),
             edge_states=tuple(
-                EdgeState(edge_id=each.edge_id, sequence_id=each.sequence_id, released=True)
+                EdgeState(edge_id=each.edge_id, sequence_id=each.sequence_id, released=bool(each.released))
                 for each in self.edges
             ),
-            driving=bool(self.nodes) and not self.paused,
+            driving=any(each.released for each in self.nodes) and not self.paused,
+            new_base_request=bool(self.nodes) and not self.nodes[-1].released and len(self._base) <= 1,
             paused=self.paused,
             action_states=tuple(own if self.reports_instants_apart else own + instants),
             instant_action_states=tuple(instants if self.reports_instants_apart else ()),
@@ -164,6 +189,7 @@ class HonestRobot:
     def _accept(self, order: Order) -> None:
         first = order.nodes[0]
         self.order_id, self.last_node_id, self.last_sequence_id = order.order_id, first.node_id, 0
+        self.update_id, self.cleared = 0, False
         self.nodes, self.edges = list(order.nodes[1:]), list(order.edges)
         self.actions = [action for node in order.nodes for action in node.actions]
         self.statuses = {action.action_id: ActionStatus.WAITING for action in self.actions}
@@ -172,9 +198,18 @@ class HonestRobot:
 
     def _refuse(self, order: Order, kind: ErrorType) -> None:
         named = self.names_refusals
-        entry = error(kind, "no", order_id=order.order_id if named else None)
+        entry = error(
+            kind,
+            "no",
+            order_id=order.order_id if named else None,
+            order_update_id=order.order_update_id if named else None,
+        )
         if entry not in self.errors:
             self.errors.append(entry)
+
+    @property
+    def _base(self) -> list[Node]:
+        return [node for node in self.nodes if node.released]
 
     def _stands_at(self, node: Node) -> bool:
         place = node.node_position
@@ -218,6 +253,7 @@ class HonestRobot:
         return ActionStatus.FINISHED
 
     def _clear(self) -> None:
+        self.cleared = True
         self.nodes.clear()
         self.edges.clear()
         for action_id, status in self.statuses.items():

@@ -17,6 +17,7 @@ from nena_order_service.fleet import (
     build_mission,
     locate,
 )
+from nena_order_service.fleet.mission_update import released_to
 from nena_order_service.routing import Router
 from nena_shared.fleet_api.transport_order import Coordinate
 from nena_shared.plant import PlantModel
@@ -24,6 +25,7 @@ from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.topics import RobotKey
 from support.broker import Broker
 from support.edge_agent import MANUFACTURER, QUICK, SERIAL, agent_settings, running_agent
+from support.fleet import make_mission
 from support.plants import path, point
 from support.robot_core import MAP
 from support.waiting import until
@@ -140,3 +142,27 @@ def _x(fleet: WiredFleet) -> float:
     assert state is not None
     assert state.mobile_robot_position is not None
     return state.mobile_robot_position.x
+
+
+@pytest.mark.clause("6.1.2", "6.6.3")
+@pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
+async def test_a_base_is_extended_while_the_agent_drives(
+    fleet: WiredFleet, broker: Broker, interface_name: str, tmp_path: Path, version: str
+) -> None:
+    async with running_agent(agent_settings(broker, interface_name, tmp_path, version=version)):
+        await until(lambda: fleet.fleet.view(AGENT).availability.can_take_order, what="a free agent")
+        whole = make_mission("m-0", "A", "B", "C", "D", operation="pick")
+        fleet.fleet.start_mission(AGENT, released_to(whole, 2))
+        await fleet.wait_for("BaseWanted")
+        await until(
+            lambda: [each.node_id for each in passed(fleet)] == ["A", "B"], what="the end of the base"
+        )
+        for sequence_id in (4, 6):
+            fleet.fleet.extend_mission(AGENT, released_to(whole, sequence_id))
+        await fleet.wait_for("MissionFinished")
+
+    assert [each.node_id for each in passed(fleet)] == ["A", "B", "C", "D"]
+
+
+def passed(fleet: WiredFleet) -> list[NodePassed]:
+    return [each for each in fleet.news if isinstance(each, NodePassed)]

@@ -6,8 +6,15 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.fleet import MissionFailed, MissionFinished
-from nena_order_service.fleet.fitness import fitted, instant_action_problem, order_problem
+from nena_order_service.fleet import (
+    FleetSettings,
+    InstantActionEnded,
+    MissionFailed,
+    MissionFinished,
+    PublishInstantActions,
+)
+from nena_order_service.fleet.abilities import Abilities
+from nena_order_service.fleet.fitness import instant_action_problem, order_problem
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 from nena_shared.vda5050.factsheet import (
     ActionParameterDescription,
@@ -72,16 +79,21 @@ def changed(**changes: Any) -> MobileRobotAction:
         sheet(PICK),
         sheet(PICK, arrays={"order.nodes": 2, "order.edges": 1, "node.actions": 1}),
         sheet(arrays={"order.nodes": 0}),
+        sheet(arrays={"state.nodeStates": 1, "state.edgeStates": 1, "state.actionStates": 1}),
         sheet(fields=demanded("order.nodes.nodePosition")),
+        sheet(fields=demanded("order.nodes.nodePosition.mapId")),
         sheet(fields=demanded("nodes.nodePosition.allowedDeviationXY")),
+        sheet(fields=demanded("state.loads")),
+        sheet(fields=demanded("order.edges.actions.actionDescriptor")),
         sheet(strings={"maximum_id_length": 7}),
+        sheet(strings={"maximum_message_length": 10_000}),
+        sheet(changed(action_scopes=(ActionScope.EDGE,)), PICK),
     ],
 )
 def test_a_mission_that_fits_is_taken(factsheet: Factsheet) -> None:
-    assert order_problem(MISSION, factsheet) is None
+    assert order_problem(MISSION, Abilities(factsheet)) is None
 
 
-@pytest.mark.clause("7.1.1")
 @pytest.mark.parametrize(
     ("factsheet", "problem"),
     [
@@ -101,45 +113,70 @@ def test_a_mission_that_fits_is_taken(factsheet: Factsheet) -> None:
             ),
             "needs the parameter 'height'",
         ),
-        (sheet(fields=demanded("order.nodes.nodePosition.theta")), "which not every node has"),
-        (sheet(fields=demanded("order.edges.trajectory")), "which orders here never have"),
+        (sheet(fields=demanded("order.nodes.nodePosition.theta")), "which cannot be filled here"),
+        (sheet(fields=demanded("order.edges.trajectory")), "which cannot be filled here"),
+        (sheet(fields=demanded("order.orderDescription")), "which cannot be filled here"),
         (sheet(strings={"maximum_id_length": 1}), "longer than 1"),
         (sheet(strings={"id_numerical_only": True}), "digits only"),
+        (sheet(strings={"maximum_message_length": 300}), "allows messages of 300 bytes, not "),
     ],
 )
 def test_a_mission_that_does_not_fit_is_named(factsheet: Factsheet, problem: str) -> None:
-    assert problem in (order_problem(MISSION, factsheet) or "")
+    assert problem in (order_problem(MISSION, Abilities(factsheet)) or "")
 
 
-@pytest.mark.clause("7.1.1")
-def test_fields_that_the_robot_does_not_list_are_left_out() -> None:
-    lists_one = sheet(
-        fields=(
-            OptionalParameter(
-                parameter="order.nodes.nodePosition.allowedDeviationTheta", support=Support.SUPPORTED
-            ),
-        )
+@pytest.mark.parametrize(
+    ("key", "value", "problem"),
+    [
+        ("height", 1.5, None),
+        ("height", "high", "the parameter 'height' of 'pick' must be NUMBER, not 'high'"),
+        ("height", True, "the parameter 'height' of 'pick' must be NUMBER, not True"),
+        ("depth", 1.0, "the action 'pick' has no parameter 'depth' there, only height"),
+    ],
+)
+def test_parameters_are_those_that_the_robot_lists(key: str, value: object, problem: str | None) -> None:
+    pick = MISSION.actions[0].model_copy(
+        update={"action_parameters": (ActionParameter.model_validate({"key": key, "value": value}),)}
     )
+    nodes = (MISSION.nodes[0], MISSION.nodes[1].model_copy(update={"actions": (pick,)}))
 
-    nodes = fitted(MISSION, lists_one).nodes
-    assert all(each.node_position and each.node_position.allowed_deviation_xy is None for each in nodes)
-    assert fitted(MISSION, sheet()) is MISSION
+    assert order_problem(MISSION.model_copy(update={"nodes": nodes}), Abilities(sheet(PICK))) == problem
 
 
-@pytest.mark.clause("6.2.1/fleet")
-def test_an_instant_action_is_looked_at_as_well() -> None:
+def test_a_load_has_no_longer_name_than_the_robot_takes() -> None:
     pick = Action(
         action_type="pick",
         action_id="i",
         blocking_type=BlockingType.NONE,
+        action_parameters=(ActionParameter(key="loadId", value="pallet"),),
+    )
+
+    assert instant_action_problem(pick, Abilities(sheet(strings={"maximum_load_id_length": 6}))) is None
+    problem = instant_action_problem(pick, Abilities(sheet(strings={"maximum_load_id_length": 5})))
+    assert problem == "the loadId 'pallet' is longer than 5 characters"
+
+
+def test_what_the_robots_version_cannot_say_is_a_problem() -> None:
+    broken = MISSION.model_copy(update={"edges": ()})
+
+    assert "cannot be said in VDA 5050 2.1.0" in (order_problem(broken, Abilities(sheet())) or "")
+
+
+def test_an_instant_action_is_looked_at_as_well() -> None:
+    pick = Action(
+        action_type="pick",
+        action_id="i" * 9,
+        blocking_type=BlockingType.NONE,
         action_parameters=(ActionParameter(key="height", value=1.0),),
     )
-    everywhere = sheet(changed(action_scopes=(ActionScope.NODE, ActionScope.INSTANT)))
+    everywhere = changed(action_scopes=(ActionScope.NODE, ActionScope.INSTANT))
 
-    assert instant_action_problem(pick, everywhere) is None
-    assert "not for INSTANT" in (instant_action_problem(pick, sheet(PICK)) or "")
+    assert instant_action_problem(pick, Abilities(sheet(everywhere))) is None
+    assert "not for INSTANT" in (instant_action_problem(pick, Abilities(sheet(PICK))) or "")
+    short = Abilities(sheet(everywhere, strings={"maximum_id_length": 8}))
+    assert "longer than 8" in (instant_action_problem(pick, short) or "")
     cancel = pick.model_copy(update={"action_type": "cancelOrder"})
-    assert instant_action_problem(cancel, sheet(PICK)) is None
+    assert instant_action_problem(cancel, short) is None
 
 
 def test_an_order_that_the_robot_cannot_take_is_never_sent() -> None:
@@ -154,3 +191,45 @@ def test_an_order_that_the_robot_cannot_take_is_never_sent() -> None:
     bench.start(make_mission("m2", "A", "B"))
     bench.run()
     assert [each.mission_id for each in bench.told(MissionFinished)] == ["m2"]
+
+
+def test_an_instant_action_that_the_robot_cannot_take_is_never_sent() -> None:
+    bench = Bench().online()
+    bench.take(bench.fleet.on_factsheet(bench.robot.key, sheet(PICK), bench.now))
+
+    bench.instruct(Action(action_type="startPause", action_id="i", blocking_type=BlockingType.NONE))
+
+    assert bench.instants_sent() == []
+    (ended,) = bench.told(InstantActionEnded)
+    assert ended.reason == (
+        "not sent: the robot cannot take it: its factsheet does not list the action 'startPause'"
+    )
+
+
+def test_no_message_holds_more_instant_actions_than_the_robot_takes() -> None:
+    bench = Bench().online()
+    bench.take(bench.fleet.on_factsheet(bench.robot.key, sheet(arrays={"instantActions": 2}), bench.now))
+    bench.lose()
+    for action_id in ("a", "b", "c"):
+        bench.instruct(Action(action_type="startPause", action_id=action_id, blocking_type=BlockingType.NONE))
+    bench.sent.clear()
+
+    bench.wait(1)
+
+    sizes = [len(each.actions) for each in bench.sent if isinstance(each, PublishInstantActions)]
+    assert sizes == [2, 1]
+
+
+def test_orders_keep_the_least_interval_of_the_robot() -> None:
+    bench = Bench(FleetSettings(resend_after=1.0)).online()
+    patient = sheet()
+    timing = patient.protocol_limits.timing.model_copy(update={"minimum_order_interval": 5.0})
+    limits = patient.protocol_limits.model_copy(update={"timing": timing})
+    slow = patient.model_copy(update={"protocol_limits": limits})
+    bench.take(bench.fleet.on_factsheet(bench.robot.key, slow, bench.now))
+    bench.start(MISSION)
+
+    bench.wait(4.75)
+    assert len(bench.orders_sent()) == 1
+    bench.wait(0.25)
+    assert len(bench.orders_sent()) == 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from nena_order_service.fleet import FleetSettings, InstantActionEnded, PublishInstantActions
-from nena_order_service.fleet.robot_control import INSTANT_ACTIONS_LIMIT
+from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.state import OperatingMode

@@ -9,8 +9,10 @@ from nena_order_service.fleet.errors import RobotBusyError
 from nena_order_service.fleet.link import FleetLink
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.mission_builder import build_mission, mission_id
+from nena_order_service.fleet.mission_update import BaseChangedError
 from nena_order_service.fleet.operations import OperationMap
 from nena_order_service.fleet.outputs import (
+    BaseWanted,
     FleetOutput,
     InstantActionEnded,
     MissionAccepted,
@@ -32,6 +34,8 @@ from nena_order_service.fleet.view import Availability, LinkStatus, MissionPhase
 
 __all__ = [
     "Availability",
+    "BaseChangedError",
+    "BaseWanted",
     "FleetController",
     "FleetLink",
     "FleetOutput",

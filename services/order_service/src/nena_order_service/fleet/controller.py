@@ -83,18 +83,35 @@ class FleetController:
         control = self._control(robot)
         return tuple(control.start(control.new_run(mission), now))
 
-    def adopt_mission(self, robot: RobotKey, mission: Mission, now: float, *, accepted: bool) -> Outputs:
+    def adopt_mission(
+        self, robot: RobotKey, mission: Mission, now: float, *, accepted: bool, update_id: int = 0
+    ) -> Outputs:
         """Take up a mission from before a restart of this program: what the robot's next state says decides.
 
         A robot that has it goes on, and news may be told again. One that does not know it is sent it, unless
-        it was ``accepted`` before: then the robot has lost it, and the mission fails.
+        it was ``accepted`` before: then the robot has lost it, and the mission fails. ``update_id`` is the
+        last update that was sent; a robot that has an older one is sent the rest.
 
         Raises:
             RobotBusyError: the robot has a mission.
 
         """
         control = self._control(robot)
-        return tuple(control.start(control.new_run(mission, adopted=True, accepted=accepted), now))
+        return tuple(
+            control.start(control.new_run(mission, adopted=True, accepted=accepted, update_id=update_id), now)
+        )
+
+    def extend_mission(self, robot: RobotKey, mission: Mission, now: float) -> Outputs:
+        """Give the robot's mission a newer plan: more of it released, or another way behind the base.
+
+        It goes out as an order update as soon as the robot has echoed what it was sent before; of plans that
+        come in the meantime only the newest is sent. A mission that has ended is passed over.
+
+        Raises:
+            BaseChangedError: the plan does not go on from the base that the robot was given.
+
+        """
+        return tuple(self._control(robot).extend(mission, now))
 
     def cancel_mission(self, robot: RobotKey, now: float) -> Outputs:
         """End the robot's mission early: cancelOrder, awaited to its end. Without one nothing happens."""

@@ -2,95 +2,115 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from typing import Final
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from datetime import UTC, datetime
+from types import MappingProxyType
+from typing import Any, Final
 
+from pydantic import JsonValue, ValidationError
+
+from nena_order_service.fleet.abilities import Abilities
+from nena_order_service.fleet.fitting import THETA
 from nena_order_service.fleet.mission import Mission
-from nena_shared.vda5050.action import Action
-from nena_shared.vda5050.factsheet import ActionScope, Factsheet, MobileRobotAction, Support
-from nena_shared.vda5050.order import Node
+from nena_order_service.fleet.mission_builder import GOAL_PREFIX
+from nena_shared.vda5050.action import Action, InstantActions
+from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.factsheet import (
+    ActionParameterDescription,
+    ActionScope,
+    MobileRobotAction,
+    ValueDataType,
+)
+from nena_shared.vda5050.malformed import MalformedMessageError
+from nena_shared.vda5050.order import Node, Order
 
 ALWAYS_THERE: Final = frozenset({"cancelOrder", "stateRequest", "factsheetRequest"})
 """Instant actions that the standard asks of every robot, whether its factsheet lists them or not."""
 
-_FILLED: Final = {
-    "nodePosition": lambda node: node.node_position is not None,
-    "nodePosition.theta": lambda node: (
-        node.node_position is not None and node.node_position.theta is not None
-    ),
-    "nodePosition.allowedDeviationXY": (
-        lambda node: node.node_position is not None and node.node_position.allowed_deviation_xy is not None
-    ),
-    "nodePosition.allowedDeviationTheta": (
-        lambda node: node.node_position is not None and node.node_position.allowed_deviation_theta is not None
-    ),
-}
-"""Optional fields of nodes that missions may hold, and whether a node has each."""
-_LEFT_OUT: Final = {
-    "nodePosition.allowedDeviationXY": "allowed_deviation_xy",
-    "nodePosition.allowedDeviationTheta": "allowed_deviation_theta",
-}
-"""Those that a robot may not know; without a position it could not find the node, so that is always sent."""
-_NODES: Final = "nodes."
+_IS: Final[Mapping[ValueDataType, Callable[[JsonValue], bool]]] = MappingProxyType(
+    {
+        ValueDataType.BOOL: lambda value: isinstance(value, bool),
+        ValueDataType.NUMBER: lambda value: isinstance(value, int | float) and not isinstance(value, bool),
+        ValueDataType.INTEGER: lambda value: isinstance(value, int) and not isinstance(value, bool),
+        ValueDataType.STRING: lambda value: isinstance(value, str),
+        ValueDataType.OBJECT: lambda value: isinstance(value, dict),
+        ValueDataType.ARRAY: lambda value: isinstance(value, list | tuple),
+    }
+)
+
+_LONGEST_HEADER: Final[Mapping[str, Any]] = MappingProxyType(
+    {"header_id": 2**32 - 1, "timestamp": datetime(2026, 1, 1, tzinfo=UTC), "version": "0.0.0"}
+)
 
 
-def order_problem(mission: Mission, factsheet: Factsheet) -> str | None:
-    """Say why the robot cannot take the mission; None if nothing is known against it."""
-    return next(_order_problems(mission, factsheet), None)
+def order_problem(mission: Mission, abilities: Abilities) -> str | None:
+    """Say why the robot cannot take a fitted mission; None if nothing is known against it."""
+    return next(_order_problems(mission, abilities), None)
 
 
-def instant_action_problem(action: Action, factsheet: Factsheet) -> str | None:
-    """Say why the robot cannot take an instant action; None if nothing is known against it."""
+def instant_action_problem(action: Action, abilities: Abilities) -> str | None:
+    """Say why the robot cannot take a fitted instant action; None if nothing is known against it."""
     if action.action_type in ALWAYS_THERE:
         return None
-    return next(_action_problems(action, ActionScope.INSTANT, factsheet), None)
+    return next(_instant_problems(action, abilities), None)
 
 
-def fitted(mission: Mission, factsheet: Factsheet) -> Mission:
-    """Leave out the optional fields that the robot's factsheet does not list, if it lists any."""
-    listed = {each.parameter for each in factsheet.protocol_features.optional_parameters}
-    unknown = [name for name in _LEFT_OUT if listed and not any(each.endswith(name) for each in listed)]
-    if not unknown:
-        return mission
-    without = dict.fromkeys((_LEFT_OUT[name] for name in unknown), None)
-    nodes = tuple(
-        node.model_copy(update={"node_position": node.node_position.model_copy(update=without)})
-        if node.node_position
-        else node
-        for node in mission.nodes
+def _instant_problems(action: Action, abilities: Abilities) -> Iterator[str]:
+    yield from _action_problems(action, ActionScope.INSTANT, abilities)
+    yield from _bad_ids((action.action_id,), abilities)
+    yield from _wire_problems(InstantActions(**_header(abilities), actions=(action,)), abilities)
+
+
+def _order_problems(mission: Mission, abilities: Abilities) -> Iterator[str]:
+    yield from _long_lists(mission, abilities)
+    for node in mission.nodes:
+        for action in node.actions:
+            yield from _action_problems(action, ActionScope.NODE, abilities)
+    for edge in mission.edges:
+        for action in edge.actions:
+            yield from _action_problems(action, ActionScope.EDGE, abilities)
+    yield from _fields(mission, abilities)
+    yield from _bad_ids(_ids(mission), abilities)
+    order = Order(
+        **_header(abilities),
+        order_id=mission.mission_id,
+        order_update_id=0,
+        nodes=mission.nodes,
+        edges=mission.edges,
     )
-    return mission.model_copy(update={"nodes": nodes})
+    yield from _wire_problems(order, abilities)
 
 
-def _order_problems(mission: Mission, factsheet: Factsheet) -> Iterator[str]:
-    limits = factsheet.protocol_limits.maximum_array_lengths
+def _long_lists(mission: Mission, abilities: Abilities) -> Iterator[str]:
+    """Look for lists that are too long in the order, or would be in the states that tell of it."""
+    limits = abilities.factsheet.protocol_limits.maximum_array_lengths
     yield from _too_many(len(mission.nodes), limits.order_nodes, "nodes")
     yield from _too_many(len(mission.edges), limits.order_edges, "edges")
     for node in mission.nodes:
         yield from _too_many(len(node.actions), limits.node_actions, f"actions on node '{node.node_id}'")
-        for action in node.actions:
-            yield from _action_problems(action, ActionScope.NODE, factsheet)
     for edge in mission.edges:
         yield from _too_many(len(edge.actions), limits.edge_actions, f"actions on edge '{edge.edge_id}'")
-        for action in edge.actions:
-            yield from _action_problems(action, ActionScope.EDGE, factsheet)
-    yield from _missing_fields(mission.nodes, factsheet)
-    yield from _bad_ids(_ids(mission), factsheet)
+    yield from _too_many(len(mission.nodes) - 1, limits.state_node_states, "nodes to go in its state")
+    yield from _too_many(len(mission.edges), limits.state_edge_states, "edges to go in its state")
+    yield from _too_many(len(mission.actions), limits.state_action_states, "actions in its state")
 
 
-def _action_problems(action: Action, scope: ActionScope, factsheet: Factsheet) -> Iterator[str]:
-    limits = factsheet.protocol_limits.maximum_array_lengths
-    yield from _too_many(
-        len(action.action_parameters), limits.action_parameters, f"parameters of '{action.action_type}'"
-    )
-    declared = factsheet.protocol_features.mobile_robot_actions
-    if not declared:
-        return  # a factsheet that lists none leaves them out, rather than that the robot can do nothing
-    known = [each for each in declared if each.action_type == action.action_type]
-    if not known:
-        yield f"its factsheet does not list the action '{action.action_type}'"
+def _action_problems(action: Action, scope: ActionScope, abilities: Abilities) -> Iterator[str]:
+    limits, name = abilities.factsheet.protocol_limits, f"the action '{action.action_type}'"
+    most = limits.maximum_array_lengths.action_parameters
+    yield from _too_many(len(action.action_parameters), most, f"parameters of {name}")
+    load_id, longest = action.parameter("loadId"), limits.maximum_string_lengths.maximum_load_id_length
+    if longest and isinstance(load_id, str) and len(load_id) > longest:
+        yield f"the loadId '{load_id}' is longer than {longest} characters"
+    if not abilities.lists_actions:
         return
-    yield from _declaration_problems(action, scope, known[0])
+    declared = abilities.declarations(action.action_type)
+    if not declared:
+        yield f"its factsheet does not list {name}"
+        return
+    problems = [next(_declaration_problems(action, scope, each), None) for each in declared]
+    if all(problems):
+        yield problems[0] or ""
 
 
 def _declaration_problems(action: Action, scope: ActionScope, declared: MobileRobotAction) -> Iterator[str]:
@@ -100,27 +120,52 @@ def _declaration_problems(action: Action, scope: ActionScope, declared: MobileRo
     blocking = declared.blocking_types
     if scope is not ActionScope.INSTANT and blocking and action.blocking_type not in blocking:
         yield f"its factsheet lists {name} for the blocking types {', '.join(blocking)}"
+    wanted = {each.key: each for each in declared.action_parameters or ()}
     given = {each.key for each in action.action_parameters}
-    for parameter in declared.action_parameters or ():
+    for parameter in wanted.values():
         if parameter.is_optional is False and parameter.key not in given:
             yield f"{name} needs the parameter '{parameter.key}' there"
+    if wanted:
+        yield from _value_problems(action, wanted)
 
 
-def _missing_fields(nodes: Iterable[Node], factsheet: Factsheet) -> Iterator[str]:
-    """Look for fields that the robot demands and the mission does not have."""
-    for each in factsheet.protocol_features.optional_parameters:
-        if each.support is not Support.REQUIRED:
-            continue
-        field = each.parameter.removeprefix("order.")
-        filled = _FILLED.get(field.removeprefix(_NODES)) if field.startswith(_NODES) else None
-        if filled is None:
-            yield f"its factsheet demands the field '{each.parameter}', which orders here never have"
-        elif not all(map(filled, nodes)):
-            yield f"its factsheet demands the field '{each.parameter}', which not every node has"
+def _value_problems(action: Action, wanted: Mapping[str, ActionParameterDescription]) -> Iterator[str]:
+    for given in action.action_parameters:
+        parameter = wanted.get(given.key)
+        if parameter is None:
+            known = ", ".join(wanted)
+            yield f"the action '{action.action_type}' has no parameter '{given.key}' there, only {known}"
+        elif not _IS[parameter.value_data_type](given.value):
+            kind = parameter.value_data_type
+            yield f"the parameter '{given.key}' of '{action.action_type}' must be {kind}, not {given.value!r}"
 
 
-def _bad_ids(ids: Iterable[str], factsheet: Factsheet) -> Iterator[str]:
-    limits = factsheet.protocol_limits.maximum_string_lengths
+def _fields(mission: Mission, abilities: Abilities) -> Iterator[str]:
+    """Look for fields that the robot demands and do not stand there, or must stand and it does not take."""
+    document = mission.model_dump(mode="json", by_alias=True, exclude_none=True)
+    for path in abilities.required_fields:
+        if not _filled(document, path.split(".")):
+            yield f"its factsheet demands the field '{path}', which cannot be filled here"
+    if not abilities.takes_field(THETA) and any(map(_must_be_headed, mission.nodes)):
+        yield "its factsheet does not list headings, so it cannot take one up at a coordinate"
+
+
+def _must_be_headed(node: Node) -> bool:
+    heads = node.node_position is not None and node.node_position.theta is not None
+    return heads and node.node_id.startswith(GOAL_PREFIX)
+
+
+def _filled(part: JsonValue, path: list[str]) -> bool:
+    """Tell whether there is something at the end of ``path``, in each item of the lists on the way."""
+    if isinstance(part, list):
+        return all(_filled(each, path) for each in part)
+    if not path:
+        return True
+    return isinstance(part, dict) and path[0] in part and _filled(part[path[0]], path[1:])
+
+
+def _bad_ids(ids: Iterable[str], abilities: Abilities) -> Iterator[str]:
+    limits = abilities.factsheet.protocol_limits.maximum_string_lengths
     for each in ids:
         if limits.maximum_id_length and len(each) > limits.maximum_id_length:
             yield f"the id '{each}' is longer than {limits.maximum_id_length} characters"
@@ -130,11 +175,36 @@ def _bad_ids(ids: Iterable[str], factsheet: Factsheet) -> Iterator[str]:
 
 def _ids(mission: Mission) -> Iterator[str]:
     yield mission.mission_id
-    yield from (node.node_id for node in mission.nodes)
+    for node in mission.nodes:
+        yield node.node_id
+        if node.node_position:
+            yield node.node_position.map_id
     yield from (edge.edge_id for edge in mission.edges)
-    yield from (action.action_id for node in mission.nodes for action in node.actions)
+    yield from mission.action_ids
 
 
 def _too_many(count: int, limit: int | None, what: str) -> Iterator[str]:
     if limit and count > limit:
         yield f"its factsheet allows {limit} {what}, not {count}"
+
+
+def _wire_problems(message: Header, abilities: Abilities) -> Iterator[str]:
+    if abilities.codec is None:
+        return
+    try:
+        size = len(abilities.codec.encode(message))
+    except (MalformedMessageError, ValidationError) as error:
+        yield f"it cannot be said in VDA 5050 {abilities.codec.version}: {error}"
+        return
+    limit = abilities.factsheet.protocol_limits.maximum_string_lengths.maximum_message_length
+    if limit and size > limit:
+        yield f"its factsheet allows messages of {limit} bytes, not {size}"
+
+
+def _header(abilities: Abilities) -> dict[str, Any]:
+    robot = abilities.factsheet
+    return {
+        **_LONGEST_HEADER,
+        "manufacturer": robot.manufacturer,
+        "serial_number": robot.serial_number,
+    }

@@ -86,6 +86,10 @@ class FleetLink:
         """See :meth:`FleetController.adopt_mission`."""
         self._hand_out(self._controller.adopt_mission(robot, mission, self._now(), accepted=accepted))
 
+    def extend_mission(self, robot: RobotKey, mission: Mission) -> None:
+        """See :meth:`FleetController.extend_mission`."""
+        self._hand_out(self._controller.extend_mission(robot, mission, self._now()))
+
     def cancel_mission(self, robot: RobotKey) -> None:
         """See :meth:`FleetController.cancel_mission`."""
         self._hand_out(self._controller.cancel_mission(robot, self._now()))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from nena_order_service.fleet import progress as progresses
@@ -10,7 +10,9 @@ from nena_order_service.fleet import reported_errors
 from nena_order_service.fleet.delivery import Delivery
 from nena_order_service.fleet.instant_run import InstantRun
 from nena_order_service.fleet.mission import Mission
+from nena_order_service.fleet.mission_update import PendingUpdate, held_by, update_of
 from nena_order_service.fleet.outputs import (
+    BaseWanted,
     FleetOutput,
     MissionAccepted,
     MissionCancelled,
@@ -42,7 +44,9 @@ class MissionRun:
     """Follows one mission. When ``ended`` is true its end has been told, and nothing more comes of it.
 
     One that is ``adopted`` may have been sent before; ``accepted`` tells whether the robot is known to have
-    it. The ``cancel`` is made and sent by the owner once :meth:`wants_cancel` asks for it.
+    it. ``mission`` is what the robot has by its states, or is to have at first, with all updates up to
+    ``update_id``; one update at a time is under way, and the newest plan waits behind it. The ``cancel`` is
+    made and sent by the owner once :meth:`wants_cancel` asks for it.
     """
 
     def __init__(
@@ -53,8 +57,13 @@ class MissionRun:
         *,
         adopted: bool = False,
         accepted: bool = False,
+        update_id: int = 0,
     ) -> None:
         self.mission = mission
+        self.update_id = update_id
+        self._pending: PendingUpdate | None = None
+        self._plan: Mission | None = None
+        self._base_wanted = False
         self.phase = MissionPhase.WAITING
         self.cancel: InstantRun | None = None
         self.ended = False
@@ -73,6 +82,40 @@ class MissionRun:
     def wants_sending(self, now: float) -> bool:
         """Tell whether the order is to be sent (again) now, if the robot can be sent one."""
         return self.phase in (MissionPhase.WAITING, MissionPhase.SENT) and self._delivery.due(now)
+
+    def extend(self, plan: Mission) -> None:
+        """Have the robot do ``plan`` instead: its base goes on from the base that there is.
+
+        Raises:
+            BaseChangedError: it does not.
+
+        """
+        newest = self._plan or (self._pending.plan if self._pending else self.mission)
+        update_of(newest, plan)
+        if self.phase is MissionPhase.WAITING and not self._adopted:
+            self.mission = plan  # nothing was sent yet
+        else:
+            self._plan = plan
+
+    def wants_update(self, now: float) -> bool:
+        """Tell whether an update is to be sent (again) now, if the robot can be sent one."""
+        if self.phase is not MissionPhase.RUNNING or self.ended:
+            return False
+        return self._pending.delivery.due(now) if self._pending else self._plan is not None
+
+    def send_update(
+        self, errors: Iterable[ErrorEntry], now: float, fit: Callable[[Mission], Mission]
+    ) -> PublishOrder:
+        """Send the update; ``fit`` leaves out what the robot does not know."""
+        if self._pending is None and self._plan is not None:
+            plan, self._plan = fit(self._plan), None
+            message = update_of(self.mission, plan)
+            before = frozenset(map(reported_errors.identity, errors))
+            delivery = Delivery(self._settings)
+            self._pending = PendingUpdate(plan, message, self.update_id + 1, delivery, before)
+        assert self._pending, "asked for when wants_update says so"  # noqa: S101 - for the type
+        self._pending.delivery.sent(now)
+        return PublishOrder(self._robot, self._pending.message, self._pending.update_id)
 
     @property
     def sent_again(self) -> bool:
@@ -94,6 +137,8 @@ class MissionRun:
     def hold(self) -> None:
         """Let no time pass for the delivery: the robot cannot be sent the order now."""
         self._delivery.hold()
+        if self._pending:
+            self._pending.delivery.hold()
 
     def begin_cancel(self) -> Iterator[FleetOutput]:
         """End the mission early because somebody wants it; at once if the robot cannot have it."""
@@ -109,7 +154,8 @@ class MissionRun:
 
     def on_state(self, state: State, now: float) -> Iterator[FleetOutput]:
         """Follow a new state of the robot."""
-        if progresses.knows(state, self.mission):
+        self._take_echo(state)
+        if self._known_in(state):
             yield from self._follow(state, now)
         elif self._accepted and self.phase is not MissionPhase.CANCELLING:
             yield self._fail(Failure(_lost(state)))
@@ -123,6 +169,9 @@ class MissionRun:
         if self.phase is MissionPhase.SENT and self._delivery.failed(now):
             times = self._settings.sendings
             yield self._fail(Failure(f"the order was sent {times} times, but the robot never took it up"))
+        elif self._pending and self.phase is MissionPhase.RUNNING and self._pending.delivery.failed(now):
+            times = self._settings.sendings
+            self._cancel_for(Failure(f"an update was sent {times} times, but the robot never took it up"))
         elif state is None:
             return
         elif self.phase is MissionPhase.RUNNING:
@@ -130,10 +179,25 @@ class MissionRun:
         elif self.phase is MissionPhase.CANCELLING:
             yield from self._settle_cancel(state)
 
+    def _take_echo(self, state: State) -> None:
+        """Note that the robot has the update under way, or, after a restart, that it has an older one."""
+        if state.order_id != self.mission.mission_id:
+            return
+        pending = self._pending
+        if pending and state.order_update_id == pending.update_id:
+            self.mission, self.update_id, self._pending = pending.plan, pending.update_id, None
+        elif self._adopted and self._told < -1 and state.order_update_id < self.update_id:
+            self._plan = self._plan or self.mission
+            self.mission, self.update_id = held_by(state, self.mission), state.order_update_id
+
+    def _known_in(self, state: State) -> bool:
+        return progresses.knows(state, self.mission, self.update_id)
+
     def _follow(self, state: State, now: float) -> Iterator[FleetOutput]:
         """Tell what a state that knows the mission says of it."""
         progress = progresses.read(state, self.mission)
         yield from self._tell(progress)
+        yield from self._tell_base(state)
         if progress.done:
             yield self._end(MissionFinished(self._robot, self.mission.mission_id))
         elif self.phase is MissionPhase.RUNNING:
@@ -155,6 +219,13 @@ class MissionRun:
             self._operating = True
             yield OperationStarted(self._robot, name)
 
+    def _tell_base(self, state: State) -> Iterator[FleetOutput]:
+        """Tell, once each time, that the robot wants more of a mission that has more."""
+        wanted = bool(state.new_base_request) and not self.mission.nodes[-1].released
+        if wanted and not self._base_wanted:
+            yield BaseWanted(self._robot, self.mission.mission_id)
+        self._base_wanted = wanted
+
     def _judge(self, state: State, progress: Progress, now: float) -> Iterator[FleetOutput]:
         """Look for what went wrong with a mission that is neither done nor to be cancelled."""
         failure = self._failed_actions(state, progress)
@@ -164,6 +235,8 @@ class MissionRun:
             yield self._fail(Failure(_given_up(state), _words(state.errors)))
         elif failure:
             self._cancel_for(failure)
+        elif self._pending and (refused := self._pending.refusals(state.errors)):
+            self._cancel_for(Failure("the robot refuses to go on with the order", _words(refused)))
         elif errors := reported_errors.about(state.errors, self.mission, self._before):
             self._cancel_for(Failure("the robot cannot go on with it", _words(errors)))
         else:
@@ -193,7 +266,7 @@ class MissionRun:
             self._cancel_for(Failure(reason, _words(state.errors)))
 
     def _standstill(self, state: State) -> str | None:
-        if state.driving or not progresses.knows(state, self.mission):
+        if state.driving or not self._known_in(state):
             return None
         if reported_errors.unexplained(state.errors, self.mission, self._before):
             return "the robot stands with an error that it cannot go on with"
@@ -236,7 +309,7 @@ class MissionRun:
         return sent_unseen or self._active_at_robot(state)
 
     def _active_at_robot(self, state: State) -> bool:
-        return progresses.knows(state, self.mission) and not progresses.read(state, self.mission).idle
+        return self._known_in(state) and not progresses.read(state, self.mission).idle
 
     def _end_early(self) -> Iterator[FleetOutput]:
         if self._failure:

@@ -31,13 +31,16 @@ DEFAULT_ACTION_TYPES: Final[Mapping[str, str]] = MappingProxyType(
     }
 )
 
+STATION_PARAMETERS: Final = frozenset({"stationType", "stationName", "loadType"})
+"""What pick and drop are told of their place and load, whether or not anybody has asked for it."""
+
 UNSPECIFIED_LOAD: Final = "unspecified"
 """The loadType where nobody says one; 2.1 demands the parameter of pick and drop."""
 
 
 def fresh_id() -> str:
-    """Give an id that nothing else has."""
-    return str(uuid4())
+    """Give an id that nothing else has; 32 characters, for some robots take no longer ones."""
+    return uuid4().hex
 
 
 @dataclass(frozen=True, slots=True)

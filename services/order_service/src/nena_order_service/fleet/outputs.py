@@ -12,7 +12,7 @@ from nena_shared.vda5050.topics import RobotKey
 
 @dataclass(frozen=True, slots=True)
 class PublishOrder:
-    """Send the mission as an order; header fields are the sender's."""
+    """Send the mission, or the part of it that an update is, as an order; header fields are the sender's."""
 
     robot: RobotKey
     mission: Mission
@@ -65,6 +65,14 @@ class NodePassed:
     mission_id: str
     node_id: str
     sequence_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class BaseWanted:
+    """The robot comes near the end of its base, and there is more of the mission (section 6.6.3)."""
+
+    robot: RobotKey
+    mission_id: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +132,7 @@ FleetOutput = (
     | RobotChanged
     | MissionAccepted
     | NodePassed
+    | BaseWanted
     | OperationStarted
     | MissionFinished
     | MissionFailed

@@ -62,9 +62,9 @@ class Progress:
         return self.idle and self.at_end and not self.failed and not self.unreported
 
 
-def knows(state: State, mission: Mission) -> bool:
-    """Tell whether the robot's order is this mission."""
-    return state.order_id == mission.mission_id and state.order_update_id == 0
+def knows(state: State, mission: Mission, update_id: int) -> bool:
+    """Tell whether the robot's order is this mission, with all updates up to ``update_id``."""
+    return state.order_id == mission.mission_id and state.order_update_id == update_id
 
 
 def read(state: State, mission: Mission) -> Progress:

@@ -72,6 +72,17 @@ def _refuses(error: ErrorEntry, mission: Mission, before: frozenset[ErrorIdentit
     return error.error_type in ORDER_REFUSALS and identity(error) not in before
 
 
+def refuses_update(error: ErrorEntry, mission_id: str, update_id: int) -> bool:
+    """Tell whether an error says that the robot does not take an update of the order that it has.
+
+    An update is named by its number; in 2.x an error that names no order may be meant.
+    """
+    orders, updates = _referenced(error, "orderId"), _referenced(error, "orderUpdateId")
+    if error.error_type not in ORDER_REFUSALS or (orders and mission_id not in orders):
+        return False
+    return str(update_id) in updates if updates else True
+
+
 def about(
     errors: Iterable[ErrorEntry], mission: Mission, before: frozenset[ErrorIdentity]
 ) -> tuple[ErrorEntry, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final
 
+from nena_order_service.fleet.abilities import Abilities
 from nena_order_service.fleet.message_order import MessageOrder
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.view import LinkStatus
@@ -14,6 +15,9 @@ from nena_shared.vda5050.rules import RULES, Rules
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import nearest_codec
+
+INSTANT_ACTIONS_LIMIT: Final = 50
+"""Instant actions that may be under way at one robot; more are refused."""
 
 AWAY: Final = {
     ConnectionState.OFFLINE: LinkStatus.OFFLINE,
@@ -32,7 +36,8 @@ class Robot:
     connection: ConnectionState | None = None
     state: State | None = None
     state_at: float | None = None
-    factsheet: Factsheet | None = None
+    abilities: Abilities | None = None
+    """What its factsheet says; None before the first one."""
     malformed: int = 0
     """How many of its messages could not be read."""
     _heard_at: float | None = None
@@ -64,7 +69,7 @@ class Robot:
 
     def take_factsheet(self, message: Factsheet) -> None:
         """Note what the robot can do, and how often it reports."""
-        self.factsheet = message
+        self.abilities = Abilities(message)
         interval = message.protocol_limits.timing.default_state_interval or 0.0
         self._silent_after = max(self.settings.silent_after, self.settings.silent_intervals * interval)
 
@@ -87,6 +92,17 @@ class Robot:
     def reachable(self) -> bool:
         """Whether it is worth sending anything: nothing says that the robot is away."""
         return self.connection is not None and self.connection not in AWAY
+
+    @property
+    def factsheet(self) -> Factsheet | None:
+        """Its last factsheet."""
+        return self.abilities.factsheet if self.abilities else None
+
+    @property
+    def most_instant_actions(self) -> int:
+        """How many instant actions one message may hold, by the factsheet."""
+        limit = self.factsheet.protocol_limits.maximum_array_lengths.instant_actions if self.factsheet else 0
+        return limit or INSTANT_ACTIONS_LIMIT
 
     @property
     def least_order_interval(self) -> float:

@@ -8,7 +8,8 @@ from typing import Final
 
 from nena_order_service.fleet import availability
 from nena_order_service.fleet.errors import RobotBusyError
-from nena_order_service.fleet.fitness import fitted, instant_action_problem, order_problem
+from nena_order_service.fleet.fitness import instant_action_problem, order_problem
+from nena_order_service.fleet.fitting import fitted, fitted_action
 from nena_order_service.fleet.instant_run import CANCEL_ORDER, InstantRun, cancel_order, clear_instant_actions
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.mission_run import MissionRun
@@ -19,7 +20,7 @@ from nena_order_service.fleet.outputs import (
     RobotChanged,
 )
 from nena_order_service.fleet.progress import is_idle
-from nena_order_service.fleet.robot import Robot
+from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, Robot
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.view import Availability, LinkStatus, MissionPhase, RobotView
 from nena_shared.vda5050.action import Action, ActionState
@@ -27,9 +28,6 @@ from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
-
-INSTANT_ACTIONS_LIMIT: Final = 50
-"""Instant actions that may be under way at one robot; more are refused."""
 
 INSTANT_IDS_KEPT: Final = 200
 """Ids of instant actions that are remembered, so that their states are not taken for the order's."""
@@ -98,9 +96,28 @@ class RobotControl:
         self._run = run
         return self._advance(now)
 
-    def new_run(self, mission: Mission, *, adopted: bool = False, accepted: bool = False) -> MissionRun:
+    def extend(self, mission: Mission, now: float) -> Iterator[FleetOutput]:
+        """Have the robot do the mission by a newer plan; one that has ended meanwhile is passed over.
+
+        Raises BaseChangedError, before anything is taken from the iterator.
+        """
+        run = self._run
+        if run and run.mission.mission_id == mission.mission_id:
+            run.extend(mission)
+        return self._advance(now)
+
+    def new_run(
+        self, mission: Mission, *, adopted: bool = False, accepted: bool = False, update_id: int = 0
+    ) -> MissionRun:
         """Make the run of a mission at this robot."""
-        return MissionRun(self.robot.key, mission, self._settings, adopted=adopted, accepted=accepted)
+        return MissionRun(
+            self.robot.key,
+            mission,
+            self._settings,
+            adopted=adopted,
+            accepted=accepted,
+            update_id=update_id,
+        )
 
     def cancel(self, now: float) -> Iterator[FleetOutput]:
         """End the mission early."""
@@ -110,6 +127,8 @@ class RobotControl:
 
     def instruct(self, action: Action, now: float) -> Iterator[FleetOutput]:
         """Send an instant action, unless it is known already that the robot would not get or take it."""
+        if self.robot.abilities:
+            action = fitted_action(action, self.robot.abilities)
         refusal = self._refusal(action, now)
         if refusal:
             yield InstantActionEnded(self.robot.key, action, None, f"not sent: {refusal}")
@@ -155,6 +174,7 @@ class RobotControl:
             self._run = None
         elif run:
             yield from self._send_order(run, now)
+            yield from self._send_update(run, now)
             if run.wants_cancel(self.robot.state) and not self._unsendable(CANCEL_ORDER, now):
                 run.cancel = self._begin_cancel(run.mission.mission_id)
         self._stop_stray(now)
@@ -172,14 +192,27 @@ class RobotControl:
         if state is None or self._obstacle(now):
             run.hold()
             return
-        if self.robot.factsheet and run.phase is MissionPhase.WAITING:
-            problem = order_problem(run.mission, self.robot.factsheet)
+        if self.robot.abilities and run.phase is MissionPhase.WAITING:
+            run.mission = fitted(run.mission, self.robot.abilities)
+            problem = order_problem(run.mission, self.robot.abilities)
             if problem:
                 yield from self._refuse(run, problem)
                 return
-            run.mission = fitted(run.mission, self.robot.factsheet)
         self._last_order_at = now
         yield run.send(state.errors, now)
+
+    def _send_update(self, run: MissionRun, now: float) -> Iterator[FleetOutput]:
+        state, since = self.robot.state, self._last_order_at
+        if state is None or not run.wants_update(now):
+            return
+        if since is not None and now - since < self.robot.least_order_interval:
+            return
+        if availability.away(self.robot.link(now), broker=self._broker):
+            run.hold()
+            return
+        self._last_order_at = now
+        abilities = self.robot.abilities
+        yield run.send_update(state.errors, now, lambda plan: fitted(plan, abilities) if abilities else plan)
 
     def _refuse(self, run: MissionRun, problem: str) -> Iterator[FleetOutput]:
         """End a mission that the robot could never take, before anything of it is sent."""
@@ -238,7 +271,7 @@ class RobotControl:
             return f"{INSTANT_ACTIONS_LIMIT} instant actions are under way at the robot"
         if action.action_id in self._instant_ids:
             return f"the actionId {action.action_id!r} has been used before"
-        problem = instant_action_problem(action, self.robot.factsheet) if self.robot.factsheet else None
+        problem = instant_action_problem(action, self.robot.abilities) if self.robot.abilities else None
         if problem:
             return f"the robot cannot take it: {problem}"
         reason = self._unsendable(action.action_type, now)
@@ -274,8 +307,9 @@ class RobotControl:
             for each in self._instants.values()
             if not self._unsendable(each.action.action_type, now) and each.wants_sending(now)
         )
-        if due:
-            yield PublishInstantActions(self.robot.key, due)
+        at_once = self.robot.most_instant_actions
+        for first in range(0, len(due), at_once):
+            yield PublishInstantActions(self.robot.key, due[first : first + at_once])
 
     def _follow_instants(self, state: State, now: float) -> Iterator[FleetOutput]:
         reported: dict[str, ActionState] = {

@@ -7,7 +7,6 @@ import time
 from dataclasses import dataclass
 from math import hypot
 from secrets import token_hex
-from uuid import uuid4
 
 from nena_order_service.errors import (
     KeyReusedError,
@@ -19,6 +18,7 @@ from nena_order_service.errors import (
     VehicleNotReachedError,
 )
 from nena_order_service.fleet import InstantActionEnded, LinkStatus
+from nena_order_service.fleet.operations import fresh_id
 from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.kernel.settings import KernelSettings
 from nena_order_service.kernel.vehicles import FleetVehicle
@@ -121,7 +121,7 @@ class HostRequests:
             raise VehicleNotReachedError(name, f"it is {link}")
         action = Action(
             action_type=action_type,
-            action_id=str(uuid4()),
+            action_id=fresh_id(),
             blocking_type=blocking_type,
             action_parameters=parameters,
         )

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-from uuid import uuid4
 
 from nena_order_service.fleet import InstantActionEnded
+from nena_order_service.fleet.operations import fresh_id
 from nena_shared.vda5050.action import Action, BlockingType
 
 
 def state_request() -> Action:
     """Make the instant action that asks a robot for its state (VDA 5050 3.0 section 6.2.3)."""
-    return Action(action_type="stateRequest", action_id=str(uuid4()), blocking_type=BlockingType.NONE)
+    return Action(action_type="stateRequest", action_id=fresh_id(), blocking_type=BlockingType.NONE)
 
 
 class PendingInstantActions:

@@ -1,0 +1,75 @@
+"""How a mission grows: a newer plan against the one that the robot has (VDA 5050 3.0 section 6.1.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from nena_order_service.fleet import reported_errors
+from nena_order_service.fleet.delivery import Delivery
+from nena_order_service.fleet.mission import Mission
+from nena_order_service.fleet.reported_errors import ErrorIdentity
+from nena_shared.vda5050.error import ErrorEntry
+from nena_shared.vda5050.order import Node
+from nena_shared.vda5050.state import State
+
+
+class BaseChangedError(ValueError):
+    """A plan that does not keep what the robot was told to be its base, which nothing takes back."""
+
+    def __init__(self, mission_id: str, problem: str) -> None:
+        super().__init__(f"mission {mission_id!r} cannot be changed so: {problem}")
+        self.mission_id = mission_id
+
+
+@dataclass(slots=True)
+class PendingUpdate:
+    """An update that no state has echoed yet. ``plan`` is the whole mission by it."""
+
+    plan: Mission
+    message: Mission
+    """What is sent: from the decision point on."""
+    update_id: int
+    delivery: Delivery
+    errors_before: frozenset[ErrorIdentity] = frozenset()
+
+    def refusals(self, errors: Iterable[ErrorEntry]) -> tuple[ErrorEntry, ...]:
+        """Give the errors by which the robot refuses it."""
+        return tuple(
+            each
+            for each in errors
+            if reported_errors.identity(each) not in self.errors_before
+            and reported_errors.refuses_update(each, self.plan.mission_id, self.update_id)
+        )
+
+
+def update_of(held: Mission, plan: Mission) -> Mission:
+    """Give what must be sent to a robot that has ``held`` so that it has ``plan``, from its base's end on.
+
+    Raises:
+        BaseChangedError: the plan is of another mission, or not a way on from the base.
+
+    """
+    base = sum(1 for node in held.nodes if node.released)
+    if plan.mission_id != held.mission_id:
+        raise BaseChangedError(held.mission_id, f"the plan is that of {plan.mission_id!r}")
+    if plan.nodes[:base] != held.nodes[:base] or plan.edges[: base - 1] != held.edges[: base - 1]:
+        raise BaseChangedError(held.mission_id, "the plan has another base")
+    return Mission(mission_id=plan.mission_id, nodes=plan.nodes[base - 1 :], edges=plan.edges[base - 1 :])
+
+
+def released_to(plan: Mission, sequence_id: int) -> Mission:
+    """Give the plan with its base ending at the node ``sequence_id``."""
+    nodes = tuple(_released(node, released=node.sequence_id <= sequence_id) for node in plan.nodes)
+    edges = tuple(edge.model_copy(update={"released": edge.sequence_id < sequence_id}) for edge in plan.edges)
+    return Mission(mission_id=plan.mission_id, nodes=nodes, edges=edges)
+
+
+def held_by(state: State, plan: Mission) -> Mission:
+    """Give as much of the plan as a robot that has an older update says that it has for its base."""
+    base = [each.sequence_id for each in state.node_states if each.released]
+    return released_to(plan, base[-1] if base else state.last_node_sequence_id)
+
+
+def _released(node: Node, *, released: bool) -> Node:
+    return node.model_copy(update={"released": released})

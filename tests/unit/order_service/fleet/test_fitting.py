@@ -1,0 +1,194 @@
+"""A message is made to fit a factsheet without changing what it asks for."""
+
+from __future__ import annotations
+
+from math import pi
+
+import pytest
+
+from nena_order_service.fleet.abilities import Abilities
+from nena_order_service.fleet.fitness import order_problem
+from nena_order_service.fleet.fitting import fitted, fitted_action
+from nena_order_service.fleet.mission import Mission
+from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
+from nena_shared.vda5050.factsheet import (
+    ActionParameterDescription,
+    ActionScope,
+    MobileRobotAction,
+    OptionalParameter,
+    Support,
+    ValueDataType,
+)
+from nena_shared.vda5050.order import NodePosition
+from support.fleet import make_mission
+from support.fleet_examples import factsheet as example
+
+pytestmark = pytest.mark.clause("7.10", "7.1.1")
+
+MISSION = make_mission("m1", "A", "B", operation="pick")
+
+
+def abilities(
+    *actions: MobileRobotAction, takes: tuple[str, ...] = (), demands: tuple[str, ...] = ()
+) -> Abilities:
+    made = example()
+    fields = (
+        *(OptionalParameter(parameter=f"order.{each}", support=Support.SUPPORTED) for each in takes),
+        *(OptionalParameter(parameter=f"order.{each}", support=Support.REQUIRED) for each in demands),
+    )
+    features = made.protocol_features.model_copy(
+        update={"optional_parameters": fields, "mobile_robot_actions": actions}
+    )
+    return Abilities(made.model_copy(update={"protocol_features": features}))
+
+
+def pick(**kinds: ValueDataType) -> MobileRobotAction:
+    return MobileRobotAction(
+        action_type="pick",
+        action_scopes=(ActionScope.NODE,),
+        action_parameters=tuple(
+            ActionParameterDescription(key=key, value_data_type=kind, is_optional=True)
+            for key, kind in kinds.items()
+        ),
+        pause_allowed=False,
+        cancel_allowed=False,
+    )
+
+
+def positions(mission: Mission) -> list[NodePosition]:
+    return [node.node_position for node in mission.nodes if node.node_position]
+
+
+def headed(node_id: str) -> Mission:
+    """Give the mission with a heading at its end, which is called ``node_id``."""
+    end = MISSION.nodes[1]
+    assert end.node_position is not None
+    place = end.node_position.model_copy(update={"theta": 1.0, "allowed_deviation_theta": 0.1})
+    last = end.model_copy(update={"node_id": node_id, "node_position": place})
+    return MISSION.model_copy(update={"nodes": (MISSION.nodes[0], last)})
+
+
+def test_nothing_is_left_out_for_a_robot_that_lists_nothing() -> None:
+    assert fitted(headed("B"), abilities()) == headed("B")
+
+
+def test_fields_that_the_robot_does_not_list_are_left_out() -> None:
+    made = fitted(headed("B"), abilities(takes=("edges.length",)))
+
+    assert [each.allowed_deviation_xy for each in positions(made)] == [None, None]
+    assert (positions(made)[1].theta, positions(made)[1].allowed_deviation_theta) == (None, None)
+    assert made.actions[0].action_descriptor is None
+    assert [(each.x, each.y) for each in positions(made)] == [(0.0, 0.0), (1.0, 0.0)]
+
+
+def test_fields_that_the_robot_lists_stay() -> None:
+    listed = abilities(
+        takes=(
+            "nodes.nodePosition.theta",
+            "nodes.nodePosition.allowedDeviationXY",
+            "nodes.nodePosition.allowedDeviationTheta",
+            "nodes.actions.actionDescriptor",
+        )
+    )
+
+    assert fitted(headed("B"), listed) == headed("B")
+
+
+def test_a_heading_that_somebody_asked_for_is_not_left_out_but_refused() -> None:
+    robot = abilities(takes=("edges.length",))
+    made = fitted(headed("goal:m1"), robot)
+
+    assert positions(made)[1].theta == 1.0
+    assert order_problem(made, robot) == (
+        "its factsheet does not list headings, so it cannot take one up at a coordinate"
+    )
+
+
+def test_demanded_headings_are_filled_so_that_they_bind_nobody() -> None:
+    robot = abilities(
+        demands=("nodes.nodePosition.theta", "nodes.nodePosition.allowedDeviationTheta"),
+        takes=("nodes.nodePosition.allowedDeviationXY",),
+    )
+    made = fitted(headed("B"), robot)
+
+    assert [(each.theta, each.allowed_deviation_theta) for each in positions(made)] == [(0.0, pi), (1.0, 0.1)]
+    assert order_problem(made, robot) is None
+
+
+def test_a_demanded_heading_without_a_deviation_cannot_be_filled() -> None:
+    robot = abilities(demands=("nodes.nodePosition.theta",))
+
+    assert order_problem(fitted(MISSION, robot), robot) == (
+        "its factsheet demands the field 'nodes.nodePosition.theta', which cannot be filled here"
+    )
+
+
+def test_demanded_fields_of_edges_ask_for_nothing() -> None:
+    robot = abilities(
+        demands=(
+            "edges.length",
+            "edges.maximumSpeed",
+            "edges.reachOrientationBeforeEntering",
+            "edges.edgeDescriptor",
+            "nodes.nodeDescriptor",
+            "nodes.actions.actionDescriptor",
+        )
+    )
+    made = fitted(MISSION, robot)
+    (edge,) = made.edges
+
+    assert (edge.length, edge.maximum_speed) == (1.0, 1.2), "the robot's own speed"
+    assert (edge.reach_orientation_before_entering, edge.edge_descriptor) == (False, "A-B")
+    assert [node.node_descriptor for node in made.nodes] == ["A", "B"]
+    assert made.actions[0].action_descriptor == "pick"
+    assert order_problem(made, robot) is None
+
+
+def test_a_demanded_speed_that_nobody_knows_is_a_problem() -> None:
+    robot = abilities(demands=("edges.maximumRotationSpeed",))
+
+    assert "edges.maximumRotationSpeed" in (order_problem(fitted(MISSION, robot), robot) or "")
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "value"),
+    [
+        (ValueDataType.NUMBER, "1.5", 1.5),
+        (ValueDataType.INTEGER, "3", 3),
+        (ValueDataType.BOOL, "True", True),
+        (ValueDataType.STRING, "1.5", "1.5"),
+        (ValueDataType.OBJECT, '{"a": 1}', {"a": 1}),
+        (ValueDataType.ARRAY, "[1, 2]", [1, 2]),
+        (ValueDataType.NUMBER, "high", "high"),
+        (ValueDataType.NUMBER, "nan", "nan"),
+        (ValueDataType.BOOL, "perhaps", "perhaps"),
+        (ValueDataType.ARRAY, "[1,", "[1,"),
+        (ValueDataType.ARRAY, "1", "1"),
+    ],
+)
+def test_a_text_becomes_what_the_robot_wants(kind: ValueDataType, text: str, value: object) -> None:
+    action = Action(
+        action_type="pick",
+        action_id="a",
+        blocking_type=BlockingType.HARD,
+        action_parameters=(ActionParameter(key="height", value=text),),
+    )
+
+    assert fitted_action(action, abilities(pick(height=kind))).parameter("height") == value
+
+
+def test_what_fleet_control_adds_of_its_own_is_only_for_robots_that_list_it() -> None:
+    action = Action(
+        action_type="pick",
+        action_id="a",
+        blocking_type=BlockingType.HARD,
+        action_parameters=tuple(
+            ActionParameter(key=key, value="x") for key in ("stationType", "loadType", "height")
+        ),
+    )
+
+    def keys(robot: Abilities) -> list[str]:
+        return [each.key for each in fitted_action(action, robot).action_parameters]
+
+    assert keys(abilities()) == keys(abilities(pick())) == ["stationType", "loadType", "height"]
+    assert keys(abilities(pick(loadType=ValueDataType.STRING))) == ["loadType", "height"]

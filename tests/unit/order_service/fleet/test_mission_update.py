@@ -1,0 +1,271 @@
+"""Missions that grow: base and horizon, sent as order updates that begin at the decision point."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nena_order_service.fleet import (
+    BaseChangedError,
+    BaseWanted,
+    Mission,
+    MissionCancelled,
+    MissionFailed,
+    MissionFinished,
+    NodePassed,
+    PublishOrder,
+)
+from nena_order_service.fleet.mission_update import released_to, update_of
+from support.fleet import Bench, make_mission
+
+pytestmark = pytest.mark.clause("6.1.2", "6.1.4")
+
+POINTS = ("A", "B", "C", "D", "E")
+WHOLE = make_mission("m1", *POINTS, operation="pick")
+
+
+def base(count: int, mission: Mission = WHOLE) -> Mission:
+    """Give the mission with its first ``count`` nodes released."""
+    return released_to(mission, 2 * (count - 1))
+
+
+def updates(bench: Bench) -> list[tuple[int, list[str], list[str]]]:
+    """Give each order that was sent: its update, its base, its horizon."""
+    return [
+        (
+            each.order_update_id,
+            [node.node_id for node in each.mission.nodes if node.released],
+            [node.node_id for node in each.mission.nodes if not node.released],
+        )
+        for each in bench.sent
+        if isinstance(each, PublishOrder)
+    ]
+
+
+def started(count: int = 2, **robot: Any) -> Bench:
+    bench = Bench().online()
+    for name, value in robot.items():
+        setattr(bench.robot, name, value)
+    bench.start(base(count))
+    bench.deliver()
+    bench.report()
+    return bench
+
+
+def extend(bench: Bench, mission: Mission) -> None:
+    bench.take(bench.fleet.extend_mission(bench.robot.key, mission, bench.now))
+
+
+class TestTheCut:
+    def test_an_update_begins_at_the_decision_point_with_all_that_stands_there(self) -> None:
+        update = update_of(base(2), base(4))
+
+        assert [(node.node_id, node.sequence_id, node.released) for node in update.nodes] == [
+            ("B", 2, True),
+            ("C", 4, True),
+            ("D", 6, True),
+            ("E", 8, False),
+        ]
+        assert update.nodes[0] == base(2).nodes[1]
+        assert [edge.sequence_id for edge in update.edges] == [3, 5, 7]
+
+    def test_the_horizon_may_lead_elsewhere(self) -> None:
+        other = make_mission("m1", "A", "B", "X", "Y")
+
+        assert [node.node_id for node in update_of(base(2), other).nodes] == ["B", "X", "Y"]
+
+    @pytest.mark.parametrize(
+        "plan",
+        [
+            make_mission("m2", *POINTS),
+            make_mission("m1", "A", "X", "C"),
+            make_mission("m1", "A"),
+            base(1),
+        ],
+    )
+    def test_a_base_is_never_changed(self, plan: Mission) -> None:
+        with pytest.raises(BaseChangedError, match="m1"):
+            update_of(base(2), plan)
+
+
+def test_the_robot_gets_the_rest_piece_by_piece() -> None:
+    bench = started()
+    for count in (3, 5):
+        extend(bench, base(count))
+        bench.deliver()
+        bench.report()
+    bench.run()
+
+    assert updates(bench) == [
+        (0, ["A", "B"], ["C", "D", "E"]),
+        (1, ["B", "C"], ["D", "E"]),
+        (2, ["C", "D", "E"], []),
+    ]
+    assert [each.node_id for each in bench.told(NodePassed)] == list(POINTS)
+    assert len(bench.told(MissionFinished)) == 1
+
+
+def test_a_robot_at_the_end_of_its_base_waits_and_is_not_done() -> None:
+    bench = started()
+    bench.run(10)
+
+    assert bench.robot.last_node_id == "B"
+    assert len(bench.told(BaseWanted)) == 1
+    assert not bench.ends()
+    extend(bench, WHOLE)
+    bench.run()
+    assert len(bench.told(MissionFinished)) == 1
+
+
+@pytest.mark.clause("6.6.3")
+def test_the_wish_for_more_base_is_told_once_each_time() -> None:
+    bench = started()
+    for _ in range(3):
+        bench.report()
+    assert len(bench.told(BaseWanted)) == 1
+
+    extend(bench, base(4))
+    bench.deliver()
+    bench.report()
+    bench.robot.step()
+    bench.robot.step()
+    bench.report()
+
+    assert len(bench.told(BaseWanted)) == 2
+
+
+def test_of_plans_that_come_while_one_is_under_way_the_newest_is_sent() -> None:
+    bench = started()
+    for count in (3, 4, 5):
+        extend(bench, base(count))
+    assert [each[0] for each in updates(bench)] == [0, 1]
+    bench.deliver()
+    bench.report()
+
+    assert updates(bench)[-1] == (2, ["C", "D", "E"], [])
+
+
+def test_a_plan_that_comes_before_the_first_sending_is_the_first() -> None:
+    bench = Bench()
+    bench.start(base(2))
+    extend(bench, base(4))
+
+    bench.online()
+
+    assert updates(bench) == [(0, ["A", "B", "C", "D"], ["E"])]
+
+
+def test_a_lost_update_is_sent_again_as_it_was() -> None:
+    bench = started()
+    extend(bench, base(3))
+    bench.lose()
+    bench.wait(1.0, reporting=True)
+
+    assert updates(bench)[1:] == [(1, ["B", "C"], ["D", "E"])] * 2
+    bench.deliver()
+    bench.report()
+    extend(bench, WHOLE)
+    bench.run()
+    assert len(bench.told(MissionFinished)) == 1
+
+
+def test_an_update_that_is_never_taken_up_ends_the_mission() -> None:
+    bench = started()
+    extend(bench, base(3))
+    for _ in range(60):
+        bench.lose()
+        bench.wait(1.0, reporting=True)
+        if "cancelOrder" in bench.instants_sent():
+            break
+    bench.deliver()
+    bench.report()
+    bench.tick()
+
+    (failed,) = bench.told(MissionFailed)
+    assert "an update was sent 6 times" in failed.reason
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_an_update_that_the_robot_refuses_ends_the_mission(*, named: bool) -> None:
+    bench = started(refuses_updates=True, names_refusals=named)
+    extend(bench, base(3))
+    bench.deliver()
+    bench.report()
+    bench.deliver()
+    bench.report()
+
+    (failed,) = bench.told(MissionFailed)
+    assert failed.reason == "the robot refuses to go on with the order"
+
+
+def test_a_mission_that_has_ended_is_not_extended() -> None:
+    bench = started(5)
+    bench.run()
+    extend(bench, WHOLE)
+
+    assert len(updates(bench)) == 1
+
+
+def test_a_cancel_while_an_update_is_under_way_ends_it_all() -> None:
+    bench = started()
+    extend(bench, base(3))
+    bench.cancel()
+    bench.deliver()
+    bench.report()
+    bench.run(3)
+
+    assert len(bench.told(MissionCancelled)) == 1
+    assert [each[0] for each in updates(bench)] == [0, 1]
+
+
+@pytest.mark.parametrize("arrived", [True, False])
+def test_after_a_restart_the_rest_is_sent_to_a_robot_that_has_an_older_update(*, arrived: bool) -> None:
+    before = started()
+    extend(before, base(4))
+    if arrived:
+        before.deliver()
+    after = Bench(robot=before.robot)
+    after.now = 500.0
+    after.take(after.fleet.on_broker(connected=True, now=after.now))
+    after.take(after.fleet.adopt_mission(after.robot.key, base(4), after.now, accepted=True, update_id=1))
+    after.online()
+
+    assert updates(after) == ([] if arrived else [(1, ["B", "C", "D"], ["E"])])
+    after.run(5)
+    extend(after, WHOLE)
+    after.run()
+    assert len(after.told(MissionFinished)) == 1
+
+
+@settings(max_examples=200)
+@given(st.data())
+def test_over_a_bad_wire_every_node_is_driven_once_and_the_mission_ends(data: st.DataObject) -> None:
+    bench = Bench().online()
+    count = data.draw(st.integers(1, 5), label="first base")
+    bench.start(base(count))
+    for _ in range(60):
+        what = data.draw(st.sampled_from(["deliver", "lose", "extend", "step", "report", "wait"]))
+        if what == "extend" and count < len(POINTS):
+            count = data.draw(st.integers(count, len(POINTS)))
+            extend(bench, base(count))
+        elif what == "deliver":
+            bench.deliver()
+        elif what == "lose":
+            bench.lose()
+        elif what == "step":
+            bench.robot.step()
+        elif what == "wait":
+            bench.wait(0.5)
+        else:
+            bench.report()
+    extend(bench, WHOLE)
+    bench.run(40)
+
+    assert [each.mission_id for each in bench.told(MissionFinished)] == ["m1"]
+    assert [each.node_id for each in bench.told(NodePassed)] == list(POINTS)
+    assert bench.robot.executed == ["m1/pick"]
+    numbers = [each[0] for each in updates(bench)]
+    assert numbers == sorted(numbers)
