@@ -11,7 +11,17 @@ from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from rclpy.qos import qos_profile_system_default
 
-from nena_edge_agent.driver.port import DriveGoal, DriverEvent, GoalReport, NavigationReport, Pose
+from nena_edge_agent.driver.port import (
+    Arrived,
+    DriveFailed,
+    DriveGoal,
+    DriverEvent,
+    GoalReport,
+    GoalTable,
+    Halted,
+    NavigationReport,
+    Pose,
+)
 from nena_edge_agent.driver.port import PoseReport as PoseTold
 from nena_edge_agent.ros.driver import Nav2Driver
 from nena_edge_agent.ros.settings import GoalSettings, RosSettings
@@ -21,7 +31,8 @@ from nena_shared.clock import SystemClock
 from support.ros import LATCHED, Inbox, RosPeer
 from support.waiting import until
 
-E = TypeVar("E", bound=DriverEvent)
+Told = DriverEvent | GoalReport
+E = TypeVar("E", bound=Told)
 
 MAP = "hall"
 QUICK = GoalSettings(confirmation_time=0.5, settle_time=0.3, pose_wait=1.0, cancel_time=0.5)
@@ -36,10 +47,11 @@ class DrivenRobot:
     """A started driver and all that it has told."""
 
     def __init__(self, domain_id: int, namespace: str = "", **settings: Any) -> None:
-        self.events: list[DriverEvent] = []
+        self.events: list[Told] = []
+        self._goals: dict[str, GoalReport] = {}
         fields = {"goals": QUICK, "watch_period": 0.1, **settings}
         chosen = RosSettings(domain_id=domain_id, namespace=namespace, **fields)
-        self.driver = Nav2Driver(chosen, MAP, self.events.append, SystemClock())
+        self.driver = Nav2Driver(chosen, MAP, self._hear, SystemClock())
 
     async def __aenter__(self) -> Self:
         await self.driver.start()
@@ -48,10 +60,17 @@ class DrivenRobot:
     async def __aexit__(self, *_: object) -> None:
         await self.driver.stop()
 
+    def _hear(self, event: DriverEvent) -> None:
+        """Keep what is told; of a table of goals also each row that is new or has changed."""
+        self.events.append(event)
+        if isinstance(event, GoalTable):
+            self.events += [goal for goal in event.goals if self._goals.get(goal.goal_id) != goal]
+            self._goals = {goal.goal_id: goal for goal in event.goals}
+
     @property
     def ends(self) -> list[DriverEvent]:
         """What was told of drives and halts, without information on the way."""
-        return [e for e in self.events if type(e).__name__ in {"Arrived", "DriveFailed", "Halted"}]
+        return [event for event in self.events if isinstance(event, Arrived | DriveFailed | Halted)]
 
     def all(self, kind: type[E]) -> list[E]:
         return [event for event in self.events if isinstance(event, kind)]

@@ -345,6 +345,7 @@ def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> 
         strategy=drive.strategy,
         pass_radius=drive.pass_radius,
         base_request_distance=drive.base_request_distance,
+        external_goals=drive.external_goals,
         tolerated_parameters=frozenset(settings.tolerated_parameters),
         footprint=Footprint(settings.description.length, settings.description.width),
         braking_distance=braking_distance(settings.description),

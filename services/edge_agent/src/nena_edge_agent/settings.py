@@ -12,7 +12,7 @@ from nena_edge_agent.actions.settings import OperationSettings, default_operatio
 from nena_edge_agent.download import DownloadSettings
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.maps.settings import MapSettings
-from nena_edge_agent.protocol.capabilities import DriveStrategy
+from nena_edge_agent.protocol.capabilities import DriveStrategy, ExternalGoals
 from nena_edge_agent.protocol.optional_parameters import DEMANDS
 from nena_edge_agent.ros.settings import RosSettings
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
@@ -65,6 +65,11 @@ class DriveSettings(SettingsGroup):
     )
     base_request_distance: NotNegative = Field(
         2.0, description="Metres before the end of the base from which more of the order is asked for."
+    )
+    external_goals: ExternalGoals = Field(
+        ExternalGoals.PAUSE,
+        description="What becomes of an order while navigation drives for somebody else (RViz, a docking "
+        "server): pause: it waits and goes on by itself; fail: its drive fails.",
     )
 
 

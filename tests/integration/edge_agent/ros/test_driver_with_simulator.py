@@ -113,7 +113,7 @@ async def test_external_goal_takes_the_robot_over(robot: DrivenRobot, peer: RosP
     ours = await robot.driving(goal_at(1, 30.0))
     rviz.publish(goal(3.0, 3.0))
     failed = await robot.hears(DriveFailed)
-    assert failed.failure is DriveFailure.CANCELED_FROM_OUTSIDE
+    assert failed.failure is DriveFailure.TAKEN_OVER
     theirs = await robot.hears(GoalReport, lambda report: report.external and report.status == "SUCCEEDED")
     assert theirs.goal_id != ours.goal_id
     assert theirs.goal_id in failed.description

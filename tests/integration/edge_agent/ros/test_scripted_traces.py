@@ -84,7 +84,7 @@ def outline(event: DriverEvent) -> str:
         ("goal 1 | E:2 | E:3 | at 1 | E:4", ["arrived 1"]),
         ("goal 1 | A:2 | A:6", ["ABORTED 1"]),
         ("goal 1 | A:6", ["ABORTED 1"]),
-        ("goal 1 | A:2 | A:2 X:2 | A:6 X:2", ["CANCELED_FROM_OUTSIDE 1"]),
+        ("goal 1 | A:2 | A:2 X:2 | A:6 X:2", ["TAKEN_OVER 1"]),
         ("goal 1 | A:2 | X:2", ["NAVIGATION_GONE 1"]),
         ("at 1 | goal 1 | A:2 | A:4 | ended | goal 2 | B:2 | at 2 | B:4", ["arrived 1", "arrived 2"]),
         ("goal 1 | A:2 | at 2 | A:4", ["OUTSIDE_TOLERANCE 1"]),

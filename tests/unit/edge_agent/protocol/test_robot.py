@@ -6,7 +6,7 @@ from math import inf, nan
 
 import pytest
 
-from nena_edge_agent.driver.port import BatteryReport, GoalReport, Pose, PoseReport
+from nena_edge_agent.driver.port import BatteryReport, GoalReport, GoalTable, Pose, PoseReport
 from nena_edge_agent.protocol.effects import ReportState
 from nena_edge_agent.protocol.events import ActionReport
 from nena_edge_agent.protocol.memory import Memory
@@ -28,14 +28,14 @@ def test_a_state_is_sent_for_what_changes_and_not_for_each_pose() -> None:
     assert bench.do(at(0.2)) == REPORT
     assert bench.do(BatteryReport(50.0, charging=False)) == []
     assert bench.do(BatteryReport(50.0, charging=True)) == REPORT
-    assert bench.do(GoalReport("g", external=False, status="EXECUTING")) == []
-    assert bench.do(GoalReport("h", external=True, status="EXECUTING")) == REPORT
+    assert bench.do(GoalTable((GoalReport("g", external=False, status="EXECUTING"),))) == []
+    assert bench.do(GoalTable((GoalReport("h", external=True, status="EXECUTING"),))) == REPORT
 
 
 @pytest.mark.clause("6.6.4")
 def test_an_external_goal_is_shown_for_information() -> None:
     bench = Bench()
-    bench.do(GoalReport("h", external=True, status="EXECUTING"))
+    bench.do(GoalTable((GoalReport("h", external=True, status="EXECUTING"),)))
 
     (information,) = bench.state.information or ()
 

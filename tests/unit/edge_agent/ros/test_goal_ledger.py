@@ -37,7 +37,7 @@ def test_claim_ends_at_last(ledger: GoalLedger) -> None:
     ledger.given(1.0)
     news = ledger.update([GoalEntry("A", EXECUTING)], 7.0)
     assert news.claimed == ()
-    assert news.reports == (GoalReport("A", external=True, status="EXECUTING"),)
+    assert ledger.table.external == (GoalReport("A", external=True, status="EXECUTING"),)
 
 
 def test_goal_of_ours_that_is_listed_no_more_is_lost_unless_it_had_ended(ledger: GoalLedger) -> None:
@@ -71,16 +71,28 @@ def test_server_that_outlives_the_one_that_came_beside_it_counts_again(ledger: G
     assert ledger.settled(22.0)
 
 
-def test_status_is_told_when_it_changes_and_history_is_not(ledger: GoalLedger) -> None:
+def test_table_shows_whose_the_goals_are_and_an_end_stays_an_end(ledger: GoalLedger) -> None:
+    ledger.update([GoalEntry("X", EXECUTING)], 1.0)
     ledger.given(1.0)
-    arrays = [EXECUTING, EXECUTING, SUCCEEDED, EXECUTING]
-    told = [ledger.update([GoalEntry("A", status)], 1.0).reports for status in arrays]
-    assert [[report.status for report in reports] for reports in told] == [
-        ["EXECUTING"],
-        [],
-        ["SUCCEEDED"],
-        [],
-    ]
+    for status in (EXECUTING, SUCCEEDED, EXECUTING):
+        ledger.update([GoalEntry("X", EXECUTING), GoalEntry("A", status)], 1.0)
+    assert ledger.table.goals == (
+        GoalReport("X", external=True, status="EXECUTING"),
+        GoalReport("A", external=False, status="SUCCEEDED", ended=True),
+    )
+
+
+def test_table_keeps_what_runs_and_the_newest_of_what_has_ended(ledger: GoalLedger) -> None:
+    ledger.update([GoalEntry("X", EXECUTING), GoalEntry("before", ABORTED)], 1.0)
+    ended = [GoalEntry(f"old {number}", ABORTED) for number in range(100)]
+    ledger.update([GoalEntry("X", EXECUTING), *ended], 1.0)
+    assert [goal.goal_id for goal in ledger.table.goals] == ["X", *(f"old {n}" for n in range(95, 100))]
+
+
+def test_table_is_empty_after_a_restart_of_the_server(ledger: GoalLedger) -> None:
+    ledger.update([GoalEntry("X", EXECUTING)], 1.0)
+    ledger.set_servers(frozenset({"other"}), 2.0)
+    assert ledger.table.goals == ()
 
 
 def test_goal_that_the_server_does_not_know_is_over(ledger: GoalLedger) -> None:

@@ -11,6 +11,7 @@ from nena_edge_agent.driver.port import (
     DriveGoal,
     DriverEvent,
     GoalReport,
+    GoalTable,
     Halted,
     NavigationReport,
     Pose,
@@ -69,12 +70,18 @@ class Conversation:
     def events(self) -> list[DriverEvent]:
         """What was reported, goals for information left out."""
         reports = [command.event for command in self.said if isinstance(command, Report)]
-        return [event for event in reports if not isinstance(event, GoalReport)]
+        return [event for event in reports if not isinstance(event, GoalTable)]
 
     @property
     def goal_reports(self) -> list[tuple[str, bool, str]]:
-        reports = [command.event for command in self.said if isinstance(command, Report)]
-        return [(e.goal_id, e.external, e.status) for e in reports if isinstance(e, GoalReport)]
+        """Rows of the tables that were told, each when it was new or had changed."""
+        told: list[GoalReport] = []
+        table: tuple[GoalReport, ...] = ()
+        for event in (command.event for command in self.said if isinstance(command, Report)):
+            if isinstance(event, GoalTable):
+                told += [goal for goal in event.goals if goal not in table]
+                table = event.goals
+        return [(goal.goal_id, goal.external, goal.status) for goal in told]
 
     @property
     def given(self) -> list[int]:
@@ -325,7 +332,7 @@ class TestForeignGoals:
         talk.array("A:2")
         talk.array("A:2 X:2")
         talk.array("A:6 X:2")
-        assert talk.failure().failure is DriveFailure.CANCELED_FROM_OUTSIDE
+        assert talk.failure().failure is DriveFailure.TAKEN_OVER
         assert "X" in talk.failure().description
         assert talk.cancelled == []
 

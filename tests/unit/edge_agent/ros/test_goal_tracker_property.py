@@ -18,7 +18,7 @@ from nena_edge_agent.driver.port import (
     DriveFailed,
     DriveGoal,
     DriverEvent,
-    GoalReport,
+    GoalTable,
     Halted,
     NavigationReport,
     Pose,
@@ -269,8 +269,9 @@ class TrackedRobot(RuleBasedStateMachine):
                 self.halting = False
                 ours = [g for g in self.server.running() if self.server.generations[g] != EXTERNAL]
                 assert not ours, "halted while a goal of ours runs"
-            case GoalReport(goal_id, external):
-                assert external == (self.server.generations[goal_id] == EXTERNAL)
+            case GoalTable(goals):
+                for goal in goals:
+                    assert goal.external == (self.server.generations[goal.goal_id] == EXTERNAL)
             case _:
                 raise AssertionError(event)
 

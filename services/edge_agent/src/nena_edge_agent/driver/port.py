@@ -66,6 +66,8 @@ class DriveFailure(StrEnum):
     """Navigation says that it has arrived, but the pose is not within the allowed deviation."""
     NAVIGATION_GONE = "NAVIGATION_GONE"
     """Navigation vanished or was started anew while it was driving."""
+    TAKEN_OVER = "TAKEN_OVER"
+    """Somebody else gave navigation a goal in place of this robot's own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,11 +136,24 @@ class PositionInitialized:
 
 @dataclass(frozen=True, slots=True)
 class GoalReport:
-    """A goal that navigation knows of, for information; ``external``: given by somebody else."""
+    """A goal that navigation knows of; ``external``: given by somebody else, ``ended``: it runs no more."""
 
     goal_id: str
     external: bool
     status: str
+    ended: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class GoalTable:
+    """The goals that navigation has: those that run and the newest of those that have ended, oldest first."""
+
+    goals: tuple[GoalReport, ...] = ()
+
+    @property
+    def external(self) -> tuple[GoalReport, ...]:
+        """Those that somebody else gave and that run."""
+        return tuple(goal for goal in self.goals if goal.external and not goal.ended)
 
 
 DriverEvent = (
@@ -150,7 +165,7 @@ DriverEvent = (
     | NavigationReport
     | NoRouteReport
     | PositionInitialized
-    | GoalReport
+    | GoalTable
 )
 Emit = Callable[[DriverEvent], None]
 

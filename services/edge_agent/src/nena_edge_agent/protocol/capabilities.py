@@ -21,6 +21,15 @@ class DriveStrategy(StrEnum):
     """The next goal is given in the range of a node that gives no reason to stop."""
 
 
+class ExternalGoals(StrEnum):
+    """What becomes of an order when somebody else has navigation drive."""
+
+    PAUSE = "pause"
+    """It waits for the end of the other drive, and goes on."""
+    FAIL = "fail"
+    """Its drive fails; fleet control decides."""
+
+
 @dataclass(frozen=True, slots=True)
 class Capabilities:
     """A robot's set-up; distances in m, angles in rad, speeds in m/s.
@@ -44,6 +53,7 @@ class Capabilities:
     strategy: DriveStrategy = DriveStrategy.STOP_AT_NODES
     pass_radius: float = 0.5
     base_request_distance: float = 2.0
+    external_goals: ExternalGoals = ExternalGoals.PAUSE
     maximum_nodes: int = 1000
     maximum_actions: int = 1000
     tolerated_parameters: frozenset[str] = frozenset()

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.parts import NOT_REPORTED, RobotParts
-from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType, error
 
+EXTERNAL_GOAL = "EXTERNAL_GOAL"
 JOURNAL_NOT_WRITTEN = "JOURNAL_NOT_WRITTEN"
 SUBSCRIPTION_REFUSED = "SUBSCRIPTION_REFUSED"
 
@@ -14,6 +15,7 @@ def check_conditions(parts: RobotParts) -> None:
     """Show or take back what hinders the robot at the moment."""
     parts.errors.condition(ErrorType.LOCALIZATION_ERROR, _localisation(parts))
     parts.errors.condition(ErrorType.NAVIGATION_NOT_AVAILABLE, _navigation(parts))
+    parts.errors.condition(EXTERNAL_GOAL, _external_goal(parts))
     parts.errors.condition(JOURNAL_NOT_WRITTEN, _journal(parts))
     parts.errors.condition(SUBSCRIPTION_REFUSED, _subscriptions(parts))
     if parts.coming_mode.takes_orders and parts.errors.worst_reported is not ErrorLevel.FATAL:
@@ -46,6 +48,23 @@ def _navigation(parts: RobotParts) -> ErrorEntry | None:
         f"the robot cannot drive now: {navigation.reason}",
         hint=hint,
         order_id=order_id,
+    )
+
+
+def _external_goal(parts: RobotParts) -> ErrorEntry | None:
+    """Show what the order waits for while navigation drives for somebody else."""
+    if not parts.gives_way or parts.progress.next_node is None or parts.goal.target is not None:
+        return None
+    (goal, *_) = parts.senses.goals.external
+    return ErrorEntry(
+        error_type=EXTERNAL_GOAL,
+        error_level=ErrorLevel.WARNING,
+        error_description=f"the order waits: navigation drives for somebody else (goal {goal.goal_id})",
+        error_hint="it goes on by itself when that goal has ended; cancel either of them to end the wait",
+        error_references=(
+            ErrorReference(reference_key="goalId", reference_value=goal.goal_id),
+            ErrorReference(reference_key="orderId", reference_value=parts.progress.order_id),
+        ),
     )
 
 

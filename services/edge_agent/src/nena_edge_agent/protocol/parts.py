@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from datetime import datetime
 
-from nena_edge_agent.driver.port import BatteryReport, Circle, GoalReport, NavigationReport, Pose, PoseReport
+from nena_edge_agent.driver.port import BatteryReport, Circle, GoalTable, NavigationReport, Pose, PoseReport
 from nena_edge_agent.protocol.action_queue import ActionQueue
 from nena_edge_agent.protocol.action_states import ActionStates
-from nena_edge_agent.protocol.capabilities import Capabilities
+from nena_edge_agent.protocol.capabilities import Capabilities, ExternalGoals
 from nena_edge_agent.protocol.driving import GoalInFlight
 from nena_edge_agent.protocol.effects import Effect
 from nena_edge_agent.protocol.errors import ActiveErrors
@@ -20,6 +20,7 @@ from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.state import EmergencyStop, Load, Map, MapStatus, OperatingMode
 
 SAFE = SafetyReport()
+NO_GOALS = GoalTable()
 NOT_REPORTED = NavigationReport(available=False, reason="navigation has not reported yet")
 
 
@@ -31,7 +32,7 @@ class Senses:
     battery: BatteryReport | None = None
     navigation: NavigationReport = NOT_REPORTED
     no_route: tuple[Circle, ...] = ()
-    external_goal: GoalReport | None = None
+    goals: GoalTable = NO_GOALS
     safety: SafetyReport = SAFE
     pause_button: bool = False
 
@@ -102,6 +103,12 @@ class RobotParts:
     def idle(self) -> bool:
         """Whether nothing of the order is left to do (section 6.6.8)."""
         return not self.progress.nodes and not self.progress.edges and self.actions.all_ended
+
+    @property
+    def gives_way(self) -> bool:
+        """Whether driving waits for the end of a goal that somebody else gave."""
+        pauses = self.capabilities.external_goals is ExternalGoals.PAUSE
+        return pauses and bool(self.senses.goals.external)
 
     @property
     def coming_mode(self) -> OperatingMode:

@@ -10,7 +10,7 @@ from nena_edge_agent.driver.port import (
     Arrived,
     BatteryReport,
     DriveFailed,
-    GoalReport,
+    GoalTable,
     Halted,
     NavigationReport,
     NoRouteReport,
@@ -177,7 +177,7 @@ class RobotCore:
             self._travel.new_base_request,
             pose is not None and pose.localized,
             battery is not None and battery.charging,
-            parts.senses.external_goal,
+            parts.senses.goals.external,
             parts.senses.safety,
             parts.senses.pause_button,
             parts.maps,
@@ -209,7 +209,7 @@ class RobotCore:
             PoseReport: self._pose_reported,
             BatteryReport: self._battery_reported,
             PositionInitialized: self._position.answered,
-            GoalReport: self._goal_reported,
+            GoalTable: self._goals_reported,
         }
 
     def _started(self, event: Started) -> None:
@@ -263,6 +263,5 @@ class RobotCore:
     def _no_route_reported(self, event: NoRouteReport) -> None:
         self._parts.senses.no_route = event.areas
 
-    def _goal_reported(self, event: GoalReport) -> None:
-        if event.external:
-            self._parts.senses.external_goal = event
+    def _goals_reported(self, event: GoalTable) -> None:
+        self._parts.senses.goals = event

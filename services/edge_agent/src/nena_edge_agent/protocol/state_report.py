@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from nena_edge_agent.driver.port import GoalReport
+from nena_edge_agent.driver.port import GoalReport, GoalTable
 from nena_edge_agent.protocol.parts import RobotParts, Senses
 from nena_edge_agent.protocol.tolerance import turn
+from nena_shared.vda5050.error import ErrorReference
 from nena_shared.vda5050.state import (
     InfoLevel,
     Information,
@@ -40,7 +41,7 @@ def make_state(header: dict[str, Any], parts: RobotParts, *, new_base_request: b
         mobile_robot_position=position(parts.senses),
         velocity=velocity(parts.senses),
         loads=parts.loads,
-        driving=parts.goal.moving,
+        driving=parts.goal.moving or bool(parts.senses.goals.external),
         paused=parts.paused or parts.senses.pause_button,
         new_base_request=new_base_request,
         action_states=parts.actions.states,
@@ -48,7 +49,7 @@ def make_state(header: dict[str, Any], parts: RobotParts, *, new_base_request: b
         power_supply=_power_supply(parts),
         operating_mode=parts.operating_mode,
         errors=parts.errors.entries,
-        information=_information(parts.senses.external_goal),
+        information=_information(parts.senses.goals),
         safety_state=SafetyState(
             active_emergency_stop=parts.senses.safety.emergency_stop,
             field_violation=parts.senses.safety.field_violation,
@@ -89,8 +90,21 @@ def _power_supply(parts: RobotParts) -> PowerSupply:
     )
 
 
-def _information(goal: GoalReport | None) -> tuple[Information, ...]:
-    if goal is None:
-        return ()
-    text = f"a goal that somebody else gave is {goal.status}"
-    return (Information(info_type="externalGoal", info_level=InfoLevel.INFO, info_descriptor=text),)
+def _information(table: GoalTable) -> tuple[Information, ...]:
+    """Show the goals that navigation knows of, and whose they are."""
+    return tuple(
+        Information(
+            info_type="externalGoal" if goal.external else "goal",
+            info_level=InfoLevel.INFO,
+            info_references=(
+                ErrorReference(reference_key="goalId", reference_value=goal.goal_id),
+                ErrorReference(reference_key="status", reference_value=goal.status),
+            ),
+            info_descriptor=f"a goal that {_giver(goal)} gave is {goal.status}",
+        )
+        for goal in table.goals
+    )
+
+
+def _giver(goal: GoalReport) -> str:
+    return "somebody else" if goal.external else "this robot's agent"

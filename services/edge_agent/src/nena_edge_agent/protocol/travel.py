@@ -5,10 +5,10 @@ from __future__ import annotations
 from itertools import islice, pairwise
 from math import dist
 
-from nena_edge_agent.driver.port import Arrived, DriveFailed, NavigationReport, Pose
+from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure, NavigationReport, Pose
 from nena_edge_agent.protocol.action_flow import ActionFlow
 from nena_edge_agent.protocol.action_queue import lets_drive
-from nena_edge_agent.protocol.capabilities import DriveStrategy
+from nena_edge_agent.protocol.capabilities import DriveStrategy, ExternalGoals
 from nena_edge_agent.protocol.driving import HALT_PATIENCE, make_goal
 from nena_edge_agent.protocol.effects import Drive, Halt
 from nena_edge_agent.protocol.errors import Until
@@ -37,17 +37,25 @@ class Travel:
         parts = self._parts
         if not parts.goal.is_current(event.generation):
             return
-        parts.goal.failed_at, parts.goal.target = parts.goal.target, None
+        pauses = parts.capabilities.external_goals is ExternalGoals.PAUSE
+        if event.failure is DriveFailure.TAKEN_OVER and pauses:
+            parts.goal.target = None  # it is given again when the other drive has ended
+        else:
+            self._fail(event.failure, event.description)
+
+    def _fail(self, failure: DriveFailure, description: str) -> None:
+        parts = self._parts
         node = parts.progress.nodes[0]
+        parts.goal.failed_at, parts.goal.target = node.sequence_id, None
         parts.errors.show(
             error(
                 ErrorType.NODE_UNREACHABLE,
-                f"node '{node.node_id}' was not reached: {event.description} ({event.failure})",
+                f"node '{node.node_id}' was not reached: {description} ({failure})",
                 hint="remove the cause, then update the order or cancel it",
                 node_id=node.node_id,
                 order_id=parts.progress.order_id,
                 order_update_id=parts.progress.order_update_id,
-                failure=event.failure,
+                failure=failure,
             ),
             Until.ORDER_OVER,
         )
@@ -92,6 +100,10 @@ class Travel:
             self.halt()
             return
         while self._may_move():
+            if goals := self._parts.senses.goals.external:
+                text = f"navigation drives to a goal that somebody else gave ({goals[0].goal_id})"
+                self._fail(DriveFailure.TAKEN_OVER, text)
+                return
             self._enter_edge()
             if not self._parts.queue.driving_allowed or not self._go():
                 return
@@ -125,6 +137,7 @@ class Travel:
             node is not None
             and parts.senses.navigation.available
             and not parts.goal.halting
+            and not parts.gives_way
             and parts.goal.failed_at != node.sequence_id
             and parts.goal.target is None
             and parts.queue.driving_allowed

@@ -10,23 +10,28 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from nena_edge_agent.driver.port import GoalReport
+from nena_edge_agent.driver.port import GoalReport, GoalTable
 from nena_edge_agent.ros.goal_status import GoalEntry, GoalStatus
+
+ENDED_SHOWN = 5
+"""Goals that have ended and are still in the table; navigation itself lists them for a quarter of an hour."""
 
 
 @dataclass(frozen=True, slots=True)
 class News:
-    """What an array brings: ids that turn out to be ours, ids of ours that are lost, what to tell."""
+    """What an array brings: ids that turn out to be ours, ids of ours that are lost."""
 
     claimed: tuple[str, ...]
     lost: frozenset[str]
-    reports: tuple[GoalReport, ...]
 
 
 @dataclass(slots=True)
 class _Goal:
+    """A listed goal; ``past``: it had ended before the first array, and nobody knows whose it was."""
+
     ours: bool
     status: GoalStatus
+    past: bool = False
 
 
 class GoalLedger:
@@ -55,6 +60,17 @@ class GoalLedger:
         return tuple(
             goal_id for goal_id, goal in self._goals.items() if goal.ours and not goal.status.terminal
         )
+
+    @property
+    def table(self) -> GoalTable:
+        """The goals of the last array: those that run, and the newest of those that have ended."""
+        rows = [
+            GoalReport(goal_id, not goal.ours, goal.status.name, goal.status.terminal)
+            for goal_id, goal in self._goals.items()
+            if not goal.past
+        ]
+        shown = [row for row in rows if row.ended][-ENDED_SHOWN:]
+        return GoalTable(tuple(row for row in rows if not row.ended or row in shown))
 
     @property
     def canceling(self) -> bool:
@@ -137,20 +153,17 @@ class GoalLedger:
         claimed = self._claim(
             [entry.goal_id for entry in entries if entry.goal_id not in before], first=first
         )
-        reports: list[GoalReport] = []
         for entry in entries:
-            old = before.get(entry.goal_id)
-            goal = self._goals[entry.goal_id] = _merged(old, entry, ours=self._owns(entry.goal_id, claimed))
-            history = first and goal.status.terminal and not goal.ours
-            if not history and (old is None or old.status is not goal.status):
-                reports.append(GoalReport(entry.goal_id, not goal.ours, goal.status.name))
+            ours = self._owns(entry.goal_id, claimed)
+            goal = self._goals[entry.goal_id] = _merged(before.get(entry.goal_id), entry, ours=ours)
+            goal.past = goal.past or (first and goal.status.terminal and not ours)
         self._orphans = frozenset()
         lost = frozenset(
             goal_id
             for goal_id, goal in before.items()
             if goal.ours and not goal.status.terminal and goal_id not in self._goals
         )
-        return News(claimed, lost, tuple(reports))
+        return News(claimed, lost)
 
     def _owns(self, goal_id: str, claimed: Sequence[str]) -> bool:
         return goal_id in claimed or goal_id in self._orphans
@@ -175,4 +188,4 @@ def _merged(old: _Goal | None, entry: GoalEntry, *, ours: bool) -> _Goal:
         return _Goal(ours, entry.status)
     if old.status.terminal or entry.status is GoalStatus.UNKNOWN:
         return old
-    return _Goal(old.ours, entry.status)
+    return _Goal(old.ours, entry.status, old.past)

@@ -16,6 +16,7 @@ from nena_edge_agent.driver.port import (
     DriveFailure,
     DriveGoal,
     DriverEvent,
+    GoalTable,
     Halted,
     NavigationReport,
     Pose,
@@ -75,6 +76,7 @@ class GoalTracker:
         self._cancels: dict[str, float] = {}
         self._pose: Pose | None = None
         self._pose_at = -float("inf")
+        self._table = GoalTable()
         self._out: list[Command] = []
 
     @property
@@ -103,8 +105,7 @@ class GoalTracker:
     def on_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
         """Take a status array: all goals that the server remembers."""
         news = self._ledger.update(entries, now)
-        for report in news.reports:
-            self._report(report)
+        self._tell_table()
         drive = self._drive
         if drive is not None and drive.times_given and news.claimed:
             # Of a goal given twice, the server drives the one that it accepted last.
@@ -133,6 +134,7 @@ class GoalTracker:
     def on_servers(self, servers: frozenset[str], now: float) -> list[Command]:
         """Take the endpoint ids of those who publish the status array."""
         gone = self._ledger.set_servers(servers, now)
+        self._tell_table()
         drive = self._drive
         if gone and drive is not None and drive.times_given and drive.reached_at is None:
             self._fail(drive, DriveFailure.NAVIGATION_GONE, "Nav2 vanished or was started anew in mid-drive")
@@ -173,7 +175,7 @@ class GoalTracker:
         other = self._ledger.taken_over(goal_id)
         if other is not None:
             text = f"the goal {goal_id} was replaced by a goal of somebody else ({other})"
-            self._fail(drive, DriveFailure.CANCELED_FROM_OUTSIDE, text)
+            self._fail(drive, DriveFailure.TAKEN_OVER, text)
         else:
             text = (
                 f"Nav2 has aborted the goal {goal_id}: the place cannot be reached, the way is blocked, "
@@ -300,6 +302,13 @@ class GoalTracker:
     def _fail(self, drive: _Drive, failure: DriveFailure, description: str) -> None:
         self._drive = None
         self._report(DriveFailed(drive.goal.generation, failure, description))
+
+    def _tell_table(self) -> None:
+        """Tell of the goals that are listed, before what they mean for a drive."""
+        table = self._ledger.table
+        if table != self._table:
+            self._table = table
+            self._report(table)
 
     def _report(self, event: DriverEvent) -> None:
         self._out.append(Report(event))

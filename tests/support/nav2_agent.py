@@ -1,0 +1,101 @@
+"""An edge agent in this process, a simulated robot in one of its own, and fleet control over a broker."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager
+from pathlib import Path
+from typing import Any
+
+from nav_msgs.msg import Odometry
+from std_msgs.msg import String
+
+from nena_edge_agent.settings import EdgeAgentSettings
+from support.broker import Broker, MqttPeer
+from support.edge_agent import FleetControl, agent_settings, running_agent
+from support.nav2_driver import QUICK
+from support.ros import BEST_EFFORT, Inbox, RosPeer
+from support.simulator import SimulatorProcess, publisher_to
+from support.waiting import until
+
+ROS = {"goals": QUICK.model_dump(), "watch_period": 0.1, "call_timeout": 0.3}
+"""Patience for tests on one machine, where nothing is lost on the way."""
+
+
+class Bench:
+    """What a test has in its hands: fleet control, the ROS graph, and a folder for the programs."""
+
+    def __init__(
+        self, broker: Broker, interface_name: str, *, ros: RosPeer, domain_id: int, folder: Path
+    ) -> None:
+        self.mqtt = MqttPeer(broker, f"{interface_name}/#")
+        self.fleet = FleetControl(self.mqtt, interface_name)
+        self.ros = ros
+        self._odometry: Inbox[Any] = ros.subscribe(Odometry, "odom", BEST_EFFORT)
+        self._broker = broker
+        self._interface_name = interface_name
+        self._domain_id = domain_id
+        self._folder = folder
+
+    @contextmanager
+    def simulator(self, **robot: Any) -> Iterator[SimulatorProcess]:
+        """Run the robot as a program of its own; ``robot`` holds fields of its settings."""
+        fields = json.dumps([{"domain_id": self._domain_id, **robot}])
+        with SimulatorProcess("--time_factor", "5", "--robots", fields, directory=self._folder) as process:
+            process.wait_for_line("robot ready")
+            yield process
+
+    @property
+    def speed(self) -> float:
+        """How fast the robot is by its odometry, m/s."""
+        return abs(self._odometry.messages[-1].twist.twist.linear.x) if self._odometry.messages else 0.0
+
+    async def moves(self) -> None:
+        """Wait until the robot drives; then navigation has taken its goal."""
+        await until(lambda: self.speed > 0.5, what="the robot on its way")
+
+    def fault(self, kind: str, **fields: Any) -> None:
+        """Let a fault of the robot begin, or end (``active=False``)."""
+        publisher = publisher_to(self.ros, String, "simulator/fault")
+        publisher.publish(String(data=json.dumps({"kind": kind, **fields})))
+
+    def settings(self, *, ros: dict[str, Any] | None = None, **changes: Any) -> EdgeAgentSettings:
+        """Give the agent's settings."""
+        values = {"domain_id": self._domain_id, **ROS, **(ros or {})}
+        return agent_settings(
+            self._broker, self._interface_name, self._folder / "journal", driver="nav2", ros=values, **changes
+        )
+
+    @asynccontextmanager
+    async def agent(
+        self, *, ros: dict[str, Any] | None = None, **changes: Any
+    ) -> AsyncIterator[FleetControl]:
+        """Run the agent; gives fleet control once the robot has shown a state."""
+        async with running_agent(self.settings(ros=ros, **changes)):
+            await self.fleet.state()
+            yield self.fleet
+
+    @asynccontextmanager
+    async def robot(
+        self, *, ros: dict[str, Any] | None = None, **changes: Any
+    ) -> AsyncIterator[FleetControl]:
+        """Run the simulator and the agent; gives fleet control once the robot can be sent somewhere."""
+        with self.simulator():
+            async with self.agent(ros=ros, **changes) as fleet:
+                await fleet.state(ready)
+                yield fleet
+
+
+def ready(state: dict[str, Any]) -> bool:
+    """Accept a state of a robot that knows where it is and has no error."""
+    return not state["errors"] and bool(state.get("agvPosition", {}).get("positionInitialized"))
+
+
+def failure_of(state: dict[str, Any]) -> str | None:
+    """Give why the drive to a node has failed."""
+    for error in state["errors"]:
+        if error["errorType"] == "nodeUnreachable":
+            references = {each["referenceKey"]: each["referenceValue"] for each in error["errorReferences"]}
+            return str(references.get("failure"))
+    return None
