@@ -188,7 +188,7 @@ async def test_row_3_more_than_the_robot_can_hold(robot: BenchRobot) -> None:
     )
 
 
-@pytest.mark.clause("6.1.4.2")
+@pytest.mark.clause("6.1.4.2", "7.3/edge")
 async def test_row_4_an_optional_field_that_the_robot_cannot_act_on(robot: BenchRobot) -> None:
     await held(robot, new_id())
 

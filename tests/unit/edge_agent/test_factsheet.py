@@ -10,8 +10,12 @@ from nena_edge_agent.actions.timed_operation import TimedOperation
 from nena_edge_agent.actions.wait import Wait
 from nena_edge_agent.agent import make_capabilities
 from nena_edge_agent.factsheet import make_factsheet
+from nena_edge_agent.protocol.capabilities import Capabilities
+from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT
+from nena_edge_agent.protocol.zone_sets import ZONES_IN_A_SET
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.action import BlockingType
+from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD
 from nena_shared.vda5050.factsheet import ActionScope, Factsheet
 from nena_shared.vda5050.v2_1 import CODEC
 from support.robot_core import HEADER
@@ -87,3 +91,26 @@ def test_it_fits_the_official_schema() -> None:
 
     assert not schema_problems("2.1.0", "factsheet", payload)
     assert json.loads(payload)["protocolFeatures"]["agvActions"]
+
+
+@pytest.mark.clause("6.10/zones")
+@pytest.mark.parametrize(
+    ("version", "driver", "zones"),
+    [
+        ("2.1.0", "loopback", ()),
+        ("3.0.0", "loopback", ("BLOCKED", "LINE_GUIDED", "RELEASE", "SPEED_LIMIT")),
+        ("3.0.0", "nav2", ("BLOCKED", "LINE_GUIDED", "RELEASE")),
+    ],
+)
+def test_it_lists_the_zones_that_the_robot_honours(version: str, driver: str, zones: tuple[str, ...]) -> None:
+    assert factsheet(version=version, driver=driver).type_specification.supported_zones == zones
+
+
+@pytest.mark.clause("7.1.2", "7.1.2/size", "6.2.1/limits")
+def test_it_tells_the_limits_that_are_kept() -> None:
+    limits = factsheet().protocol_limits
+
+    assert limits.maximum_string_lengths.maximum_message_length == MAXIMUM_PAYLOAD
+    assert limits.maximum_array_lengths.order_nodes == Capabilities(map_id="hall").maximum_nodes
+    assert limits.maximum_array_lengths.instant_actions == MESSAGE_LIMIT
+    assert limits.maximum_array_lengths.zone_set_zones == ZONES_IN_A_SET

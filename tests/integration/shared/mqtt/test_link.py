@@ -129,6 +129,7 @@ async def test_message_that_cannot_be_sent_harms_no_other(broker: Broker, interf
     assert [line["topic"] for line in logs if line["log_level"] == "error"] == [f"{interface_name}/+"]
 
 
+@pytest.mark.clause("4.1/will")
 async def test_will_is_sent_when_the_connection_breaks(broker: Broker, interface_name: str) -> None:
     topic = f"{interface_name}/connection"
     link = MqttLink(
@@ -155,6 +156,7 @@ async def test_a_link_that_is_cut_sends_its_will_and_stays_away_for_its_time(
             assert perf_counter() - begin >= 0.4
 
 
+@pytest.mark.clause("4.1/will")
 async def test_will_is_not_sent_after_an_orderly_end(broker: Broker, interface_name: str) -> None:
     topic = f"{interface_name}/connection"
     link = MqttLink(broker.settings, client_id=interface_name, will=lambda: Outbound(topic, b"broken"))
@@ -167,6 +169,7 @@ async def test_will_is_not_sent_after_an_orderly_end(broker: Broker, interface_n
         assert peer.payloads(topic) == []
 
 
+@pytest.mark.clause("4.1")
 async def test_comes_back_after_the_broker_was_killed(own_broker: Broker) -> None:
     seen: list[bytes] = []
     greetings = iter(range(10))

@@ -127,6 +127,7 @@ def test_a_position_that_was_being_set_fails() -> None:
     assert not again.effects_of(SetPosition)
 
 
+@pytest.mark.clause("6.6.5.4")
 def test_a_journal_that_cannot_be_written_is_shown_until_it_can() -> None:
     bench = Bench()
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from nena_edge_agent.protocol.events import ActionReport, ZoneSetReceived
 from nena_edge_agent.protocol.rules import RULES
 from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.zone_set import BidirectedLimitation, DirectedLimitation
 from support.robot_core import Bench, action, order
 from support.zones import transfer, zone, zone_set
 
@@ -84,3 +87,24 @@ def test_older_versions_have_no_zones(version: str) -> None:
 
     assert bench.capabilities.zones == frozenset()
     assert bench.status("e") == "FAILED"
+
+
+@pytest.mark.clause("6.4/others")
+@pytest.mark.parametrize(
+    ("kind", "fields"),
+    [
+        ("COORDINATED_REPLANNING", {}),
+        ("ACTION", {"entry_actions": (), "during_actions": (), "exit_actions": ()}),
+        ("PRIORITY", {"priority_factor": 0.5}),
+        ("PENALTY", {"penalty_factor": 0.5}),
+        ("DIRECTED", {"direction": 0.0, "directed_limitation": DirectedLimitation.SOFT}),
+        ("BIDIRECTED", {"direction": 0.0, "bidirected_limitation": BidirectedLimitation.SOFT}),
+    ],
+)
+def test_a_set_with_a_zone_that_the_robot_does_not_support_is_refused(
+    bench: Bench, kind: str, fields: dict[str, Any]
+) -> None:
+    bench.do(ZoneSetReceived(transfer(WALL, zone("other", kind, 20, 30, **fields))))
+
+    assert bench.errors == ["VALIDATION_FAILURE"]
+    assert held(bench) == {}

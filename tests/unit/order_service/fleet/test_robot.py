@@ -22,6 +22,7 @@ def test_a_robot_that_was_never_heard_of_is_unknown(robot: Robot) -> None:
     assert not robot.reachable
 
 
+@pytest.mark.clause("6.5/fleet")
 @pytest.mark.parametrize("told", ["OFFLINE", "HIBERNATING", "CONNECTION_BROKEN"])
 def test_a_robot_that_is_away_stays_so_and_is_not_called_silent(robot: Robot, told: str) -> None:
     robot.take_state(state(), 0.0)
@@ -30,6 +31,7 @@ def test_a_robot_that_is_away_stays_so_and_is_not_called_silent(robot: Robot, to
     assert not robot.reachable
 
 
+@pytest.mark.clause("6.5/fleet")
 def test_a_robot_whose_last_state_is_too_old_is_silent_without_any_will(robot: Robot) -> None:
     robot.take_connection(connection(), 0.0)
     robot.take_state(state(), 10.0)
@@ -48,6 +50,7 @@ def test_a_robot_that_reports_without_a_connection_message_is_online(robot: Robo
     assert robot.link(1.0) is LinkStatus.ONLINE
 
 
+@pytest.mark.clause("7.10/interval")
 @pytest.mark.parametrize(("interval", "silent_after"), [(1.0, 35.0), (30.0, 90.0), (None, 35.0)])
 def test_the_usual_interval_of_the_robot_counts(
     robot: Robot, interval: float | None, silent_after: float
@@ -58,6 +61,7 @@ def test_the_usual_interval_of_the_robot_counts(
     assert robot.link(silent_after + 0.1) is LinkStatus.SILENT
 
 
+@pytest.mark.clause("6.5/fleet")
 def test_a_state_after_a_will_shows_that_the_robot_is_there(robot: Robot) -> None:
     robot.take_state(state(1), 0.0)
     robot.take_connection(connection("CONNECTION_BROKEN"), 1.0)
@@ -65,6 +69,7 @@ def test_a_state_after_a_will_shows_that_the_robot_is_there(robot: Robot) -> Non
     assert robot.link(2.0) is LinkStatus.ONLINE
 
 
+@pytest.mark.clause("7.2/headerId")
 def test_an_old_state_changes_nothing(robot: Robot) -> None:
     robot.take_state(state(5, at=5.0, order_id="new"), 5.0)
     assert not robot.take_state(state(4, at=4.0, order_id="old"), 6.0)
@@ -78,6 +83,7 @@ def test_a_repeated_state_is_no_sign_of_life(robot: Robot) -> None:
     assert robot.link(40.0) is LinkStatus.SILENT
 
 
+@pytest.mark.clause("6.5/fleet", "7.2/headerId")
 def test_a_will_with_an_old_header_counts(robot: Robot) -> None:
     robot.take_connection(connection(number=7, at=100.0), 100.0)
     robot.take_connection(connection("CONNECTION_BROKEN", number=0, at=0.0), 101.0)

@@ -29,6 +29,7 @@ def test_version_that_nobody_speaks_here_is_named_with_those_that_are() -> None:
     assert caught.value.version == "1.1.0"
 
 
+@pytest.mark.clause("4.2")
 @pytest.mark.parametrize(
     ("version", "interface", "topic"),
     [
@@ -47,6 +48,7 @@ def test_topics_of_an_unknown_version() -> None:
         topics_for("4.0.0")
 
 
+@pytest.mark.clause("7.2/version")
 @pytest.mark.parametrize(
     ("version", "spoken"),
     [
@@ -74,6 +76,7 @@ def test_message_without_a_version_that_could_be_spoken(payload: bytes) -> None:
     assert codec_of_header(payload) is None
 
 
+@pytest.mark.clause("7.2/version")
 @pytest.mark.parametrize(
     ("version", "topic_level", "reader"),
     [

@@ -409,6 +409,7 @@ def test_visualization_may_come_without_a_header() -> None:
     assert message.velocity.vx == 1.0
 
 
+@pytest.mark.clause("7.3/zoneSetId")
 def test_zone_set_in_use_is_an_id_alone(order: JsonObject, state: JsonObject) -> None:
     assert read(Order, order | {"zoneSetId": "z"}).zone_set_id == "z"
     assert written(read(State, state | {"zoneSetId": "z"}))["zoneSetId"] == "z"
