@@ -141,10 +141,13 @@ _EDGE_FIELDS: Final[Mapping[str, tuple[str, _Fill]]] = MappingProxyType(
 
 
 def _headings(nodes: tuple[Node, ...]) -> Iterator[float]:
-    """Give the way that a robot looks at each node if it drives forwards and straight, rad."""
+    """Give the way that a robot looks when it comes to each node forwards and straight, rad.
+
+    It depends on nothing behind the node, so that an update may repeat the node as it was.
+    """
+    yield 0.0
     heading = 0.0
-    for index, node in enumerate(nodes):
-        start, end = node.node_position, nodes[min(index + 1, len(nodes) - 1)].node_position
+    for start, end in pairwise(node.node_position for node in nodes):
         if start and end and (start.x, start.y) != (end.x, end.y):
             heading = atan2(end.y - start.y, end.x - start.x)
         yield heading
