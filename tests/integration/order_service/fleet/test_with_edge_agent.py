@@ -144,7 +144,7 @@ def _x(fleet: WiredFleet) -> float:
     return state.mobile_robot_position.x
 
 
-@pytest.mark.clause("6.1.2", "6.6.3")
+@pytest.mark.clause("6.1.2/fleet", "6.6.3/fleet", "6.6.3", "6.1.2/B6")
 @pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
 async def test_a_base_is_extended_while_the_agent_drives(
     fleet: WiredFleet, broker: Broker, interface_name: str, tmp_path: Path, version: str

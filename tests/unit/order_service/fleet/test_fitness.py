@@ -193,6 +193,7 @@ def test_an_order_that_the_robot_cannot_take_is_never_sent() -> None:
     assert [each.mission_id for each in bench.told(MissionFinished)] == ["m2"]
 
 
+@pytest.mark.clause("6.2.1/fleet")
 def test_an_instant_action_that_the_robot_cannot_take_is_never_sent() -> None:
     bench = Bench().online()
     bench.take(bench.fleet.on_factsheet(bench.robot.key, sheet(PICK), bench.now))
@@ -220,6 +221,7 @@ def test_no_message_holds_more_instant_actions_than_the_robot_takes() -> None:
     assert sizes == [2, 1]
 
 
+@pytest.mark.clause("7.10/interval")
 def test_orders_keep_the_least_interval_of_the_robot() -> None:
     bench = Bench(FleetSettings(resend_after=1.0)).online()
     patient = sheet()

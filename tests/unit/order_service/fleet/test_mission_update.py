@@ -21,7 +21,7 @@ from nena_order_service.fleet import (
 from nena_order_service.fleet.mission_update import released_to, update_of
 from support.fleet import Bench, make_mission
 
-pytestmark = pytest.mark.clause("6.1.2", "6.1.4")
+pytestmark = pytest.mark.clause("6.1.2/fleet")
 
 POINTS = ("A", "B", "C", "D", "E")
 WHOLE = make_mission("m1", *POINTS, operation="pick")
@@ -108,6 +108,7 @@ def test_the_robot_gets_the_rest_piece_by_piece() -> None:
     assert len(bench.told(MissionFinished)) == 1
 
 
+@pytest.mark.clause("6.6.3/fleet", "6.6.2/fleet")
 def test_a_robot_at_the_end_of_its_base_waits_and_is_not_done() -> None:
     bench = started()
     bench.run(10)
@@ -120,7 +121,7 @@ def test_a_robot_at_the_end_of_its_base_waits_and_is_not_done() -> None:
     assert len(bench.told(MissionFinished)) == 1
 
 
-@pytest.mark.clause("6.6.3")
+@pytest.mark.clause("6.6.3/fleet")
 def test_the_wish_for_more_base_is_told_once_each_time() -> None:
     bench = started()
     for _ in range(3):
@@ -158,6 +159,7 @@ def test_a_plan_that_comes_before_the_first_sending_is_the_first() -> None:
     assert updates(bench) == [(0, ["A", "B", "C", "D"], ["E"])]
 
 
+@pytest.mark.clause("6.1.2/confirm")
 def test_a_lost_update_is_sent_again_as_it_was() -> None:
     bench = started()
     extend(bench, base(3))
@@ -172,6 +174,7 @@ def test_a_lost_update_is_sent_again_as_it_was() -> None:
     assert len(bench.told(MissionFinished)) == 1
 
 
+@pytest.mark.clause("6.1.2/confirm")
 def test_an_update_that_is_never_taken_up_ends_the_mission() -> None:
     bench = started()
     extend(bench, base(3))
@@ -188,6 +191,7 @@ def test_an_update_that_is_never_taken_up_ends_the_mission() -> None:
     assert "an update was sent 6 times" in failed.reason
 
 
+@pytest.mark.clause("6.1.4/fleet")
 @pytest.mark.parametrize("named", [True, False])
 def test_an_update_that_the_robot_refuses_ends_the_mission(*, named: bool) -> None:
     bench = started(refuses_updates=True, names_refusals=named)
@@ -221,6 +225,7 @@ def test_a_cancel_while_an_update_is_under_way_ends_it_all() -> None:
     assert [each[0] for each in updates(bench)] == [0, 1]
 
 
+@pytest.mark.clause("6.1.2/confirm")
 @pytest.mark.parametrize("arrived", [True, False])
 def test_after_a_restart_the_rest_is_sent_to_a_robot_that_has_an_older_update(*, arrived: bool) -> None:
     before = started()
