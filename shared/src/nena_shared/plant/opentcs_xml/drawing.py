@@ -33,7 +33,7 @@ class Drawing:
         """Return how an object is drawn; `tag` is the child that says so in newer formats."""
         if obj.notes.version.has_layout_elements:
             return self._elements.get(obj.name, Drawn())
-        drawn = [_drawn_by_child(child) for child in obj.children(tag)]
+        drawn = [_drawn_by_child(child, tag) for child in obj.children(tag)]
         return drawn[0] if drawn else Drawn()
 
 
@@ -77,25 +77,43 @@ def _layer_group(child: XmlObject) -> LayerGroup:
     )
 
 
-def _drawn_by_child(child: XmlObject) -> Drawn:
+def _drawn_by_child(child: XmlObject, tag: str) -> Drawn:
     """Read pointLayout, pathLayout, locationLayout, vehicleLayout and the like, in formats from 0.0.4 on."""
-    old = child.notes.version.is_old
-    x, y = ("xPosition", "yPosition") if old else ("positionX", "positionY")
-    label_x, label_y = ("xLabelOffset", "yLabelOffset") if old else ("labelOffsetX", "labelOffsetY")
-    has_position = child.notes.version < FormatVersion.V7_0_0 and child.has(x) and child.has(y)
-    return Drawn(
-        position_mm=(child.integer(x), child.integer(y)) if has_position else None,
-        label=LabelLayout(
-            label_offset_x_px=child.integer(label_x, -10),
-            label_offset_y_px=child.integer(label_y, -20),
-            layer_id=child.integer("layerId", 0),
-        ),
-        connection_type=child.choice("connectionType", ConnectionType, ConnectionType.DIRECT),
-        control_points_px=tuple(
-            (point.integer("x"), point.integer("y")) for point in child.children("controlPoint")
-        ),
-        representation=child.optional_text("locationRepresentation"),
-        color=child.color("color"),
+    match tag:
+        case "pathLayout":
+            return Drawn(
+                label=LabelLayout(layer_id=child.integer("layerId", 0)),
+                connection_type=child.choice("connectionType", ConnectionType, ConnectionType.DIRECT),
+                control_points_px=tuple(
+                    (point.integer("x"), point.integer("y")) for point in child.children("controlPoint")
+                ),
+            )
+        case "pointLayout" | "locationLayout":
+            return Drawn(
+                position_mm=_position_mm(child),
+                label=_label(child),
+                representation=child.optional_text("locationRepresentation"),
+            )
+        case _:
+            return Drawn(
+                representation=child.optional_text("locationRepresentation"), color=child.color("color")
+            )
+
+
+def _position_mm(child: XmlObject) -> tuple[int, int] | None:
+    x, y = ("xPosition", "yPosition") if child.notes.is_old else ("positionX", "positionY")
+    if child.notes.version >= FormatVersion.V7_0_0 or not (child.has(x) and child.has(y)):
+        return None
+    return child.integer(x), child.integer(y)
+
+
+def _label(child: XmlObject) -> LabelLayout:
+    old = child.notes.is_old
+    x, y = ("xLabelOffset", "yLabelOffset") if old else ("labelOffsetX", "labelOffsetY")
+    return LabelLayout(
+        label_offset_x_px=child.integer(x, -10),
+        label_offset_y_px=child.integer(y, -20),
+        layer_id=child.integer("layerId", 0),
     )
 
 

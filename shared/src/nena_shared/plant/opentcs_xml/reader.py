@@ -1,5 +1,7 @@
 """Reads a whole plant model and collects all that is wrong or odd about it."""
 
+from xml.etree.ElementTree import Element
+
 from nena_shared.plant.checks import find_errors, find_warnings
 from nena_shared.plant.errors import ObjectKind, PlantModelError
 from nena_shared.plant.model import PlantModel
@@ -11,6 +13,7 @@ from nena_shared.plant.opentcs_xml.places import read_block, read_location, read
 from nena_shared.plant.opentcs_xml.track import TrackReader
 from nena_shared.plant.opentcs_xml.vehicles import read_vehicle
 from nena_shared.plant.opentcs_xml.xml_object import XmlObject
+from nena_shared.plant.paused_collector import paused_collector
 from nena_shared.plant.reports import ImportReport
 
 
@@ -20,7 +23,11 @@ def read(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> ImportReport:
     Raises PlantModelError with all problems if the file is no plant model, is of a version that cannot be
     read, breaks a limit, or if its objects contradict each other.
     """
-    element = parse(data, limits)
+    with paused_collector():
+        return _read(parse(data, limits))
+
+
+def _read(element: Element) -> ImportReport:
     name = element.get("name", "")
     # Taken out, because all that is left unread is reported.
     notes = Notes(FormatVersion.parse(element.attrib.pop("version", ""), name))

@@ -92,7 +92,7 @@ class TrackReader:
 
     def _length_mm(self, obj: XmlObject, source: str, destination: str) -> int:
         ends = (self._positions_mm.get(source), self._positions_mm.get(destination))
-        if obj.has("length") or not obj.notes.version.is_old or ends[0] is None or ends[1] is None:
+        if obj.has("length") or not obj.notes.is_old or ends[0] is None or ends[1] is None:
             return obj.integer("length", obj.if_old(1), minimum=1)
         distance = hypot(ends[0][0] - ends[1][0], ends[0][1] - ends[1][1])
         obj.warn("DEFAULTED", "length is missing, the distance of the end points is used")
@@ -101,7 +101,7 @@ class TrackReader:
 
 def position_mm(obj: XmlObject, *, optional: bool = False) -> tuple[int, int, int]:
     """Read a position in mm of the plant frame; if `optional`, formats before 6.0.0 may leave it out."""
-    x, y, z = _OLD_POSITION if obj.notes.version.is_old else _POSITION
+    x, y, z = _OLD_POSITION if obj.notes.is_old else _POSITION
     default = obj.if_old(0)
     xy_default = default if optional else None
     return obj.integer(x, xy_default), obj.integer(y, xy_default), obj.integer(z, default)
@@ -124,7 +124,7 @@ def bounding_box(obj: XmlObject, tag: str) -> BoundingBox:
 
 def speed_mm_s(obj: XmlObject, attribute: str, default: int) -> int:
     """Read a speed in mm/s; a missing one in old formats is hardly meant as 0, so `default` is used."""
-    if obj.notes.version.is_old and not obj.has(attribute):
+    if obj.notes.is_old and not obj.has(attribute):
         obj.warn("DEFAULTED", f"{attribute} is missing, {default} mm/s is used")
     return obj.integer(attribute, obj.if_old(default), minimum=0)
 

@@ -23,7 +23,7 @@ def read_vehicle(obj: XmlObject, drawing: Drawing) -> Vehicle:
 
 def _bounding_box(obj: XmlObject) -> BoundingBox:
     """Read the size; formats before 6.0.0 know only a length."""
-    if obj.notes.version.is_old:
+    if obj.notes.is_old:
         return BoundingBox(length_mm=obj.integer("length", 1000, minimum=1))
     return bounding_box(obj, "boundingBox")
 
@@ -41,7 +41,7 @@ def _thresholds(obj: XmlObject) -> EnergyThresholds:
 
 
 def _level(obj: XmlObject, attribute: str, default: int) -> int:
-    if obj.notes.version.is_old and not obj.has(attribute):
+    if obj.notes.is_old and not obj.has(attribute):
         obj.warn("DEFAULTED", f"{attribute} is missing, {default} % is used")
     return obj.integer(attribute, obj.if_old(default), minimum=0, maximum=100)
 
@@ -51,7 +51,7 @@ def _in_order(obj: XmlObject, low_name: str, low: int, high_name: str, high: int
     if low <= high:
         return low, high
     text = f"the energy thresholds are crossed: {low_name} {low} % is above {high_name} {high} %"
-    if obj.notes.version.is_old:
+    if obj.notes.is_old:
         obj.warn("THRESHOLDS_SWAPPED", f"{text}; they are swapped back")
     else:
         obj.error("THRESHOLDS_CROSSED", text)

@@ -28,12 +28,15 @@ class XmlObject:
     After an error a harmless value is returned, so that reading goes on and finds all errors at once.
     """
 
-    __slots__ = ("_children_read", "_element", "_read", "kind", "name", "notes")
+    __slots__ = ("_children", "_element", "_read", "kind", "name", "notes")
 
     def __init__(self, element: Element, kind: ObjectKind, name: str, notes: Notes) -> None:
         self._element = element
         self._read: set[str] = set()
-        self._children_read: set[str] = set()
+        # By tag; what has been read is taken out. Most elements have none.
+        self._children: dict[str, list[Element]] = {}
+        for child in element:
+            self._children.setdefault(child.tag, []).append(child)
         self.kind = kind
         self.name = name
         self.notes = notes
@@ -44,7 +47,7 @@ class XmlObject:
 
     def if_old(self, value: T) -> T | None:
         """Return the value as a default for formats before 6.0.0 only; newer ones need the attribute."""
-        return value if self.notes.version.is_old else None
+        return value if self.notes.is_old else None
 
     def text(self, attribute: str, default: str | None = None) -> str:
         """Return the attribute exactly as it is written."""
@@ -129,9 +132,10 @@ class XmlObject:
         if value in renamed and self.notes.version <= FormatVersion.V0_0_4:
             self.warn("VALUE_REPLACED", f"{attribute} {value} of older formats is read as {renamed[value]}")
             return renamed[value]
-        if value not in set(choices):
+        try:
+            return choices(value)
+        except ValueError:
             return self._bad(attribute, f"one of {', '.join(choices)}", fallback)
-        return choices(value)
 
     def color(self, attribute: str) -> str | None:
         """Return a colour `#RRGGBB`; anything else is dropped with a warning, for it is only drawn."""
@@ -143,14 +147,14 @@ class XmlObject:
 
     def children(self, tag: str) -> Iterator["XmlObject"]:
         """Yield the child elements of this tag; notes on them carry this object's name."""
-        for element in self._elements(tag):
+        for element in self._children.pop(tag, ()):
             child = XmlObject(element, self.kind, self.name, self.notes)
             yield child
             child.finish()
 
     def objects(self, tag: str, kind: ObjectKind) -> Iterator["XmlObject"]:
         """Yield the child elements that are plant objects of their own, each under its own name."""
-        for element in self._elements(tag):
+        for element in self._children.pop(tag, ()):
             child = XmlObject(element, kind, element.get("name", ""), self.notes)
             if not child.text("name", default=""):
                 child.error("MISSING_ATTRIBUTE", "every object needs a name")
@@ -173,9 +177,8 @@ class XmlObject:
         for attribute, value in self._element.items():
             if value and attribute not in self._read:
                 self.notes.ignore(self.kind, f"attribute {attribute!r} of element {tag!r}")
-        for child in self._element:
-            if child.tag not in self._children_read:
-                self.notes.ignore(self.kind, f"element {child.tag!r} in {tag!r}")
+        for unread, elements in self._children.items():
+            self.notes.ignore(self.kind, f"element {unread!r} in {tag!r}", len(elements))
 
     def error(self, code: str, text: str) -> None:
         """Note an error of this object."""
@@ -184,11 +187,6 @@ class XmlObject:
     def warn(self, code: str, text: str) -> None:
         """Note a warning on this object."""
         self.notes.warn(code, self.kind, self.name, text)
-
-    def _elements(self, tag: str) -> Iterator[Element]:
-        self._children_read.add(tag)
-        # Several times as fast as iterfind, which compiles each tag to a path first.
-        return (element for element in self._element if element.tag == tag)
 
     def _value(self, attribute: str) -> str | None:
         self._read.add(attribute)
