@@ -346,6 +346,8 @@ def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> 
         pass_radius=drive.pass_radius,
         base_request_distance=drive.base_request_distance,
         external_goals=drive.external_goals,
+        drive_retries=drive.retries,
+        retry_wait=drive.retry_wait,
         tolerated_parameters=frozenset(settings.tolerated_parameters),
         footprint=Footprint(settings.description.length, settings.description.width),
         braking_distance=braking_distance(settings.description),

@@ -71,6 +71,10 @@ class DriveSettings(SettingsGroup):
         description="What becomes of an order while navigation drives for somebody else (RViz, a docking "
         "server): pause: it waits and goes on by itself; fail: its drive fails.",
     )
+    retries: int = Field(
+        0, ge=0, le=100, description="How often a drive that has failed is tried again before it is told."
+    )
+    retry_wait: Seconds = Field(5.0, description="Seconds before each of these tries.")
 
 
 class IntervalSettings(SettingsGroup):

@@ -39,6 +39,8 @@ class Capabilities:
     ``braking_distance`` is the way in m in which the robot becomes slower, from its full speed; ``footprint``
     is its contour.
 
+    A drive that has failed is tried again ``drive_retries`` times, each time after ``retry_wait`` seconds.
+
     ``tolerated_parameters`` are optional fields of the order that are passed over instead of refused, by
     their path, e.g. ``edges.trajectory``.
     """
@@ -54,6 +56,8 @@ class Capabilities:
     pass_radius: float = 0.5
     base_request_distance: float = 2.0
     external_goals: ExternalGoals = ExternalGoals.PAUSE
+    drive_retries: int = 0
+    retry_wait: float = 5.0
     maximum_nodes: int = 1000
     maximum_actions: int = 1000
     tolerated_parameters: frozenset[str] = frozenset()

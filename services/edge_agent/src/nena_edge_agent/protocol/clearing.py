@@ -38,6 +38,6 @@ class Clearing:
         parts.clearing = False
         parts.progress.clear(cancelled=cancelled)
         parts.queue.clear()
-        parts.goal.failed_at = None
+        parts.goal.forget_failures()
         parts.errors.end(Until.ORDER_OVER)
         parts.end_instants(CANCEL_ORDER, ActionStatus.FINISHED)

@@ -6,6 +6,7 @@ from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.parts import NOT_REPORTED, RobotParts
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType, error
 
+DRIVE_RETRIED = "DRIVE_RETRIED"
 EXTERNAL_GOAL = "EXTERNAL_GOAL"
 JOURNAL_NOT_WRITTEN = "JOURNAL_NOT_WRITTEN"
 SUBSCRIPTION_REFUSED = "SUBSCRIPTION_REFUSED"
@@ -15,6 +16,7 @@ def check_conditions(parts: RobotParts) -> None:
     """Show or take back what hinders the robot at the moment."""
     parts.errors.condition(ErrorType.LOCALIZATION_ERROR, _localisation(parts))
     parts.errors.condition(ErrorType.NAVIGATION_NOT_AVAILABLE, _navigation(parts))
+    parts.errors.condition(DRIVE_RETRIED, _retried(parts))
     parts.errors.condition(EXTERNAL_GOAL, _external_goal(parts))
     parts.errors.condition(JOURNAL_NOT_WRITTEN, _journal(parts))
     parts.errors.condition(SUBSCRIPTION_REFUSED, _subscriptions(parts))
@@ -48,6 +50,24 @@ def _navigation(parts: RobotParts) -> ErrorEntry | None:
         f"the robot cannot drive now: {navigation.reason}",
         hint=hint,
         order_id=order_id,
+    )
+
+
+def _retried(parts: RobotParts) -> ErrorEntry | None:
+    """Show that a drive does not go as it should, until it succeeds or fails for good."""
+    node, goal = parts.progress.next_node, parts.goal
+    if not goal.failures or goal.failed_at is not None or node is None:
+        return None
+    number, most = goal.failures, parts.capabilities.drive_retries
+    return ErrorEntry(
+        error_type=DRIVE_RETRIED,
+        error_level=ErrorLevel.WARNING,
+        error_description=f"try {number} of {most} to reach node '{node.node_id}' again: {goal.problem}",
+        error_hint="look at the way of the robot; the drive fails after the last try",
+        error_references=(
+            ErrorReference(reference_key="nodeId", reference_value=node.node_id),
+            ErrorReference(reference_key="orderId", reference_value=parts.progress.order_id),
+        ),
     )
 
 

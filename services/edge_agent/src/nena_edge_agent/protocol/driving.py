@@ -20,13 +20,25 @@ class GoalInFlight:
 
     ``target`` is the sequenceId of the node that it drives to, None: it has no goal. ``halting_since`` is the
     time in s when it was asked to stop and has not answered. ``failed_at`` is the sequenceId of a node that
-    was not reached; it is not tried again until the order changes.
+    was not reached; it is not tried again until the order changes. ``failures`` are the drives to the next
+    node that have failed and are tried again, at ``retry_at`` in s; ``problem`` says why the last one did.
     """
 
     generation: int = 0
     target: int | None = None
     halting_since: float | None = None
     failed_at: int | None = None
+    failures: int = 0
+    retry_at: float | None = None
+    problem: str = ""
+
+    def forget_failures(self) -> None:
+        """Begin anew: another node is driven to, or the order has changed."""
+        self.failed_at, self.failures, self.retry_at, self.problem = None, 0, None, ""
+
+    def retry(self, at: float, problem: str) -> None:
+        """Note that the drive has failed and is tried again ``at`` a time in s."""
+        self.target, self.failures, self.retry_at, self.problem = None, self.failures + 1, at, problem
 
     @property
     def moving(self) -> bool:

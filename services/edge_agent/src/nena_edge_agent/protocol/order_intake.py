@@ -82,7 +82,7 @@ class OrderIntake:
 
     def _clear_errors(self) -> None:
         self._parts.errors.end(Until.ORDER_ACCEPTED, Until.ORDER_OVER)
-        self._parts.goal.failed_at = None
+        self._parts.goal.forget_failures()
 
     def _in_horizon(self, record: ActionRecord) -> bool:
         decision_point = self._parts.progress.decision_point

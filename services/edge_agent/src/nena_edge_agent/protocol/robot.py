@@ -142,7 +142,9 @@ class RobotCore:
     @property
     def waits(self) -> bool:
         """Whether an answer is outstanding that may be overdue; then :class:`TimePassed` is wanted."""
-        return self._parts.goal.halting or self._position.waits or self._parts.zone_access.waits
+        parts = self._parts
+        retries = parts.goal.retry_at is not None
+        return parts.goal.halting or retries or self._position.waits or parts.zone_access.waits
 
     @property
     def durable_version(self) -> tuple[object, ...]:

@@ -18,6 +18,16 @@ from nena_edge_agent.protocol.zone_guard import ZoneGuard
 from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.order import Node, NodePosition
 
+CHANCE = frozenset(
+    {
+        DriveFailure.ABORTED,
+        DriveFailure.NOT_TAKEN_UP,
+        DriveFailure.OUTSIDE_TOLERANCE,
+        DriveFailure.NAVIGATION_GONE,
+    }
+)
+"""Failures that may be over at the next try; who cancels a drive or gives another goal wants it to end."""
+
 
 class Travel:
     """Decides where the robot drives, and when a node is traversed."""
@@ -40,8 +50,15 @@ class Travel:
         pauses = parts.capabilities.external_goals is ExternalGoals.PAUSE
         if event.failure is DriveFailure.TAKEN_OVER and pauses:
             parts.goal.target = None  # it is given again when the other drive has ended
+        elif self._tries_again(event.failure):
+            problem = f"{event.description} ({event.failure})"
+            parts.goal.retry(parts.now + parts.capabilities.retry_wait, problem)
         else:
             self._fail(event.failure, event.description)
+
+    def _tries_again(self, failure: DriveFailure) -> bool:
+        goal = self._parts.goal
+        return failure in CHANCE and goal.failures < self._parts.capabilities.drive_retries
 
     def _fail(self, failure: DriveFailure, description: str) -> None:
         parts = self._parts
@@ -138,6 +155,7 @@ class Travel:
             and parts.senses.navigation.available
             and not parts.goal.halting
             and not parts.gives_way
+            and (parts.goal.retry_at is None or parts.now >= parts.goal.retry_at)
             and parts.goal.failed_at != node.sequence_id
             and parts.goal.target is None
             and parts.queue.driving_allowed
@@ -169,7 +187,7 @@ class Travel:
     def _give_goal(self, node: Node, position: NodePosition, pose: Pose) -> None:
         parts, goal = self._parts, self._parts.goal
         goal.generation += 1
-        goal.target = node.sequence_id
+        goal.target, goal.retry_at = node.sequence_id, None
         parts.progress.leave_node()
         parts.charging = False
         drive = make_goal(
@@ -183,6 +201,7 @@ class Travel:
 
     def _traverse(self) -> None:
         self._parts.goal.target = None
+        self._parts.goal.forget_failures()
         node, edge = self._parts.progress.traverse()
         self._flow.end_with_edge(edge)
         self._flow.enqueue(node.actions)
