@@ -25,7 +25,9 @@ class AggregatorProcess:
         self._stderr = Path(self._folder.name) / "stderr"
         command = [sys.executable, "-m", "nena_status_aggregator", "--log.form", "json", *options]
         with self._stderr.open("wb") as stderr:
-            self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=stderr)
+            self.process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stderr=stderr, cwd=self._folder.name
+            )
 
     def __enter__(self) -> Self:
         return self

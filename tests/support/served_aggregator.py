@@ -16,7 +16,7 @@ from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.v2_1 import CODEC
 from nena_status_aggregator.service import serve
-from nena_status_aggregator.settings import AggregatorHttpSettings, AggregatorSettings
+from nena_status_aggregator.settings import AggregatorHttpSettings, AggregatorSettings, HistorySettings
 from support.broker import Broker, MqttPeer, free_port
 from support.fleet_examples import ROBOT
 
@@ -106,7 +106,7 @@ async def serving(broker: Broker, interface_name: str, **settings: Any) -> Async
         http=AggregatorHttpSettings(port=port),
         interface_name=interface_name,
         topic_prefix=f"{interface_name}/nena",
-        **settings,
+        **{"history": HistorySettings(url=None), **settings},
     )
     stop = asyncio.Event()
     running = asyncio.create_task(serve(chosen, stop), name="aggregator")

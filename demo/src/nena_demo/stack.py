@@ -105,7 +105,13 @@ async def start_services(processes: Processes, choices: Choices) -> Stack:
         "--store.url",
         f"sqlite:///{processes.folder / 'orders.sqlite3'}",
     ]
-    aggregator = [console_script("nena-status-aggregator"), "--http.port", str(panel_port)]
+    aggregator = [
+        console_script("nena-status-aggregator"),
+        "--http.port",
+        str(panel_port),
+        "--history.url",
+        f"sqlite:///{processes.folder / 'history.sqlite3'}",
+    ]
     await processes.start("order-service", order_service, environment=variables)
     await processes.start("status-aggregator", aggregator, environment=variables)
     stack = Stack(

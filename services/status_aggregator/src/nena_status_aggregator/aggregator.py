@@ -12,23 +12,31 @@ from nena_shared.fleet_api.base import iso
 from nena_status_aggregator.event_stream import EventStream
 from nena_status_aggregator.fleet_model.instant import Instant
 from nena_status_aggregator.fleet_model.model import FleetModel, ModelLimits
+from nena_status_aggregator.history.history import History
 from nena_status_aggregator.link import FleetLink
-from nena_status_aggregator.settings import AggregatorSettings
+from nena_status_aggregator.settings import AggregatorSettings, HistorySettings
 
 
 class Aggregator:
     """What the program runs and what the API shows; owned by one event loop."""
 
     def __init__(self, settings: AggregatorSettings, clock: Clock) -> None:
+        """Make the parts; nothing is connected or opened yet.
+
+        Raises:
+            HistoryError: the history cannot be kept as it is set.
+
+        """
         self.clock = clock
-        self.model = FleetModel(
-            ModelLimits(
-                robots=settings.robots_limit,
-                orders=settings.orders_limit,
-                silence=settings.silence_limit,
-                clock_skew=settings.clock_skew_limit,
-            )
+        self.history = _history(settings.history, clock)
+        limits = ModelLimits(
+            robots=settings.robots_limit,
+            orders=settings.orders_limit,
+            silence=settings.silence_limit,
+            clock_skew=settings.clock_skew_limit,
+            track_distance=settings.history.track_distance if self.history else 0.0,
         )
+        self.model = FleetModel(limits, self.history.writer.tell if self.history else lambda _: None)
         self.link = FleetLink(settings, self.model, clock)
         self.events = EventStream(settings.events, epoch=token_hex(4), snapshot=self._snapshot)
         self._interval = settings.events.interval
@@ -53,3 +61,7 @@ class Aggregator:
     def _snapshot(self) -> tuple[int, bytes]:
         view = self.model.snapshot()
         return view["id"], to_json({**view, "time": iso(self.clock.now())})
+
+
+def _history(settings: HistorySettings, clock: Clock) -> History | None:
+    return History(settings, settings.url.get_secret_value(), clock) if settings.url else None

@@ -16,14 +16,18 @@ async def serve(settings: AggregatorSettings, stop: asyncio.Event) -> None:
     """Run the aggregator until ``stop`` is set.
 
     Raises:
-        StartError: the port is not to be had.
+        StartError: the port is not to be had, or the history cannot be kept.
         TaskFailedError: a part of the program has failed.
 
     """
     with listen(settings.http) as door:
         aggregator = Aggregator(settings, SystemClock())
         server = HttpServer(make_app(aggregator))
+        if aggregator.history:
+            await aggregator.history.writer.open()
         async with Supervisor() as tasks:
+            if aggregator.history:
+                tasks.start("history", aggregator.history.writer.run())
             http = tasks.start("http", server.serve(sockets=[door]))
             tasks.start("mqtt link", aggregator.link.run())
             tasks.start("publish changes", aggregator.keep_publishing())

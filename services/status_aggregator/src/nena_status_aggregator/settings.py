@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+from typing import Annotated
+
+from pydantic import BeforeValidator, Field, SecretStr
 
 from nena_shared.settings import HttpSettings, ServiceSettings, SettingsGroup, TopicPrefix
 
@@ -26,6 +28,30 @@ class EventSettings(SettingsGroup):
         200, ge=1, description="Events that a client may be behind; above that it gets a new snapshot."
     )
     clients: int = Field(100, ge=1, description="Clients that may follow the event stream at a time.")
+
+
+def _none_in_words(url: str | None) -> str | None:
+    return None if url is not None and url.lower() == "none" else url
+
+
+class HistorySettings(SettingsGroup):
+    """What happened to robots and orders."""
+
+    url: Annotated[SecretStr | None, BeforeValidator(_none_in_words)] = Field(
+        SecretStr("sqlite:///nena-history.db"),
+        description="Database: sqlite:///FILE (four slashes for an absolute path), or "
+        "postgresql+psycopg://USER@HOST/DATABASE; none: no history is kept.",
+    )
+    retention_days: float = Field(30.0, gt=0, le=36500, description="Days that entries are kept.")
+    track_days: float = Field(2.0, gt=0, le=36500, description="Days that positions are kept.")
+    track_distance: float = Field(
+        1.0, ge=0, description="Way after which a robot's position is kept, m; 0: positions are not."
+    )
+    queue_limit: int = Field(
+        20_000, ge=1, description="Entries that may wait for the database; above that the oldest go."
+    )
+    batch_limit: int = Field(1000, ge=1, le=10_000, description="Entries that are written together.")
+    interval: float = Field(0.5, gt=0, le=60, description="Seconds over which entries are gathered.")
 
 
 class AggregatorSettings(ServiceSettings):
@@ -59,3 +85,4 @@ class AggregatorSettings(ServiceSettings):
         1000, ge=1, description="Transport orders that are kept; the one that ended longest ago goes first."
     )
     events: EventSettings = Field(default_factory=EventSettings, description="The event stream.")
+    history: HistorySettings = Field(default_factory=HistorySettings, description="The history.")

@@ -166,6 +166,9 @@ async def test_the_interface_is_described(client: httpx.AsyncClient) -> None:
         "/api/v1/plant",
         "/api/v1/events",
         "/healthz",
+        "/api/v1/history",
+        "/api/v1/history.csv",
+        "/api/v1/history.jsonl",
         "/readyz",
         "/metrics",
     } == set(described["paths"])

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import hypot
 
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
-from nena_shared.vda5050.state import State
+from nena_shared.vda5050.state import MobileRobotPosition, State
 from nena_status_aggregator.fleet_model.condition import Condition, Reason
 from nena_status_aggregator.fleet_model.happening import Code, Happening, Values
 from nena_status_aggregator.fleet_model.instant import Instant
@@ -23,15 +24,29 @@ STANDING = (Condition.OFFLINE, Condition.SILENT, Condition.MANUAL, Condition.ERR
 class Chronicle:
     """Makes a :class:`Happening` of each change and hands it to ``tell``."""
 
-    def __init__(self, statistics: Statistics, tell: Tell) -> None:
+    def __init__(self, statistics: Statistics, tell: Tell, *, track_distance: float) -> None:
+        """``track_distance``: m after which a position is told again; 0: none is."""
         self._statistics = statistics
         self._tell = tell
+        self._track_distance = track_distance
 
     def state(self, robot: Robot, before: State | None, now: State, at: Instant) -> None:
         """Tell what has happened between two states."""
         for change in changes(before, now):
             self._statistics.count_change(change.code, change.values)
             self._of_robot(robot, change.code, change.text, change.values, at)
+
+    def position(self, robot: Robot, at: Instant) -> None:
+        """Tell where a robot is, if that is far enough from where it was told last."""
+        here, last = robot.position, robot.tracked
+        if not self._track_distance or here is None:
+            return
+        near = last is not None and last.map_id == here.map_id and _way(last, here) < self._track_distance
+        if near:
+            return
+        robot.tracked = here
+        values: Values = {"x": here.x, "y": here.y, "theta": here.theta, "mapId": here.map_id}
+        self._of_robot(robot, Code.POSITION, f"At {here.x:.2f}, {here.y:.2f}.", values, at)
 
     def connection(self, robot: Robot, before: str | None, at: Instant) -> None:
         """Tell of a connection message, if it says anything new."""
@@ -75,6 +90,10 @@ class Chronicle:
 
     def _of_robot(self, robot: Robot, code: Code, text: str, values: Values, at: Instant) -> None:
         self._tell(Happening(at.utc, code, text, robot.id, _order_of(robot), values))
+
+
+def _way(start: MobileRobotPosition, end: MobileRobotPosition) -> float:
+    return hypot(end.x - start.x, end.y - start.y)
 
 
 def _order_of(robot: Robot) -> str | None:

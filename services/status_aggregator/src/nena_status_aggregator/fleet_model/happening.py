@@ -36,6 +36,8 @@ class Code(StrEnum):
     """A robot carries another number of loads; `loads`, `before`."""
     MAP = "map"
     """A robot is on another map; `mapId`, `before`."""
+    POSITION = "position"
+    """A robot has moved on by a set way; `x`, `y` in m, `theta` in rad, `mapId`."""
     ROBOT_FORGOTTEN = "robotForgotten"
     """A silent robot made room for a new one."""
     TRANSPORT_ORDER = "transportOrder"

@@ -38,6 +38,8 @@ class ModelLimits:
     """Seconds without a state; None: by what the robot says of its interval, see ``Robot.silence_limit``."""
     clock_skew: float = 2.0
     """Seconds from which a robot's clock counts as wrong."""
+    track_distance: float = 0.0
+    """m after which a robot's position is told again as a happening; 0: none is."""
 
 
 class FleetModel:
@@ -52,7 +54,7 @@ class FleetModel:
         self.robots = RobotRegister(limits.robots, limits.silence)
         self.orders = OrderBook(limits.orders)
         self.statistics = Statistics()
-        self._chronicle = Chronicle(self.statistics, tell)
+        self._chronicle = Chronicle(self.statistics, tell, track_distance=limits.track_distance)
         self.plant: PlantModel | None = None
         self._key_of_vehicle: dict[str, RobotKey] = {}
         self._plant_version = 0
@@ -74,6 +76,7 @@ class FleetModel:
         before = robot.state
         robot.on_state(message, at, retained=retained)
         self._chronicle.state(robot, before, message, at)
+        self._chronicle.position(robot, at)
         self._touch_order_of(robot)
 
     def on_visualization(self, key: RobotKey, message: Visualization, at: Instant) -> None:
@@ -81,6 +84,7 @@ class FleetModel:
         robot = self._meet(key, MessageKind.VISUALIZATION, at)
         if robot is not None and self._is_news(robot, MessageKind.VISUALIZATION, message):
             robot.on_visualization(message)
+            self._chronicle.position(robot, at)
 
     def on_factsheet(self, key: RobotKey, message: Factsheet, at: Instant) -> None:
         """Take in what a robot is and can do."""

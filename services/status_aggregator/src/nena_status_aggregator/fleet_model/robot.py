@@ -45,6 +45,8 @@ class Robot:
         self.vehicle: VehicleStatus | None = None
         self.progress = OrderProgress()
         self.odometer = Odometer()
+        self.tracked: MobileRobotPosition | None = None
+        """The position that was told last, for the track."""
         self.skew = ClockSkew()
         self.sequences = {
             kind: Sequence() for kind in (MessageKind.STATE, MessageKind.VISUALIZATION, MessageKind.FACTSHEET)

@@ -45,6 +45,7 @@ class FleetCollector(Collector):
         yield from self._work()
         yield from self._link()
         yield from self._events()
+        yield from self._history()
 
     def _robots(self) -> Iterator[Metric]:
         counts = Counter(robot.condition for robot in self._model.robots)
@@ -153,6 +154,22 @@ class FleetCollector(Collector):
         for name, text, count in (
             ("nena_events", "Changes told on the event stream.", stream.events),
             ("nena_event_snapshots", "Snapshots given to new and to slow clients.", stream.snapshots),
+        ):
+            yield _counter(name, text, (), [((), count)])
+
+    def _history(self) -> Iterator[Metric]:
+        history = self._aggregator.history
+        writer = history.writer if history else None
+        waiting = [((), writer.waiting if writer else 0)]
+        yield _gauge("nena_history_waiting", "Happenings that are not written yet.", (), waiting)
+        for name, text, count in (
+            ("nena_history_written", "Happenings written to the history.", writer.written if writer else 0),
+            ("nena_history_dropped", "Happenings that were never written.", writer.dropped if writer else 0),
+            (
+                "nena_history_failures",
+                "Accesses to the database that failed.",
+                writer.failures if writer else 0,
+            ),
         ):
             yield _counter(name, text, (), [((), count)])
 

@@ -14,7 +14,7 @@ from nena_status_aggregator import panel
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.metrics.exposition import Exposition
 from nena_status_aggregator.metrics.fleet_collector import DISTRIBUTION
-from nena_status_aggregator.rest import events, health, problem, resources
+from nena_status_aggregator.rest import events, health, history, problem, resources
 from nena_status_aggregator.rest.security_headers import SecurityHeaders
 
 PANEL = Path(panel.__file__).parent / "static"
@@ -42,6 +42,7 @@ def make_app(aggregator: Aggregator) -> FastAPI:
     problem.install(app)
     app.add_middleware(SecurityHeaders)
     app.include_router(resources.make_router(aggregator))
+    app.include_router(history.make_router(aggregator.history))
     app.include_router(events.make_router(aggregator.events))
     app.include_router(health.make_router(aggregator, Exposition(aggregator)))
     app.mount("/", PanelFiles(directory=PANEL, html=True), name="panel")

@@ -1,0 +1,183 @@
+"""Reads and writes the history; every function blocks and belongs into a thread."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from sqlalchemy import Engine, Select, create_engine, delete, event, insert, select
+from sqlalchemy.engine import Row, make_url
+from sqlalchemy.engine.interfaces import DBAPIConnection
+from sqlalchemy.exc import ArgumentError
+from sqlalchemy.pool import ConnectionPoolEntry
+
+from nena_shared.fleet_api.base import iso
+from nena_shared.program import StartError
+from nena_status_aggregator.fleet_model.happening import Code, Happening
+from nena_status_aggregator.history import schema
+from nena_status_aggregator.history.entry import HistoryEntry, HistoryFilter
+from nena_status_aggregator.history.schema import ORDER_LENGTH, ROBOT_LENGTH
+
+EXPIRED_PER_COMMIT = 5000
+"""Rows that are deleted together, so that writers never wait long."""
+
+CONNECT_SECONDS = 10
+
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+MILLISECOND = timedelta(milliseconds=1)
+
+NUL = "\x00"
+"""PostgreSQL stores no text that holds it."""
+
+
+class HistoryError(StartError):
+    """The history cannot be used as it is set; the text says why, and what to do."""
+
+
+def make_engine(url: str) -> Engine:
+    """Prepare access to the database; nothing is opened yet.
+
+    Raises:
+        HistoryError: the URL names no file, or a kind of database that is not installed.
+
+    """
+    try:
+        parsed = make_url(url)
+        patience = {"connect_timeout": CONNECT_SECONDS} if parsed.get_backend_name() == "postgresql" else {}
+        engine = create_engine(parsed, pool_pre_ping=True, connect_args=patience)
+    except (ArgumentError, ImportError) as error:
+        # The URL may hold a password, so it is not repeated.
+        message = f"history.url cannot be used: {error}. Name a file: sqlite:///nena-history.db"
+        raise HistoryError(message) from error
+    if engine.dialect.name == "sqlite":
+        if parsed.database in (None, "", ":memory:"):
+            message = "history.url names no file. Name one: sqlite:///nena-history.db"
+            raise HistoryError(message)
+        event.listen(engine, "connect", _set_up_sqlite)
+    return engine
+
+
+def _set_up_sqlite(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> None:
+    cursor = connection.cursor()
+    # NORMAL may lose the last moments when the power fails, never the file.
+    for setting in ("journal_mode=WAL", "synchronous=NORMAL", "busy_timeout=5000"):
+        cursor.execute(f"PRAGMA {setting}")
+    cursor.close()
+
+
+def prepare(engine: Engine) -> None:
+    """Make the tables where there are none.
+
+    Raises:
+        HistoryError: the tables are of another version.
+        SQLAlchemyError: the database cannot be reached or written.
+
+    """
+    with engine.begin() as connection:
+        schema.metadata.create_all(connection)
+        version = connection.execute(select(schema.schema_version.c.version)).scalar()
+        if version is None:
+            connection.execute(insert(schema.schema_version).values(version=schema.SCHEMA_VERSION))
+        elif version != schema.SCHEMA_VERSION:
+            message = (
+                f"the history has tables of version {version}, this program needs {schema.SCHEMA_VERSION}: "
+                "use the release that made them, or another history.url"
+            )
+            raise HistoryError(message)
+
+
+def write(engine: Engine, happenings: Sequence[Happening]) -> None:
+    """Commit ``happenings`` together, in their order."""
+    with engine.begin() as connection:
+        connection.execute(insert(schema.happenings), [_row(each) for each in happenings])
+
+
+def _row(happening: Happening) -> dict[str, object]:
+    return {
+        "time": _milliseconds(happening.time),
+        "code": happening.code.value,
+        "robot": _storable(happening.robot, ROBOT_LENGTH),
+        "order_name": _storable(happening.order, ORDER_LENGTH),
+        "text": _storable(happening.text, None),
+        "details": json.dumps(happening.values),
+    }
+
+
+def _storable(text: str | None, length: int | None) -> str | None:
+    return text.replace(NUL, "\ufffd")[:length] if text else text
+
+
+def _milliseconds(time: datetime) -> int:
+    return (time - EPOCH) // MILLISECOND
+
+
+def read_newest(
+    engine: Engine, wanted: HistoryFilter, *, before: int | None, limit: int
+) -> list[HistoryEntry]:
+    """Read a page, newest first; ``before`` is the number of the last entry had already."""
+    table = schema.happenings
+    query = _filtered(wanted).order_by(table.c.id.desc()).limit(limit)
+    return _read(engine, query if before is None else query.where(table.c.id < before))
+
+
+def read_oldest(
+    engine: Engine, wanted: HistoryFilter, *, after: int, upto: int, limit: int
+) -> list[HistoryEntry]:
+    """Read a page, oldest first, of the entries with numbers above ``after`` and not above ``upto``."""
+    number = schema.happenings.c.id
+    query = _filtered(wanted).where(number > after, number <= upto)
+    return _read(engine, query.order_by(number).limit(limit))
+
+
+def _filtered(wanted: HistoryFilter) -> Select[Any]:
+    table = schema.happenings
+    query = select(table)
+    if wanted.robot is not None:
+        query = query.where(table.c.robot == wanted.robot)
+    if wanted.order is not None:
+        query = query.where(table.c.order_name == wanted.order)
+    if wanted.codes:
+        query = query.where(table.c.code.in_([code.value for code in wanted.codes]))
+    else:
+        query = query.where(table.c.code != Code.POSITION.value)
+    if wanted.since is not None:
+        query = query.where(table.c.time >= _milliseconds(wanted.since))
+    if wanted.until is not None:
+        query = query.where(table.c.time < _milliseconds(wanted.until))
+    return query
+
+
+def _read(engine: Engine, query: Select[Any]) -> list[HistoryEntry]:
+    with engine.connect() as connection:
+        return [_entry(row) for row in connection.execute(query)]
+
+
+def _entry(row: Row[Any]) -> HistoryEntry:
+    return {
+        "id": row.id,
+        "time": iso(EPOCH + row.time * MILLISECOND),
+        "code": row.code,
+        "robot": row.robot,
+        "order": row.order_name,
+        "text": row.text,
+        "values": json.loads(row.details),
+    }
+
+
+def expire(engine: Engine, *, before: datetime, code: Code | None = None) -> int:
+    """Delete entries that are older than ``before``, a bounded number of them; give how many.
+
+    Args:
+        engine: the database.
+        before: what is older goes.
+        code: only this kind; None: all kinds.
+
+    """
+    table = schema.happenings
+    old = select(table.c.id).where(table.c.time < _milliseconds(before)).limit(EXPIRED_PER_COMMIT)
+    if code is not None:
+        old = old.where(table.c.code == code.value)
+    with engine.begin() as connection:
+        return connection.execute(delete(table).where(table.c.id.in_(old.scalar_subquery()))).rowcount

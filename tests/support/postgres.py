@@ -1,0 +1,78 @@
+"""A real PostgreSQL for tests, with a data folder of its own, reached by a socket in that folder."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+READY_SECONDS = 30
+
+
+class Postgres:
+    """A PostgreSQL server; it refuses to run as root, so as root it is given to the user `postgres`."""
+
+    def __init__(self) -> None:
+        self._programs = _programs()
+        self._folder = Path(tempfile.mkdtemp(prefix="nena-test-postgres-"))
+        self._user: dict[str, Any] = {}
+        if os.geteuid() == 0:
+            shutil.chown(self._folder, "postgres")
+            self._user = {"user": "postgres"}
+        self._run("initdb", "-A", "trust", "-U", "nena", "--no-sync", "-D", str(self._data))
+        self.start()
+
+    @property
+    def url(self) -> str:
+        """Where SQLAlchemy finds it."""
+        return f"postgresql+psycopg://nena@/postgres?host={self._folder}"
+
+    @property
+    def _data(self) -> Path:
+        return self._folder / "data"
+
+    def start(self) -> None:
+        """Start the server and wait until it takes connections."""
+        options = f"-k {self._folder} -h '' -F"
+        log = str(self._folder / "log")
+        self._run(
+            "pg_ctl", "start", "-w", "-t", str(READY_SECONDS), "-D", str(self._data), "-l", log, "-o", options
+        )
+
+    def stop(self) -> None:
+        """Stop the server at once."""
+        self._run("pg_ctl", "stop", "-w", "-m", "immediate", "-D", str(self._data))
+
+    def close(self) -> None:
+        """Stop the server and remove its files."""
+        self.stop()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _run(self, program: str, *arguments: str) -> None:
+        done = subprocess.run(
+            [str(self._programs / program), *arguments],
+            **self._user,
+            cwd=self._folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE if program == "initdb" else subprocess.DEVNULL,
+            timeout=60,
+            check=False,
+        )
+        assert done.returncode == 0, f"{program}: {done.stderr!r}"
+
+
+def _programs() -> Path:
+    pytest.importorskip(
+        "psycopg", reason="the driver is not there: pip install nena-status-aggregator[postgresql]"
+    )
+    found = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"))
+    path = shutil.which("initdb") or (str(found[-1]) if found else None)
+    if path is None:
+        pytest.skip("PostgreSQL is not there: apt-get install postgresql")
+    return Path(path).resolve().parent

@@ -1,0 +1,122 @@
+from __future__ import annotations
+
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+from sqlalchemy import Engine, update
+from sqlalchemy.exc import OperationalError
+
+from nena_status_aggregator.fleet_model.happening import Code, Happening
+from nena_status_aggregator.history import database, schema
+from nena_status_aggregator.history.database import HistoryError
+from nena_status_aggregator.history.entry import HistoryFilter
+from support.fleet_examples import START
+
+ALL = HistoryFilter()
+
+
+def happening(second: float, code: Code = Code.CONDITION, **fields: str) -> Happening:
+    time = START + timedelta(seconds=second)
+    return Happening(time, code, fields.pop("text", f"at {second}"), **fields, values={"n": second})
+
+
+def texts(engine: Engine, wanted: HistoryFilter) -> list[str]:
+    return [each["text"] for each in database.read_newest(engine, wanted, before=None, limit=100)]
+
+
+def test_what_is_written_is_read_newest_first(engine: Engine) -> None:
+    database.write(engine, [happening(1, robot="A/1", order="TO-1"), happening(2.5)])
+    newest, oldest = database.read_newest(engine, ALL, before=None, limit=10)
+    assert newest["id"] > oldest["id"]
+    assert oldest == {
+        "id": oldest["id"],
+        "time": "2026-01-01T00:00:01.000Z",
+        "code": "condition",
+        "robot": "A/1",
+        "order": "TO-1",
+        "text": "at 1",
+        "values": {"n": 1},
+    }
+    assert (newest["time"], newest["robot"]) == ("2026-01-01T00:00:02.500Z", None)
+
+
+def test_pages_follow_each_other(engine: Engine) -> None:
+    database.write(engine, [happening(number) for number in range(5)])
+    first = database.read_newest(engine, ALL, before=None, limit=2)
+    second = database.read_newest(engine, ALL, before=first[-1]["id"], limit=10)
+    assert [each["text"] for each in (*first, *second)] == ["at 4", "at 3", "at 2", "at 1", "at 0"]
+    end = first[0]["id"]
+    oldest = database.read_oldest(engine, ALL, after=0, upto=end - 1, limit=3)
+    rest = database.read_oldest(engine, ALL, after=oldest[-1]["id"], upto=end - 1, limit=3)
+    assert [each["text"] for each in (*oldest, *rest)] == ["at 0", "at 1", "at 2", "at 3"]
+
+
+def test_filters(engine: Engine) -> None:
+    database.write(
+        engine,
+        [
+            happening(0, robot="A/1", order="TO-1", text="zero"),
+            happening(1, Code.ERROR_RAISED, robot="A/1", text="one"),
+            happening(2, Code.POSITION, robot="A/1", text="two"),
+            happening(3, Code.LINK, text="three"),
+        ],
+    )
+    second = START + timedelta(seconds=1)
+    assert texts(engine, ALL) == ["three", "one", "zero"]
+    assert texts(engine, HistoryFilter(robot="A/1")) == ["one", "zero"]
+    assert texts(engine, HistoryFilter(robot="' OR '1'='1")) == []
+    assert texts(engine, HistoryFilter(order="TO-1")) == ["zero"]
+    assert texts(engine, HistoryFilter(codes=(Code.POSITION, Code.LINK))) == ["three", "two"]
+    assert texts(engine, HistoryFilter(since=second)) == ["three", "one"]
+    assert texts(engine, HistoryFilter(until=second)) == ["zero"]
+
+
+def test_odd_texts_are_kept_as_far_as_databases_can(engine: Engine) -> None:
+    odd = "\x00 \U0001f916 'quoted' %s"
+    database.write(engine, [happening(0, robot="r" * 999, text=odd)])
+    (entry,) = database.read_newest(engine, ALL, before=None, limit=1)
+    assert entry["text"] == odd.replace("\x00", "\ufffd")
+    assert entry["robot"] == "r" * schema.ROBOT_LENGTH
+
+
+def test_what_is_too_old_goes(engine: Engine) -> None:
+    track = [happening(number, Code.POSITION) for number in range(4)]
+    database.write(engine, [*track, *(happening(number) for number in range(4))])
+    limit = START + timedelta(seconds=2)
+    assert database.expire(engine, before=limit, code=Code.POSITION) == 2
+    assert texts(engine, HistoryFilter(codes=(Code.POSITION,))) == ["at 3", "at 2"]
+    assert texts(engine, ALL) == ["at 3", "at 2", "at 1", "at 0"]
+    assert database.expire(engine, before=limit) == 2
+    assert database.expire(engine, before=limit) == 0
+    assert texts(engine, ALL) == ["at 3", "at 2"]
+
+
+def test_tables_are_made_once_and_another_version_is_refused(engine: Engine) -> None:
+    database.write(engine, [happening(0)])
+    database.prepare(engine)
+    assert texts(engine, ALL) == ["at 0"]
+    with engine.begin() as connection:
+        connection.execute(update(schema.schema_version).values(version=99))
+    with pytest.raises(HistoryError, match="version 99"):
+        database.prepare(engine)
+
+
+@pytest.mark.parametrize(
+    ("url", "reason"),
+    [
+        ("history.db", "cannot be used"),
+        ("sqlite://", "names no file"),
+        ("sqlite:///:memory:", "names no file"),
+        ("oracle+nothing://host", "cannot be used"),
+    ],
+)
+def test_a_url_that_cannot_be_is_refused_with_what_to_write(url: str, reason: str) -> None:
+    with pytest.raises(HistoryError, match=f"{reason}.*sqlite:///nena-history.db"):
+        database.make_engine(url)
+
+
+def test_a_folder_that_is_not_there_is_an_error_of_the_database(tmp_path: Path) -> None:
+    engine = database.make_engine(f"sqlite:///{tmp_path / 'missing' / 'history.db'}")
+    with pytest.raises(OperationalError):
+        database.prepare(engine)
