@@ -91,6 +91,7 @@ async def test_a_service_is_not_ready_without_its_subscriptions(
         store.close()
 
 
+@pytest.mark.clause("6.6.5.4")
 async def test_a_robot_that_hears_no_orders_says_so(strict_broker: Broker, tmp_path: Path) -> None:
     settings = agent_settings(strict_broker, "uagv", tmp_path)
     with MqttPeer(strict_broker, "uagv/v2/+/+/state") as peer:

@@ -186,3 +186,14 @@ def test_ended_instant_actions_stay_until_they_are_cleared_or_a_new_order_comes(
 
     shown = {each.action_id: each.action_status.value for each in new.state.instant_action_states}
     assert shown == {"w": "INITIALIZING", "c": "FINISHED"}
+
+
+@pytest.mark.clause("6.2.3/clearInstantActions")
+def test_an_order_may_clear_them_as_well() -> None:
+    bench = Bench(rules=RULES["3.0.0"])
+    bench.instant(action("s", "NONE", "stateRequest"))
+
+    bench.send(order("n0", node_actions={"n0": [action("c", "NONE", "clearInstantActions")]}))
+
+    assert bench.state.instant_action_states == ()
+    assert bench.statuses() == {"c": "FINISHED"}

@@ -126,16 +126,21 @@ def test_a_robot_with_a_fatal_error_takes_no_orders(version: str) -> None:
     assert not bench.errors
 
 
-@pytest.mark.clause("6.6.6", "6.2.3/stateRequest")
+@pytest.mark.clause("6.6.6", "6.2.3/stateRequest", "6.2.3/factsheetRequest")
 @VERSIONS
 @CLEARING
 def test_instant_actions_that_do_something_fail(version: str, mode: OperatingMode) -> None:
     bench = Bench(rules=RULES[version])
     switch(bench, mode)
 
-    bench.instant(action("s", "NONE", "stateRequest"), action("p", "NONE", "startPause"), action("w"))
+    bench.instant(
+        action("s", "NONE", "stateRequest"),
+        action("f", "NONE", "factsheetRequest"),
+        action("p", "NONE", "startPause"),
+        action("w"),
+    )
 
-    assert [bench.status(each) for each in "spw"] == ["FINISHED", "FAILED", "FAILED"]
+    assert [bench.status(each) for each in "sfpw"] == ["FINISHED", "FINISHED", "FAILED", "FAILED"]
     assert not bench.state.paused
 
 

@@ -14,7 +14,7 @@ from nena_edge_agent.protocol.order_acceptance import Rejected, judge
 from nena_edge_agent.protocol.rules import RULES
 from nena_edge_agent.protocol.situation import Situation
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
-from nena_shared.vda5050.order import ControlPoint, Corridor, Order, Trajectory
+from nena_shared.vda5050.order import ControlPoint, Order, Trajectory
 from nena_shared.vda5050.state import OperatingMode
 from support.robot_core import CAPABILITIES, MAP, Bench, action, at, order, position
 
@@ -159,21 +159,6 @@ def test_row_4_a_robot_that_would_be_too_fast_refuses_the_edge(
         entry = refused(bench, sent)
         assert entry.error_type == ErrorType.UNSUPPORTED_PARAMETER
         assert references(entry)["parameter"] == "edges.maximumSpeed"
-
-
-@pytest.mark.clause("6.1.5", "6.1.4.2")
-@pytest.mark.parametrize("version", ["2.1.0", "3.0.0"])
-def test_row_4_a_corridor_is_refused_unless_the_settings_pass_it_over(version: str) -> None:
-    wide = {"corridor": Corridor(left_width=1.0, right_width=1.0)}
-    strict = Bench(rules=RULES[version])
-    lenient = Bench(rules=RULES[version], tolerated_parameters=frozenset({"edges.corridor"}))
-
-    entry = refused(strict, order("n0", "n1", edge_fields=wide))
-    lenient.send(order("n0", "n1", edge_fields=wide))
-
-    assert entry.error_type == ErrorType.UNSUPPORTED_PARAMETER
-    assert references(entry)["parameter"] == "edges.corridor"
-    assert lenient.state.order_id == "o1"
 
 
 @pytest.mark.clause("6.1.4.2", "7.3/edge")

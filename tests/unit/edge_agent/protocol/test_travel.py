@@ -85,7 +85,7 @@ def picture(blocking: str) -> Bench:
     return bench
 
 
-@pytest.mark.clause("6.6.2")
+@pytest.mark.clause("6.6.2", "6.2.2/edge")
 def test_picture_of_a_node_that_does_not_block() -> None:
     bench = picture("NONE")
 

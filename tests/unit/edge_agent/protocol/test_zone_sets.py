@@ -15,8 +15,6 @@ from nena_edge_agent.protocol.zone_sets import (
 from nena_shared.vda5050.zone_set import Vertex, Zone, ZoneSet, ZoneType
 from support.zones import zone, zone_set
 
-pytestmark = pytest.mark.clause("6.4.1", "6.4.2")
-
 SUPPORTED = frozenset({ZoneType.BLOCKED, ZoneType.RELEASE})
 WALL = zone("wall", "BLOCKED", 4, 6)
 
@@ -32,6 +30,7 @@ def with_sets(*zone_sets: ZoneSet) -> ZoneSets:
     return sets
 
 
+@pytest.mark.clause("6.4.1")
 def test_a_new_set_is_disabled_and_does_not_count() -> None:
     sets = with_sets(zone_set(WALL))
 
@@ -39,6 +38,7 @@ def test_a_new_set_is_disabled_and_does_not_count() -> None:
     assert sets.enabled == ()
 
 
+@pytest.mark.clause("6.4.2")
 def test_an_enabled_set_takes_the_place_of_the_other_one_of_its_map() -> None:
     sets = with_sets(
         zone_set(WALL),
@@ -52,6 +52,7 @@ def test_an_enabled_set_takes_the_place_of_the_other_one_of_its_map() -> None:
     assert {each.key for each in sets.enabled} == {("s2", "w2"), ("s3", "wall")}
 
 
+@pytest.mark.clause("6.4.1")
 def test_a_set_with_the_id_of_another_one_is_not_taken() -> None:
     sets = with_sets(zone_set(WALL))
 
@@ -60,6 +61,7 @@ def test_a_set_with_the_id_of_another_one_is_not_taken() -> None:
     assert [zone.zone_id for each, _ in sets.held for zone in each.zones] == ["wall"]
 
 
+@pytest.mark.clause("6.2.3/deleteZoneSet")
 def test_an_enabled_set_is_not_deleted() -> None:
     sets = with_sets(zone_set(WALL), zone_set(WALL, zone_set_id="s2"))
     sets.enable("s1")
@@ -71,6 +73,7 @@ def test_an_enabled_set_is_not_deleted() -> None:
     assert held(sets) == {"s1": "ENABLED"}
 
 
+@pytest.mark.clause("6.2.3/enableZoneSet", "6.2.3/deleteZoneSet")
 @pytest.mark.parametrize("name", ["enable", "delete"])
 def test_a_set_that_is_not_there_is_not_changed(name: str) -> None:
     with pytest.raises(ZoneSetRefusedError, match="no zone set 'x'"):
@@ -82,7 +85,7 @@ def _bow_tie() -> Zone:
     return Zone(zone_id="b", zone_type=ZoneType.BLOCKED, vertices=tuple(Vertex(x=x, y=y) for x, y in corners))
 
 
-@pytest.mark.clause("6.4/others")
+@pytest.mark.clause("6.4.1", "6.4/others")
 @pytest.mark.parametrize(
     ("bad", "problem"),
     [
@@ -98,6 +101,7 @@ def test_a_zone_that_the_robot_cannot_honour_is_refused(bad: Zone, problem: str)
     assert sets.held == ()
 
 
+@pytest.mark.clause("6.4.1")
 def test_there_is_room_for_so_much_and_no_more() -> None:
     sets = with_sets(*(zone_set(WALL, zone_set_id=f"s{number}") for number in range(SETS_HELD)))
 
@@ -107,6 +111,7 @@ def test_there_is_room_for_so_much_and_no_more() -> None:
         with_sets(zone_set(*(zone(f"z{number}", "BLOCKED", 0, 1) for number in range(ZONES_IN_A_SET + 1))))
 
 
+@pytest.mark.clause("6.4.2")
 def test_what_is_held_can_be_held_again() -> None:
     sets = with_sets(zone_set(WALL), zone_set(WALL, zone_set_id="s2"))
     sets.enable("s2")

@@ -57,7 +57,7 @@ def to(goal: str, start: Standing, **more: object) -> Mission:
     return build_mission("m", plant=PLANT, standing=start, profile=PROFILE, route=route, **more)  # type: ignore[arg-type] # passed on
 
 
-@pytest.mark.clause("6.1.1")
+@pytest.mark.clause("6.1.1", "6.1.1/first")
 def test_a_route_becomes_a_graph_that_the_standard_allows() -> None:
     actions = OperationMap().actions("Load", {})
     mission = to("C", standing(0.1, 0.0), actions=actions)

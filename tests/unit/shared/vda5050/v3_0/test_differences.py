@@ -70,6 +70,15 @@ def test_major_version_is_its_own(state: JsonObject) -> None:
         read(State, state | {"version": "2.1.0"})
 
 
+@pytest.mark.clause("7.2/lenient")
+@pytest.mark.parametrize("missing", ["headerId", "timestamp", "version", "manufacturer", "serialNumber"])
+def test_factsheet_without_a_whole_header_is_refused(factsheet: JsonObject, missing: str) -> None:
+    del factsheet[missing]
+
+    with pytest.raises(MalformedMessageError, match=missing):
+        read(Factsheet, factsheet)
+
+
 @pytest.mark.clause("7.7", "6.6.6/STARTUP")
 def test_spellings_of_2_x_are_read(header: JsonObject, state: JsonObject) -> None:
     broken = read(Connection, header | {"connectionState": "CONNECTIONBROKEN"})

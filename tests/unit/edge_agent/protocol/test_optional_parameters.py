@@ -1,0 +1,49 @@
+"""What the factsheet says of optional fields is what the check of orders does (section 7.1.1)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from nena_edge_agent.protocol.optional_parameters import DEMANDS, supported
+from nena_shared.vda5050.factsheet import Support
+from nena_shared.vda5050.order import ControlPoint, Corridor, Trajectory
+from support.robot_core import Bench, order
+
+VALUES: dict[str, tuple[str, Any]] = {
+    "edges.maximumSpeed": ("maximum_speed", 0.5),
+    "edges.maximumMobileRobotHeight": ("maximum_mobile_robot_height", 1.0),
+    "edges.minimumLoadHandlingDeviceHeight": ("minimum_load_handling_device_height", 0.2),
+    "edges.orientation": ("orientation", 1.0),
+    "edges.direction": ("direction", "left"),
+    "edges.reachOrientationBeforeEntering": ("reach_orientation_before_entering", True),
+    "edges.maximumRotationSpeed": ("maximum_rotation_speed", 0.5),
+    "edges.trajectory": (
+        "trajectory",
+        Trajectory(degree=1, control_points=(ControlPoint(x=0, y=0), ControlPoint(x=1, y=0))),
+    ),
+    "edges.corridor": ("corridor", Corridor(left_width=1.0, right_width=1.0)),
+}
+
+
+@pytest.mark.clause("6.10/parameters", "6.1.4.2", "7.3/edge")
+@pytest.mark.parametrize("limits_speed", [True, False])
+@pytest.mark.parametrize("name", DEMANDS)
+def test_a_field_of_an_edge_is_listed_if_orders_may_hold_it(name: str, *, limits_speed: bool) -> None:
+    bench = Bench(limits_speed=limits_speed)
+    field, value = VALUES[name]
+
+    bench.send(order("n0", "n1", edge_fields={field: value}))
+
+    listed = {each.parameter for each in supported(bench.capabilities)}
+    assert (bench.state.order_id == "o1") is (f"order.{name}" in listed)
+
+
+@pytest.mark.clause("6.10/parameters")
+def test_positions_are_demanded() -> None:
+    demanded = [
+        each.parameter for each in supported(Bench().capabilities) if each.support is Support.REQUIRED
+    ]
+
+    assert demanded == ["order.nodes.nodePosition"]
