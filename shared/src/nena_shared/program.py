@@ -8,6 +8,7 @@ from collections.abc import Awaitable, Callable, Sequence
 
 from nena_shared import log
 from nena_shared.settings import ConfigurationError, S, load
+from nena_shared.signs_of_life import signs_of_life
 from nena_shared.tasks import TaskFailedError, stop_on_signals
 
 EXIT_FAILED = 1
@@ -49,4 +50,5 @@ def run(
 async def _serve(settings: S, serve: Callable[[S, asyncio.Event], Awaitable[None]]) -> None:
     stop = asyncio.Event()
     stop_on_signals(stop)
-    await serve(settings, stop)
+    async with signs_of_life(stop):
+        await serve(settings, stop)
