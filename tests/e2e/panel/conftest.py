@@ -1,12 +1,15 @@
-"""A real Chromium."""
+"""A real Chromium, and a hall for it to show."""
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 
 import pytest
 from playwright.async_api import Browser, async_playwright
+
+from support.broker import Broker, MqttPeer
+from support.panel import Hall
 
 ARGUMENTS = [
     "--headless",
@@ -30,3 +33,10 @@ async def browser() -> AsyncIterator[Browser]:
         browser = await playwright.chromium.launch(executable_path=chromium, args=ARGUMENTS)
         yield browser
         await browser.close()
+
+
+@pytest.fixture
+def hall(broker: Broker, interface_name: str) -> Iterator[Hall]:
+    """Give a hall with topics of its own."""
+    with MqttPeer(broker) as peer:
+        yield Hall.of(broker, peer, interface_name)

@@ -3,95 +3,27 @@
 from __future__ import annotations
 
 import re
-from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager
-from dataclasses import dataclass
-from datetime import UTC, datetime
 
 import pytest
-from playwright.async_api import Browser, Page, expect
+from playwright.async_api import Browser, expect
 
-from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import TransportOrderState
-from nena_shared.vda5050.base import Header
-from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
-from nena_shared.vda5050.v2_1 import CODEC
+from nena_shared.vda5050.topics import RobotKey, Topic
 from support.aggregator_process import AggregatorProcess
-from support.broker import Broker, MqttPeer, free_port
+from support.broker import Broker, free_port
 from support.fleet_examples import (
     ROBOT,
-    START,
     connection,
-    order_status,
     position,
-    sample_plant,
     state,
     vehicle_status,
     way,
 )
+from support.panel import Hall, opened, seconds_now
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
 OTHER = RobotKey("ACME", "r2")
-
-
-def seconds_now() -> float:
-    """Seconds from the examples' start to now, so that robots' clocks are right."""
-    return (datetime.now(UTC) - START).total_seconds()
-
-
-@dataclass
-class Hall:
-    """Robots and order service of the test's own, beside the aggregator that watches them."""
-
-    peer: MqttPeer
-    port: int
-    options: tuple[str, ...]
-    robots: TopicScheme
-    fleet: FleetTopics
-
-    @property
-    def url(self) -> str:
-        return f"http://127.0.0.1:{self.port}/"
-
-    def send(self, topic: Topic, message: Header, *, robot: RobotKey = ROBOT, retain: bool = False) -> None:
-        self.peer.publish(self.robots.of(robot, topic), CODEC.encode(message), retain=retain)
-
-    def publish_plant(self) -> None:
-        self.peer.publish(self.fleet.plant_model, sample_plant().to_json(), retain=True)
-
-    def publish_order(self, version: int, state: TransportOrderState) -> None:
-        status = order_status(version=version, state=state).model_dump_json(by_alias=True)
-        self.peer.publish(self.fleet.order_status("TO-1"), status, retain=True)
-
-    def aggregator(self) -> AggregatorProcess:
-        return AggregatorProcess(*self.options)
-
-
-@pytest.fixture
-def hall(broker: Broker, interface_name: str) -> Iterator[Hall]:
-    port = free_port()
-    fleet = FleetTopics(f"{interface_name}/nena")
-    options = ("--http.port", str(port), "--mqtt.port", str(broker.port), "--topic_prefix", fleet.prefix)
-    with MqttPeer(broker) as peer:
-        named = (*options, "--interface_name", interface_name)
-        yield Hall(peer, port, named, TopicScheme(interface_name), fleet)
-
-
-@asynccontextmanager
-async def opened(browser: Browser, url: str, *, width: int = 1280, dark: bool = False) -> AsyncIterator[Page]:
-    """Open the page; whatever the browser complains about fails the test."""
-    page = await browser.new_page(
-        viewport={"width": width, "height": 800}, color_scheme="dark" if dark else "light"
-    )
-    complaints: list[str] = []
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.on("console", lambda line: complaints.append(line.text) if line.type == "error" else None)
-    await page.goto(url)
-    yield page
-    lost_line = "net::ERR_"  # said by the browser while the aggregator is away
-    assert [each for each in complaints if lost_line not in each] == []
-    await page.close()
 
 
 async def test_an_empty_page_says_what_to_do(hall: Hall, browser: Browser) -> None:

@@ -28,11 +28,23 @@ const TEXTS = {
     "map.fit": "Show everything",
     "map.in": "Zoom in",
     "map.out": "Zoom out",
+    "map.follow": "Follow the chosen robot",
+    "map.layers": "Layers",
     "map.empty.title": "No plant model yet",
     "map.empty.text":
       "The map comes from the order service: start it with a plant model, on the same MQTT broker and the same prefix. Robots are drawn as soon as they tell where they are.",
     "map.scale": "{length} m",
     "map.position": "x {x} m, y {y} m",
+
+    "layer.blocks": "Blocks",
+    "layer.ways": "Paths",
+    "layer.points": "Points",
+    "layer.locations": "Locations",
+    "layer.names": "Names",
+    "layer.ahead": "Ways ahead",
+    "layer.goals": "Goals",
+    "layer.robots": "Robots",
+    "layer.robotNames": "Names of robots",
 
     "robots.title": "Robots",
     "robots.name": "Robot",

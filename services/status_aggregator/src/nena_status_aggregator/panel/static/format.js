@@ -27,3 +27,10 @@ export function age(seconds) {
   const [, unit, key] = UNITS.find(([limit]) => seconds < limit);
   return t(key, { count: number(Math.floor(Math.max(0, seconds) / unit)) });
 }
+
+const order = new Intl.Collator(undefined, { numeric: true });
+
+/** Compare two names as people sort them: r2 before r10. */
+export function byName(a, b) {
+  return order.compare(a, b);
+}

@@ -4,14 +4,13 @@ import { t } from "../catalogue.js";
 import { element, emptyBox, setAttribute, setText } from "../dom.js";
 import { number } from "../format.js";
 import { icon } from "../icons.js";
-import { paint, readColours } from "../map/painter.js";
+import { Gestures } from "../map/gestures.js";
+import { Painter, readColours } from "../map/painter.js";
 import { drawPlan, extent } from "../map/plant.js";
 import { Viewport } from "../map/viewport.js";
+import "./map_layers.js";
 
-const ZOOM = 1.25;
-const STEP = 60;
 const REACH = 18;
-const CLICK = 4;
 const SCALE_LENGTHS = [0.5, 1, 2, 5, 10, 20, 50, 100, 200];
 
 class FleetMap extends HTMLElement {
@@ -21,8 +20,6 @@ class FleetMap extends HTMLElement {
   #fitted = false;
   #pending = false;
   #places = [];
-  #pointers = new Map();
-  #moved = 0;
 
   show(store) {
     this.store = store;
@@ -37,6 +34,15 @@ class FleetMap extends HTMLElement {
   /** Mark one robot; null: none. */
   select(id) {
     this.selected = id;
+    this.followTool.disabled = !id;
+    if (!id) this.follow(false);
+    this.#draw();
+  }
+
+  /** Keep the marked robot in the middle, or stop that. */
+  follow(on) {
+    this.following = on;
+    setAttribute(this.followTool, "aria-pressed", String(on));
     this.#draw();
   }
 
@@ -52,6 +58,7 @@ class FleetMap extends HTMLElement {
   fit() {
     const robots = this.#robots().map((robot) => robot.position);
     const box = extent([...(this.#plan ? [...this.#plan.points.values(), ...this.#plan.locations] : []), ...robots]);
+    this.follow(false);
     if (!box) return;
     this.view.fit(box);
     this.#fitted = true;
@@ -60,47 +67,41 @@ class FleetMap extends HTMLElement {
 
   #build() {
     this.canvas = element("canvas", { tabindex: 0, role: "application" });
+    this.painter = new Painter(this.canvas);
+    const gestures = new Gestures(this.canvas, this.view, {
+      moved: (byHand) => (byHand ? this.follow(false) : this.#draw()),
+      picked: (x, y) => this.#pick(x, y),
+      hovered: (place) => this.#read(place),
+      fit: () => this.fit(),
+    });
     this.note = emptyBox(t("map.empty.title"), t("map.empty.text"));
     this.bar = element("span", { class: "scale-bar" });
     this.readout = element("span", { class: "readout number" });
-    const tools = element(
+    this.layers = element("nena-map-layers");
+    this.layers.addEventListener("layers", () => this.#draw());
+    const legend = element("div", { class: "legend" }, this.bar, this.readout);
+    this.replaceChildren(this.canvas, this.note, this.#tools(gestures), legend);
+  }
+
+  #tools(gestures) {
+    this.followTool = this.#tool("follow", "map.follow", () => this.follow(!this.following));
+    this.followTool.disabled = true;
+    setAttribute(this.followTool, "aria-pressed", "false");
+    return element(
       "div",
       { class: "tools" },
-      this.#tool("plus", "map.in", () => this.#zoom(ZOOM)),
-      this.#tool("minus", "map.out", () => this.#zoom(1 / ZOOM)),
+      this.#tool("plus", "map.in", () => gestures.step(1)),
+      this.#tool("minus", "map.out", () => gestures.step(-1)),
       this.#tool("fit", "map.fit", () => this.fit()),
+      this.followTool,
+      this.layers,
     );
-    this.replaceChildren(this.canvas, this.note, tools, element("div", { class: "legend" }, this.bar, this.readout));
-    this.context = this.canvas.getContext("2d");
-    for (const [name, handler] of Object.entries(this.#handlers())) this.canvas.addEventListener(name, handler);
   }
 
   #tool(sign, key, action) {
     const button = element("button", { type: "button", title: t(key), "aria-label": t(key) }, icon(sign));
     button.addEventListener("click", action);
     return button;
-  }
-
-  #handlers() {
-    return {
-      keydown: (event) => this.#key(event),
-      wheel: (event) => {
-        event.preventDefault();
-        this.#zoom(Math.exp(-event.deltaY / 400), event.offsetX, event.offsetY);
-      },
-      pointerdown: (event) => {
-        this.canvas.setPointerCapture(event.pointerId);
-        this.#pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
-        this.#moved = 0;
-      },
-      pointermove: (event) => this.#move(event),
-      pointerup: (event) => {
-        this.#pointers.delete(event.pointerId);
-        if (this.#moved < CLICK) this.#pick(event.offsetX, event.offsetY);
-      },
-      pointercancel: (event) => this.#pointers.delete(event.pointerId),
-      pointerleave: () => setText(this.readout, ""),
-    };
   }
 
   #change({ robots, parts }) {
@@ -117,11 +118,10 @@ class FleetMap extends HTMLElement {
     this.note.hidden = plant !== null;
     if (plant?.version === this.#plantVersion && plant?.name === this.#plan?.name) return;
     const answer = plant ? await fetch("api/v1/plant") : null;
-    this.#plan = answer?.ok ? { ...drawPlan(await answer.json()), name: plant.name } : null;
+    this.#plan = answer?.ok ? drawPlan(await answer.json()) : null;
     this.#plantVersion = this.#plan ? plant.version : null;
     this.fit();
     this.#describe();
-    this.#draw();
   }
 
   #robots() {
@@ -133,39 +133,8 @@ class FleetMap extends HTMLElement {
     setAttribute(this.canvas, "aria-label", t(this.#plan ? "map.label" : "map.label.empty", values));
   }
 
-  #key(event) {
-    const moves = { ArrowLeft: [STEP, 0], ArrowRight: [-STEP, 0], ArrowUp: [0, STEP], ArrowDown: [0, -STEP] };
-    if (moves[event.key]) this.view.pan(...moves[event.key]);
-    else if (event.key === "+" || event.key === "=") this.view.zoom(ZOOM);
-    else if (event.key === "-") this.view.zoom(1 / ZOOM);
-    else if (event.key === "0") this.fit();
-    else return;
-    event.preventDefault();
-    this.#draw();
-  }
-
-  #zoom(factor, x, y) {
-    this.view.zoom(factor, x, y);
-    this.#draw();
-  }
-
-  #move(event) {
-    const [x, y] = this.view.toPlane(event.offsetX, event.offsetY);
-    setText(this.readout, t("map.position", { x: number(x, 2), y: number(y, 2) }));
-    const before = this.#pointers.get(event.pointerId);
-    if (!before) return;
-    const others = [...this.#pointers].filter(([id]) => id !== event.pointerId).map(([, place]) => place);
-    const here = [event.offsetX, event.offsetY];
-    if (others.length) this.#pinch(before, here, others[0]);
-    else this.view.pan(here[0] - before[0], here[1] - before[1]);
-    this.#moved += Math.hypot(here[0] - before[0], here[1] - before[1]);
-    this.#pointers.set(event.pointerId, here);
-    this.#draw();
-  }
-
-  #pinch(before, here, other) {
-    const apart = (place) => Math.hypot(place[0] - other[0], place[1] - other[1]);
-    this.view.zoom(apart(here) / Math.max(1, apart(before)), (here[0] + other[0]) / 2, (here[1] + other[1]) / 2);
+  #read(place) {
+    setText(this.readout, place ? t("map.position", { x: number(place[0], 2), y: number(place[1], 2) }) : "");
   }
 
   #pick(x, y) {
@@ -194,11 +163,17 @@ class FleetMap extends HTMLElement {
     this.#pending = true;
     requestAnimationFrame(() => {
       this.#pending = false;
-      this.context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
-      const { selected, colours } = this;
-      this.#places = paint(this.context, this.view, { plan: this.#plan, robots: this.#robots(), selected, colours });
-      this.#drawScale();
+      this.#paint();
     });
+  }
+
+  #paint() {
+    const { selected, colours } = this;
+    const followed = this.following && this.store.robots.get(selected)?.position;
+    if (followed) this.view.centre(followed.x, followed.y);
+    const scene = { plan: this.#plan, robots: this.#robots(), selected, colours, layers: this.layers.chosen };
+    this.#places = this.painter.paint(this.view, scene);
+    this.#drawScale();
   }
 
   #drawScale() {

@@ -2,14 +2,14 @@
 
 import { t } from "../catalogue.js";
 import { element, progressBar, setAttribute, setText } from "../dom.js";
-import { age, number } from "../format.js";
+import { age, byName, number } from "../format.js";
 import { LiveTable, cell } from "./live_table.js";
 
 class OrderTable extends LiveTable {
   columns = ["orders.name", "orders.state", "orders.vehicle", "orders.destinations", "orders.progress"];
   empty = "orders.empty";
   compare = (a, b) =>
-    a.final - b.final || b.created.localeCompare(a.created) || a.id.localeCompare(b.id, undefined, { numeric: true });
+    a.final - b.final || Date.parse(b.created) - Date.parse(a.created) || byName(a.id, b.id);
 
   show(store) {
     this.follow(store, "orders");

@@ -2,7 +2,7 @@
 
 import { plural, t } from "../catalogue.js";
 import { element, progressBar, setAttribute, setText } from "../dom.js";
-import { age, number } from "../format.js";
+import { age, byName, number } from "../format.js";
 import { LiveTable, cell } from "./live_table.js";
 
 const LOW_BATTERY = 20;
@@ -10,7 +10,7 @@ const LOW_BATTERY = 20;
 class RobotTable extends LiveTable {
   columns = ["robots.name", "robots.condition", "robots.battery", "robots.order", "robots.age"];
   empty = "robots.empty";
-  compare = (a, b) => a.name.localeCompare(b.name, undefined, { numeric: true }) || a.id.localeCompare(b.id);
+  compare = (a, b) => byName(a.name, b.name) || byName(a.id, b.id);
 
   show(store) {
     this.follow(store, "robots");

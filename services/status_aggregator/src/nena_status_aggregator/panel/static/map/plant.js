@@ -2,7 +2,7 @@
 
 const MM = 1000;
 
-/** Make the drawing of a plant: points, ways (both directions of a connection are one), locations. */
+/** Make the drawing of a plant: points, ways (both directions of a connection are one), locations, blocks. */
 export function drawPlan(plant) {
   const points = new Map(
     plant.points.map((each) => [
@@ -10,24 +10,39 @@ export function drawPlan(plant) {
       { name: each.name, x: each.xMm / MM, y: each.yMm / MM, parking: each.type === "PARK_POSITION" },
     ]),
   );
-  return { points, ways: ways(plant.paths, points), locations: plant.locations.map((each) => location(each, points)) };
+  const courses = new Map(plant.paths.flatMap((path) => courseOf(path, points)));
+  return {
+    name: plant.name,
+    points,
+    ways: ways(plant.paths, courses),
+    locations: plant.locations.map((each) => location(each, points)),
+    blocks: plant.blocks.map((each) => block(each, points, courses)),
+    between: between(plant.paths, courses),
+  };
 }
 
-function ways(paths, points) {
+// Name of a path, and the line that it takes.
+function courseOf(path, points) {
+  const [from, to] = [points.get(path.source), points.get(path.destination)];
+  if (!from || !to) return [];
+  const corners = path.layout.controlPoints.map((each) => [each.xMm / MM, each.yMm / MM]);
+  const curved = ["BEZIER", "BEZIER_3"].includes(path.layout.connectionType);
+  return [[path.name, { line: [[from.x, from.y], ...corners, [to.x, to.y]], curved }]];
+}
+
+function ways(paths, courses) {
   const found = new Map();
   for (const path of paths) {
-    const [from, to] = [points.get(path.source), points.get(path.destination)];
-    if (!from || !to) continue;
+    const course = courses.get(path.name);
+    if (!course) continue;
     const opposite = found.get(`${path.destination} ${path.source}`);
-    if (opposite && straight(path) && straight(opposite.path)) {
+    if (opposite && course.line.length === 2 && opposite.line.length === 2) {
       opposite.forward ||= path.maxReverseVelocityMmS > 0;
       opposite.backward ||= path.maxVelocityMmS > 0;
       opposite.locked &&= path.locked;
     } else {
       found.set(`${path.source} ${path.destination}`, {
-        path,
-        course: course(path, from, to),
-        curved: ["BEZIER", "BEZIER_3"].includes(path.layout.connectionType),
+        ...course,
         forward: path.maxVelocityMmS > 0,
         backward: path.maxReverseVelocityMmS > 0,
         locked: path.locked,
@@ -35,15 +50,6 @@ function ways(paths, points) {
     }
   }
   return [...found.values()];
-}
-
-function straight(path) {
-  return path.layout.controlPoints.length === 0;
-}
-
-function course(path, from, to) {
-  const between = path.layout.controlPoints.map((each) => [each.xMm / MM, each.yMm / MM]);
-  return [[from.x, from.y], ...between, [to.x, to.y]];
 }
 
 function location(each, points) {
@@ -55,6 +61,28 @@ function location(each, points) {
     locked: each.locked,
     links: each.links.map((link) => points.get(link.point)).filter(Boolean),
   };
+}
+
+function block(each, points, courses) {
+  const corners = each.members.map((name) => points.get(name)).filter(Boolean);
+  const lines = each.members.map((name) => courses.get(name)).filter(Boolean);
+  const places = [...corners.map(({ x, y }) => [x, y]), ...lines.flatMap(({ line }) => [line[0], line.at(-1)])];
+  const mean = (axis) => places.reduce((sum, place) => sum + place[axis], 0) / places.length;
+  return { name: each.name, colour: each.color, corners, lines, x: mean(0), y: mean(1), empty: !places.length };
+}
+
+// The line from one point to its neighbour, whichever way the path was drawn.
+function between(paths, courses) {
+  const found = new Map();
+  for (const path of paths) {
+    const course = courses.get(path.name);
+    if (!course) continue;
+    if (path.maxVelocityMmS > 0) found.set(`${path.source} ${path.destination}`, course);
+    if (path.maxReverseVelocityMmS > 0) {
+      found.set(`${path.destination} ${path.source}`, { ...course, line: [...course.line].reverse() });
+    }
+  }
+  return found;
 }
 
 /** Give `[left, bottom, right, top]` of everything that has a place; null if nothing has. */

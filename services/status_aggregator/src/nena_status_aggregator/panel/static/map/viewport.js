@@ -51,11 +51,15 @@ export class Viewport {
     this.y = this.height / 2 + ((bottom + top) / 2) * this.scale;
   }
 
+  /** Bring a place of the plane to the middle. */
+  centre(x, y) {
+    const [px, py] = this.toScreen(x, y);
+    this.pan(this.width / 2 - px, this.height / 2 - py);
+  }
+
   /** Bring a place of the plane to the middle if it is out of sight. */
   reveal(x, y) {
     const [px, py] = this.toScreen(x, y);
-    if (px < MARGIN || py < MARGIN || px > this.width - MARGIN || py > this.height - MARGIN) {
-      this.pan(this.width / 2 - px, this.height / 2 - py);
-    }
+    if (px < MARGIN || py < MARGIN || px > this.width - MARGIN || py > this.height - MARGIN) this.centre(x, y);
   }
 }

@@ -1,0 +1,17 @@
+// What of the map is shown. The choice is kept.
+
+const KEY = "nena-layers";
+
+/** The layers, from the ground up; names as in the catalogue under `layer.`. */
+export const LAYERS = ["blocks", "ways", "points", "locations", "names", "ahead", "goals", "robots", "robotNames"];
+
+/** Give what was chosen last; a layer that was never chosen is shown. */
+export function readLayers() {
+  const hidden = (localStorage.getItem(KEY) ?? "").split(" ");
+  return Object.fromEntries(LAYERS.map((name) => [name, !hidden.includes(name)]));
+}
+
+/** Keep a choice. */
+export function keepLayers(layers) {
+  localStorage.setItem(KEY, LAYERS.filter((name) => !layers[name]).join(" "));
+}

@@ -1,0 +1,123 @@
+// Paints robots: footprint and heading, the way ahead, the goal. Sizes of things are metres.
+
+import { Labels } from "./labels.js";
+import { trace } from "./line.js";
+
+const ABSENT = ["SILENT", "BROKEN", "OFFLINE"];
+const ROBOT = { length: 0.9, width: 0.6 };
+const LEAST_ROBOT = 16;
+
+/** Paint the robots that have a place, as `[{robot, at}]`: `at` is where they are on the screen. */
+export function paintRobots(context, view, places, scene) {
+  const { layers, colours } = scene;
+  for (const { robot, at } of places) {
+    const ahead = aheadOf(robot, at, view, scene.plan);
+    if (layers.ahead) paintAhead(context, ahead, colourOf(robot, colours));
+    if (layers.goals && ahead.length) paintGoal(context, ahead.at(-1), colourOf(robot, colours));
+  }
+  if (!layers.robots) return;
+  for (const { robot, at } of places) paintRobot(context, view, robot, at, scene);
+  if (!layers.robotNames) return;
+  const labels = new Labels(context, view.width, colours);
+  for (const { robot, at } of places) labels.put(robot.name, at, radiusOf(view, robot) + 10, true);
+}
+
+function colourOf(robot, colours) {
+  return colours[robot.condition.toLowerCase()];
+}
+
+// The steps that the robot has still to go, each with the line that leads to its node.
+function aheadOf(robot, at, view, plan) {
+  if (!robot.order?.active) return [];
+  const steps = [];
+  let [from, last] = [at, null];
+  for (const node of robot.order.ahead) {
+    const place = node.x === null ? plan?.points.get(node.nodeId) : node;
+    if (!place) continue;
+    const to = view.toScreen(place.x, place.y);
+    const course = last && plan?.between.get(`${last} ${node.nodeId}`);
+    const between = course?.line.slice(1, -1).map(([x, y]) => view.toScreen(x, y)) ?? [];
+    steps.push({ line: [from, ...between, to], curved: Boolean(course?.curved), released: node.released });
+    [from, last] = [to, node.nodeId];
+  }
+  return steps;
+}
+
+// The released part solid, the rest dashed.
+function paintAhead(context, steps, colour) {
+  context.strokeStyle = colour;
+  context.lineWidth = 3;
+  context.globalAlpha = 0.6;
+  for (const released of [true, false]) {
+    context.setLineDash(released ? [] : [4, 7]);
+    context.beginPath();
+    for (const step of steps.filter((each) => each.released === released)) {
+      context.moveTo(...step.line[0]);
+      trace(context, step.line, step.curved);
+    }
+    context.stroke();
+  }
+  context.setLineDash([]);
+  context.globalAlpha = 1;
+}
+
+function paintGoal(context, { line, released }, colour) {
+  const [x, y] = line.at(-1);
+  context.strokeStyle = context.fillStyle = colour;
+  context.lineWidth = 2;
+  context.setLineDash(released ? [] : [3, 3]);
+  context.beginPath();
+  context.arc(x, y, 9, 0, 2 * Math.PI);
+  context.stroke();
+  context.setLineDash([]);
+  context.beginPath();
+  context.arc(x, y, 3, 0, 2 * Math.PI);
+  context.fill();
+}
+
+function bodyOf(view, robot) {
+  const { length, width } = robot.body?.length && robot.body?.width ? robot.body : ROBOT;
+  const factor = Math.max(view.scale, LEAST_ROBOT / Math.max(length, width));
+  return [length * factor, width * factor];
+}
+
+function radiusOf(view, robot) {
+  return Math.hypot(...bodyOf(view, robot)) / 2;
+}
+
+function paintRobot(context, view, robot, [x, y], { selected, colours }) {
+  const [length, width] = bodyOf(view, robot);
+  context.save();
+  context.translate(x, y);
+  if (robot.id === selected) paintHalo(context, radiusOf(view, robot) + 5, colours.accent);
+  context.rotate(-robot.position.theta);
+  context.globalAlpha = ABSENT.includes(robot.condition) || !robot.position.localized ? 0.55 : 1;
+  context.beginPath();
+  context.roundRect(-length / 2, -width / 2, length, width, Math.min(length, width) / 4);
+  context.fillStyle = colourOf(robot, colours);
+  context.fill();
+  context.strokeStyle = colours.surface;
+  context.lineWidth = 1.5;
+  context.stroke();
+  paintNose(context, length, width, colours.surface);
+  context.restore();
+}
+
+function paintNose(context, length, width, colour) {
+  const nose = Math.min(length, width) * 0.3;
+  context.beginPath();
+  context.moveTo(length / 2 - nose * 0.4, 0);
+  context.lineTo(length / 2 - nose * 1.6, -nose);
+  context.lineTo(length / 2 - nose * 1.6, nose);
+  context.closePath();
+  context.fillStyle = colour;
+  context.fill();
+}
+
+function paintHalo(context, radius, colour) {
+  context.beginPath();
+  context.arc(0, 0, radius, 0, 2 * Math.PI);
+  context.strokeStyle = colour;
+  context.lineWidth = 2.5;
+  context.stroke();
+}

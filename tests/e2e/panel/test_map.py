@@ -1,0 +1,154 @@
+"""The map: what is drawn, what can be switched, how it moves, and how fast."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+from itertools import count
+from math import pi, sin
+
+import pytest
+from playwright.async_api import Browser, Page, expect
+
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.vda5050.topics import RobotKey, Topic
+from support.fleet_examples import ROBOT, connection, factsheet, position, state, way
+from support.panel import Hall, becomes, opened, picture, seconds_now
+
+pytestmark = [pytest.mark.e2e, pytest.mark.broker]
+
+MAP = "document.querySelector('nena-fleet-map')"
+ROBOTS = 200
+FRAMES_WANTED = 30
+
+COLOUR_NEAR = """([x, y, colour]) => {
+  const map = document.querySelector("nena-fleet-map");
+  const [px, py] = map.view.toScreen(x, y).map((each) => Math.round(each * devicePixelRatio));
+  const pixels = map.canvas.getContext("2d").getImageData(px - 4, py - 4, 9, 9).data;
+  const wanted = map.colours[colour].match(/\\d+/g).map(Number);
+  let count = 0;
+  for (let at = 0; at < pixels.length; at += 4) {
+    const off = wanted.reduce((sum, each, channel) => sum + Math.abs(each - pixels[at + channel]), 0);
+    if (pixels[at + 3] > 60 && off < 40) count += 1;
+  }
+  return count;
+}"""
+"""How many pixels about a place of the plane have a colour of the style sheet."""
+
+FRAMES = """(seconds) => new Promise((done) => {
+  const map = document.querySelector("nena-fleet-map");
+  const begin = performance.now();
+  let frames = 0;
+  const next = (now) => {
+    if (now - begin > seconds * 1000) return done(frames / seconds);
+    frames += 1;
+    map.view.pan(frames % 2 ? 1 : -1, 0);
+    map.follow(false);
+    requestAnimationFrame(next);
+  };
+  requestAnimationFrame(next);
+})"""
+"""Frames per second while the map is being moved, so that nothing of it can be kept from the frame before."""
+
+
+def busy_robot(hall: Hall) -> None:
+    """Have one robot on its way from South 1 over South 2 and South 3, which is not released yet."""
+    hall.send(Topic.FACTSHEET, factsheet(at=seconds_now()), retain=True)
+    ahead = way("South 2", "South 3", first=2, released=1)
+    here = position(4, 2)
+    busy = state(at=seconds_now(), order_id="o1", driving=True, mobile_robot_position=here, **ahead)
+    hall.send(Topic.STATE, busy)
+
+
+async def near(page: Page, x: float, y: float, colour: str) -> int:
+    found: int = await page.evaluate(COLOUR_NEAR, [x, y, colour])
+    return found
+
+
+async def test_what_is_ahead_of_a_robot_is_drawn_and_layers_are_switched(
+    hall: Hall, browser: Browser
+) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        hall.publish_plant()
+        busy_robot(hall)
+        async with opened(browser, hall.url) as page:
+            await expect(page.locator("tr[data-robot='ACME/r1']")).to_contain_text("Busy")
+            await becomes(page, COLOUR_NEAR, [4, 2, "busy"], lambda found: found > 20)
+            assert await near(page, 15, 2, "busy") > 5  # the goal, South 3
+            await picture(page, "map")
+            await page.get_by_label("Layers").click()
+            await page.get_by_role("checkbox", name="Goals").uncheck()
+            await page.get_by_role("checkbox", name="Robots", exact=True).uncheck()
+            await becomes(page, COLOUR_NEAR, [4, 2, "busy"], lambda found: found < 60)
+            assert await near(page, 15, 2, "busy") < 5
+            await picture(page, "map-layers")
+            await page.reload()
+            await page.get_by_label("Layers").click()
+            await expect(page.get_by_role("checkbox", name="Goals")).not_to_be_checked()
+            await expect(page.get_by_role("checkbox", name="Blocks")).to_be_checked()
+
+
+async def test_the_map_follows_a_robot_until_it_is_moved_by_hand(hall: Hall, browser: Browser) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        hall.publish_plant()
+        hall.send(Topic.STATE, state(at=seconds_now(), mobile_robot_position=position(5, 2)))
+        async with opened(browser, hall.url) as page:
+            follow = page.get_by_role("button", name="Follow the chosen robot")
+            await expect(follow).to_be_disabled()
+            await page.get_by_role("button", name="Show r1 on the map").click()
+            await follow.click()
+            await expect(follow).to_have_attribute("aria-pressed", "true")
+            hall.send(Topic.STATE, state(2, at=seconds_now(), mobile_robot_position=position(15, 7)))
+            middle = f"{MAP}.view.toPlane({MAP}.view.width / 2, {MAP}.view.height / 2).map(Math.round)"
+            await becomes(page, middle, None, lambda place: place == [15, 7])
+            canvas = page.locator("nena-fleet-map canvas")
+            await canvas.focus()
+            await page.keyboard.press("ArrowLeft")
+            await expect(follow).to_have_attribute("aria-pressed", "false")
+            await page.keyboard.press("0")
+            await expect(canvas).to_be_focused()
+            assert await page.evaluate(f"{MAP}.view.toScreen(0, 0)[0]") > 0
+
+
+async def many_robots(hall: Hall, seconds: float = 0.5) -> None:
+    """Have two hundred robots drive about, each with a state every half second."""
+    for number in count(1):
+        for each in range(ROBOTS):
+            robot = RobotKey("ACME", f"r{each + 1}")
+            turn = number / 8 + each
+            here = position(12 + 11 * sin(turn / 3), 7 + 6 * sin(turn / 5 + each), remainder(turn))
+            ahead = way("South 2", "Middle 2", first=2, released=1)
+            sent = state(
+                number,
+                robot=robot,
+                at=seconds_now(),
+                order_id="o",
+                driving=True,
+                mobile_robot_position=here,
+                **ahead,
+            )
+            hall.send(Topic.STATE, sent, robot=robot)
+            await asyncio.sleep(seconds / ROBOTS)
+
+
+def remainder(angle: float) -> float:
+    return (angle + pi) % (2 * pi) - pi
+
+
+async def test_two_hundred_robots_at_two_hertz_are_drawn_smoothly(hall: Hall, browser: Browser) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        hall.publish_plant()
+        hall.publish_order(1, TransportOrderState.BEING_PROCESSED)
+        hall.send(Topic.CONNECTION, connection(), robot=ROBOT)
+        sending = asyncio.create_task(many_robots(hall), name="many robots")
+        async with opened(browser, hall.url) as page:
+            await expect(page.locator("tr[data-robot]")).to_have_count(ROBOTS, timeout=20_000)
+            measured = [await page.evaluate(FRAMES, 2.0) for _ in range(3)]
+            await picture(page, "map-200-robots")
+            assert max(measured) >= FRAMES_WANTED, f"frames per second in three runs: {measured}"
+        sending.cancel()
+        with suppress(asyncio.CancelledError):
+            await sending

@@ -1,0 +1,123 @@
+"""The control panel in a real browser, and a hall of the test's own that it shows."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from playwright.async_api import Browser, Page
+
+from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
+from nena_shared.vda5050.v2_1 import CODEC
+from support.aggregator_process import AggregatorProcess
+from support.broker import Broker, MqttPeer, free_port
+from support.fleet_examples import ROBOT, START, order_status, sample_plant
+from support.waiting import LOOK_EVERY
+
+PICTURES = os.environ.get("NENA_SCREENSHOTS")
+"""Folder for pictures of the panel; without one none are kept."""
+
+
+WITHIN = 10.0
+"""Seconds that something in the page may take to come true."""
+
+
+def seconds_now() -> float:
+    """Seconds from the examples' start to now, so that robots' clocks are right."""
+    return (datetime.now(UTC) - START).total_seconds()
+
+
+@dataclass
+class Hall:
+    """Robots and order service of the test's own, beside the aggregator that watches them."""
+
+    peer: MqttPeer
+    port: int
+    options: tuple[str, ...]
+    robots: TopicScheme
+    fleet: FleetTopics
+
+    @classmethod
+    def of(cls, broker: Broker, peer: MqttPeer, interface_name: str) -> Hall:
+        """Make one with topics below ``interface_name``."""
+        port = free_port()
+        fleet = FleetTopics(f"{interface_name}/nena")
+        addresses = ("--http.port", str(port), "--mqtt.port", str(broker.port))
+        topics = ("--topic_prefix", fleet.prefix, "--interface_name", interface_name)
+        return cls(peer, port, (*addresses, *topics), TopicScheme(interface_name), fleet)
+
+    @property
+    def url(self) -> str:
+        """Where the page is."""
+        return f"http://127.0.0.1:{self.port}/"
+
+    def send(self, topic: Topic, message: Header, *, robot: RobotKey = ROBOT, retain: bool = False) -> None:
+        """Publish what a robot says."""
+        self.peer.publish(self.robots.of(robot, topic), CODEC.encode(message), retain=retain)
+
+    def publish_plant(self) -> None:
+        """Publish the sample plant, as the order service does."""
+        self.peer.publish(self.fleet.plant_model, sample_plant().to_json(), retain=True)
+
+    def publish_order(
+        self, version: int, state: TransportOrderState, name: str = "TO-1", **fields: Any
+    ) -> None:
+        """Publish the status of an order, as the order service does."""
+        status = order_status(name, version, state, **fields).model_dump_json(by_alias=True)
+        self.peer.publish(self.fleet.order_status(name), status, retain=True)
+
+    def aggregator(self, *options: str) -> AggregatorProcess:
+        """Start the aggregator that watches this hall."""
+        return AggregatorProcess(*self.options, *options)
+
+
+@asynccontextmanager
+async def opened(
+    browser: Browser,
+    url: str,
+    *,
+    width: int = 1280,
+    height: int = 800,
+    dark: bool = False,
+    language: str = "en-GB",
+    expected: tuple[str, ...] = (),
+) -> AsyncIterator[Page]:
+    """Open the page; whatever the browser complains about fails the test, but for what is ``expected``."""
+    page = await browser.new_page(
+        viewport={"width": width, "height": height},
+        color_scheme="dark" if dark else "light",
+        locale=language,
+    )
+    complaints: list[str] = []
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("console", lambda line: complaints.append(line.text) if line.type == "error" else None)
+    await page.goto(url)
+    yield page
+    passed_over = ("net::ERR_", *expected)  # the first is said by the browser while the aggregator is away
+    assert [each for each in complaints if not any(part in each for part in passed_over)] == []
+    await page.close()
+
+
+async def becomes(page: Page, script: str, argument: Any, accept: Callable[[Any], bool]) -> Any:
+    """Evaluate a script in the page until ``accept`` takes what it gives; the page's policy forbids more."""
+    loop = asyncio.get_running_loop()
+    end = loop.time() + WITHIN
+    while not accept(found := await page.evaluate(script, argument)):
+        assert loop.time() < end, f"not within {WITHIN} s; last: {found}"
+        await asyncio.sleep(LOOK_EVERY)
+    return found
+
+
+async def picture(page: Page, name: str) -> None:
+    """Keep a picture of the page for the documentation, where a folder is named."""
+    if PICTURES:
+        await page.screenshot(path=Path(PICTURES) / f"{name}.png", animations="disabled")
