@@ -27,6 +27,7 @@ def later(bench: Bench, seconds: float) -> None:
     bench.do(TimePassed())
 
 
+@pytest.mark.clause("6.6.5.1/keeps")
 def test_is_tried_again_after_a_while_and_fails_after_the_last_try(bench: Bench) -> None:
     for number in (1, 2):
         fail(bench)
@@ -91,6 +92,7 @@ def test_a_pause_lasts_over_the_time_of_a_try(bench: Bench) -> None:
     assert len(bench.goals) == 2
 
 
+@pytest.mark.clause("6.6.5.1/keeps")
 def test_an_update_gives_all_tries_back(bench: Bench) -> None:
     for _ in range(2):
         fail(bench)

@@ -68,7 +68,7 @@ def test_a_charge_that_is_none_is_passed_over(charge: float) -> None:
     assert (supply.battery_voltage, supply.battery_current) == (24.0, -1.0)
 
 
-@pytest.mark.clause("7.8/position")
+@pytest.mark.clause("7.8/position", "6.3/frame")
 def test_a_heading_is_shown_between_minus_pi_and_pi() -> None:
     bench = Bench()
     bench.do(at(0.0, theta=4.0))

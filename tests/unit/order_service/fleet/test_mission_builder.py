@@ -151,6 +151,7 @@ def test_the_start_is_wide_enough_for_a_robot_that_must_drive_exactly() -> None:
     assert [radius and radius.a for radius in radii] == [0.5, 0.0, 0.0]
 
 
+@pytest.mark.clause("6.3/frame")
 def test_poses_and_lengths_are_those_of_the_map() -> None:
     profile = RobotProfile(
         map_id="hall", deviation_xy=0.4, transform=MapTransform(2.0, pi / 2, offset_x_m=10.0)

@@ -26,6 +26,7 @@ def test_without_numbers_nothing_is_changed() -> None:
     assert MapTransform().pose_to_map(pose) == pose
 
 
+@pytest.mark.clause("6.3/frame")
 @given(TRANSFORMS, METRES, METRES, st.floats(-pi, pi))
 def test_there_and_back(transform: MapTransform, x_m: float, y_m: float, heading_rad: float) -> None:
     back = transform.pose_to_plant(transform.pose_to_map(Pose(x_m, y_m, heading_rad)))
@@ -43,6 +44,7 @@ def test_distances_grow_with_the_scale(
     assert hypot(map_ax - map_bx, map_ay - map_by) == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.clause("6.3/frame")
 @given(TRANSFORMS, METRES, METRES, ANGLES, st.floats(1, 10))
 def test_the_heading_turns_as_the_way_ahead_does(
     transform: MapTransform, x_m: float, y_m: float, heading_rad: float, ahead_m: float
@@ -54,6 +56,7 @@ def test_the_heading_turns_as_the_way_ahead_does(
     assert ahead == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.clause("6.3/frame")
 @given(st.floats(-1e6, 1e6))
 def test_angles_are_normalised(angle_rad: float) -> None:
     assert -pi <= normalized(angle_rad) <= pi
