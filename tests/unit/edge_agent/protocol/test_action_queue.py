@@ -99,3 +99,18 @@ def test_actions_of_a_node_may_outlive_it() -> None:
     bench.finishes("a")
 
     assert bench.status("b") == "INITIALIZING"
+
+
+@pytest.mark.clause("6.2.2/edge")
+def test_what_cannot_be_interrupted_outlives_its_edge() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", edge_actions={"n0-n1": [action("e", "NONE", "press")]}))
+    bench.runs("e")
+
+    bench.arrive()
+    assert bench.status("e") == "RUNNING"
+    assert not bench.idle
+    bench.finishes("e")
+
+    assert bench.status("e") == "FINISHED"
+    assert not bench.errors
