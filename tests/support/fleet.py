@@ -100,6 +100,8 @@ class Bench:
         return outputs
 
     def connection(self, state: ConnectionState) -> Outputs:
+        """Let a connection message arrive; the robot's factsheet lies at the broker as well."""
+        self.take(self.fleet.on_factsheet(self.robot.key, self.robot.factsheet(), self.now))
         message = self.robot.connection(state, self.now)
         return self.take(self.fleet.on_connection(self.robot.key, message, self.now))
 

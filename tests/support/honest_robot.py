@@ -13,6 +13,7 @@ from datetime import UTC, datetime, timedelta
 from nena_shared.vda5050.action import Action, ActionState, ActionStatus, InstantActions
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
+from nena_shared.vda5050.factsheet import Factsheet, MobileRobotAction
 from nena_shared.vda5050.order import Edge, Node, Order
 from nena_shared.vda5050.request import ZoneRequest
 from nena_shared.vda5050.state import (
@@ -26,6 +27,7 @@ from nena_shared.vda5050.state import (
     State,
 )
 from nena_shared.vda5050.topics import RobotKey
+from support.fleet_examples import factsheet as example
 
 ROBOT = RobotKey("Honest", "robot-1")
 MAP = "hall"
@@ -59,6 +61,8 @@ class HonestRobot:
     zone_requests: tuple[ZoneRequest, ...] = ()
     reports_instants_apart: bool = False
     """True as in 3.0; False as in 2.x, among the order's actions."""
+    lists: tuple[MobileRobotAction, ...] = ()
+    """The actions in its factsheet; none: it leaves them out."""
     actions_fail: bool = False
     unreachable: set[str] = field(default_factory=set)
     names_refusals: bool = True
@@ -145,6 +149,16 @@ class HonestRobot:
             manufacturer=self.key.manufacturer,
             serial_number=self.key.serial_number,
             connection_state=state,
+        )
+
+    def factsheet(self) -> Factsheet:
+        """Tell what it can do: all that it does not say, and orders as fast as they come."""
+        made = example(robot=self.key)
+        features = made.protocol_features.model_copy(update={"mobile_robot_actions": self.lists})
+        timing = made.protocol_limits.timing.model_copy(update={"minimum_order_interval": 0.0})
+        limits = made.protocol_limits.model_copy(update={"timing": timing})
+        return made.model_copy(
+            update={"version": self.version, "protocol_features": features, "protocol_limits": limits}
         )
 
     def state(self, seconds: float = 0.0) -> State:

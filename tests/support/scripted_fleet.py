@@ -8,19 +8,23 @@ from dataclasses import dataclass, field
 from nena_order_service.dispatch.way import WayFinder
 from nena_order_service.fleet import (
     Availability,
+    BaseWanted,
     LinkStatus,
     Mission,
     MissionAccepted,
     MissionCancelled,
     MissionFailed,
     MissionFinished,
+    NodePassed,
     OperationMap,
     RobotBusyError,
     RobotChanged,
     RobotView,
 )
+from nena_order_service.fleet.mission_update import grown
 from nena_order_service.kernel import Kernel
 from nena_order_service.kernel.missions import MissionPlanner
+from nena_order_service.kernel.release import ReleasePolicy
 from nena_order_service.kernel.vehicles import VehicleRegistry
 from nena_order_service.routing import Router
 from nena_order_service.store.changes import Changes
@@ -85,6 +89,9 @@ class ScriptedFleet:
     missions: dict[RobotKey, Mission] = field(default_factory=dict)
     sent: list[tuple[str, Mission]] = field(default_factory=list)
     adopted: list[tuple[str, str, bool]] = field(default_factory=list)
+    extended: list[tuple[str, Mission]] = field(default_factory=list)
+    updates: dict[str, int] = field(default_factory=dict)
+    """The update that each mission was adopted with."""
     cancelled: list[str] = field(default_factory=list)
     actions: list[tuple[str, str]] = field(default_factory=list)
 
@@ -94,8 +101,24 @@ class ScriptedFleet:
         self.missions[robot] = mission
         self.sent.append((robot.serial_number, mission))
 
-    def adopt_mission(self, robot: RobotKey, mission: Mission, *, accepted: bool) -> None:
+    def extend_mission(self, robot: RobotKey, mission: Mission) -> None:
+        grown(self.missions[robot], mission)
         self.missions[robot] = mission
+        self.extended.append((robot.serial_number, mission))
+
+    def pass_node(self, name: str, index: int) -> None:
+        """Let a robot have passed the ``index``-th node of its mission."""
+        mission = self.missions[key(name)]
+        node = mission.nodes[index]
+        self._tell(NodePassed(key(name), mission.mission_id, node.node_id, node.sequence_id))
+
+    def want_base(self, name: str) -> None:
+        """Let a robot ask for more base."""
+        self._tell(BaseWanted(key(name), self.missions[key(name)].mission_id))
+
+    def adopt_mission(self, robot: RobotKey, mission: Mission, *, accepted: bool, update_id: int = 0) -> None:
+        self.missions[robot] = mission
+        self.updates[robot.serial_number] = update_id
         self.adopted.append((robot.serial_number, mission.mission_id, accepted))
 
     def cancel_mission(self, robot: RobotKey) -> None:
@@ -161,7 +184,9 @@ class ScriptedFleet:
         self.kernel.on_news(news)  # type: ignore[arg-type] # one of the news above
 
 
-async def make_kernel(plant: PlantModel, store: MemoryStore, fleet: ScriptedFleet) -> Kernel:
+async def make_kernel(
+    plant: PlantModel, store: MemoryStore, fleet: ScriptedFleet, *, release_ahead: int = 0
+) -> Kernel:
     """Start a kernel, as after a restart, over ``store`` and ``fleet``."""
     finder = WayFinder(plant, Router(plant))
     kernel = Kernel(
@@ -171,6 +196,7 @@ async def make_kernel(plant: PlantModel, store: MemoryStore, fleet: ScriptedFlee
         finder=finder,
         planner=MissionPlanner(plant, finder, OperationMap()),
         clock=ManualClock(),
+        release=ReleasePolicy(release_ahead),
     )
     fleet.kernel = kernel
     await kernel.start(fleet)

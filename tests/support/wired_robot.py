@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 
 from nena_order_service.fleet import FleetLink, FleetOutput, FleetSettings, RobotAddresses, RobotChanged
@@ -33,6 +33,8 @@ class WiredRobot:
         self.robot = robot or HonestRobot()
         self.codec = codec_for(version)
         self.scheme = TopicScheme(interface_name, self.codec.major_version)
+        self.tells_factsheet = True
+        """Whether it tells its factsheet at each connect."""
         self.deaf = False
         """Whether orders and instant actions pass it by."""
         self.received: Counter[str] = Counter()
@@ -41,7 +43,7 @@ class WiredRobot:
             broker.settings,
             client_id=f"robot-{interface_name}-{self.robot.key.serial_number}",
             will=lambda: self._connection(ConnectionState.CONNECTION_BROKEN),
-            on_connected=lambda: [self._connection(ConnectionState.ONLINE)],
+            on_connected=lambda: [self._connection(ConnectionState.ONLINE), *self._factsheet()],
         )
         self.link.subscribe(self.scheme.of(self.robot.key, Topic.ORDER), self._take_order)
         self.link.subscribe(self.scheme.of(self.robot.key, Topic.INSTANT_ACTIONS), self._take_actions)
@@ -73,6 +75,11 @@ class WiredRobot:
     def _connection(self, state: ConnectionState) -> Outbound:
         payload = self.codec.encode(self.robot.connection(state))
         return Outbound(self.scheme.of(self.robot.key, Topic.CONNECTION), payload, qos=1, retain=True)
+
+    def _factsheet(self) -> Iterator[Outbound]:
+        if self.tells_factsheet:
+            payload = self.codec.encode(self.robot.factsheet())
+            yield Outbound(self.scheme.of(self.robot.key, Topic.FACTSHEET), payload, retain=True)
 
     def _take_order(self, inbound: Inbound) -> None:
         order = self.codec.decode(Order, inbound.payload)

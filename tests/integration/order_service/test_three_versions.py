@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Awaitable, Callable
+from datetime import datetime
 
 import httpx
 import pytest
 
+from nena_cli.vda5050.checker import check
+from nena_cli.vda5050.finding import Severity
+from nena_cli.vda5050.recording import Entry
 from nena_shared.vda5050.topics import Topic
 from support.order_service_fleet import Fleet, order_in, vehicle_idle
 from support.schemas import schema_problems
@@ -53,3 +57,27 @@ async def test_each_robot_does_its_order_in_its_version(fleet: Fleet, service: S
         for each in messages:
             assert json.loads(each.payload)["version"] == version
             assert schema_problems(version, each.topic.rsplit("/", 1)[1], each.payload) == []
+
+
+@pytest.mark.clause("6.1.2/fleet", "6.6.3/fleet")
+@pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
+async def test_a_way_is_released_piece_by_piece_and_nothing_of_it_breaks_the_standard(
+    fleet: Fleet, service: Start, version: str
+) -> None:
+    wire = fleet.peer()
+    client = await service(kernel={"release_ahead": 1})
+    fleet.agent("robot-01", version=version)
+    await vehicle_idle(client)
+    body = {"name": "T-1", "destinations": [{"locationName": "North 3", "operation": "MOVE"}]}
+    assert (await client.post("/v1/transportOrders", json=body)).status_code == 201
+
+    order = await order_in(client, "T-1", "FINISHED", "FAILED", seconds=60)
+    assert order["state"] == "FINISHED", order["reason"]
+
+    entries = [
+        Entry(datetime.fromisoformat(json.loads(each.payload)["timestamp"]), each.topic, each.payload)
+        for each in wire.received(f"{fleet.interface}/+/NeNa/robot-01/+")
+    ]
+    sent = [json.loads(each.payload) for each in entries if each.topic.endswith("/order")]
+    assert max(each["orderUpdateId"] for each in sent) >= 2
+    assert [each for each in check(entries) if each.severity is Severity.ERROR] == []

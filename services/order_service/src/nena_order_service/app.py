@@ -13,6 +13,7 @@ from nena_order_service.http_server import SHUTDOWN_PATIENCE, HttpServer
 from nena_order_service.kernel import Kernel
 from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.kernel.missions import MissionPlanner
+from nena_order_service.kernel.release import ReleasePolicy
 from nena_order_service.kernel.vehicles import VehicleRegistry
 from nena_order_service.mqtt_door import MqttDoor
 from nena_order_service.plant_file import load_plant
@@ -178,4 +179,5 @@ def _make_kernel(
         finder=finder,
         planner=MissionPlanner(plant, finder, OperationMap(settings.kernel.action_types)),
         clock=clock,
+        release=ReleasePolicy(settings.kernel.release_ahead),
     )

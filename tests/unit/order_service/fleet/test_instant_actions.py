@@ -8,6 +8,7 @@ from nena_order_service.fleet import FleetSettings, InstantActionEnded, PublishI
 from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.factsheet import ActionScope, MaximumArrayLengths, MobileRobotAction
 from nena_shared.vda5050.state import OperatingMode
 from support.fleet import Bench, make_mission
 from support.honest_robot import HonestRobot
@@ -197,15 +198,35 @@ def test_own_cancels_are_not_told_to_anybody() -> None:
     assert bench.ends() == {"m": 1}
 
 
-@pytest.mark.clause("6.2.3/clearInstantActions")
-def test_ended_instant_actions_are_cleared_before_they_pile_up() -> None:
-    bench = Bench(
-        FleetSettings(clear_instant_actions_from=2), HonestRobot(version="3.0.0", reports_instants_apart=True)
-    ).online()
-    for action_id in ("i1", "i2"):
-        bench.instruct(action("stopPause", action_id))
+def clearer() -> HonestRobot:
+    """Make a robot of 3.0 that lists all that it can do."""
+    kinds = ("startPause", "stopPause", "clearInstantActions")
+    return HonestRobot(
+        version="3.0.0",
+        reports_instants_apart=True,
+        lists=tuple(
+            MobileRobotAction(
+                action_type=each,
+                action_scopes=(ActionScope.INSTANT,),
+                pause_allowed=False,
+                cancel_allowed=False,
+            )
+            for each in kinds
+        ),
+    )
+
+
+def end_some(bench: Bench, count: int) -> None:
+    for number in range(count):
+        bench.instruct(action("stopPause", f"i{number}"))
         bench.deliver()
         bench.report()
+
+
+@pytest.mark.clause("6.2.3/clearInstantActions")
+def test_ended_instant_actions_are_cleared_before_they_pile_up() -> None:
+    bench = Bench(FleetSettings(clear_instant_actions_from=2), clearer()).online()
+    end_some(bench, 2)
 
     assert bench.instants_sent() == ["stopPause", "stopPause", "clearInstantActions"]
     bench.deliver()
@@ -215,16 +236,84 @@ def test_ended_instant_actions_are_cleared_before_they_pile_up() -> None:
     assert bench.instants_sent().count("clearInstantActions") == 1
 
 
+@pytest.mark.clause("6.2.3/clearInstantActions", "6.2.1/fleet")
+def test_a_clear_that_is_lost_is_sent_again_as_it_was() -> None:
+    bench = Bench(FleetSettings(clear_instant_actions_from=1), clearer()).online()
+    end_some(bench, 1)
+    bench.lose()
+    bench.wait(1, reporting=True)
+
+    sent = [each.actions[0] for each in bench.sent if isinstance(each, PublishInstantActions)]
+    assert [each.action_type for each in sent] == ["stopPause", "clearInstantActions", "clearInstantActions"]
+    assert sent[1] == sent[2]
+
+
+@pytest.mark.clause("6.2.3/clearInstantActions", "7.10")
+def test_a_robot_with_little_room_is_told_to_clear_earlier() -> None:
+    bench = Bench(robot=clearer()).online()
+    sheet = bench.robot.factsheet()
+    arrays = MaximumArrayLengths.model_validate({"state.instantActionStates": 6})
+    limits = sheet.protocol_limits.model_copy(update={"maximum_array_lengths": arrays})
+    little = sheet.model_copy(update={"protocol_limits": limits})
+    bench.take(bench.fleet.on_factsheet(bench.robot.key, little, bench.now))
+
+    end_some(bench, 3)
+
+    assert bench.instants_sent() == ["stopPause", "stopPause", "stopPause", "clearInstantActions"]
+
+
 @pytest.mark.clause("6.2.3/clearInstantActions")
-def test_a_robot_of_an_older_version_is_not_told_to_clear() -> None:
-    bench = Bench(
-        FleetSettings(clear_instant_actions_from=1), HonestRobot(reports_instants_apart=True)
-    ).online()
-    bench.instruct(action("stopPause"))
-    bench.deliver()
-    bench.report()
+@pytest.mark.parametrize(
+    "robot",
+    [
+        pytest.param(HonestRobot(reports_instants_apart=True), id="of an older version"),
+        pytest.param(HonestRobot(version="3.0.0", reports_instants_apart=True), id="that does not list it"),
+    ],
+)
+def test_a_robot_that_cannot_clear_is_not_told_to(robot: HonestRobot) -> None:
+    bench = Bench(FleetSettings(clear_instant_actions_from=1), robot).online()
+    end_some(bench, 1)
 
     assert bench.instants_sent() == ["stopPause"]
+
+
+def without_factsheet() -> Bench:
+    """Give a bench with a robot that is there, and whose factsheet the broker has not kept."""
+    bench = Bench()
+    bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
+    hello = bench.robot.connection(ConnectionState.ONLINE, bench.now)
+    bench.take(bench.fleet.on_connection(bench.robot.key, hello, bench.now))
+    bench.report()
+    bench.start(make_mission("m", "A", "B"))
+    return bench
+
+
+@pytest.mark.clause("7.10")
+def test_a_robot_whose_factsheet_lies_nowhere_is_asked_for_it() -> None:
+    bench = without_factsheet()
+
+    assert (bench.instants_sent(), bench.orders_sent()) == (["factsheetRequest"], [])
+    assert bench.view().mission_note == "the robot has not told its factsheet yet"
+    bench.take(bench.fleet.on_factsheet(bench.robot.key, bench.robot.factsheet(), bench.now))
+    assert bench.orders_sent() == ["m"]
+
+
+@pytest.mark.clause("7.10")
+def test_an_order_does_not_wait_long_for_a_factsheet() -> None:
+    bench = without_factsheet()
+    bench.deliver()  # the robot cannot do what it is asked for
+
+    bench.wait(1.75, reporting=True)
+    assert bench.orders_sent() == []
+    bench.wait(0.25)
+    assert bench.orders_sent() == ["m"]
+    bench.deliver()
+    bench.wait(60, reporting=True)
+    assert bench.instants_sent() == ["factsheetRequest"], "once for each connection"
+    hello = bench.robot.connection(ConnectionState.ONLINE, bench.now)
+    bench.take(bench.fleet.on_connection(bench.robot.key, hello, bench.now))
+    bench.report()
+    assert bench.instants_sent() == ["factsheetRequest", "factsheetRequest"]
 
 
 @pytest.mark.clause("6.1.3/named")

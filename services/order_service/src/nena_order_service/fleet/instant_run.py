@@ -12,6 +12,7 @@ from nena_shared.vda5050.action import Action, ActionParameter, ActionState, Act
 
 CANCEL_ORDER: Final = "cancelOrder"
 CLEAR_INSTANT_ACTIONS: Final = "clearInstantActions"
+FACTSHEET_REQUEST: Final = "factsheetRequest"
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,3 +100,8 @@ def cancel_order(action_id: str, order_id: str | None = None) -> Action:
 def clear_instant_actions(action_id: str) -> Action:
     """Make the action that takes ended instant actions out of the robot's state (section 6.2.3)."""
     return Action(action_type=CLEAR_INSTANT_ACTIONS, action_id=action_id, blocking_type=BlockingType.NONE)
+
+
+def factsheet_request(action_id: str) -> Action:
+    """Make the action that asks the robot for its factsheet (section 6.2.3)."""
+    return Action(action_type=FACTSHEET_REQUEST, action_id=action_id, blocking_type=BlockingType.NONE)

@@ -82,9 +82,13 @@ class FleetLink:
         """See :meth:`FleetController.start_mission`; the same holds for the following methods."""
         self._hand_out(self._controller.start_mission(robot, mission, self._now()))
 
-    def adopt_mission(self, robot: RobotKey, mission: Mission, *, accepted: bool) -> None:
+    def adopt_mission(self, robot: RobotKey, mission: Mission, *, accepted: bool, update_id: int = 0) -> None:
         """See :meth:`FleetController.adopt_mission`."""
-        self._hand_out(self._controller.adopt_mission(robot, mission, self._now(), accepted=accepted))
+        self._hand_out(
+            self._controller.adopt_mission(
+                robot, mission, self._now(), accepted=accepted, update_id=update_id
+            )
+        )
 
     def extend_mission(self, robot: RobotKey, mission: Mission) -> None:
         """See :meth:`FleetController.extend_mission`."""

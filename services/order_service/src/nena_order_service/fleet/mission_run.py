@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from nena_order_service.fleet import progress as progresses
@@ -10,7 +10,7 @@ from nena_order_service.fleet import reported_errors
 from nena_order_service.fleet.delivery import Delivery
 from nena_order_service.fleet.instant_run import InstantRun
 from nena_order_service.fleet.mission import Mission
-from nena_order_service.fleet.mission_update import PendingUpdate, held_by, update_of
+from nena_order_service.fleet.mission_update import PendingUpdate, grown, held_by, update_of
 from nena_order_service.fleet.outputs import (
     BaseWanted,
     FleetOutput,
@@ -91,7 +91,7 @@ class MissionRun:
 
         """
         newest = self._plan or (self._pending.plan if self._pending else self.mission)
-        update_of(newest, plan)
+        plan = grown(newest, plan)
         if self.phase is MissionPhase.WAITING and not self._adopted:
             self.mission = plan  # nothing was sent yet
         else:
@@ -103,12 +103,10 @@ class MissionRun:
             return False
         return self._pending.delivery.due(now) if self._pending else self._plan is not None
 
-    def send_update(
-        self, errors: Iterable[ErrorEntry], now: float, fit: Callable[[Mission], Mission]
-    ) -> PublishOrder:
-        """Send the update; ``fit`` leaves out what the robot does not know."""
+    def send_update(self, errors: Iterable[ErrorEntry], now: float) -> PublishOrder:
+        """Send the update; ``errors`` are those that the robot reports already."""
         if self._pending is None and self._plan is not None:
-            plan, self._plan = fit(self._plan), None
+            plan, self._plan = self._plan, None
             message = update_of(self.mission, plan)
             before = frozenset(map(reported_errors.identity, errors))
             delivery = Delivery(self._settings)

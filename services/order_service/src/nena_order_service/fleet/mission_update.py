@@ -43,19 +43,32 @@ class PendingUpdate:
         )
 
 
-def update_of(held: Mission, plan: Mission) -> Mission:
-    """Give what must be sent to a robot that has ``held`` so that it has ``plan``, from its base's end on.
+def grown(held: Mission, plan: Mission) -> Mission:
+    """Give the plan with the base of ``held`` as the robot was sent it, to the last field.
 
     Raises:
         BaseChangedError: the plan is of another mission, or not a way on from the base.
 
     """
-    base = sum(1 for node in held.nodes if node.released)
+    base = _base_length(held)
     if plan.mission_id != held.mission_id:
         raise BaseChangedError(held.mission_id, f"the plan is that of {plan.mission_id!r}")
-    if plan.nodes[:base] != held.nodes[:base] or plan.edges[: base - 1] != held.edges[: base - 1]:
+    if _base_length(plan) < base or _outline(plan, base) != _outline(held, base):
         raise BaseChangedError(held.mission_id, "the plan has another base")
-    return Mission(mission_id=plan.mission_id, nodes=plan.nodes[base - 1 :], edges=plan.edges[base - 1 :])
+    nodes = (*held.nodes[:base], *plan.nodes[base:])
+    edges = (*held.edges[: base - 1], *plan.edges[base - 1 :])
+    return Mission(mission_id=plan.mission_id, nodes=nodes, edges=edges)
+
+
+def update_of(held: Mission, plan: Mission) -> Mission:
+    """Give what must be sent to a robot that has ``held`` so that it has ``plan``, from its base's end on.
+
+    Raises:
+        BaseChangedError: as :func:`grown`.
+
+    """
+    whole, begin = grown(held, plan), _base_length(held) - 1
+    return Mission(mission_id=whole.mission_id, nodes=whole.nodes[begin:], edges=whole.edges[begin:])
 
 
 def released_to(plan: Mission, sequence_id: int) -> Mission:
@@ -69,6 +82,17 @@ def held_by(state: State, plan: Mission) -> Mission:
     """Give as much of the plan as a robot that has an older update says that it has for its base."""
     base = [each.sequence_id for each in state.node_states if each.released]
     return released_to(plan, base[-1] if base else state.last_node_sequence_id)
+
+
+def _base_length(mission: Mission) -> int:
+    return sum(1 for node in mission.nodes if node.released)
+
+
+def _outline(mission: Mission, base: int) -> tuple[object, ...]:
+    """Give what makes a base the same; how exactly its nodes are met may be written otherwise."""
+    nodes = ((node.node_id, node.sequence_id, node.actions) for node in mission.nodes[:base])
+    edges = ((edge.edge_id, edge.sequence_id, edge.actions) for edge in mission.edges[: base - 1])
+    return *nodes, *edges
 
 
 def _released(node: Node, *, released: bool) -> Node:

@@ -105,6 +105,14 @@ class Robot:
         return limit or INSTANT_ACTIONS_LIMIT
 
     @property
+    def clears_instant_actions_from(self) -> int:
+        """From how many ended instant actions on it is told to clear them: long before it is full."""
+        limits = self.factsheet.protocol_limits.maximum_array_lengths if self.factsheet else None
+        room = limits.state_instant_action_states if limits else None
+        usual = self.settings.clear_instant_actions_from
+        return min(usual, max(room // 2, 1)) if room else usual
+
+    @property
     def least_order_interval(self) -> float:
         """Seconds that must lie between two orders, by the factsheet."""
         return self.factsheet.protocol_limits.timing.minimum_order_interval if self.factsheet else 0.0

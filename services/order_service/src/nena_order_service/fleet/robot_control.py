@@ -8,39 +8,27 @@ from typing import Final
 
 from nena_order_service.fleet import availability
 from nena_order_service.fleet.errors import RobotBusyError
-from nena_order_service.fleet.fitness import instant_action_problem, order_problem
-from nena_order_service.fleet.fitting import fitted, fitted_action
-from nena_order_service.fleet.instant_run import CANCEL_ORDER, InstantRun, cancel_order, clear_instant_actions
+from nena_order_service.fleet.fitness import order_problem
+from nena_order_service.fleet.fitting import fitted
+from nena_order_service.fleet.instant_desk import InstantDesk
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.mission_run import MissionRun
-from nena_order_service.fleet.outputs import (
-    FleetOutput,
-    InstantActionEnded,
-    PublishInstantActions,
-    RobotChanged,
-)
+from nena_order_service.fleet.outputs import FleetOutput, RobotChanged
 from nena_order_service.fleet.progress import is_idle
-from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, Robot
+from nena_order_service.fleet.robot import Robot
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.view import Availability, LinkStatus, MissionPhase, RobotView
-from nena_shared.vda5050.action import Action, ActionState
+from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 
-INSTANT_IDS_KEPT: Final = 200
-"""Ids of instant actions that are remembered, so that their states are not taken for the order's."""
-
 ENDED_MISSIONS_KEPT: Final = 50
 """Ids of missions that are remembered, so that a robot that takes one up too late is stopped."""
 
 STRAY_PAUSE: Final = 30.0
-"""Seconds between tries to stop a robot that works on a mission that has ended for us, and between tries to
-have one clear its ended instant actions."""
-
-ALWAYS_ALLOWED: Final = frozenset({"stateRequest", "factsheetRequest"})
-"""Instant actions that harm nobody in any operating mode."""
+"""Seconds between tries to stop a robot that works on a mission that has ended for us."""
 
 
 class RobotControl:
@@ -51,26 +39,23 @@ class RobotControl:
     ) -> None:
         self.robot = Robot(key, settings)
         self._settings = settings
-        self._new_id = new_id
-        self._broker = broker
+        self._desk = InstantDesk(self.robot, settings, new_id, broker=broker)
         self._run: MissionRun | None = None
-        self._instants: dict[str, InstantRun] = {}
-        self._instant_ids: deque[str] = deque(maxlen=INSTANT_IDS_KEPT)
         self._ended: deque[str] = deque(maxlen=ENDED_MISSIONS_KEPT)
         self._last_order_at: float | None = None
         self._next_stray_cancel = 0.0
-        self._next_clearing = 0.0
         self._told: tuple[object, ...] = ()
         self._told_link = LinkStatus.UNKNOWN
 
     def on_broker(self, *, connected: bool, now: float) -> Iterator[FleetOutput]:
         """Take notice of our own link."""
-        self._broker = connected
+        self._desk.broker = connected
         yield from self._advance(now)
 
     def on_connection(self, message: Connection, now: float) -> Iterator[FleetOutput]:
         """Take in a connection message."""
         self.robot.take_connection(message, now)
+        self._desk.reconnected()
         yield from self._advance(now)
 
     def on_factsheet(self, message: Factsheet, now: float) -> Iterator[FleetOutput]:
@@ -82,9 +67,7 @@ class RobotControl:
         """Take in a state; instant actions first, for a mission may end by one."""
         if not self.robot.take_state(message, now):
             return
-        if self._instants:
-            yield from self._follow_instants(message, now)
-        self._clear_ended(message, now)
+        yield from self._desk.on_state(message, now)
         if self._run:
             yield from self._run.on_state(message, now)
         yield from self._advance(now)
@@ -101,9 +84,9 @@ class RobotControl:
 
         Raises BaseChangedError, before anything is taken from the iterator.
         """
-        run = self._run
+        run, abilities = self._run, self.robot.abilities
         if run and run.mission.mission_id == mission.mission_id:
-            run.extend(mission)
+            run.extend(fitted(mission, abilities) if abilities else mission)
         return self._advance(now)
 
     def new_run(
@@ -127,21 +110,14 @@ class RobotControl:
 
     def instruct(self, action: Action, now: float) -> Iterator[FleetOutput]:
         """Send an instant action, unless it is known already that the robot would not get or take it."""
-        if self.robot.abilities:
-            action = fitted_action(action, self.robot.abilities)
-        refusal = self._refusal(action, now)
-        if refusal:
-            yield InstantActionEnded(self.robot.key, action, None, f"not sent: {refusal}")
-            return
-        self._begin_instant(action, requested=True)
+        yield from self._desk.request(action, now)
         yield from self._advance(now)
 
     def tick(self, now: float) -> Iterator[FleetOutput]:
         """Do what is overdue; most robots have nothing, so that is found out first."""
-        if not self._run and not self._instants and self.robot.link(now) is self._told_link:
+        if not self._run and not self._desk.busy and self.robot.link(now) is self._told_link:
             return
-        if self._instants:
-            yield from self._tick_instants(now)
+        yield from self._desk.on_tick(now)
         if self._run:
             if self._run.phase in (MissionPhase.WAITING, MissionPhase.SENT) and self._obstacle(now):
                 self._run.hold()
@@ -155,7 +131,7 @@ class RobotControl:
         return RobotView(
             key=robot.key,
             link=link,
-            vehicle_state=availability.vehicle_state(robot.state, link, self._instant_ids),
+            vehicle_state=availability.vehicle_state(robot.state, link, self._desk.ids),
             availability=self._availability(now),
             state=robot.state,
             state_at=robot.state_at,
@@ -175,11 +151,11 @@ class RobotControl:
         elif run:
             yield from self._send_order(run, now)
             yield from self._send_update(run, now)
-            if run.wants_cancel(self.robot.state) and not self._unsendable(CANCEL_ORDER, now):
-                run.cancel = self._begin_cancel(run.mission.mission_id)
+            if run.wants_cancel(self.robot.state) and self._desk.can_cancel(now):
+                run.cancel = self._desk.cancel(run.mission.mission_id)
         self._stop_stray(now)
-        if self._instants:
-            yield from self._send_instants(now)
+        if self._desk.busy:
+            yield from self._desk.send(now)
         yield from self._tell_change(now)
 
     def _send_order(self, run: MissionRun, now: float) -> Iterator[FleetOutput]:
@@ -207,12 +183,11 @@ class RobotControl:
             return
         if since is not None and now - since < self.robot.least_order_interval:
             return
-        if availability.away(self.robot.link(now), broker=self._broker):
+        if availability.away(self.robot.link(now), broker=self._desk.broker):
             run.hold()
             return
         self._last_order_at = now
-        abilities = self.robot.abilities
-        yield run.send_update(state.errors, now, lambda plan: fitted(plan, abilities) if abilities else plan)
+        yield run.send_update(state.errors, now)
 
     def _refuse(self, run: MissionRun, problem: str) -> Iterator[FleetOutput]:
         """End a mission that the robot could never take, before anything of it is sent."""
@@ -225,17 +200,19 @@ class RobotControl:
         link = self.robot.link(now)
         if link is LinkStatus.SILENT and self._run and self._run.phase is MissionPhase.SENT:
             link = LinkStatus.ONLINE  # the sendings count, so that an order to a dead robot fails in the end
-        reason = availability.away(link, broker=self._broker)
+        reason = availability.away(link, broker=self._desk.broker)
         state = self.robot.state
         if reason or state is None:
             return reason or "has not reported its state yet"
-        if any(each.cancels for each in self._instants.values()):
+        if self._desk.cancelling:
             return "has not yet confirmed a cancelOrder"
-        return availability.occupied(state, self._instant_ids) or availability.unfit(state)
+        if self._desk.awaits_factsheet(now):
+            return "has not told its factsheet yet"
+        return availability.occupied(state, self._desk.ids) or availability.unfit(state)
 
     def _availability(self, now: float) -> Availability:
         state = self.robot.state
-        reason = availability.away(self.robot.link(now), broker=self._broker)
+        reason = availability.away(self.robot.link(now), broker=self._desk.broker)
         if reason is None and self._run:
             reason = f"works on the mission {self._run.mission.mission_id!r}"
         reason = reason or self._obstacle(now) or (availability.hindered(state) if state else None)
@@ -245,7 +222,7 @@ class RobotControl:
         run = self._run
         if run is None:
             return ""
-        away = availability.away(self.robot.link(now), broker=self._broker)
+        away = availability.away(self.robot.link(now), broker=self._desk.broker)
         if run.phase in (MissionPhase.WAITING, MissionPhase.SENT):
             reason = self._obstacle(now)
             unconfirmed = "has not yet confirmed the order" if run.sent_again else ""
@@ -256,95 +233,16 @@ class RobotControl:
         reason = away or (availability.hindered(state) if state else None)
         return f"the robot {reason}" if reason else ""
 
-    def _unsendable(self, action_type: str, now: float) -> str | None:
-        """Say why the robot must not be sent such an instant action now; None if it may."""
-        link = self.robot.link(now)
-        link = LinkStatus.ONLINE if link is LinkStatus.SILENT else link
-        away = availability.away(link, broker=self._broker)
-        state = self.robot.state
-        if away or state is None or state.operating_mode.takes_orders or action_type in ALWAYS_ALLOWED:
-            return away
-        return f"is in operating mode {state.operating_mode}, which takes no instant actions"
-
-    def _refusal(self, action: Action, now: float) -> str | None:
-        if len(self._instants) >= INSTANT_ACTIONS_LIMIT:
-            return f"{INSTANT_ACTIONS_LIMIT} instant actions are under way at the robot"
-        if action.action_id in self._instant_ids:
-            return f"the actionId {action.action_id!r} has been used before"
-        problem = instant_action_problem(action, self.robot.abilities) if self.robot.abilities else None
-        if problem:
-            return f"the robot cannot take it: {problem}"
-        reason = self._unsendable(action.action_type, now)
-        return f"the robot {reason}" if reason else None
-
-    def _begin_instant(self, action: Action, *, requested: bool) -> InstantRun:
-        run = InstantRun(action, self._settings, requested=requested)
-        self._instants[action.action_id] = run
-        self._instant_ids.append(action.action_id)
-        return run
-
-    def _begin_cancel(self, order_id: str) -> InstantRun:
-        rules = self.robot.rules
-        named = order_id if rules and rules.cancel_names_order else None
-        return self._begin_instant(cancel_order(self._new_id(), named), requested=False)
-
-    def _clear_ended(self, state: State, now: float) -> None:
-        """Have the robot forget its ended instant actions, where they would pile up."""
-        ended = sum(1 for each in state.instant_action_states if each.action_status.ended)
-        if ended < self._settings.clear_instant_actions_from or now < self._next_clearing:
-            return
-        rules = self.robot.rules
-        if rules is None or not rules.instant_states_until_cleared:
-            return
-        action = clear_instant_actions(self._new_id())
-        if self._refusal(action, now) is None:
-            self._next_clearing = now + STRAY_PAUSE
-            self._begin_instant(action, requested=False)
-
-    def _send_instants(self, now: float) -> Iterator[FleetOutput]:
-        due = tuple(
-            each.action
-            for each in self._instants.values()
-            if not self._unsendable(each.action.action_type, now) and each.wants_sending(now)
-        )
-        at_once = self.robot.most_instant_actions
-        for first in range(0, len(due), at_once):
-            yield PublishInstantActions(self.robot.key, due[first : first + at_once])
-
-    def _follow_instants(self, state: State, now: float) -> Iterator[FleetOutput]:
-        reported: dict[str, ActionState] = {
-            each.action_id: each for each in (*state.action_states, *state.instant_action_states)
-        }
-        for run in self._instants.values():
-            run.on_states(reported, now)
-        yield from self._drop_ended_instants()
-
-    def _tick_instants(self, now: float) -> Iterator[FleetOutput]:
-        for run in self._instants.values():
-            reason = self._unsendable(run.action.action_type, now)
-            if reason is None:
-                run.on_tick(now)
-            else:
-                run.hold(f"the robot {reason}", now)
-        yield from self._drop_ended_instants()
-
-    def _drop_ended_instants(self) -> Iterator[FleetOutput]:
-        for run in [each for each in self._instants.values() if each.outcome]:
-            del self._instants[run.action.action_id]
-            if run.requested and run.outcome:
-                ended = run.outcome
-                yield InstantActionEnded(self.robot.key, run.action, ended.status, ended.reason, ended.result)
-
     def _stop_stray(self, now: float) -> None:
         """Cancel an order that the robot works on though its mission has ended for us."""
         state = self.robot.state
         if state is None or state.order_id not in self._ended or now < self._next_stray_cancel:
             return
-        cancelling = any(each.cancels for each in self._instants.values())
-        if cancelling or is_idle(state, self._instant_ids) or self._unsendable(CANCEL_ORDER, now):
+        desk = self._desk
+        if desk.cancelling or is_idle(state, desk.ids) or not desk.can_cancel(now):
             return
         self._next_stray_cancel = now + STRAY_PAUSE
-        self._begin_cancel(state.order_id)
+        desk.cancel(state.order_id)
 
     def _tell_change(self, now: float) -> Iterator[FleetOutput]:
         self._told_link = self.robot.link(now)
@@ -369,6 +267,6 @@ class RobotControl:
             state.errors,
             int(power.state_of_charge),
             power.charging,
-            is_idle(state, self._instant_ids),
+            is_idle(state, self._desk.ids),
             availability.hindered(state),
         )

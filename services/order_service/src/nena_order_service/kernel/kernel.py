@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from nena_order_service.dispatch.dispatcher import Assignment
 from nena_order_service.dispatch.way import Way, WayFinder
 from nena_order_service.fleet import (
+    BaseWanted,
     FleetOutput,
     InstantActionEnded,
     LinkStatus,
@@ -20,6 +21,7 @@ from nena_order_service.fleet import (
     MissionCancelled,
     MissionFailed,
     MissionFinished,
+    NodePassed,
     NotLocatedError,
     OperationStarted,
     RobotBusyError,
@@ -33,6 +35,7 @@ from nena_order_service.kernel.mission_record import MissionRecord
 from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.kernel.ports import FleetControl
+from nena_order_service.kernel.release import ReleasePolicy, as_released
 from nena_order_service.kernel.steps import Steps
 from nena_order_service.kernel.vehicle_status import vehicle_status
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
@@ -74,8 +77,10 @@ class Kernel:
         finder: WayFinder,
         planner: MissionPlanner,
         clock: Clock,
+        release: ReleasePolicy | None = None,
     ) -> None:
         self.plant = plant
+        self._release = release or ReleasePolicy()
         self.store = store
         self.registry = registry
         self.book = OrderBook()
@@ -211,6 +216,8 @@ class Kernel:
                 ):
                     self._mission_news(news)
                     self._tell_hindrance(news.robot)
+                case NodePassed() | BaseWanted():
+                    self._release_more(news)
                 case _:
                     pass
 
@@ -269,6 +276,21 @@ class Kernel:
                 self._end(order.failed(reason, now))
         self.steps.vehicle_changed(order.vehicle)
 
+    def _release_more(self, news: NodePassed | BaseWanted) -> None:
+        """Release more of a mission as its robot goes on."""
+        found = self._missions.find(news.mission_id)
+        if found is None or found[0].state is TransportOrderState.WITHDRAWN:
+            return
+        order, record = found
+        more = (
+            self._release.after_node(record, news.sequence_id)
+            if isinstance(news, NodePassed)
+            else self._release.when_wanted(record)
+        )
+        if more:
+            self._missions.put(order, more)
+            self.steps.after_commit(lambda: self.fleet.extend_mission(more.robot, as_released(more)))
+
     def _drive_order_finished(self, order: TransportOrder, record: MissionRecord) -> None:
         now = self.clock.now()
         done = order.drive_order_finished(record.drive_order_index, now)
@@ -305,10 +327,10 @@ class Kernel:
             self._end(order.failed(f"no VDA 5050 order can be made of it: {error}", self.clock.now()))
             return
         self.book.put(order)
-        self._missions.put(
-            order, MissionRecord.of(vehicle.key, mission, order.status.current_drive_order_index)
-        )
-        self.steps.after_commit(lambda: self._start(order, vehicle, mission))
+        record = MissionRecord.of(vehicle.key, mission, order.status.current_drive_order_index)
+        record = self._release.first(record)
+        self._missions.put(order, record)
+        self.steps.after_commit(lambda: self._start(order, vehicle, as_released(record)))
 
     def _start(self, order: TransportOrder, vehicle: FleetVehicle, mission: Mission) -> None:
         try:
@@ -357,7 +379,9 @@ class Kernel:
         self._missions.load(order, record)
         self.registry.discover(record.robot)
         self.steps.after_commit(
-            lambda: self.fleet.adopt_mission(record.robot, record.mission, accepted=record.accepted)
+            lambda: self.fleet.adopt_mission(
+                record.robot, as_released(record), accepted=record.accepted, update_id=record.update_id
+            )
         )
         if order.state is TransportOrderState.WITHDRAWN:
             self.steps.after_commit(lambda: self.fleet.cancel_mission(record.robot))

@@ -11,7 +11,11 @@ from nena_shared.vda5050.topics import RobotKey
 
 
 class MissionRecord(BaseModel):
-    """A mission, whom it was sent to and whether the robot is known to have it."""
+    """A mission, whom it was sent to and whether the robot is known to have it.
+
+    ``mission`` is the whole plan; ``released_to`` is the sequenceId of the last node that the robot was given
+    for its base (None: all of it), by not more than ``update_id`` updates.
+    """
 
     model_config = ConfigDict(frozen=True)
 
@@ -20,6 +24,8 @@ class MissionRecord(BaseModel):
     drive_order_index: int
     accepted: bool
     mission: Mission
+    released_to: int | None = None
+    update_id: int = 0
 
     @classmethod
     def of(cls, robot: RobotKey, mission: Mission, drive_order_index: int) -> Self:

@@ -18,8 +18,12 @@ class FleetControl(Protocol):
         """Send a mission; raises RobotBusyError."""
         ...
 
-    def adopt_mission(self, robot: RobotKey, mission: Mission, *, accepted: bool) -> None:
+    def adopt_mission(self, robot: RobotKey, mission: Mission, *, accepted: bool, update_id: int = 0) -> None:
         """Take up a mission from before a restart; raises RobotBusyError."""
+        ...
+
+    def extend_mission(self, robot: RobotKey, mission: Mission) -> None:
+        """Give the robot's mission a newer plan; raises BaseChangedError."""
         ...
 
     def cancel_mission(self, robot: RobotKey) -> None:

@@ -17,6 +17,13 @@ class KernelSettings(SettingsGroup):
     default_map_id: str = Field(
         "", description="Map of robots whose plant model names none; empty: the map that the robot reports."
     )
+    release_ahead: int = Field(
+        0,
+        ge=0,
+        le=1000,
+        description="Nodes that a robot is given ahead of it (preventive: without its link it stops after so "
+        "many), the rest is shown as horizon; 0: its whole way at once (assertive).",
+    )
     action_types: dict[str, str] = Field(
         default_factory=dict,
         description="VDA 5050 action types by the plant's operations, laid over the usual ones.",

@@ -1,0 +1,184 @@
+"""All instant actions under way at one robot (VDA 5050 3.0 sections 6.2.1 and 7.4)."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from nena_order_service.fleet import availability
+from nena_order_service.fleet.fitness import instant_action_problem
+from nena_order_service.fleet.fitting import fitted_action
+from nena_order_service.fleet.instant_run import (
+    CANCEL_ORDER,
+    CLEAR_INSTANT_ACTIONS,
+    InstantRun,
+    cancel_order,
+    clear_instant_actions,
+    factsheet_request,
+)
+from nena_order_service.fleet.outputs import FleetOutput, InstantActionEnded, PublishInstantActions
+from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, Robot
+from nena_order_service.fleet.settings import FleetSettings
+from nena_order_service.fleet.view import LinkStatus
+from nena_shared.vda5050.action import Action, ActionState
+from nena_shared.vda5050.state import State
+
+INSTANT_IDS_KEPT: Final = 200
+"""Ids of instant actions that are remembered, so that their states are not taken for the order's."""
+
+ALWAYS_ALLOWED: Final = frozenset({"stateRequest", "factsheetRequest"})
+"""Instant actions that harm nobody in any operating mode."""
+
+CLEARING_PAUSE: Final = 30.0
+"""Seconds between tries to have a robot clear its ended instant actions."""
+
+FACTSHEET_PATIENCE: Final = 2.0
+"""Seconds that orders wait for the factsheet of a robot that was asked for it."""
+
+
+class InstantDesk:
+    """Sends instant actions and follows each to its end; ``broker`` tells whether our own link stands."""
+
+    def __init__(
+        self, robot: Robot, settings: FleetSettings, new_id: Callable[[], str], *, broker: bool
+    ) -> None:
+        self.broker = broker
+        self.ids: deque[str] = deque(maxlen=INSTANT_IDS_KEPT)
+        """Ids of the last ones, those that have ended included."""
+        self._robot = robot
+        self._settings = settings
+        self._new_id = new_id
+        self._runs: dict[str, InstantRun] = {}
+        self._next_clearing = 0.0
+        self._asked_at: float | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether any is under way."""
+        return bool(self._runs)
+
+    @property
+    def cancelling(self) -> bool:
+        """Whether a cancelOrder is under way."""
+        return any(each.cancels for each in self._runs.values())
+
+    def unsendable(self, action_type: str, now: float) -> str | None:
+        """Say why the robot must not be sent such an instant action now; None if it may."""
+        link = self._robot.link(now)
+        link = LinkStatus.ONLINE if link is LinkStatus.SILENT else link
+        away = availability.away(link, broker=self.broker)
+        state = self._robot.state
+        if away or state is None or state.operating_mode.takes_orders or action_type in ALWAYS_ALLOWED:
+            return away
+        return f"is in operating mode {state.operating_mode}, which takes no instant actions"
+
+    def request(self, action: Action, now: float) -> Iterator[FleetOutput]:
+        """Begin what somebody asks for, unless the robot is known not to get or take it."""
+        if self._robot.abilities:
+            action = fitted_action(action, self._robot.abilities)
+        refusal = self._refusal(action, now)
+        if refusal:
+            yield InstantActionEnded(self._robot.key, action, None, f"not sent: {refusal}")
+        else:
+            self._begin(action, requested=True)
+
+    def cancel(self, order_id: str) -> InstantRun:
+        """Begin to end an order, which is named where the robot's version can."""
+        rules = self._robot.rules
+        named = order_id if rules and rules.cancel_names_order else None
+        return self._begin(cancel_order(self._new_id(), named), requested=False)
+
+    def can_cancel(self, now: float) -> bool:
+        """Tell whether cancelOrder may be sent now."""
+        return self.unsendable(CANCEL_ORDER, now) is None
+
+    def reconnected(self) -> None:
+        """Take notice of a new connection: what was not told over the last one is asked for again."""
+        self._asked_at = None
+
+    def awaits_factsheet(self, now: float) -> bool:
+        """Tell whether the robot was asked for its factsheet just now, and has not told it yet."""
+        asked = self._asked_at
+        return self._robot.abilities is None and asked is not None and now - asked < FACTSHEET_PATIENCE
+
+    def on_state(self, state: State, now: float) -> Iterator[FleetOutput]:
+        """Follow all by a new state; ask for what is missing, and clear away what piles up."""
+        if self._runs:
+            reported: dict[str, ActionState] = {
+                each.action_id: each for each in (*state.action_states, *state.instant_action_states)
+            }
+            for run in self._runs.values():
+                run.on_states(reported, now)
+            yield from self._drop_ended()
+        self._ask_for_factsheet(now)
+        self._clear_ended(state, now)
+
+    def on_tick(self, now: float) -> Iterator[FleetOutput]:
+        """Give up what takes too long."""
+        for run in self._runs.values():
+            reason = self.unsendable(run.action.action_type, now)
+            if reason is None:
+                run.on_tick(now)
+            else:
+                run.hold(f"the robot {reason}", now)
+        yield from self._drop_ended()
+
+    def send(self, now: float) -> Iterator[FleetOutput]:
+        """Send what is due, in messages as short as the robot wants them."""
+        due = tuple(
+            each.action
+            for each in self._runs.values()
+            if not self.unsendable(each.action.action_type, now) and each.wants_sending(now)
+        )
+        at_once = self._robot.most_instant_actions
+        for first in range(0, len(due), at_once):
+            yield PublishInstantActions(self._robot.key, due[first : first + at_once])
+
+    def _refusal(self, action: Action, now: float) -> str | None:
+        if len(self._runs) >= INSTANT_ACTIONS_LIMIT:
+            return f"{INSTANT_ACTIONS_LIMIT} instant actions are under way at the robot"
+        if action.action_id in self.ids:
+            return f"the actionId {action.action_id!r} has been used before"
+        abilities = self._robot.abilities
+        problem = instant_action_problem(action, abilities) if abilities else None
+        if problem:
+            return f"the robot cannot take it: {problem}"
+        reason = self.unsendable(action.action_type, now)
+        return f"the robot {reason}" if reason else None
+
+    def _begin(self, action: Action, *, requested: bool) -> InstantRun:
+        run = InstantRun(action, self._settings, requested=requested)
+        self._runs[action.action_id] = run
+        self.ids.append(action.action_id)
+        return run
+
+    def _ask_for_factsheet(self, now: float) -> None:
+        """Ask a robot whose factsheet the broker has not kept, once for each connection."""
+        if self._robot.abilities is None and self._asked_at is None:
+            self._asked_at = now
+            self._begin(factsheet_request(self._new_id()), requested=False)
+
+    def _clear_ended(self, state: State, now: float) -> None:
+        """Have a robot that lists the action forget its ended instant actions before they pile up."""
+        ended = sum(1 for each in state.instant_action_states if each.action_status.ended)
+        if ended < self._robot.clears_instant_actions_from or now < self._next_clearing:
+            return
+        rules, abilities = self._robot.rules, self._robot.abilities
+        if not rules or not rules.instant_states_until_cleared:
+            return
+        if not abilities or not abilities.declarations(CLEAR_INSTANT_ACTIONS):
+            return
+        action = clear_instant_actions(self._new_id())
+        if self._refusal(action, now) is None:
+            self._next_clearing = now + CLEARING_PAUSE
+            self._begin(action, requested=False)
+
+    def _drop_ended(self) -> Iterator[FleetOutput]:
+        for run in [each for each in self._runs.values() if each.outcome]:
+            del self._runs[run.action.action_id]
+            if run.requested and run.outcome:
+                ended = run.outcome
+                yield InstantActionEnded(
+                    self._robot.key, run.action, ended.status, ended.reason, ended.result
+                )
