@@ -90,7 +90,7 @@ async def test_a_base_that_is_extended_in_time_is_driven_on(fleet: FleetControl)
     assert (state["orderUpdateId"], state["lastNodeId"]) == (1, "n3")
 
 
-@pytest.mark.clause("6.1.4.1", "6.6.5.2", "6.6.1/request")
+@pytest.mark.clause("6.1.4.1", "6.6.5.2", "6.6.1/request", "7.1/malformed")
 async def test_a_malformed_order_is_answered_and_the_robot_lives_on(fleet: FleetControl) -> None:
     fleet.peer.publish(fleet.topic(Topic.ORDER), '{"orderId": "bad", "orderUpdateId": 3, "nodes": []}')
     state = await fleet.state(lambda state: state["errors"])

@@ -59,6 +59,7 @@ async def test_an_agent_that_is_told_to_end_says_so(
         assert fleet.connections == ["ONLINE", "OFFLINE"]
 
 
+@pytest.mark.clause("6.6/restart")
 async def test_an_order_goes_on_after_kill_9(broker: Broker, interface_name: str, tmp_path: Path) -> None:
     """Killed on the way, in an action and at a node: traversed nodes stay so, finished actions too."""
     work = {

@@ -30,6 +30,7 @@ def actions_done(wire: MqttPeer, fleet: Fleet) -> Counter[str]:
     return Counter(order for order, _ in finished)
 
 
+@pytest.mark.clause("6.6/restart")
 async def test_killed_in_mid_order_it_goes_on_where_the_robot_is(fleet: Fleet) -> None:
     wire = fleet.peer()
     program = fleet.order_service()
@@ -55,6 +56,7 @@ async def test_killed_in_mid_order_it_goes_on_where_the_robot_is(fleet: Fleet) -
     assert actions_done(wire, fleet) == {f"T-{order}-{leg}": 1 for order in range(2) for leg in range(2)}
 
 
+@pytest.mark.clause("6.6/restart")
 async def test_killed_again_and_again_under_load_every_order_is_done_once(fleet: Fleet) -> None:
     wire = fleet.peer()
     fleet.agent("robot-01")

@@ -35,6 +35,7 @@ async def free(fleet: WiredFleet, robot: RobotKey = ROBOT) -> None:
     await until(lambda: fleet.fleet.view(robot).availability.can_take_order, what="a free robot")
 
 
+@pytest.mark.clause("6.6.2/fleet", "6.1.2/confirm")
 async def test_a_mission_goes_its_whole_way(fleet: WiredFleet, robot: WiredRobot) -> None:
     await free(fleet)
     fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B", operation="pick"))
@@ -145,6 +146,7 @@ async def test_the_last_will_and_silence_are_told_apart(
         )
 
 
+@pytest.mark.clause("7.1/malformed")
 async def test_malformed_messages_are_counted_and_change_nothing(
     fleet: WiredFleet, robot: WiredRobot
 ) -> None:
@@ -175,6 +177,7 @@ async def test_there_is_a_limit_to_the_robots_that_are_listened_to(
         assert fleet.fleet.robots() == (ROBOT,)
 
 
+@pytest.mark.clause("4.1/offline")
 async def test_a_mission_outlives_a_restart_of_the_broker(own_broker: Broker, interface_name: str) -> None:
     patient = FleetSettings(tick_interval=0.02, resend_after=0.1)
     async with (
@@ -194,6 +197,7 @@ async def test_a_mission_outlives_a_restart_of_the_broker(own_broker: Broker, in
         assert robot.robot.idle
 
 
+@pytest.mark.clause("6.6/restart")
 async def test_a_mission_is_adopted_by_a_new_process(
     broker: Broker, interface_name: str, robot: WiredRobot
 ) -> None:

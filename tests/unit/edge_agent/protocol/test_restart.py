@@ -18,6 +18,7 @@ def restarted(bench: Bench) -> Bench:
     return Bench(memory=Memory.model_validate_json(kept))
 
 
+@pytest.mark.clause("6.6/restart")
 def test_an_order_that_was_driven_goes_on() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", "n2", "n3", released=3))
@@ -33,6 +34,7 @@ def test_an_order_that_was_driven_goes_on() -> None:
     assert again.idle
 
 
+@pytest.mark.clause("6.6/restart")
 def test_no_goal_is_given_before_the_robot_knows_where_it_is() -> None:
     bench = Bench()
     bench.send(order("n0", "n1"))
@@ -48,6 +50,7 @@ def test_no_goal_is_given_before_the_robot_knows_where_it_is() -> None:
     assert not again.errors
 
 
+@pytest.mark.clause("6.6/restart")
 def test_what_may_be_begun_anew_is_and_what_may_not_fails() -> None:
     bench = Bench()
     actions = [action("work", "SOFT"), action("press", "SOFT", "press"), action("later", "HARD")]
@@ -62,6 +65,7 @@ def test_what_may_be_begun_anew_is_and_what_may_not_fails() -> None:
     assert again.status("later") == "INITIALIZING"
 
 
+@pytest.mark.clause("6.6/restart", "6.6.9")
 def test_an_action_that_ended_stays_ended() -> None:
     bench = Bench()
     bench.send(order("n0", "n1", node_actions={"n0": [action("a", "HARD")]}))

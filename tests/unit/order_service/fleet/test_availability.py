@@ -58,6 +58,7 @@ def test_modes_without_fleet_control(mode: OperatingMode) -> None:
     assert bench.view().vehicle_state is VehicleState.UNAVAILABLE
 
 
+@pytest.mark.clause("6.6.8")
 def test_an_order_of_somebody_else() -> None:
     bench = Bench().online()
     other = Bench(robot=bench.robot).online()

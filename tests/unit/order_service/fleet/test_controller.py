@@ -326,6 +326,7 @@ def test_an_order_that_may_be_on_its_way_is_cancelled_at_the_robot() -> None:
     assert bench.robot.idle
 
 
+@pytest.mark.clause("6.1.3/fleet")
 def test_a_cancel_that_finds_no_order_ends_a_mission_that_never_came() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -337,6 +338,7 @@ def test_a_cancel_that_finds_no_order_ends_a_mission_that_never_came() -> None:
     assert bench.robot.accepted == []
 
 
+@pytest.mark.clause("6.1.3/fleet")
 def test_a_mission_that_is_done_before_the_cancel_comes_is_finished() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -365,6 +367,7 @@ def test_no_order_is_sent_while_a_cancel_may_still_hit_it() -> None:
     assert [each.mission_id for each in bench.told(MissionFinished)] == ["m", "n"]
 
 
+@pytest.mark.clause("6.1.3/fleet")
 def test_a_cancel_that_is_never_confirmed_fails_the_mission() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -388,6 +391,7 @@ def test_a_robot_that_went_to_manual_has_given_the_order_up() -> None:
     assert not bench.view().availability.can_take_order
 
 
+@pytest.mark.clause("6.6/restart")
 def test_a_robot_that_forgot_its_order_has_lost_the_mission() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -400,6 +404,7 @@ def test_a_robot_that_forgot_its_order_has_lost_the_mission() -> None:
     assert bench.orders_sent() == ["m"], "it is not given again without being asked for"
 
 
+@pytest.mark.clause("6.6/restart")
 def test_a_robot_that_remembers_its_order_goes_on_after_a_restart() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B", "C", operation="pick"))
@@ -412,6 +417,7 @@ def test_a_robot_that_remembers_its_order_goes_on_after_a_restart() -> None:
     assert [each.node_id for each in bench.told(NodePassed)] == ["A", "B", "C"]
 
 
+@pytest.mark.clause("6.6.2/fleet")
 def test_somebody_elses_cancel_fails_the_mission() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -460,6 +466,7 @@ def test_the_delivery_begins_anew_when_a_robot_comes_back() -> None:
     assert bench.told(MissionFinished)
 
 
+@pytest.mark.clause("4.1/offline")
 def test_nothing_is_sent_and_nothing_fails_while_our_own_link_is_down() -> None:
     bench = Bench().online()
     bench.start(make_mission("m", "A", "B"))
@@ -527,6 +534,7 @@ def test_the_next_mission_is_sent_as_soon_as_the_first_is_done() -> None:
     assert bench.robot.accepted == ["m", "n"]
 
 
+@pytest.mark.clause("6.6/restart")
 @pytest.mark.parametrize("accepted", [False, True])
 def test_an_adopted_mission_that_runs_goes_on(accepted: bool) -> None:  # noqa: FBT001 - a parameter
     bench = Bench()
@@ -568,6 +576,7 @@ def test_an_adopted_mission_that_never_came_is_sent() -> None:
     assert bench.told(MissionFinished)
 
 
+@pytest.mark.clause("6.6/restart")
 def test_an_adopted_mission_that_the_robot_has_lost_fails() -> None:
     bench = Bench()
     bench.take(bench.fleet.adopt_mission(ROBOT, make_mission("m", "A", "B"), bench.now, accepted=True))
@@ -614,6 +623,7 @@ def test_robots_do_not_touch_each_other() -> None:
     assert other.robot.accepted == []
 
 
+@pytest.mark.clause("6.6.2/fleet")
 def test_a_robot_with_missing_action_states_is_not_waited_for_for_ever() -> None:
     bench = Bench(FleetSettings(standstill_patience=5.0)).online()
     bench.start(make_mission("m", "A", operation="pick"))

@@ -54,6 +54,7 @@ def test_the_count_may_run_over() -> None:
     assert order_at(2**32 - 1, 5).is_new(0, at(6), 0.0)
 
 
+@pytest.mark.clause("7.2/headerId")
 def test_a_restart_with_a_lost_clock_is_believed_after_some_messages_and_seconds() -> None:
     order = order_at(5000, 5000)
     judged = [order.is_new(number, at(number), now=4.0 * number) for number in range(5)]
@@ -73,6 +74,7 @@ def test_a_few_overtaken_messages_are_no_restart() -> None:
     assert not order.is_new(46, at(46), 0.0)
 
 
+@pytest.mark.clause("7.2/headerId")
 def test_after_a_new_connection_any_message_is_new() -> None:
     order = order_at(5000, 5000)
     order.restart()

@@ -40,6 +40,7 @@ def test_a_robot_whose_last_state_is_too_old_is_silent_without_any_will(robot: R
     assert robot.reachable, "only the robot itself or its will says that it is away"
 
 
+@pytest.mark.clause("6.5/fleet")
 def test_a_robot_that_is_online_and_never_reports_is_silent(robot: Robot) -> None:
     robot.take_connection(connection(), 0.0)
     assert robot.link(35.1) is LinkStatus.SILENT
@@ -77,6 +78,7 @@ def test_an_old_state_changes_nothing(robot: Robot) -> None:
     assert (robot.state.order_id, robot.state_at) == ("new", 5.0)
 
 
+@pytest.mark.clause("7.2/headerId")
 def test_a_repeated_state_is_no_sign_of_life(robot: Robot) -> None:
     robot.take_state(state(5), 0.0)
     assert not robot.take_state(state(5), 30.0)

@@ -104,6 +104,7 @@ def test_fields_are_those_of_the_official_schema(codec: Codec, topic: Topic) -> 
     assert {name for name, required in official.items() if name in ours and ours[name] > required} == set()
 
 
+@pytest.mark.clause("7.7")
 @pytest.mark.parametrize(
     ("version", "field", "words"),
     [

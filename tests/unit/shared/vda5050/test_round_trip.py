@@ -71,6 +71,7 @@ def test_what_was_read_in_another_version_can_be_said_in_this_one(
     assert plain(codec.decode(kind, payload)) == nearest(codec.version, plain(read))
 
 
+@pytest.mark.clause("7.1/malformed")
 @EACH_MESSAGE
 @given(st.data())
 def test_garbled_message_never_breaks_the_reader(codec: Codec, topic: Topic, data: st.DataObject) -> None:

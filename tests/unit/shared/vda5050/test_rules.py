@@ -91,6 +91,7 @@ def test_where_states_of_instant_actions_are(version: str, neutral: State) -> No
     )
 
 
+@pytest.mark.clause("6.3")
 @EACH_VERSION
 def test_maps(version: str, neutral: State) -> None:
     maps = (Map(map_id="m", map_version="1", map_status=MapStatus.ENABLED),)

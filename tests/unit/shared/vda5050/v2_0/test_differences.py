@@ -25,6 +25,7 @@ def written(message: Header) -> Any:
     return json.loads(CODEC.encode(message))
 
 
+@pytest.mark.clause("7.3", "7.8", "7.10/message")
 @pytest.mark.parametrize(("kind", "name"), [(Order, "order"), (State, "state"), (Factsheet, "factsheet")])
 def test_examples_are_read_and_written_under_its_own_number(
     request: pytest.FixtureRequest, kind: type[Header], name: str
@@ -55,6 +56,7 @@ def test_maps_and_hints_are_unknown_fields(state: JsonObject) -> None:
     assert (message.maps, message.errors[0].error_hint) == (None, None)
 
 
+@pytest.mark.clause("7.8/power")
 @pytest.mark.parametrize(("health", "told"), [(80.4, 80), (99.6, 100), (0, 0)])
 def test_health_of_the_battery_is_a_whole_number(state: JsonObject, health: float, told: int) -> None:
     state["batteryState"]["batteryHealth"] = health

@@ -38,6 +38,7 @@ def zone_set(header: JsonObject, *zones: JsonObject) -> JsonObject:
     return header | {"zoneSet": {"mapId": "m", "zoneSetId": "s", "zones": list(zones)}}
 
 
+@pytest.mark.clause("7.3", "7.8", "7.10/message")
 @pytest.mark.parametrize(("kind", "name"), [(Order, "order"), (State, "state"), (Factsheet, "factsheet")])
 def test_examples_keep_the_schema_and_are_written_as_they_were_read(
     request: pytest.FixtureRequest, kind: type[Header], name: str
@@ -148,6 +149,7 @@ def test_control_point_without_weight_shapes_nothing(order: JsonObject) -> None:
         read(Order, order)
 
 
+@pytest.mark.clause("7.1/unknown")
 def test_zone_set_of_2_x_is_an_unknown_field(order: JsonObject, state: JsonObject) -> None:
     assert read(Order, order | {"zoneSetId": 5}).zone_set_id is None
     assert read(State, state | {"zoneSetId": 5}).zone_set_id is None
@@ -176,6 +178,7 @@ def test_older_name_of_an_error_is_read(state: JsonObject) -> None:
     assert read(State, state).errors[0].error_type == "INVALID_ORDER_ACTION"
 
 
+@pytest.mark.clause("7.8")
 def test_arrival_is_a_moment(state: JsonObject) -> None:
     point = {"x": 1.0, "y": 2.0, "eta": "2026-01-01T00:00:05.500Z"}
 
