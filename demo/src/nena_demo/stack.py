@@ -111,6 +111,8 @@ async def start_services(processes: Processes, choices: Choices) -> Stack:
         str(panel_port),
         "--history.url",
         f"sqlite:///{processes.folder / 'history.sqlite3'}",
+        "--order_service.url",
+        f"http://127.0.0.1:{rest_port}",
     ]
     await processes.start("order-service", order_service, environment=variables)
     await processes.start("status-aggregator", aggregator, environment=variables)

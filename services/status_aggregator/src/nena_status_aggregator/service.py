@@ -22,7 +22,7 @@ async def serve(settings: AggregatorSettings, stop: asyncio.Event) -> None:
     """
     with listen(settings.http) as door:
         aggregator = Aggregator(settings, SystemClock())
-        server = HttpServer(make_app(aggregator))
+        server = HttpServer(make_app(aggregator, settings.order_service))
         if aggregator.history:
             await aggregator.history.writer.open()
         async with Supervisor() as tasks:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import BeforeValidator, Field, SecretStr
+from pydantic import BeforeValidator, Field, HttpUrl, SecretStr
 
 from nena_shared.settings import HttpSettings, ServiceSettings, SettingsGroup, TopicPrefix
 
@@ -54,6 +54,19 @@ class HistorySettings(SettingsGroup):
     interval: float = Field(0.5, gt=0, le=60, description="Seconds over which entries are gathered.")
 
 
+class OrderServiceSettings(SettingsGroup):
+    """The order service, which carries out the commands of the control panel."""
+
+    url: HttpUrl | None = Field(
+        None, description="Its address, e.g. http://127.0.0.1:8000; none: the panel gives no commands."
+    )
+    timeout: float = Field(60.0, gt=0, le=600, description="Seconds that it has to answer a command.")
+    trusted_hosts: tuple[str, ...] = Field(
+        ("127.0.0.1", "localhost", "::1"),
+        description="Names and addresses under which browsers may reach this program to give commands.",
+    )
+
+
 class AggregatorSettings(ServiceSettings):
     """The status aggregator."""
 
@@ -86,3 +99,6 @@ class AggregatorSettings(ServiceSettings):
     )
     events: EventSettings = Field(default_factory=EventSettings, description="The event stream.")
     history: HistorySettings = Field(default_factory=HistorySettings, description="The history.")
+    order_service: OrderServiceSettings = Field(
+        default_factory=OrderServiceSettings, description="Commands of the control panel."
+    )

@@ -10,7 +10,7 @@ from nena_shared.plant.model import PlantModel
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.rest.app import make_app
 from nena_status_aggregator.settings import AggregatorSettings, EventSettings
-from support.fleet_examples import ROBOT, START, order_status, sample_plant, state
+from support.fleet_examples import ROBOT, START, factsheet, order_status, sample_plant, state
 
 
 @pytest.fixture
@@ -60,6 +60,18 @@ async def test_one_robot(client: httpx.AsyncClient, aggregator: Aggregator) -> N
     populate(aggregator)
     robot = (await client.get("/api/v1/robots/ACME/r1")).json()
     assert (robot["serialNumber"], robot["condition"], robot["stateAge"]) == ("r1", "IDLE", 0)
+
+
+async def test_a_factsheet_in_the_names_of_version_3(
+    client: httpx.AsyncClient, aggregator: Aggregator
+) -> None:
+    populate(aggregator)
+    missing = await client.get("/api/v1/robots/ACME/r1/factsheet")
+    assert (missing.status_code, "asked for it" in missing.json()["detail"]) == (404, True)
+    aggregator.model.on_factsheet(ROBOT, factsheet(), aggregator.now())
+    sheet = (await client.get("/api/v1/robots/ACME/r1/factsheet")).json()
+    assert sheet["typeSpecification"]["mobileRobotClass"] == "CARRIER"
+    assert sheet["protocolFeatures"]["mobileRobotActions"] == []
 
 
 async def test_orders(client: httpx.AsyncClient, aggregator: Aggregator) -> None:
@@ -162,8 +174,11 @@ async def test_the_interface_is_described(client: httpx.AsyncClient) -> None:
     assert {
         "/api/v1/fleet",
         "/api/v1/robots/{manufacturer}/{serial}",
+        "/api/v1/robots/{manufacturer}/{serial}/factsheet",
         "/api/v1/orders",
         "/api/v1/plant",
+        "/api/v1/control",
+        "/api/v1/control/{path}",
         "/api/v1/events",
         "/healthz",
         "/api/v1/history",

@@ -14,8 +14,9 @@ from nena_status_aggregator import panel
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.metrics.exposition import Exposition
 from nena_status_aggregator.metrics.fleet_collector import DISTRIBUTION
-from nena_status_aggregator.rest import events, health, history, problem, resources
+from nena_status_aggregator.rest import control, events, health, history, problem, resources
 from nena_status_aggregator.rest.security_headers import SecurityHeaders
+from nena_status_aggregator.settings import OrderServiceSettings
 
 PANEL = Path(panel.__file__).parent / "static"
 
@@ -30,8 +31,11 @@ class PanelFiles(StaticFiles):
         return response
 
 
-def make_app(aggregator: Aggregator) -> FastAPI:
-    """Make the application over ``aggregator``; it starts nothing by itself."""
+def make_app(aggregator: Aggregator, order_service: OrderServiceSettings | None = None) -> FastAPI:
+    """Make the application over ``aggregator``; it starts nothing by itself.
+
+    Without ``order_service`` the panel gives no commands.
+    """
     app = FastAPI(
         title="NeNa status aggregator",
         version=version(DISTRIBUTION),
@@ -43,6 +47,7 @@ def make_app(aggregator: Aggregator) -> FastAPI:
     app.add_middleware(SecurityHeaders)
     app.include_router(resources.make_router(aggregator))
     app.include_router(history.make_router(aggregator.history))
+    app.include_router(control.make_router(order_service or OrderServiceSettings()))
     app.include_router(events.make_router(aggregator.events))
     app.include_router(health.make_router(aggregator, Exposition(aggregator)))
     app.mount("/", PanelFiles(directory=PANEL, html=True), name="panel")

@@ -1,0 +1,115 @@
+"""Commands of the control panel under ``/api/v1/control``: passed on to the order service, which decides.
+
+A browser that shows a page of somebody else must not be able to give commands here. So nothing is answered to
+pages of other origins, a command has to be JSON (which another origin may not send without asking first, and
+there is nobody who would allow it), and the name under which we are called must be one that we know, since a
+foreign name may have been made to point here.
+"""
+
+from __future__ import annotations
+
+import re
+from http import HTTPStatus
+from typing import Annotated
+from urllib.parse import unquote, urlsplit
+
+from fastapi import APIRouter, Depends, Path, Request, Response
+from typing_extensions import TypedDict
+
+from nena_status_aggregator.order_service import OrderServiceAwayError, OrderServiceDoor
+from nena_status_aggregator.rest.problem import ProblemError
+from nena_status_aggregator.settings import OrderServiceSettings
+
+PREFIX = "/api/v1/control"
+RESOURCES = re.compile(r"(transportOrders|vehicles)(/[^/]+(/[A-Za-z]+)?)?")
+"""What is passed on: the resources that the panel uses."""
+BODY_LIMIT = 256 * 1024
+"""Bytes."""
+
+
+class Control(TypedDict):
+    """Whether commands are possible here."""
+
+    enabled: bool
+
+
+def make_router(settings: OrderServiceSettings) -> APIRouter:
+    """Make the routes; without an address of the order service every command is refused."""
+    door = OrderServiceDoor(str(settings.url), settings) if settings.url else None
+
+    async def own_page(request: Request) -> None:
+        check_origin(request, settings.trusted_hosts)
+
+    router = APIRouter(prefix=PREFIX, tags=["control"], dependencies=[Depends(own_page)])
+
+    @router.get("")
+    async def control() -> Control:
+        """Tell whether commands are possible here."""
+        return {"enabled": door is not None}
+
+    async def passed_on(request: Request, _path: Annotated[str, Path(alias="path")]) -> Response:
+        """Pass a request on to the order service's `/v1`, whose interface describes it."""
+        if door is None:
+            detail = (
+                "Commands are off. Start this program with --order_service.url, e.g. http://127.0.0.1:8000."
+            )
+            raise ProblemError(HTTPStatus.NOT_FOUND, detail)
+        path = resource_of(request)
+        body = await _body(request) if request.method == "POST" else None
+        try:
+            answer = await door.ask(request.method, path, request.url.query, body)
+        except OrderServiceAwayError as error:
+            detail = f"The order service does not answer ({error}). Is it running, and does "
+            detail += "--order_service.url name it? Look at what it did before you ask again."
+            raise ProblemError(HTTPStatus.BAD_GATEWAY, detail) from error
+        return Response(answer.body, answer.status, media_type=answer.content_type or None)
+
+    router.get("/{path:path}", name="ask")(passed_on)
+    router.post("/{path:path}", name="command")(passed_on)
+    return router
+
+
+def check_origin(request: Request, trusted_hosts: tuple[str, ...]) -> None:
+    """Refuse what does not come from our own page, or from a program.
+
+    Raises:
+        ProblemError: 403 for a page of another origin and for a host name that is not ours.
+
+    """
+    host = request.headers.get("host", "")
+    if urlsplit(f"//{host}").hostname not in trusted_hosts:
+        detail = f"{host!r} is not one of the names of this service; see --order_service.trusted_hosts."
+        raise ProblemError(HTTPStatus.FORBIDDEN, detail)
+    origin = request.headers.get("origin")
+    site = request.headers.get("sec-fetch-site", "same-origin")
+    if (origin is not None and urlsplit(origin).netloc != host) or site not in ("same-origin", "none"):
+        raise ProblemError(HTTPStatus.FORBIDDEN, "Commands are taken from this service's own page only.")
+
+
+def resource_of(request: Request) -> str:
+    """Give the part of the path to pass on, percent-encoded as it came.
+
+    Raises:
+        ProblemError: 404 for what the order service has, but not for the panel.
+
+    """
+    raw: bytes = request.scope["raw_path"]
+    path = raw.decode("ascii").split("?", 1)[0].removeprefix(f"{PREFIX}/")
+    dots = any(unquote(part) in (".", "..") for part in path.split("/"))
+    if dots or not RESOURCES.fullmatch(path):
+        detail = f"There is nothing to command at {request.url.path}; see /api/v1/openapi.json."
+        raise ProblemError(HTTPStatus.NOT_FOUND, detail)
+    return path
+
+
+async def _body(request: Request) -> bytes:
+    if request.headers.get("content-type", "").split(";")[0].strip().lower() != "application/json":
+        detail = "Send commands as JSON, with Content-Type: application/json."
+        raise ProblemError(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, detail)
+    body = bytearray()
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > BODY_LIMIT:
+            detail = f"A command has at most {BODY_LIMIT} bytes."
+            raise ProblemError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, detail)
+    return bytes(body)
