@@ -1,0 +1,163 @@
+"""Rules and dashboards against a real Prometheus that scrapes a real aggregator."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from collections.abc import Iterator
+from datetime import timedelta
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_status_aggregator.settings import HistorySettings
+from support.broker import Broker, MqttPeer
+from support.fleet_examples import ROBOT, START, connection, order_status, position, state, way
+from support.prometheus import CONFIGURATION, Prometheus, eventually, program
+from support.reference import PROJECT
+from support.served_aggregator import Served, serving
+
+GRAFANA = PROJECT / "deploy" / "grafana"
+DASHBOARDS = sorted((GRAFANA / "dashboards").glob("*.json"))
+NAME = re.compile(r"\bnena_\w+")
+VARIABLES = {"$manufacturer": "ACME", "$serial": "r1", "$instance": ".+"}
+BLOCKED = RobotKey("ACME", "r2")
+
+
+def promtool(*arguments: str) -> None:
+    done = subprocess.run(
+        [program("promtool"), *arguments], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_configuration_and_its_rules_are_in_order() -> None:
+    promtool("check", "config", str(CONFIGURATION / "prometheus.yml"))
+
+
+@pytest.mark.parametrize("file", sorted((CONFIGURATION / "tests").glob("*.yml")), ids=lambda file: file.name)
+def test_rules_record_and_alert_as_they_should(file: Path) -> None:
+    promtool("test", "rules", str(file))
+
+
+def test_every_alert_has_a_test_and_says_what_to_do() -> None:
+    rules = (CONFIGURATION / "rules" / "alerts.yml").read_text(encoding="utf-8")
+    tests = (CONFIGURATION / "tests" / "alerts.test.yml").read_text(encoding="utf-8")
+    names = re.findall(r"- alert: (\w+)", rules)
+    fired = re.findall(r"alertname: (\w+)\n +exp_alerts:\n", tests)
+    assert set(names) == set(fired)
+    assert rules.count("description:") == rules.count("severity:") == len(names)
+
+
+def test_rules_and_dashboards_name_only_metrics_that_there_are() -> None:
+    documented = set(NAME.findall((PROJECT / "docs" / "metrics.md").read_text(encoding="utf-8")))
+    for file in (*DASHBOARDS, *sorted((CONFIGURATION / "rules").glob("*.yml"))):
+        used = {name.removesuffix("_bucket") for name in NAME.findall(file.read_text(encoding="utf-8"))}
+        assert used <= documented, file.name
+
+
+def test_dashboards_are_provisioned_over_one_source() -> None:
+    source = (GRAFANA / "provisioning" / "datasources" / "nena.yml").read_text(encoding="utf-8")
+    boards = [json.loads(file.read_text(encoding="utf-8")) for file in DASHBOARDS]
+    assert [board["uid"] for board in boards] == [file.stem for file in DASHBOARDS]
+    for board in boards:
+        assert {panel["datasource"]["uid"] for panel in board["panels"]} == {"nena-prometheus"}
+        assert len({panel["id"] for panel in board["panels"]}) == len(board["panels"])
+    assert "uid: nena-prometheus" in source
+
+
+def queries() -> Iterator[tuple[str, str]]:
+    """Give all queries of the dashboards, variables filled in, with the panel that asks."""
+    for file in DASHBOARDS:
+        board = json.loads(file.read_text(encoding="utf-8"))
+        for variable in board["templating"]["list"]:
+            wanted = re.fullmatch(r"label_values\((.+), \w+\)", variable["query"]["query"])
+            assert wanted, variable
+            yield f"{board['title']}: {variable['name']}", _filled(wanted[1])
+        for panel in board["panels"]:
+            for target in panel["targets"]:
+                yield f"{board['title']}: {panel['title']}", _filled(target["expr"])
+
+
+def _filled(expression: str) -> str:
+    for name, value in VARIABLES.items():
+        expression = expression.replace(name, value)
+    return expression
+
+
+def say_everything(served: Served, peer: MqttPeer, turn: int) -> None:
+    """Let two robots and the order service do one of each thing."""
+    order = f"v{turn}"
+    power = {"state_of_charge": 55.0, "charging": False, "battery_voltage": 48.0, "range": 900.0}
+    error = {"error_type": "orderError", "error_level": "WARNING", "error_references": ()}
+    common: dict[str, Any] = {
+        "power_supply": power,
+        "velocity": {"vx": 1.0},
+        "loads": ({"load_id": "box"},),
+        "paused": False,
+    }
+    action = {"action_id": f"a{turn}", "action_type": "pick", "action_status": "RUNNING"}
+    scenes: tuple[dict[str, Any], ...] = (
+        {"last_node_id": "A", "mobile_robot_position": position(0, 0)},
+        {"order_id": order, "last_node_id": "A", "action_states": (action,), **way("B")},
+        {
+            "order_id": order,
+            "last_node_id": "B",
+            "last_node_sequence_id": 2,
+            "action_states": ({**action, "action_status": "FINISHED"},),
+            "mobile_robot_position": position(3, 0),
+            "errors": (error,),
+        },
+    )
+    served.send(peer, Topic.CONNECTION, connection(number=turn, at=turn * 10.0))
+    for step, scene in enumerate(scenes):
+        number = turn * 10 + step
+        served.send(peer, Topic.STATE, state(number, at=number, **common, **scene))
+    stop = {"active_emergency_stop": "MANUAL", "field_violation": False}
+    blocked = state(turn * 10, at=turn * 10, robot=BLOCKED, safety_state=stop)
+    served.send(peer, Topic.STATE, blocked, robot=BLOCKED)
+    ended = order_status(
+        f"TO-{turn}", state=TransportOrderState.FINISHED, finished=START + timedelta(seconds=45)
+    )
+    for status in (ended, order_status(f"TO-living-{turn}")):
+        peer.publish(served.fleet.order_status(status.name), status.model_dump_json(by_alias=True))
+
+
+@pytest.mark.broker
+async def test_every_query_of_rules_and_dashboards_finds_something(
+    broker: Broker, interface_name: str, tmp_path: Path
+) -> None:
+    history = HistorySettings.model_validate({"url": f"sqlite:///{tmp_path / 'history.db'}"})
+    async with serving(broker, interface_name, history=history) as served:
+        address = served.http.base_url.netloc.decode()
+        async with Prometheus(tmp_path, address) as prometheus:
+            with MqttPeer(broker) as peer:
+                say_everything(served, peer, 1)
+                ended = 'nena_transport_orders_ended_total{state="FINISHED"}'
+                await eventually(lambda: prometheus.query(f"{ended} == 1"), "the first scrape")
+                say_everything(served, peer, 2)
+                await eventually(lambda: prometheus.query(f"{ended} == 2"), "a later scrape")
+            for panel, expression in queries():
+                await eventually(partial(prometheus.query, expression), f"{panel}: {expression}")
+            rules = await eventually(lambda: evaluated(prometheus), "all rules evaluated")
+            for rule in rules:
+                assert rule["health"] == "ok", f"{rule['name']}: {rule.get('lastError')}"
+                if rule["type"] == "recording":
+                    assert await prometheus.query(rule["name"]), rule["name"]
+            (stands,) = await prometheus.query('ALERTS{alertname="NenaRobotStands"}')
+            assert stands["metric"]["serial_number"] == BLOCKED.serial_number
+            condition = await prometheus.query(
+                f'nena_robot_condition{{serial_number="{ROBOT.serial_number}"}}'
+            )
+            assert condition[0]["metric"]["manufacturer"] == ROBOT.manufacturer
+
+
+async def evaluated(prometheus: Prometheus) -> list[dict[str, Any]]:
+    """Give the rules once all of them have been evaluated."""
+    rules = await prometheus.rules()
+    return [] if any(rule["health"] == "unknown" for rule in rules) else rules

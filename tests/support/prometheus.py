@@ -1,0 +1,98 @@
+"""A real Prometheus with the project's own configuration, over one aggregator."""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+import subprocess
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any, Self, TypeVar
+
+import httpx
+import pytest
+
+from support.broker import free_port
+from support.reference import PROJECT
+
+CONFIGURATION = PROJECT / "deploy" / "prometheus"
+
+T = TypeVar("T")
+
+END_WITHIN = 20.0
+"""Seconds."""
+
+LOOK_EVERY = 0.05
+"""Seconds."""
+
+
+async def eventually(ask: Callable[[], Awaitable[T]], what: str, *, seconds: float = END_WITHIN) -> T:
+    """Give the first true answer; AssertionError when there is none for ``seconds``."""
+    loop = asyncio.get_running_loop()
+    end = loop.time() + seconds
+    while not (answer := await ask()):
+        assert loop.time() < end, f"{what} did not come true in {seconds} s; last: {answer!r}"
+        await asyncio.sleep(LOOK_EVERY)
+    return answer
+
+
+def program(name: str) -> str:
+    """Give the path of `prometheus` or `promtool`; skip the test where there is none."""
+    path = shutil.which(name)
+    if path is None:
+        pytest.skip(f"{name} is not there: apt-get install prometheus")
+    return path
+
+
+class Prometheus:
+    """Scrapes and evaluates each second, and is asked by its API."""
+
+    def __init__(self, folder: Path, aggregator: str) -> None:
+        """Start over the aggregator at ``aggregator`` (host and port), with its files in ``folder``."""
+        text = (CONFIGURATION / "prometheus.yml").read_text(encoding="utf-8")
+        text = text.replace("127.0.0.1:8080", aggregator).replace("15s", "1s")
+        text = text.replace("rules/*.yml", f"{CONFIGURATION}/rules/*.yml")
+        (folder / "prometheus.yml").write_text(text, encoding="utf-8")
+        port = free_port()
+        self.http = httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}/api/v1")
+        self._log = folder / "log"
+        with self._log.open("wb") as log:
+            self._process = subprocess.Popen(
+                [
+                    program("prometheus"),
+                    f"--config.file={folder / 'prometheus.yml'}",
+                    f"--storage.tsdb.path={folder / 'data'}",
+                    f"--web.listen-address=127.0.0.1:{port}",
+                ],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+            )
+
+    async def __aenter__(self) -> Self:
+        await eventually(self._answers, "Prometheus")
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.http.aclose()
+        self._process.terminate()
+        self._process.wait(END_WITHIN)
+
+    async def query(self, expression: str) -> list[dict[str, Any]]:
+        """Give the samples of an instant query; it must be a good one."""
+        answer = (await self.http.get("/query", params={"query": expression})).json()
+        assert answer["status"] == "success", f"{expression}: {answer}"
+        found: list[dict[str, Any]] = answer["data"]["result"]
+        return found
+
+    async def rules(self) -> list[dict[str, Any]]:
+        """Give all rules, with what became of them."""
+        groups = (await self.http.get("/rules")).json()["data"]["groups"]
+        return [rule for group in groups for rule in group["rules"]]
+
+    async def _answers(self) -> bool:
+        assert self._process.poll() is None, self._log.read_text(encoding="utf-8")
+        try:
+            return (await self.http.get("/status/buildinfo")).status_code == httpx.codes.OK
+        except httpx.TransportError:
+            return False
