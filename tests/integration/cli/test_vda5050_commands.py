@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +18,7 @@ from support.waiting import until
 pytestmark = pytest.mark.broker
 
 FILE = FOLDER / "3.0.0-cancel.jsonl"
+RECORD = ("vda5050", "record")
 
 
 def nena(*arguments: str, stdin: str = "") -> subprocess.CompletedProcess[str]:
@@ -43,9 +45,7 @@ async def test_what_is_replayed_is_what_was_recorded(own_broker: Broker, tmp_pat
 
 def test_one_side_is_replayed_with_fresh_headers(own_broker: Broker) -> None:
     with MqttPeer(own_broker, "fleet/#") as peer:
-        done = nena(
-            "replay", str(FILE), url(own_broker), "--speed", "1000", "--only", "fleet control", "--fresh"
-        )
+        done = nena("replay", str(FILE), url(own_broker), "--speed", "1000", "--only", "fleet", "--fresh")
         assert done.returncode == 0, done.stderr
         received = peer.received()
 
@@ -53,6 +53,57 @@ def test_one_side_is_replayed_with_fresh_headers(own_broker: Broker) -> None:
     recorded = {entry.topic: json.loads(entry.payload)["timestamp"] for entry in read_file(FILE)}
     for each in received:
         assert json.loads(each.payload)["timestamp"] > recorded[each.topic]
+
+
+def test_a_part_of_a_recording_is_replayed(own_broker: Broker) -> None:
+    states = ("--topic", "fleet/+/+/+/state", "--speed", "1000")
+    with MqttPeer(own_broker, "#") as peer:
+        assert "2 messages" in nena("replay", str(FILE), url(own_broker), *states, "--messages", "2").stderr
+        assert "0 messages" in nena("replay", str(FILE), url(own_broker), "--robot", "ACME/0002").stderr
+        received = peer.received()
+
+    first, second = [each for each in read_file(FILE) if each.topic.endswith("/state")][:2]
+    assert [each.payload for each in received] == [first.payload, second.payload]
+
+
+async def test_one_robot_is_recorded_as_it_was_said(own_broker: Broker, tmp_path: Path) -> None:
+    file = tmp_path / "one.jsonl"
+    wanted = ("--interface", "site/hall", "--robot", "ACME/1", "--messages", "3")
+    with MqttPeer(own_broker, "none") as peer:
+        peer.publish("site/hall/v2/ACME/1/connection", b"kept", retain=True)
+        process = await _start(
+            [sys.executable, "-m", "nena_cli", *RECORD, url(own_broker), str(file), *wanted]
+        )
+        try:
+            await until(lambda: own_broker.log.count("SUBSCRIBE") > 1, what="the recorder")
+            for topic, qos in (("2/state", 1), ("1/order", 0), ("1/state", 1)):
+                peer.publish(f"site/hall/v2/ACME/{topic}", b"\xff", qos=qos)
+            assert process.wait(20) == 0
+        finally:
+            process.kill()
+
+    assert [(each.topic[-7:], each.payload, each.qos, each.retain) for each in read_file(file)] == [
+        ("nection", b"kept", 1, True),
+        ("1/order", b"\xff", 0, False),
+        ("1/state", b"\xff", 1, False),
+    ]
+
+
+async def test_a_recording_that_is_interrupted_is_whole(own_broker: Broker, tmp_path: Path) -> None:
+    file = tmp_path / "some.jsonl"
+    with MqttPeer(own_broker, "none") as peer, recorder(own_broker, file) as process:
+        await until(lambda: own_broker.log.count("SUBSCRIBE") > 1, what="the recorder")
+        peer.publish("fleet/v2/ACME/1/state", b"{}")
+        await until(lambda: file.exists() and file.read_text().endswith("\n"), what="the line")
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 0
+
+    assert [each.payload for each in read_file(file)] == [b"{}"]
+
+
+def test_nothing_is_left_of_a_recording_that_did_not_begin(tmp_path: Path) -> None:
+    assert nena("record", "mqtt://127.0.0.1:1", str(tmp_path / "it.jsonl")).returncode == 2
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_recording_is_never_written_over(own_broker: Broker, tmp_path: Path) -> None:
@@ -69,7 +120,7 @@ def test_show_tells_what_changed() -> None:
     done = nena("show", str(FILE))
 
     assert done.returncode == 0, done.stderr
-    assert "ACME/0001 → order" in done.stdout
+    assert "fleet → ACME/0001 order" in done.stdout
     assert "do cancelOrder" in done.stdout
     assert "cancelOrder" in done.stdout.split("FAILED")[0]
     assert "WARNING NO_ORDER_TO_CANCEL" in done.stdout
@@ -86,7 +137,16 @@ def test_check_says_what_is_wrong_and_ends_with_1() -> None:
     assert (finding["rule"], finding["severity"], finding["version"]) == ("message", "error", "3.0.0")
     assert finding["robot"] == "ACME/0001"
     text = nena("check", "-", stdin=lines.replace('\\"driving\\":true', '\\"driving\\":7')).stdout
-    assert "VDA 5050 3.0.0, 7.1.1" in text
+    assert "message; VDA 5050 3.0.0, 7.8" in text
+
+
+def test_warnings_count_when_they_are_to() -> None:
+    refusals = str(FOLDER / "2.1.0-refusals.jsonl")
+
+    assert nena("check", refusals).returncode == 0
+    assert nena("check", refusals, "--strict").returncode == 1
+    assert "1 warnings" in nena("check", refusals).stderr
+    assert nena("check", refusals, "--strict", "--topic", "+/+/+/+/state").returncode == 0
 
 
 async def test_check_listens_to_a_broker(own_broker: Broker) -> None:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from collections.abc import AsyncIterator, Callable, Iterable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,7 +14,7 @@ from urllib.parse import unquote, urlsplit
 from pydantic import SecretStr
 
 from nena_cli.vda5050.recording import Entry
-from nena_cli.vda5050.said import SPEAKERS, Speaker
+from nena_cli.vda5050.replay import FreshHeaders, is_kept, paced
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.settings import MqttSettings
 from nena_shared.tasks import Supervisor
@@ -24,8 +23,9 @@ from nena_shared.vda5050.topics import Topic
 CONNECT_WITHIN: Final = 10.0
 """Seconds."""
 DRAIN_WITHIN: Final = 10.0
-LONGEST_PAUSE: Final = 60.0
-"""Seconds between two messages of a replay, at most: nobody waits a night for a robot that slept."""
+"""Seconds."""
+ANY_QOS: Final = 2
+"""To subscribe with: each message then comes with the quality of service that its sender has chosen."""
 
 
 class BrokerError(Exception):
@@ -53,38 +53,53 @@ def place(
         BrokerError: it is none.
 
     """
-    parts = urlsplit(url)
+    try:
+        parts = urlsplit(url)
+        port = parts.port or 1883
+    except ValueError as error:
+        message = f"'{url}' is no broker: {error}"
+        raise BrokerError(message) from error
     if parts.scheme != "mqtt" or not parts.hostname:
         message = f"'{url}' is no broker: write mqtt://host:port"
         raise BrokerError(message)
     inline = unquote(parts.path.lstrip("/") + ("#" if url.endswith("#") else ""))
     settings = MqttSettings(
         host=parts.hostname,
-        port=parts.port or 1883,
+        port=port,
         username=username or (unquote(parts.username) if parts.username else None),
         password=SecretStr(unquote(parts.password)) if parts.password else None,
         password_file=password_file,
     )
-    return Place(settings, filters or ((inline,) if inline else ALL_ROBOTS))
+    return Place(settings, filters or ((inline,) if inline else robot_filters()))
 
 
-ALL_ROBOTS: Final = tuple(f"+/+/+/+/{topic}" for topic in Topic)
-"""The topics of every robot, under any interface name of one level."""
+def robot_filters(interface_name: str = "+", robot: str = "+/+") -> tuple[str, ...]:
+    """Give the filters for the topics of ``robot`` (``manufacturer/serialNumber``), by default of all."""
+    return tuple(f"{interface_name}/+/{robot}/{topic}" for topic in Topic)
 
 
 async def listen(where: Place, take: Callable[[Entry], None], *, stop: asyncio.Event, client_id: str) -> None:
-    """Hand each message to ``take`` as it comes, until ``stop`` is set.
+    """Hand each message to ``take`` as it comes, until ``stop`` is set; what ``take`` raises ends it too.
 
     Raises:
         BrokerError: the broker is not reached, or does not let us subscribe.
 
     """
+    failures: list[Exception] = []
 
     def hand_on(inbound: Inbound) -> None:
-        take(Entry(datetime.now(UTC), inbound.topic, inbound.payload, 1, inbound.retained))
+        if stop.is_set():
+            return
+        try:
+            take(Entry(datetime.now(UTC), inbound.topic, inbound.payload, inbound.qos, inbound.retained))
+        except Exception as error:  # noqa: BLE001 - the link would only log it and go on
+            failures.append(error)
+            stop.set()
 
     async with _linked(where, client_id, hand_on):
         await stop.wait()
+    for failure in failures:
+        raise failure
 
 
 async def replay(
@@ -92,31 +107,27 @@ async def replay(
     where: Place,
     *,
     speed: float,
-    speaker: Speaker | None,
     fresh: bool,
+    stop: asyncio.Event,
     client_id: str,
 ) -> int:
-    """Publish what was recorded, in its order and with its pauses divided by ``speed``; gives how many.
+    """Publish messages in their order until ``stop``, and give how many.
 
-    ``speaker`` leaves out what the others said; ``fresh`` puts the present time into the headers.
+    Their pauses are divided by ``speed``; ``fresh`` gives them new headers.
 
     Raises:
         BrokerError: the broker is not reached, or does not take the messages.
 
     """
     count = 0
-    last: datetime | None = None
+    headers = FreshHeaders()
     async with _linked(where, client_id, None) as link:
-        for entry in entries:
-            if not _is_of(entry, speaker):
-                continue
-            if last is not None:
-                pause = max(0.0, (entry.time - last).total_seconds() / speed)
-                await asyncio.sleep(min(pause, LONGEST_PAUSE))
-            last = entry.time
-            retain = entry.topic.rsplit("/", 1)[-1] in (Topic.CONNECTION, Topic.FACTSHEET)
-            payload = _fresh(entry.payload) if fresh else entry.payload
-            link.publish(Outbound(entry.topic, payload, qos=max(entry.qos, 1), retain=retain))
+        for pause, entry in paced(entries, speed):
+            await _stopped_within(stop, pause)
+            if stop.is_set():
+                break
+            said = headers.renewed(entry, datetime.now(UTC)) if fresh else entry
+            link.publish(Outbound(said.topic, said.payload, qos=max(said.qos, 1), retain=is_kept(said.topic)))
             count += 1
         if not await link.drain(DRAIN_WITHIN):
             message = "the broker has not taken all messages"
@@ -124,13 +135,20 @@ async def replay(
     return count
 
 
+async def _stopped_within(stop: asyncio.Event, seconds: float) -> None:
+    with suppress(TimeoutError):
+        async with asyncio.timeout(seconds):
+            await stop.wait()
+
+
 @asynccontextmanager
 async def _linked(
     where: Place, client_id: str, take: Callable[[Inbound], None] | None
 ) -> AsyncIterator[MqttLink]:
     link = MqttLink(where.settings, client_id=client_id)
-    for topic_filter in where.topic_filters if take else ():
-        link.subscribe(topic_filter, take or _nobody)
+    if take:
+        for topic_filter in where.topic_filters:
+            link.subscribe(topic_filter, take, qos=ANY_QOS)
     async with Supervisor() as supervisor:
         supervisor.start("link", link.run())
         await _connected(link)
@@ -138,34 +156,14 @@ async def _linked(
 
 
 async def _connected(link: MqttLink) -> None:
-    try:
+    """Wait for the first connection; a service would try again, a person wants to know."""
+    with suppress(TimeoutError):
         async with asyncio.timeout(CONNECT_WITHIN):
-            while not link.state.connected:  # noqa: ASYNC110 - the link has no event for it
+            while not (link.state.connected or link.state.last_error):  # noqa: ASYNC110 - it has no event
                 await asyncio.sleep(0.02)
-    except TimeoutError:
+    if not link.state.connected:
         message = f"the broker is not reached: {link.state.last_error or 'it does not answer'}"
-        raise BrokerError(message) from None
+        raise BrokerError(message)
     if link.state.refused:
         message = f"the broker does not let us hear {', '.join(link.state.refused)}"
         raise BrokerError(message)
-
-
-def _is_of(entry: Entry, speaker: Speaker | None) -> bool:
-    last = entry.topic.rsplit("/", 1)[-1]
-    return speaker is None or (last in set(Topic) and SPEAKERS[Topic(last)] is speaker)
-
-
-def _fresh(payload: bytes) -> bytes:
-    """Put the present time into a header; what is no message stays as it is."""
-    try:
-        content = json.loads(payload)
-    except ValueError:
-        return payload
-    if not isinstance(content, dict) or "timestamp" not in content:
-        return payload
-    now = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-    return json.dumps(content | {"timestamp": now}).encode()
-
-
-def _nobody(_: Inbound) -> None:
-    """Take nothing."""

@@ -83,9 +83,15 @@ def _order_of(now: State, before: State | None) -> Iterator[str]:
     last = now.last_node_id, now.last_node_sequence_id
     if before is None or last != (before.last_node_id, before.last_node_sequence_id):
         yield f"last node '{now.last_node_id}' ({now.last_node_sequence_id})"
-    left = [node.node_id for node in now.node_states]
-    if before is None or left != [node.node_id for node in before.node_states]:
-        yield "nodes left: " + _list(left)
+    left = _left(now)
+    if before is None or left != _left(before):
+        yield f"nodes left: {left}"
+
+
+def _left(state: State) -> str:
+    base = [node.node_id for node in state.node_states if node.released]
+    horizon = [node.node_id for node in state.node_states if not node.released]
+    return _list(base) + (f", horizon {_list(horizon)}" if horizon else "")
 
 
 def _place(now: State, before: State | None) -> Iterator[str]:

@@ -6,10 +6,10 @@ import asyncio
 import json
 import sys
 from collections.abc import Callable, Coroutine, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from os import getpid
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, TypeVar
 
 import typer
 from rich.console import Console
@@ -18,13 +18,16 @@ from rich.markup import escape
 from nena_cli.vda5050 import broker
 from nena_cli.vda5050.checker import Checker
 from nena_cli.vda5050.finding import Finding, Severity
-from nena_cli.vda5050.recording import Entry, RecordingError, append, read, read_file
+from nena_cli.vda5050.recording import Entry, RecordingError, append, new_file, read, read_file
+from nena_cli.vda5050.replay import Choice
 from nena_cli.vda5050.said import Speaker
 from nena_cli.vda5050.show import show as show_conversation
 from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import TaskFailedError, stop_on_signals
 
 app = typer.Typer(help="Conversations of VDA 5050 robots and fleet controls.", no_args_is_help=True)
+
+T = TypeVar("T")
 
 FOUND: Final = 1
 """Exit status of a check that has found errors."""
@@ -37,6 +40,10 @@ Password = Annotated[Path | None, typer.Option("--password-file", help="File wit
 Filters = Annotated[
     list[str] | None, typer.Option("--topic", help="Topic filter; may be given several times.")
 ]
+Interface = Annotated[
+    str, typer.Option("--interface", help="First level or levels of the topics; by default any one level.")
+]
+Robot = Annotated[str | None, typer.Option("--robot", help="Only this one: manufacturer/serialNumber.")]
 Seconds = Annotated[float | None, typer.Option(min=0, help="Stop after so many seconds.")]
 Messages = Annotated[int | None, typer.Option(min=1, help="Stop after so many messages.")]
 
@@ -49,15 +56,16 @@ def record(
     username: User = None,
     password_file: Password = None,
     topic: Filters = None,
+    interface: Interface = "+",
+    robot: Robot = None,
     seconds: Seconds = None,
     messages: Messages = None,
 ) -> None:
     """Record what goes over a broker, until Ctrl-C or the given end."""
     with _faults_told():
-        chosen = broker.place(
-            where, username=username, password_file=password_file, filters=tuple(topic or ())
-        )
-        with file.open("x", encoding="utf-8") as out:
+        filters = _filters(topic, interface, robot)
+        chosen = broker.place(where, username=username, password_file=password_file, filters=filters)
+        with new_file(file) as out:
             count = _listen(chosen, lambda entry: append(entry, out), seconds, messages)
     _say(f"{count} messages recorded in {file}")
 
@@ -71,17 +79,26 @@ def replay(
     password_file: Password = None,
     speed: Annotated[float, typer.Option(min=0.001, help="How much faster than it was.")] = 1.0,
     only: Annotated[Speaker | None, typer.Option(help="Leave out what the other side said.")] = None,
-    fresh: Annotated[bool, typer.Option(help="Put the present time into the headers.")] = False,
+    topic: Filters = None,
+    interface: Interface = "+",
+    robot: Robot = None,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="New headers: headerIds from 0, the present time.")
+    ] = False,
+    seconds: Seconds = None,
+    messages: Messages = None,
 ) -> None:
-    """Publish a recording to a broker."""
+    """Publish a recording to a broker, until its end, Ctrl-C or the given end."""
     with _faults_told():
         chosen = broker.place(where, username=username, password_file=password_file)
-        entries = list(read_file(file))
-        count = asyncio.run(
-            broker.replay(
-                entries, chosen, speed=speed, speaker=only, fresh=fresh, client_id=f"nena-replay-{getpid()}"
-            )
-        )
+        choice = Choice(only, _filters(topic, interface, robot))
+        entries = [each for each in read_file(file) if choice.takes(each)][:messages]
+        client_id = f"nena-replay-{getpid()}"
+
+        def work(stop: asyncio.Event) -> Coroutine[Any, Any, int]:
+            return broker.replay(entries, chosen, speed=speed, fresh=fresh, stop=stop, client_id=client_id)
+
+        count = asyncio.run(_until_stopped(work, seconds))
     _say(f"{count} messages published")
 
 
@@ -89,7 +106,7 @@ def replay(
 def show(
     file: Annotated[str, typer.Argument(help="A recording, or - for standard input.")],
     *,
-    robot: Annotated[str | None, typer.Option(help="Only this one: manufacturer/serialNumber.")] = None,
+    robot: Robot = None,
     everything: Annotated[
         bool, typer.Option("--all", help="Also visualization, and states that change nothing.")
     ] = False,
@@ -109,32 +126,46 @@ def check(
     username: User = None,
     password_file: Password = None,
     topic: Filters = None,
+    interface: Interface = "+",
+    robot: Robot = None,
     seconds: Seconds = None,
     messages: Messages = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Warnings count as errors do.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Findings as JSON lines.")] = False,
 ) -> None:
     """Check a conversation against the standard; the exit status is 1 if it breaks it."""
     checker = Checker()
-    errors = 0
+    found = dict.fromkeys(Severity, 0)
 
     def take(findings: Iterator[Finding]) -> None:
-        nonlocal errors
         for finding in findings:
-            errors += finding.severity is Severity.ERROR
+            found[finding.severity] += 1
             _print(finding, as_json=as_json)
 
     with _faults_told():
+        filters = _filters(topic, interface, robot)
         if source.startswith("mqtt:"):
-            chosen = broker.place(
-                source, username=username, password_file=password_file, filters=tuple(topic or ())
-            )
+            chosen = broker.place(source, username=username, password_file=password_file, filters=filters)
             _listen(chosen, lambda entry: take(checker.take(entry)), seconds, messages)
         else:
+            choice = Choice(topic_filters=filters)
             for entry in _entries(source):
-                take(checker.take(entry))
+                if choice.takes(entry):
+                    take(checker.take(entry))
+                else:
+                    checker.skip()
         take(checker.end())
-    _say(f"{checker.checked} messages checked, {errors} errors")
-    raise typer.Exit(FOUND if errors else 0)
+    errors, warnings = found[Severity.ERROR], found[Severity.WARNING]
+    _say(f"{checker.checked} messages checked, {errors} errors, {warnings} warnings")
+    raise typer.Exit(FOUND if errors or (strict and warnings) else 0)
+
+
+def _filters(topics: list[str] | None, interface: str, robot: str | None) -> tuple[str, ...]:
+    """Give the topic filters that are asked for; none if all are meant."""
+    chosen = tuple(topics or ())
+    if robot is not None or interface != "+":
+        chosen += broker.robot_filters(interface, robot or "+/+")
+    return chosen
 
 
 def _say(text: str, style: str | None = None) -> None:
@@ -144,25 +175,14 @@ def _say(text: str, style: str | None = None) -> None:
 
 def _print(finding: Finding, *, as_json: bool) -> None:
     if as_json:
-        line = {
-            "number": finding.number,
-            "time": finding.time.isoformat(),
-            "robot": str(finding.robot),
-            "topic": finding.topic.value,
-            "version": finding.version,
-            "rule": finding.rule.code,
-            "section": finding.section,
-            "severity": finding.severity.value,
-            "text": finding.text,
-        }
-        sys.stdout.write(json.dumps(line) + "\n")
+        sys.stdout.write(json.dumps(finding.as_json()) + "\n")
         sys.stdout.flush()
         return
     colour = "red" if finding.severity is Severity.ERROR else "yellow"
     Console(soft_wrap=True, highlight=False).print(
         f"[dim]{finding.number:>6}[/] {escape(str(finding.robot))} {finding.topic} "
-        f"[{colour}]{finding.severity}[/] "
-        f"{escape(finding.text)} [dim](VDA 5050 {finding.version}, {finding.section})[/]"
+        f"[{colour}]{finding.severity}[/] {escape(finding.text)} "
+        f"[dim]({finding.rule.code}; VDA 5050 {finding.version}, {finding.section})[/]"
     )
 
 
@@ -176,29 +196,27 @@ def _listen(
     """Take messages until a signal, the time or their number ends it; gives how many came."""
     count = 0
 
-    async def work() -> None:
-        stop = asyncio.Event()
-        stop_on_signals(stop)
-
+    def work(stop: asyncio.Event) -> Coroutine[Any, Any, None]:
         def counted(entry: Entry) -> None:
             nonlocal count
-            if messages is not None and count >= messages:
-                return
             count += 1
             take(entry)
             if count == messages:
                 stop.set()
 
-        await _at_most(broker.listen(where, counted, stop=stop, client_id=f"nena-listen-{getpid()}"), seconds)
+        return broker.listen(where, counted, stop=stop, client_id=f"nena-listen-{getpid()}")
 
-    asyncio.run(work())
+    asyncio.run(_until_stopped(work, seconds))
     return count
 
 
-async def _at_most(work: Coroutine[Any, Any, None], seconds: float | None) -> None:
-    with suppress(TimeoutError):
-        async with asyncio.timeout(seconds):
-            await work
+async def _until_stopped(work: Callable[[asyncio.Event], Coroutine[Any, Any, T]], seconds: float | None) -> T:
+    """Do work that ends in order when the event is set: by a signal, or after ``seconds``."""
+    stop = asyncio.Event()
+    stop_on_signals(stop)
+    if seconds is not None:
+        asyncio.get_running_loop().call_later(seconds, stop.set)
+    return await work(stop)
 
 
 @contextmanager

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from enum import Enum, StrEnum
+from types import MappingProxyType
+from typing import Final
 
 from nena_shared.vda5050.topics import RobotKey, Topic
 
@@ -18,58 +21,124 @@ class Severity(StrEnum):
     """It may be a fault, or a message that was not recorded."""
 
 
+@dataclass(frozen=True, slots=True)
+class Sections:
+    """Where each version says it; None: the version has no such rule, and nothing is found there."""
+
+    v2_0: str | None
+    v2_1: str | None
+    v3: str | None
+
+    def of(self, version: str) -> str | None:
+        """Give the section in the text of a version that is spoken here."""
+        return {"2.0.0": self.v2_0, "2.1.0": self.v2_1, "3.0.0": self.v3}[version]
+
+
+def _both(section_2: str, section_3: str) -> Sections:
+    return Sections(section_2, section_2, section_3)
+
+
+def _only_3(section: str) -> Sections:
+    return Sections(None, None, section)
+
+
+MESSAGES: Final[Mapping[Topic, Sections]] = MappingProxyType(
+    {
+        Topic.ORDER: Sections("6.7", "6.6.6", "7.3"),
+        Topic.INSTANT_ACTIONS: _both("6.9", "7.4"),
+        Topic.STATE: _both("6.10.6", "7.8"),
+        Topic.VISUALIZATION: _both("6.13", "7.9"),
+        Topic.CONNECTION: _both("6.14", "7.7"),
+        Topic.FACTSHEET: Sections("7", "6.15", "7.10"),
+        Topic.ZONE_SET: Sections("6.5", "6.5", "7.6"),
+        Topic.RESPONSES: Sections("6.5", "6.5", "7.5"),
+    }
+)
+"""Where each message is described; 2.x lists its topics in 6.5, and has not the last two."""
+
+
 class Rule(Enum):
-    """The rules that are checked, with their sections in 2.x and in 3.0."""
+    """The rules that are checked: a code, and the sections; None: where the message is described."""
 
-    MESSAGE = "message", "7.1", "7.1.1"
-    """It is a message of its topic and version, and an order a valid graph."""
-    VERSION = "version", "6.3", "4.2"
+    MESSAGE = "message", None
+    """It is a message of its topic and version."""
+    FIELD = "field", None
+    """It has the fields that the version knows, and no others."""
+    SPELLING = "spelling", _both("6.1", "7.1")
+    """Names and times are written as the version writes them."""
+    GRAPH = "graph", _both("6.6.1", "6.1.1")
+    """The nodes and edges of an order are a valid graph."""
+    VERSION = "version", _both("6.3", "4.2")
     """Topic and header name the same major version."""
-    ADDRESS = "address", "6.4", "7.2"
+    ADDRESS = "address", _both("6.4", "7.2")
     """The header names the robot of the topic."""
-    HEADER_ID = "headerId", "6.4", "7.2"
+    HEADER_ID = "headerId", _both("6.4", "7.2")
     """headerId rises by one from message to message of a topic."""
-    TIMESTAMP = "timestamp", "6.4", "7.2"
+    TIMESTAMP = "timestamp", _both("6.4", "7.2")
     """Timestamps do not go back."""
-    FIRST_UPDATE = "firstUpdate", "6.6.4", "6.1.4"
-    """A new order begins with sequenceId 0 and, in 3.0, with orderUpdateId 0."""
-    OTHER_ORDER = "otherOrder", "6.6.4", "6.1.4.6"
-    """A new order is sent to an idle robot only."""
-    UPDATE_ID = "updateId", "6.6.2", "6.1.4.4"
-    """An update has a greater orderUpdateId; the same id says the same."""
-    STITCHING = "stitching", "6.6.2", "6.1.2"
-    """An update begins with the decision point, and the base is never changed."""
-    UPDATE_AFTER_CANCEL = "updateAfterCancel", "6.6.3", "6.1.3.1"
-    """A cancelled order gets no update."""
-    ANSWER = "answer", "6.6.4", "6.1.4"
-    """The robot's state echoes an order, or names it in an error."""
-    UNKNOWN_ORDER = "unknownOrder", "6.10", "6.6"
-    """A state names an order that was sent."""
-    PROGRESS = "progress", "6.10.2", "6.6.2"
-    """Nodes and edges leave the state in their order, none is left out, none comes back."""
-    ACTION_LOST = "actionLost", "6.11", "6.6.9"
-    """Each action of an order has a state from its acceptance on."""
-    ACTION_STATUS = "actionStatus", "6.11", "6.6.9"
-    """An action's status changes as the figure of the standard allows."""
-    ACTION_ID = "actionId", "6.9", "6.2.1"
-    """An actionId stands for one action."""
-    INSTANT_ANSWER = "instantAnswer", "6.9", "6.2.1"
-    """Each instant action gets a state."""
-    CANCEL_END = "cancelEnd", "6.6.3", "6.1.3"
-    """When cancelOrder is finished, nothing of the order is left."""
-    STATE_INTERVAL = "stateInterval", "6.10", "6.6"
+
+    CONNECTION = "connection", _both("6.14", "6.5")
+    """Only a robot that is ONLINE sends states."""
+    STATE_INTERVAL = "stateInterval", _both("6.10", "6.6")
     """A state comes at least every 30 s."""
-    MODE = "mode", "6.10.6", "6.6.6"
-    """Orders are sent in modes only in which fleet control has the robot."""
 
-    def __init__(self, code: str, section_2: str, section_3: str) -> None:
+    FIRST_SEQUENCE_ID = "firstSequenceId", _both("6.6.1", "6.1.1")
+    """A new order begins with sequenceId 0."""
+    FIRST_UPDATE_ID = "firstUpdateId", _only_3("6.1.1")
+    """A new order has orderUpdateId 0."""
+    OTHER_ORDER = "otherOrder", _both("6.6.2", "6.1.4.6")
+    """A new order is sent to an idle robot only."""
+    MODE = "mode", _both("6.10.6", "6.6.6")
+    """Fleet control sends in modes only in which it has the robot."""
+    NOT_OFFERED = "notOffered", Sections("7", "6.15", "7.10")
+    """Fleet control asks for actions of the factsheet only."""
+    OUTDATED_UPDATE = "outdatedUpdate", _both("6.6.4.3", "6.1.4.4")
+    """An update has a greater orderUpdateId than the ones before."""
+    SAME_UPDATE_ID = "sameUpdateId", _only_3("6.1.4.5")
+    """The same orderUpdateId says the same."""
+    STITCHING = "stitching", _both("6.6.2", "6.1.2")
+    """An update begins with the decision point: the base is extended, never changed."""
+    STITCHING_NODE = "stitchingNode", _only_3("6.1.2")
+    """An update repeats the decision point unchanged."""
+    UPDATE_AFTER_CANCEL = "updateAfterCancel", _only_3("6.1.3.1")
+    """A cancelled order gets no update."""
+    ACTION_ID = "actionId", Sections("6.7", "6.6.6", "7.3")
+    """An actionId stands for one action."""
+
+    ANSWER = "answer", _both("6.10", "6.6")
+    """The robot's state echoes an order, or names it in an error."""
+    INSTANT_ANSWER = "instantAnswer", _both("6.9", "6.2.1")
+    """Each instant action gets a state."""
+    ECHO = "echo", _both("6.10.6", "7.8")
+    """A state names an order and update that were sent, and never an older update."""
+    PROGRESS = "progress", _both("6.10.2", "6.6.2")
+    """Nodes are those of the order; they leave in their order, none is left out, none comes back."""
+    FIRST_NODE = "firstNode", _only_3("6.6.1")
+    """The first node of an order counts as reached at once."""
+    ACTION_LOST = "actionLost", _both("6.11", "6.6.9")
+    """Each action of an order has a state from its acceptance on."""
+    ACTION_STATUS = "actionStatus", _both("6.11", "6.6.9")
+    """An action's status changes as the figure of the standard allows."""
+    ACTION_EARLY = "actionEarly", _both("6.10.2", "6.6.2")
+    """An action begins when its node is reached or its edge entered."""
+    BLOCKING = "blocking", _both("6.12", "6.2.2")
+    """HARD and SINGLE actions run alone; no driving beside HARD and SOFT ones."""
+    CANCEL_END = "cancelEnd", _both("6.6.3", "6.1.3")
+    """When cancelOrder is finished, nothing of the order is left or runs."""
+    RESPONSE = "response", _only_3("6.9")
+    """Fleet control answers requests that the robot has made."""
+
+    def __init__(self, code: str, sections: Sections | None) -> None:
         self.code = code
-        self.section_2 = section_2
-        self.section_3 = section_3
+        self._sections = sections
 
-    def section(self, version: str) -> str:
-        """Give the section in the text of a version."""
-        return self.section_3 if version.startswith("3") else self.section_2
+    def section(self, version: str, topic: Topic) -> str | None:
+        """Give the section in the text of a version, for a message of ``topic``; None: no rule there."""
+        return (self._sections or MESSAGES[topic]).of(version)
+
+
+Problem = tuple[Rule, Severity, str]
+"""What is wrong with a message, before it is known which one it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,10 +151,21 @@ class Finding:
     topic: Topic
     version: str
     rule: Rule
+    section: str
+    """Of the standard, in the message's own version."""
     severity: Severity
     text: str
 
-    @property
-    def section(self) -> str:
-        """The section of the standard, in the message's own version."""
-        return self.rule.section(self.version)
+    def as_json(self) -> dict[str, str | int]:
+        """Give the finding as an object of JSON."""
+        return {
+            "number": self.number,
+            "time": self.time.isoformat(),
+            "robot": str(self.robot),
+            "topic": self.topic.value,
+            "version": self.version,
+            "rule": self.rule.code,
+            "section": self.section,
+            "severity": self.severity.value,
+            "text": self.text,
+        }

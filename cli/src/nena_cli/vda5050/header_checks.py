@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from datetime import datetime
+from typing import Final
 
-from nena_cli.vda5050.finding import Rule, Severity
+from nena_cli.vda5050.finding import Problem, Rule, Severity
 from nena_cli.vda5050.said import Said
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.topics import RobotKey, Topic
 
-Problem = tuple[Rule, Severity, str]
-COUNT = 2**32
+COUNT: Final = 2**32
 
 
 class HeaderChecks:
@@ -39,14 +39,8 @@ class HeaderChecks:
 def _compare(message: Header, last_id: int, last_time: datetime) -> Iterator[Problem]:
     expected = (last_id + 1) % COUNT
     if message.header_id not in (expected, 0):
-        yield (
-            Rule.HEADER_ID,
-            Severity.WARNING,
-            f"headerId {message.header_id} comes after {last_id}: messages are missing or out of order",
-        )
+        text = f"headerId {message.header_id} comes after {last_id}: messages are missing or out of order"
+        yield Rule.HEADER_ID, Severity.WARNING, text
     if message.timestamp < last_time:
-        yield (
-            Rule.TIMESTAMP,
-            Severity.WARNING,
-            f"timestamp {message.timestamp:%H:%M:%S.%f} comes after {last_time:%H:%M:%S.%f}",
-        )
+        text = f"timestamp {message.timestamp:%H:%M:%S.%f} comes after {last_time:%H:%M:%S.%f}"
+        yield Rule.TIMESTAMP, Severity.WARNING, text

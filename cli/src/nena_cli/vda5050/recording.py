@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -64,25 +65,32 @@ class Entry:
 
 
 def read(lines: Iterable[str], name: str) -> Iterator[Entry]:
-    """Read a recording called ``name``, message by message; empty lines are passed over.
+    """Read a recording called ``name``, message by message.
+
+    Empty lines are passed over, and a last line that was not written to its end.
 
     Raises:
         RecordingError: a line is no message.
 
     """
+    before: Entry | None = None
     for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
         try:
-            yield Entry.from_json(line)
-        except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            place = ".".join(map(str, first["loc"]))
-            message = f"{name}, line {number}: {place or 'line'}: {first['msg']}"
-            raise RecordingError(message) from error
+            before = Entry.from_json(line)
         except ValueError as error:
-            message = f"{name}, line {number}: {error}"
-            raise RecordingError(message) from error
+            if before and not line.endswith("\n"):
+                return
+            raise RecordingError(_problem(error, f"{name}, line {number}")) from error
+        yield before
+
+
+def _problem(error: ValueError, where: str) -> str:
+    if not isinstance(error, ValidationError):
+        return f"{where}: {error}"
+    first = error.errors(include_url=False)[0]
+    return f"{where}: {'.'.join(map(str, first['loc'])) or 'line'}: {first['msg']}"
 
 
 def read_file(path: Path) -> Iterator[Entry]:
@@ -104,3 +112,20 @@ def append(entry: Entry, file: TextIO) -> None:
     """Write a message behind the others, so that what was recorded survives an interruption."""
     file.write(entry.to_json() + "\n")
     file.flush()
+
+
+@contextmanager
+def new_file(path: Path) -> Iterator[TextIO]:
+    """Make a file for a recording; one that is there is never written over, an empty one is not left.
+
+    Raises:
+        OSError: the file is there, or cannot be made.
+
+    """
+    with path.open("x", encoding="utf-8") as file:
+        try:
+            yield file
+        except BaseException:
+            if not file.tell():
+                path.unlink()
+            raise

@@ -21,15 +21,15 @@ LEVELS: Final = 4
 class Speaker(StrEnum):
     """Who says something."""
 
-    FLEET_CONTROL = "fleet control"
+    FLEET = "fleet"
     ROBOT = "robot"
 
 
 SPEAKERS: Final = {
-    Topic.ORDER: Speaker.FLEET_CONTROL,
-    Topic.INSTANT_ACTIONS: Speaker.FLEET_CONTROL,
-    Topic.ZONE_SET: Speaker.FLEET_CONTROL,
-    Topic.RESPONSES: Speaker.FLEET_CONTROL,
+    Topic.ORDER: Speaker.FLEET,
+    Topic.INSTANT_ACTIONS: Speaker.FLEET,
+    Topic.ZONE_SET: Speaker.FLEET,
+    Topic.RESPONSES: Speaker.FLEET,
     Topic.STATE: Speaker.ROBOT,
     Topic.VISUALIZATION: Speaker.ROBOT,
     Topic.CONNECTION: Speaker.ROBOT,
@@ -48,9 +48,11 @@ class Said:
     time: datetime
     robot: RobotKey
     topic: Topic
-    major_version: str
+    place: str
+    """All levels of the topic but the last: what one robot speaks under."""
     retained: bool
     codec: Codec
+    payload: bytes
     message: Header | None
     problems: tuple[str, ...] = ()
 
@@ -58,6 +60,11 @@ class Said:
     def speaker(self) -> Speaker:
         """Who says it."""
         return SPEAKERS[self.topic]
+
+    @property
+    def major_version(self) -> str:
+        """The topic's level of the version, e.g. ``v2``."""
+        return self.place.rsplit("/", LEVELS - 1)[-3]
 
 
 def understand(entry: Entry, number: int) -> Said | None:
@@ -74,8 +81,24 @@ def understand(entry: Entry, number: int) -> Said | None:
         message = codec.decode(KINDS[topic], entry.payload)
     except MalformedMessageError as error:
         problems = error.problems
-    robot = RobotKey(manufacturer, serial_number)
-    return Said(number, entry.time, robot, topic, major, entry.retain, codec, message, problems)
+    return Said(
+        number=number,
+        time=entry.time,
+        robot=RobotKey(manufacturer, serial_number),
+        topic=topic,
+        place=entry.topic.rsplit("/", 1)[0],
+        retained=entry.retain,
+        codec=codec,
+        payload=entry.payload,
+        message=message,
+        problems=problems,
+    )
+
+
+def speaker_of(topic: str) -> Speaker | None:
+    """Tell who speaks on a topic; None where it is none of VDA 5050."""
+    last = topic.rsplit("/", 1)[-1]
+    return SPEAKERS[Topic(last)] if last in set(Topic) else None
 
 
 def _codec(payload: bytes, major: str) -> Codec:

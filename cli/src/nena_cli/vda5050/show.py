@@ -51,13 +51,15 @@ def readable(entries: Iterable[Entry]) -> Iterator[tuple[Said, list[str]]]:
 
 
 def _heading(said: Said) -> Text:
-    arrow, colour = ("→", "cyan") if said.speaker is Speaker.FLEET_CONTROL else ("←", "green")
+    to_robot = said.speaker is Speaker.FLEET
+    way = f"fleet → {said.robot}" if to_robot else f"{said.robot} → fleet"
+    colour = "cyan" if to_robot else "green"
     if said.message is None:
         colour = "red"
     kept = " (kept by the broker)" if said.retained else ""
     return Text.assemble(
         (f"{said.number:>6} {_clock(said.time)} ", "dim"),
-        (f"{said.robot} {arrow} {said.topic}", colour),
+        (f"{way} {said.topic}", colour),
         (f" {said.codec.version}{kept}", "dim"),
     )
 

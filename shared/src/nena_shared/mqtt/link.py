@@ -272,7 +272,7 @@ class MqttLink:
     def _receive(self, message: aiomqtt.Message) -> None:
         self.state.received += 1
         topic = message.topic.value
-        inbound = Inbound(topic, bytes(message.payload), message.retain)
+        inbound = Inbound(topic, bytes(message.payload), message.retain, message.qos)
         for handler in self._handlers(topic):
             try:
                 handler(inbound)

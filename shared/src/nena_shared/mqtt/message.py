@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,6 +13,8 @@ class Inbound:
     payload: bytes
     retained: bool
     """True when the broker had kept it from before the subscription."""
+    qos: int = field(default=0, compare=False)
+    """Quality of service that it came with: the lesser of the sender's and of the subscription's."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_cli.vda5050.recording import Entry, RecordingError, append, read, read_file
+from nena_cli.vda5050.recording import Entry, RecordingError, append, new_file, read, read_file
 
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
 entries = st.builds(
@@ -50,7 +50,7 @@ def test_text_stays_readable_in_the_file() -> None:
 )
 def test_a_line_that_is_no_message_is_named(line: str, problem: str) -> None:
     with pytest.raises(RecordingError, match=problem):
-        list(read(["\n", line], "it"))
+        list(read(["\n", line + "\n"], "it"))
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
@@ -59,3 +59,34 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     (tmp_path / "bytes").write_bytes(b"\xff\xfe")
     with pytest.raises(RecordingError, match="bytes"):
         list(read_file(tmp_path / "bytes"))
+
+
+def test_a_last_line_that_was_cut_off_is_passed_over() -> None:
+    whole = Entry(NOON, "t", b"x").to_json()
+
+    assert len(list(read([whole + "\n", whole[:-9]], "it"))) == 1
+    with pytest.raises(RecordingError, match="line 1"):
+        list(read([whole[:-9]], "it"))
+
+
+def test_a_file_that_is_there_is_not_written_over(tmp_path: Path) -> None:
+    file = tmp_path / "it.jsonl"
+    file.write_text("precious")
+
+    with pytest.raises(FileExistsError), new_file(file):
+        pass
+    assert file.read_text() == "precious"
+
+
+@pytest.mark.parametrize(("recorded", "left"), [([], False), ([Entry(NOON, "t", b"x")], True)])
+def test_after_a_failure_only_what_was_recorded_is_left(
+    tmp_path: Path, recorded: list[Entry], *, left: bool
+) -> None:
+    file = tmp_path / "it.jsonl"
+    with pytest.raises(OSError, match="away"), new_file(file) as out:  # noqa: PT012 - the file is the point
+        for entry in recorded:
+            append(entry, out)
+        message = "the broker is away"
+        raise OSError(message)
+
+    assert file.exists() is left
