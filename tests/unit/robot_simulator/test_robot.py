@@ -265,3 +265,17 @@ def test_a_silent_amcl_while_the_robot_drives_well() -> None:
     assert bench.robot.scan() is None
     bench.apply(faults.AmclSilent(active=False))
     assert bench.robot.scan() is not None
+
+
+def test_a_lost_localisation_shows_by_its_covariance_and_drives_on() -> None:
+    bench = Bench()
+    bench.apply(faults.LocalisationLost(xy_deviation=2.0))
+    lost = bench.robot.scan()
+    assert lost is not None
+    assert lost.xy_variance == 4.0
+    bench.take(A, 3.0, 0.0)
+    assert bench.until_ended() == 4
+    bench.apply(faults.LocalisationLost(active=False))
+    found = bench.robot.scan()
+    assert found is not None
+    assert found.xy_variance < 0.01

@@ -97,6 +97,13 @@ class AmclSilent(Lasting):
     kind: Literal["amcl_silent"] = "amcl_silent"
 
 
+class LocalisationLost(Lasting):
+    """AMCL's particles are spread all over the place: its estimates say so by their covariance."""
+
+    kind: Literal["localisation_lost"] = "localisation_lost"
+    xy_deviation: float = Field(3.0, gt=0, description="Standard deviation that it shows, m.")
+
+
 class Inactive(Lasting):
     """The lifecycle nodes are inactive: a running goal ends ABORTED, new goals vanish."""
 
@@ -112,7 +119,17 @@ class ForeignGoal(_Message):
     yaw: Radians = 0.0
 
 
-AnyFault = Unreachable | AbortHalfway | RejectGoals | Stuck | Silence | AmclSilent | Inactive | ForeignGoal
+AnyFault = (
+    Unreachable
+    | AbortHalfway
+    | RejectGoals
+    | Stuck
+    | Silence
+    | AmclSilent
+    | LocalisationLost
+    | Inactive
+    | ForeignGoal
+)
 Fault = Annotated[AnyFault, Field(discriminator="kind")]
 
 F = TypeVar("F", bound=Lasting)

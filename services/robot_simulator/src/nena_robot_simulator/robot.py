@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from dataclasses import replace
 from uuid import UUID
 
 from nena_robot_simulator import cancel, faults
@@ -123,7 +124,12 @@ class Robot:
 
     def scan(self) -> Estimate | None:
         """Give the estimate of a laser scan made now; none when AMCL has nothing to say."""
-        return None if self.faults.on(faults.AmclSilent) else self._localisation.scan(self.pose)
+        if self.faults.on(faults.AmclSilent):
+            return None
+        estimate, lost = self._localisation.scan(self.pose), self.faults.get(faults.LocalisationLost)
+        if estimate is None or lost is None:
+            return estimate
+        return replace(estimate, xy_variance=lost.xy_deviation**2)
 
     def apply(self, fault: AnyFault, *, goal_id: UUID, accepted_ns: int, now: float) -> None:
         """Let a fault begin or end; ``goal_id`` is for a goal that the fault may bring."""

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped
 
 from support.broker import Broker
 from support.edge_agent import ended, error_types
-from support.nav2_agent import Bench, failure_of
-from support.robot_core import order
+from support.nav2_agent import ROS, Bench, failure_of, ready
+from support.robot_core import action, order
 from support.ros import RosPeer
 from support.simulator import goal, publisher_to
+from support.waiting import until
 
 pytestmark = [pytest.mark.ros, pytest.mark.broker]
+
+BLOCKED_SOON = {**ROS["goals"], "blocked_after": 0.5}
 
 
 @pytest.fixture
@@ -53,3 +58,123 @@ async def test_an_external_goal_fails_the_order_where_that_is_set(bench: Bench) 
         )
         fleet.send(order("n1", "n2", update=1, first=2))
         assert failure_of(await fleet.state(ended("o1"))) is None
+
+
+async def test_a_goal_that_cannot_be_reached_fails_and_an_update_tries_again(bench: Bench) -> None:
+    async with bench.robot() as fleet:
+        bench.fault("unreachable", goals=1)
+        fleet.send(order("n0", "n1"))
+        state = await fleet.state(lambda state: failure_of(state) == "ABORTED")
+        assert (state["nodeStates"][0]["nodeId"], state["lastNodeId"]) == ("n1", "n0")
+        assert not state["driving"]
+        fleet.send(order("n1", "n2", update=1, first=2))
+        assert error_types(await fleet.state(ended("o1"))) == []
+
+
+async def test_a_drive_that_is_aborted_halfway_is_tried_again_by_setting(bench: Bench) -> None:
+    async with bench.robot(drive={"retries": 1, "retry_wait": 0.2}) as fleet:
+        bench.fault("abort_halfway", goals=1)
+        fleet.send(order("n0", "n1"))
+        await fleet.state(lambda state: "DRIVE_RETRIED" in error_types(state))
+        assert error_types(await fleet.state(ended("o1"))) == []
+        assert all(failure_of(state) is None for state in fleet.states)
+
+
+async def test_a_drive_fails_after_the_last_try(bench: Bench) -> None:
+    async with bench.robot(drive={"retries": 2, "retry_wait": 0.1}) as fleet:
+        bench.fault("unreachable")
+        fleet.send(order("n0", "n1"))
+        state = await fleet.state(lambda state: failure_of(state) == "ABORTED")
+        assert "DRIVE_RETRIED" not in error_types(state)
+        bench.fault("unreachable", active=False)
+        fleet.instant(action("c", "NONE", "cancelOrder"))
+        await fleet.state(lambda state: not state["nodeStates"] and not state["errors"] and state["orderId"])
+
+
+async def test_a_drive_that_somebody_cancels_fails_and_is_not_tried_again(bench: Bench) -> None:
+    async with bench.robot(drive={"retries": 3, "retry_wait": 0.1}) as fleet:
+        canceller = bench.ros.client(CancelGoal, "navigate_to_pose/_action/cancel_goal")
+        fleet.send(order("n0", "n1"))
+        await bench.moves()
+        bench.ros.call(canceller, CancelGoal.Request())
+        await fleet.state(lambda state: failure_of(state) == "CANCELED_FROM_OUTSIDE")
+
+
+async def test_a_goal_that_is_not_taken_up_fails(bench: Bench) -> None:
+    async with bench.robot() as fleet:
+        bench.fault("reject_goals")
+        fleet.send(order("n0", "n1"))
+        await fleet.state(lambda state: failure_of(state) == "NOT_TAKEN_UP")
+
+
+async def test_a_blocked_robot_says_so_until_it_moves(bench: Bench) -> None:
+    async with bench.robot(ros={"goals": BLOCKED_SOON}) as fleet:
+        fleet.send(order("n0", "n3"))
+        await bench.moves()
+        bench.fault("stuck")
+        state = await fleet.state(lambda state: "ROBOT_BLOCKED" in error_types(state))
+        assert state["driving"]
+        assert "'n3'" in state["errors"][0]["errorDescription"]
+        bench.fault("stuck", active=False)
+        assert error_types(await fleet.state(ended("o1"))) == []
+
+
+async def test_without_poses_the_robot_stops_and_goes_on_when_they_come_again(bench: Bench) -> None:
+    localisation = {"pose_timeout": 0.5}
+    async with bench.robot(ros={"localisation": localisation}) as fleet:
+        fleet.send(order("n0", "n3"))
+        await bench.moves()
+        bench.fault("amcl_silent")
+        state = await fleet.state(lambda state: "localizationError" in error_types(state))
+        assert "no pose" in state["errors"][0]["errorDescription"]
+        await until(lambda: bench.speed == 0.0, what="the robot at rest")
+        bench.fault("amcl_silent", active=False)
+        done = await fleet.state(ended("o1"))
+        assert (error_types(done), done["lastNodeId"]) == ([], "n3")
+
+
+async def test_a_lost_robot_stops_and_goes_on_when_it_is_found(bench: Bench) -> None:
+    localisation = {"pose_timeout": 0.5}
+    async with bench.robot(ros={"localisation": localisation}) as fleet:
+        fleet.send(order("n0", "n3"))
+        await bench.moves()
+        bench.fault("localisation_lost")
+        state = await fleet.state(lambda state: "localizationError" in error_types(state))
+        assert "3.00 m" in state["errors"][0]["errorDescription"]
+        await until(lambda: bench.speed == 0.0, what="the robot at rest")
+        bench.fault("localisation_lost", active=False)
+        assert error_types(await fleet.state(ended("o1"))) == []
+
+
+async def test_an_order_waits_for_a_nav2_that_is_not_there_yet(bench: Bench) -> None:
+    async with bench.agent() as fleet:
+        await fleet.state(lambda state: "navigationNotAvailable" in error_types(state))
+        with bench.simulator():
+            await fleet.state(ready)
+            fleet.send(order("n0", "n1"))
+            assert error_types(await fleet.state(ended("o1"))) == []
+
+
+async def test_nav2_that_goes_in_mid_drive_fails_the_drive(bench: Bench) -> None:
+    async with bench.agent() as fleet:
+        with bench.simulator() as nav2:
+            await fleet.state(ready)
+            fleet.send(order("n0", "n3"))
+            await bench.moves()
+            nav2.stop(signal.SIGTERM)
+            await fleet.state(lambda state: failure_of(state) == "NAVIGATION_GONE")
+            await fleet.state(lambda state: "navigationNotAvailable" in error_types(state))
+        assert error_types(fleet.states[-1])
+
+
+async def test_nav2_that_is_started_anew_in_mid_drive_is_driven_on_with_by_setting(bench: Bench) -> None:
+    async with bench.agent(drive={"retries": 1, "retry_wait": 0.1}) as fleet:
+        with bench.simulator() as nav2:
+            await fleet.state(ready)
+            fleet.send(order("n0", "n1"))
+            await bench.moves()
+            nav2.stop(signal.SIGTERM)
+            await fleet.state(lambda state: "DRIVE_RETRIED" in error_types(state))
+            nav2.ended()
+        with bench.simulator():
+            assert error_types(await fleet.state(ended("o1"), within=30.0)) == []

@@ -93,12 +93,16 @@ class Halted:
 
 @dataclass(frozen=True, slots=True)
 class PoseReport:
-    """Where the robot is; velocity in its own frame (m/s, rad/s), None where it is not known."""
+    """Where the robot is; velocity in its own frame (m/s, rad/s), None where it is not known.
+
+    ``problem`` says in words why the place is not to be trusted, where it is not.
+    """
 
     pose: Pose
     localized: bool
     vx: float | None = None
     omega: float | None = None
+    problem: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +121,14 @@ class NavigationReport:
 
     available: bool
     reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class BlockedReport:
+    """Whether the robot stands although navigation drives, and has done so for ``seconds``."""
+
+    blocked: bool
+    seconds: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,6 +175,7 @@ DriverEvent = (
     | PoseReport
     | BatteryReport
     | NavigationReport
+    | BlockedReport
     | NoRouteReport
     | PositionInitialized
     | GoalTable

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from nena_edge_agent.driver.port import PoseReport
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.parts import NOT_REPORTED, RobotParts
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType, error
 
+ROBOT_BLOCKED = "ROBOT_BLOCKED"
 DRIVE_RETRIED = "DRIVE_RETRIED"
 EXTERNAL_GOAL = "EXTERNAL_GOAL"
 JOURNAL_NOT_WRITTEN = "JOURNAL_NOT_WRITTEN"
@@ -16,6 +18,7 @@ def check_conditions(parts: RobotParts) -> None:
     """Show or take back what hinders the robot at the moment."""
     parts.errors.condition(ErrorType.LOCALIZATION_ERROR, _localisation(parts))
     parts.errors.condition(ErrorType.NAVIGATION_NOT_AVAILABLE, _navigation(parts))
+    parts.errors.condition(ROBOT_BLOCKED, _blocked(parts))
     parts.errors.condition(DRIVE_RETRIED, _retried(parts))
     parts.errors.condition(EXTERNAL_GOAL, _external_goal(parts))
     parts.errors.condition(JOURNAL_NOT_WRITTEN, _journal(parts))
@@ -31,9 +34,13 @@ def _localisation(parts: RobotParts) -> ErrorEntry | None:
         return None
     return error(
         ErrorType.LOCALIZATION_ERROR,
-        "the robot does not know where it is, and does not drive",
+        f"the robot does not know where it is, and does not drive{_why(pose)}",
         hint="set its initial position",
     )
+
+
+def _why(pose: PoseReport | None) -> str:
+    return f": {pose.problem}" if pose and pose.problem else ""
 
 
 def _navigation(parts: RobotParts) -> ErrorEntry | None:
@@ -50,6 +57,22 @@ def _navigation(parts: RobotParts) -> ErrorEntry | None:
         f"the robot cannot drive now: {navigation.reason}",
         hint=hint,
         order_id=order_id,
+    )
+
+
+def _blocked(parts: RobotParts) -> ErrorEntry | None:
+    blocked, node = parts.senses.blocked, parts.progress.next_node
+    if blocked is None or node is None:
+        return None
+    return ErrorEntry(
+        error_type=ROBOT_BLOCKED,
+        error_level=ErrorLevel.WARNING,
+        error_description=f"the robot has not moved for {blocked.seconds:g} s on its way to '{node.node_id}'",
+        error_hint="clear its way; navigation goes on trying, and the drive fails when it gives up",
+        error_references=(
+            ErrorReference(reference_key="nodeId", reference_value=node.node_id),
+            ErrorReference(reference_key="orderId", reference_value=parts.progress.order_id),
+        ),
     )
 
 

@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from datetime import datetime
 
-from nena_edge_agent.driver.port import BatteryReport, Circle, GoalTable, NavigationReport, Pose, PoseReport
+from nena_edge_agent.driver.port import (
+    BatteryReport,
+    BlockedReport,
+    Circle,
+    GoalTable,
+    NavigationReport,
+    Pose,
+    PoseReport,
+)
 from nena_edge_agent.protocol.action_queue import ActionQueue
 from nena_edge_agent.protocol.action_states import ActionStates
 from nena_edge_agent.protocol.capabilities import Capabilities, ExternalGoals
@@ -33,6 +41,7 @@ class Senses:
     navigation: NavigationReport = NOT_REPORTED
     no_route: tuple[Circle, ...] = ()
     goals: GoalTable = NO_GOALS
+    blocked: BlockedReport | None = None
     safety: SafetyReport = SAFE
     pause_button: bool = False
 

@@ -9,6 +9,7 @@ from typing import Any
 from nena_edge_agent.driver.port import (
     Arrived,
     BatteryReport,
+    BlockedReport,
     DriveFailed,
     GoalTable,
     Halted,
@@ -207,6 +208,7 @@ class RobotCore:
             DriveFailed: self._travel.failed,
             Halted: lambda _: self._travel.halted(),
             NavigationReport: self._travel.navigation_changed,
+            BlockedReport: self._blocked_reported,
             NoRouteReport: self._no_route_reported,
             PoseReport: self._pose_reported,
             BatteryReport: self._battery_reported,
@@ -261,6 +263,9 @@ class RobotCore:
         """Take a battery report; one without a charge between 0 and 100 % is passed over."""
         if 0.0 <= event.state_of_charge <= FULL:
             self._parts.senses.battery = event
+
+    def _blocked_reported(self, event: BlockedReport) -> None:
+        self._parts.senses.blocked = event if event.blocked else None
 
     def _no_route_reported(self, event: NoRouteReport) -> None:
         self._parts.senses.no_route = event.areas

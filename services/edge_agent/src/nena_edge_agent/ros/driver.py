@@ -10,9 +10,11 @@ import asyncio
 import math
 from collections.abc import Iterable
 from contextlib import AsyncExitStack
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from nena_edge_agent.driver.port import (
+    BlockedReport,
     DriveFailed,
     DriveFailure,
     DriveGoal,
@@ -32,7 +34,9 @@ from nena_edge_agent.ros.goal_status import GoalEntry
 from nena_edge_agent.ros.goal_tracker import GoalTracker
 from nena_edge_agent.ros.initial_position import InitialPosition, PublishInitialPose
 from nena_edge_agent.ros.localisation import Localisation
+from nena_edge_agent.ros.movement_watch import MovementWatch
 from nena_edge_agent.ros.pose import PoseReading
+from nena_edge_agent.ros.pose_watch import PoseWatch
 from nena_edge_agent.ros.session_state import SessionError
 from nena_edge_agent.ros.settings import RosSettings
 from nena_shared.clock import Clock
@@ -65,6 +69,11 @@ class Nav2Driver:
         self._initial_position = InitialPosition(settings.localisation)
         self._localisation = Localisation(settings, map_id)
         self._battery = Battery(settings.battery_scale)
+        self._movement = MovementWatch(settings.goals.blocked_after)
+        self._pose_watch = PoseWatch(
+            timeout=settings.localisation.pose_timeout, wait=settings.goals.pose_wait
+        )
+        self._blocked = False
         self._navigation: NavigationReport | None = None
         self._node: Nav2Node | None = None
         self._failure = ""
@@ -166,6 +175,7 @@ class Nav2Driver:
             seen = await self._node.presence()
             report = presence.judge(seen, self._settings, pose_known=self._localisation.known)
             self._on_navigation(seen.servers, report)
+            self._watch_drive()
         await asyncio.sleep(self._settings.watch_period)
 
     def _on_navigation(self, servers: frozenset[str], report: NavigationReport) -> None:
@@ -176,6 +186,21 @@ class Nav2Driver:
             self._navigation = report
             self._log.info("navigation", available=report.available, reason=report.reason)
             self._tell(report)
+
+    def _watch_drive(self) -> None:
+        """See whether the robot gets on, and whether it still hears where it is."""
+        now, driving = self._clock.monotonic(), self._tracker.driving
+        blocked = self._movement.blocked(driving=driving, now=now)
+        if blocked != self._blocked:
+            self._blocked = blocked
+            self._log.info("movement", blocked=blocked)
+            self._tell(BlockedReport(blocked, self._settings.goals.blocked_after))
+        report, lost = self._localisation.report(), self._pose_watch.lost
+        unsure = report is not None and not report.localized
+        if self._pose_watch.look(driving=driving, unsure=unsure, now=now):
+            self._apply([RequestPose()])
+        if self._pose_watch.lost and not lost:
+            self._report_pose()
 
     def _on_failure(self, reason: str) -> None:
         self._node, self._failure = None, reason
@@ -190,12 +215,17 @@ class Nav2Driver:
         pose = self._localisation.on_reading(reading)
         if pose is None:
             return
+        now = self._clock.monotonic()
+        self._movement.on_pose(pose, now)
+        self._pose_watch.on_pose(now)
         self._report_pose()
-        self._apply(self._tracker.on_pose(pose, self._clock.monotonic()))
+        self._apply(self._tracker.on_pose(pose, now))
         self._apply(self._initial_position.on_pose(pose))
 
     def _on_velocity(self, velocity: tuple[float, float]) -> None:
-        self._tracker.on_velocity(*velocity, self._clock.monotonic())
+        now = self._clock.monotonic()
+        for watcher in (self._tracker, self._movement, self._pose_watch):
+            watcher.on_velocity(*velocity, now)
         if self._localisation.on_velocity(velocity):
             self._report_pose()
 
@@ -206,6 +236,10 @@ class Nav2Driver:
 
     def _report_pose(self) -> None:
         report = self._localisation.report()
+        if report is not None and self._pose_watch.lost:
+            seconds = self._settings.localisation.pose_timeout
+            problem = f"the localisation has sent no pose for more than {seconds:g} s of driving"
+            report = replace(report, localized=False, problem=problem)
         if report is not None:
             self._tell(report)
 
@@ -236,7 +270,11 @@ class Nav2Driver:
                 self._log.info("goal cancelled", goal=goal_id)
                 self._tasks.start("cancel a goal", self._cancel(node, goal_id), vital=False)
             case RequestPose():
-                self._tasks.start("ask for a pose", node.request_pose(), vital=False)
+                self._tasks.start("ask for a pose", self._request_pose(node), vital=False)
+
+    async def _request_pose(self, node: Nav2Node) -> None:
+        if await node.request_pose():
+            self._pose_watch.on_answer(self._clock.monotonic())
 
     async def _cancel(self, node: Nav2Node, goal_id: str) -> None:
         code = await node.cancel(goal_id)

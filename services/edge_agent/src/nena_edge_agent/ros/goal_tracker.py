@@ -86,6 +86,12 @@ class GoalTracker:
         waiting = drive is not None and (drive.goal_id is None or drive.reached_at is not None)
         return waiting or self._halt is not None or bool(self._cancels)
 
+    @property
+    def driving(self) -> bool:
+        """Whether Nav2 drives for the goal that is wanted."""
+        drive = self._drive
+        return drive is not None and drive.goal_id is not None and drive.reached_at is None
+
     def go_to(self, goal: DriveGoal, now: float) -> list[Command]:
         """Drive to ``goal``; one that is driven is replaced, and not stopped for it."""
         self._drive = _Drive(goal)

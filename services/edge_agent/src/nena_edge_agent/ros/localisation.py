@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from nena_edge_agent.driver.port import Pose, PoseReport
 from nena_edge_agent.ros.pose import PoseReading, localized
 from nena_edge_agent.ros.settings import RosSettings
@@ -50,7 +52,8 @@ class Localisation:
             return None
         vx, omega = self._velocity or (None, None)
         sure = localized(self._reading, self._settings.localisation)
-        return PoseReport(self._pose(self._reading), localized=sure, vx=vx, omega=omega)
+        problem = "" if sure else _spread(self._reading)
+        return PoseReport(self._pose(self._reading), localized=sure, vx=vx, omega=omega, problem=problem)
 
     def _pose(self, reading: PoseReading) -> Pose:
         return Pose(reading.x, reading.y, reading.yaw, self._map_id)
@@ -65,6 +68,13 @@ class Localisation:
 
 def _is_past(reading: PoseReading, newest: PoseReading) -> bool:
     return reading == newest or 0 < newest.stamp - reading.stamp < CLOCK_JUMP
+
+
+def _spread(reading: PoseReading) -> str:
+    """Say how unsure the localisation is; a variance below 0 is no measure of anything."""
+    deviations = [math.sqrt(max(0.0, each)) for each in (reading.x_variance, reading.y_variance)]
+    turn = math.sqrt(max(0.0, reading.yaw_variance))
+    return f"the localisation gives its place to {max(deviations):.2f} m and its heading to {turn:.2f} rad"
 
 
 def _moves(velocity: tuple[float, float]) -> bool:

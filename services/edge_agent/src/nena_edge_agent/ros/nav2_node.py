@@ -93,9 +93,9 @@ class Nav2Node:
         answer = await self._call(self._cancel, messages.cancel_request(goal_id))
         return None if answer is None else int(answer.return_code)
 
-    async def request_pose(self) -> None:
-        """Have the localisation send a pose although the robot stands, where it can do that."""
-        await self._call(self._fresh_pose, Empty.Request())
+    async def request_pose(self) -> bool:
+        """Have the localisation send a pose although the robot stands; tells whether it has agreed."""
+        return await self._call(self._fresh_pose, Empty.Request()) is not None
 
     async def presence(self) -> Presence:
         """Look whether Nav2 is there; takes at most the time-out of a call."""

@@ -101,6 +101,10 @@ class GoalSettings(SettingsGroup):
     standstill_timeout: Seconds = Field(
         3.0, description="Seconds after a cancelled goal until the robot counts as standing anyway."
     )
+    blocked_after: Seconds = Field(
+        20.0,
+        description="Seconds without movement, with a goal under way, until the robot counts as blocked.",
+    )
 
 
 class LocalisationSettings(SettingsGroup):
@@ -112,6 +116,11 @@ class LocalisationSettings(SettingsGroup):
     initial_wait: Seconds = Field(2.5, description="Seconds to wait for its confirmation each time.")
     initial_xy_tolerance: Positive = Field(0.5, description="Metres that the confirming pose may be off.")
     initial_theta_tolerance: Radians = Field(0.5, description="Radians that the confirming pose may be off.")
+    pose_timeout: Seconds = Field(
+        5.0,
+        description="Seconds without a pose, with a goal under way, after which one is asked for; where none "
+        "comes then, the robot counts as lost.",
+    )
     xy_spread_limit: Positive = Field(0.75, description="Largest standard deviation of a sure place, m.")
     theta_spread_limit: Radians = Field(0.5, description="Largest standard deviation of a sure heading, rad.")
 
