@@ -31,16 +31,19 @@ class Desk:
     def __init__(self, **settings: object) -> None:
         self.desk = ReleaseDesk(FleetSettings.model_validate(settings), lambda: NOON)
         self.now = 100.0
+        self.away: set[RobotKey] = set()
 
     def ask(self, robot: RobotKey, *requests: ZoneRequest | EdgeRequest) -> None:
         state = HonestRobot(key=robot, version="3.0.0").state()
         zones = tuple(each for each in requests if isinstance(each, ZoneRequest))
         edges = tuple(each for each in requests if isinstance(each, EdgeRequest))
         asking = state.model_copy(update={"zone_requests": zones, "edge_requests": edges})
-        self.desk.on_state(robot, asking, self.now)
+        self.desk.on_state(robot, asking)
 
     def answers(self, *, all_known: bool = True) -> dict[str, str]:
-        told = self.desk.answers(self.now, all_known=all_known)
+        told = self.desk.answers(
+            self.now, all_known=all_known, reachable=lambda robot: robot not in self.away
+        )
         return {each.request_id: each.grant_type.value for one in told for each in one.responses}
 
 
@@ -96,6 +99,61 @@ def test_a_grant_that_the_robot_does_not_show_is_said_again() -> None:
     assert desk.answers() == {}
 
 
+def test_what_is_said_again_is_said_ever_more_seldom() -> None:
+    desk = Desk(resend_after=1, resend_at_most_after=4)
+    desk.ask(ONE, gate("a"))
+    times = []
+    for _ in range(40):
+        if desk.answers():
+            times.append(desk.now - 100.0)
+        desk.now += 0.5
+
+    assert times == [0.0, 1.0, 3.0, 7.0, 11.0, 15.0, 19.0]
+
+
+def test_nothing_is_said_to_a_robot_that_is_away() -> None:
+    desk = Desk()
+    desk.ask(ONE, gate("a"))
+    desk.away.add(ONE)
+    assert desk.answers() == {}
+    desk.away.clear()
+    assert desk.answers() == {"a": "GRANTED"}
+
+
+def test_a_robot_may_ask_for_several_paths_through_a_zone() -> None:
+    desk = Desk()
+    desk.ask(ONE, gate("left"), gate("right"))
+    desk.ask(TWO, gate("b"))
+    assert desk.answers() == {"left": "GRANTED", "right": "GRANTED", "b": "QUEUED"}
+
+    desk.ask(ONE, gate("right", "GRANTED"))
+    assert desk.answers() == {}
+    desk.ask(ONE)
+    assert desk.answers() == {"b": "GRANTED"}
+
+
+def test_of_two_that_hold_a_zone_after_a_restart_the_second_gives_it_back() -> None:
+    desk = Desk(resend_after=2)
+    desk.ask(ONE, gate("a", "GRANTED"))
+    desk.ask(TWO, gate("b", "GRANTED"))
+    assert desk.answers() == {"b": "REVOKED"}
+    desk.now += 2
+    assert desk.answers() == {"b": "REVOKED"}, "it does not show it"
+
+    desk.ask(TWO, gate("b", "REVOKED"))
+    desk.now += 10
+    assert desk.answers() == {}
+    desk.ask(ONE)
+    assert desk.answers() == {"b": "GRANTED"}, "it is still inside, and now alone"
+
+
+def test_what_was_granted_is_taken_back_where_nobody_may_be_let_in() -> None:
+    desk = Desk(release_policy=ReleasePolicy.NONE)
+    desk.ask(ONE, gate("a", "GRANTED"))
+
+    assert desk.answers() == {"a": "REVOKED"}
+
+
 def test_a_new_request_of_the_same_robot_is_a_new_question() -> None:
     desk = Desk()
     desk.ask(ONE, gate("a"))
@@ -122,7 +180,7 @@ def test_nothing_is_granted_before_everybody_was_heard() -> None:
 def test_a_lease_is_renewed_before_it_ends() -> None:
     desk = Desk(release_lease=10.0)
     desk.ask(ONE, gate("a"))
-    (answer,) = next(desk.desk.answers(desk.now, all_known=True)).responses
+    (answer,) = next(desk.desk.answers(desk.now, all_known=True, reachable=lambda _: True)).responses
     assert answer.lease_expiry is not None
     assert (answer.lease_expiry - NOON).total_seconds() == 10.0
     desk.ask(ONE, gate("a", "GRANTED"))
@@ -130,6 +188,14 @@ def test_a_lease_is_renewed_before_it_ends() -> None:
     assert desk.answers() == {}
     desk.now += 0.2
     assert desk.answers() == {"a": "GRANTED"}
+
+
+def test_a_lease_of_another_time_is_renewed_after_a_restart() -> None:
+    desk = Desk(release_lease=10.0)
+    desk.ask(ONE, gate("a", "GRANTED"))
+
+    assert desk.answers() == {"a": "GRANTED"}
+    assert desk.answers() == {}
 
 
 @pytest.mark.parametrize(
@@ -181,9 +247,11 @@ def test_the_controller_answers_when_all_robots_have_told_their_state() -> None:
     fleet.on_broker(connected=False, now=3.0)
     two.zone_requests = (gate("b", zone_id="other"),)
     assert answers(two, 4.0) == []
-    assert [
-        response.request_id
-        for each in (*fleet.on_broker(connected=True, now=5.0), *fleet.tick(5.0))
-        if isinstance(each, PublishResponses)
-        for response in each.responses
-    ] == ["a", "b"]
+    fleet.on_broker(connected=True, now=5.0)
+
+    def told(now: float) -> dict[str, str]:
+        messages = (each for each in fleet.tick(now) if isinstance(each, PublishResponses))
+        return {each.request_id: each.grant_type.value for message in messages for each in message.responses}
+
+    assert told(5.0) == {"a": "GRANTED", "b": "QUEUED"}, "the broker may know of more robots"
+    assert told(6.0)["b"] == "GRANTED"

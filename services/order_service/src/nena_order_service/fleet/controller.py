@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from datetime import UTC, datetime
 from itertools import chain
+from typing import Final
 
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.operations import fresh_id
@@ -18,6 +19,9 @@ from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
+
+RETAINED_WITHIN: Final = 1.0
+"""Seconds after our own connect in which the broker tells which robots there are."""
 
 
 def _utc_now() -> datetime:
@@ -41,6 +45,7 @@ class FleetController:
         self._settings = settings
         self._new_id = new_id
         self._broker = False
+        self._broker_since = 0.0
         self._robots: dict[RobotKey, RobotControl] = {}
         self._desk = ReleaseDesk(settings, utc_now)
 
@@ -53,7 +58,7 @@ class FleetController:
         control = self._control(robot)
         outputs = tuple(control.on_state(message, now))
         if message.zone_requests or message.edge_requests or self._desk.busy:
-            self._desk.on_state(robot, control.robot.state or message, now)
+            self._desk.on_state(robot, control.robot.state or message)
             outputs += self._answers(now)
         return outputs
 
@@ -70,6 +75,7 @@ class FleetController:
     def on_broker(self, *, connected: bool, now: float) -> Outputs:
         """Take notice that our own link to the broker stands or has gone; at first it counts as gone."""
         self._broker = connected
+        self._broker_since = now
         controls = self._robots.values()
         return tuple(chain.from_iterable(each.on_broker(connected=connected, now=now) for each in controls))
 
@@ -143,8 +149,12 @@ class FleetController:
         """Answer the robots' requests; nobody can be told anything while our own link is gone."""
         if not self._broker:
             return ()
-        known = all(each.robot.state or not each.robot.reachable for each in self._robots.values())
-        return tuple(self._desk.answers(now, all_known=known))
+        heard = now - self._broker_since >= RETAINED_WITHIN
+        known = heard and all(each.robot.state or not each.robot.reachable for each in self._robots.values())
+        return tuple(self._desk.answers(now, all_known=known, reachable=self._reachable))
+
+    def _reachable(self, robot: RobotKey) -> bool:
+        return self._robots[robot].robot.reachable
 
     def _control(self, robot: RobotKey) -> RobotControl:
         known = self._robots.get(robot)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
+from typing import Final
 
 from nena_order_service.fleet.outputs import PublishResponses
 from nena_order_service.fleet.settings import FleetSettings, ReleasePolicy
@@ -17,17 +18,27 @@ Request = ZoneRequest | EdgeRequest
 Place = tuple[str, ...]
 """A zone by its set and id, or an edge by its id."""
 
+INSIDE: Final = frozenset({RequestStatus.GRANTED, RequestStatus.REVOKED, RequestStatus.EXPIRED})
+"""What a request shows while the robot may be at the place, with or without a release."""
+
 
 @dataclass(slots=True)
 class _Asked:
-    """A request that a robot states, and what it was answered last."""
+    """A request that a robot states, and what it was answered last; seconds are monotonic."""
 
     robot: RobotKey
     request_id: str
+    shown: RequestStatus
     answer: GrantType | None = None
     answered_at: float = 0.0
-    shown: RequestStatus = RequestStatus.REQUESTED
+    repeats: int = 0
+    """How often the answer has been said again."""
     lease_until: float | None = None
+
+    @property
+    def holds(self) -> bool:
+        """Whether the robot may be at the place: it was granted, or is there without a release now."""
+        return self.shown in INSIDE or self.answer is GrantType.GRANTED
 
 
 @dataclass(slots=True)
@@ -35,32 +46,35 @@ class ReleaseDesk:
     """Keeps who asked for which place, first come first; ``utc_now`` gives the time of day for leases.
 
     A place is held from the grant until the robot's state names the request no more: also by a robot that
-    has fallen silent, or whose grant has been taken back while it was inside. Nothing is granted before
-    every robot that is there has told its state, so that what was granted before a restart is known.
+    has fallen silent, or whose grant has been taken back while it was inside. A robot may ask for a place by
+    several requests, one for each path that it would take. Nothing is granted before every robot that is
+    there has told its state, so that what was granted before a restart is known; where two then hold the
+    same place, the grant of the second is taken back.
     """
 
     settings: FleetSettings
     utc_now: Callable[[], datetime]
     _asked: dict[Place, list[_Asked]] = field(default_factory=dict)
 
-    def on_state(self, robot: RobotKey, state: State, now: float) -> None:
+    def on_state(self, robot: RobotKey, state: State) -> None:
         """Take in what a robot asks for."""
-        requests = {_place(each): each for each in _requests(state)}
+        requests = {(_place(each), each.request_id): each for each in _requests(state)}
         for place, asked in list(self._asked.items()):
-            if place not in requests:
-                asked[:] = [each for each in asked if each.robot != robot]
+            asked[:] = [each for each in asked if each.robot != robot or (place, each.request_id) in requests]
             if not asked:
                 del self._asked[place]
-        for place, request in requests.items():
-            self._note(robot, place, request, now)
+        for (place, _), request in requests.items():
+            self._note(robot, self._asked.setdefault(place, []), request)
 
-    def answers(self, now: float, *, all_known: bool) -> Iterator[PublishResponses]:
+    def answers(
+        self, now: float, *, all_known: bool, reachable: Callable[[RobotKey], bool]
+    ) -> Iterator[PublishResponses]:
         """Give what is to be answered now; ``all_known``: every robot that is there has told its state."""
         by_robot: dict[RobotKey, list[Response]] = {}
         for asked in self._asked.values():
             for each in asked:
                 wanted = self._wanted(each, asked, all_known=all_known)
-                if self._due(each, wanted, now):
+                if reachable(each.robot) and self._due(each, wanted, now):
                     by_robot.setdefault(each.robot, []).append(self._answer(each, wanted, now))
         for robot, responses in by_robot.items():
             yield PublishResponses(robot, tuple(responses))
@@ -70,39 +84,42 @@ class ReleaseDesk:
         """Whether any robot asks for anything."""
         return bool(self._asked)
 
-    def _note(self, robot: RobotKey, place: Place, request: Request, now: float) -> None:
-        asked = self._asked.setdefault(place, [])
-        known = next((each for each in asked if each.robot == robot), None)
-        if known is None or known.request_id != request.request_id:
-            asked[:] = [each for each in asked if each.robot != robot]
-            known = _Asked(robot, request.request_id)
-            asked.append(known)
-        if request.request_status is RequestStatus.GRANTED and known.answer is None:
-            known.answer, known.answered_at = GrantType.GRANTED, now  # by us, before a restart
-        known.shown = request.request_status
+    def _note(self, robot: RobotKey, asked: list[_Asked], request: Request) -> None:
+        for each in asked:
+            if (each.robot, each.request_id) == (robot, request.request_id):
+                each.shown = request.request_status
+                return
+        asked.append(_Asked(robot, request.request_id, request.request_status))
 
     def _wanted(self, each: _Asked, asked: list[_Asked], *, all_known: bool) -> GrantType:
-        match self.settings.release_policy:
-            case ReleasePolicy.ALL:
-                return GrantType.GRANTED
-            case ReleasePolicy.NONE:
-                return GrantType.REJECTED
-            case ReleasePolicy.EXCLUSIVE:
-                holder = next((other for other in asked if _holds(other)), asked[0])
-                free = all_known or _holds(each)
-                return GrantType.GRANTED if holder is each and free else GrantType.QUEUED
+        """Say how a request stands by the policy; what is held can only be left or taken back."""
+        policy = self.settings.release_policy
+        if policy is ReleasePolicy.ALL:
+            return GrantType.GRANTED
+        if policy is ReleasePolicy.NONE:
+            return GrantType.REVOKED if each.holds else GrantType.REJECTED
+        holder = next((other.robot for other in asked if other.holds), asked[0].robot)
+        if each.robot != holder:
+            return GrantType.REVOKED if each.holds else GrantType.QUEUED
+        return GrantType.GRANTED if all_known or each.holds else GrantType.QUEUED
 
     def _due(self, each: _Asked, wanted: GrantType, now: float) -> bool:
-        """Tell whether to answer: something new, a grant that the robot does not show, a lease that ends."""
+        """Tell whether to answer: something new, what the robot does not show, a lease that ends."""
+        if _shows(each, wanted):
+            return wanted is GrantType.GRANTED and self._must_renew(each, now)
         if each.answer is not wanted:
             return True
-        if wanted is not GrantType.GRANTED:
-            return False
-        waited = now - each.answered_at >= self.settings.resend_after
-        ending = each.lease_until is not None and now >= each.lease_until - self.settings.release_lease / 2
-        return waited and (each.shown is not RequestStatus.GRANTED or ending)
+        pause = min(self.settings.resend_after * 2.0**each.repeats, self.settings.resend_at_most_after)
+        return now - each.answered_at >= pause
+
+    def _must_renew(self, each: _Asked, now: float) -> bool:
+        """Tell whether the lease of a grant is half over, or not known after a restart."""
+        lease = self.settings.release_lease
+        return lease > 0 and (each.lease_until is None or now >= each.lease_until - lease / 2)
 
     def _answer(self, each: _Asked, wanted: GrantType, now: float) -> Response:
+        again = each.answer is wanted and not _shows(each, wanted)
+        each.repeats = each.repeats + 1 if again else 0
         each.answer, each.answered_at = wanted, now
         lease = self.settings.release_lease if wanted is GrantType.GRANTED else 0.0
         each.lease_until = now + lease if lease else None
@@ -121,7 +138,12 @@ def _place(request: Request) -> Place:
     return request.zone_set_id, request.zone_id
 
 
-def _holds(each: _Asked) -> bool:
-    """Tell whether the robot may be at the place: it was granted, or is in it without a release now."""
-    inside = each.shown in (RequestStatus.GRANTED, RequestStatus.REVOKED, RequestStatus.EXPIRED)
-    return inside or each.answer is GrantType.GRANTED
+def _shows(each: _Asked, wanted: GrantType) -> bool:
+    """Tell whether the robot has understood the answer; not every one shows that it is queued."""
+    match wanted:
+        case GrantType.GRANTED:
+            return each.shown is RequestStatus.GRANTED
+        case GrantType.REVOKED:
+            return each.shown in (RequestStatus.REVOKED, RequestStatus.EXPIRED)
+        case GrantType.QUEUED | GrantType.REJECTED:
+            return each.answer is wanted
