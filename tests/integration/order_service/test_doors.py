@@ -133,6 +133,14 @@ async def test_retained_request_is_refused_and_same_key_makes_one_order(fleet: F
     answers = await until(lambda: got if len(got := host.payloads()) == 10 else None)
     made = [CreationAnswer.model_validate_json(each) for each in answers]
     assert sorted(each.status for each in made) == [200] * 9 + [201]
+
+    for other, status in (({"idempotencyKey": "k", "priority": 3}, 422), ({"priority": 3}, 409)):
+        host.clear()
+        host.publish(create, json.dumps({**TRANSPORT, **other}))
+        refused = CreationAnswer.model_validate_json((await host.wait_for()).payload)
+        assert (refused.status, refused.idempotency_key) == (status, other.get("idempotencyKey"))
+        assert refused.problem is not None
+        assert "'T-1'" in refused.problem.detail
     assert len((await client.get("/v1/transportOrders")).json()["transportOrders"]) == 1
 
 

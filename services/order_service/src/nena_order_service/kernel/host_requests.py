@@ -53,7 +53,9 @@ class HostRequests:
         self._settings = settings
 
     async def create(self, request: TransportOrderRequest) -> tuple[TransportOrderStatus, bool]:
-        """Make an order; False: it is the one that the same idempotency key has made before.
+        """Make an order; False: it is the one that the same request has made before.
+
+        The same request has the same idempotency key, or without one the same name.
 
         Raises:
             InvalidRequestError: it makes no sense in this plant.
@@ -69,10 +71,12 @@ class HostRequests:
             known = self._kernel.create(request, name)
             await self._committed()
             return self._visible(known), True
-        if request.idempotency_key is None or known.idempotency_key != request.idempotency_key:
+        if known.idempotency_key != request.idempotency_key:
             raise NameTakenError(name)
-        if not known.asked_for_by(request) or not (complete or known.name == name):
-            raise KeyReusedError(request.idempotency_key, known.name)
+        named = known.name.startswith(f"{request.name or NAME_PREFIX}-") if complete else known.name == name
+        if not (named and known.asked_for_by(request)):
+            key = request.idempotency_key
+            raise NameTakenError(name) if key is None else KeyReusedError(key, known.name)
         await self._committed()
         return self._visible(known), False
 
