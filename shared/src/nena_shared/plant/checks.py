@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from nena_shared.plant.connectivity import cut_off_points
 from nena_shared.plant.errors import ObjectKind, Problem
-from nena_shared.plant.model import PlantModel
+from nena_shared.plant.model import NO_OPERATION, PlantModel
 from nena_shared.plant.path import BACKWARD_SUFFIX
 from nena_shared.plant.point import PointType
 from nena_shared.plant.property_checks import find_property_warnings
@@ -44,7 +44,7 @@ def _name_errors(model: PlantModel) -> Iterator[Problem]:
             text = f"{times[name]} objects have this name; names are unique over all kinds of object"
             yield Problem("DUPLICATE_NAME", kind, name, text)
     for path in model.paths:
-        if path.name + BACKWARD_SUFFIX in times:
+        if path.max_reverse_velocity_mm_s and path.name + BACKWARD_SUFFIX in times:
             text = f"another object has the id of its backward edge, {path.name + BACKWARD_SUFFIX!r}"
             yield Problem("DUPLICATE_NAME", ObjectKind.PATH, path.name, text)
 
@@ -119,7 +119,7 @@ def _location_warnings(model: PlantModel) -> Iterator[Problem]:
             yield Problem("LOCATION_LOCKED", kind, name, "it is locked")
         allowed = model.location_type(location.type).allowed_operations
         for link in location.links:
-            if unknown := set(link.allowed_operations) - set(allowed):
+            if unknown := set(link.allowed_operations) - {*allowed, NO_OPERATION}:
                 text = f"its link to {link.point!r} allows {sorted(unknown)}, which its type does not"
                 yield Problem("OPERATION_NOT_OF_TYPE", kind, name, text)
         if len({link.point for link in location.links}) < len(location.links):

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from nena_shared.plant.geometry import MM_PER_M, Envelope
 from nena_shared.plant.record import PlantRecord
+from nena_shared.plant.vehicle_type import VehicleTypeOnPath
 
 BACKWARD_SUFFIX: Final = ":backward"
 """The backward edge of path `A --- B` has the id `A --- B:backward`; the forward edge has the path's name."""
@@ -80,11 +81,21 @@ class Path(PlantRecord):
     envelopes: tuple[Envelope, ...] = ()
     properties: Mapping[str, str] = Field(default_factory=dict)
     layout: PathLayout = PathLayout()
+    vehicle_types: tuple[VehicleTypeOnPath, ...] = ()
+    """The vehicle types that may drive here, where the plant tells them apart; empty: all."""
 
     @property
     def length_m(self) -> float:
         """The length in metres: the truth for costs, also where the drawn curve says otherwise."""
         return self.length_mm / MM_PER_M
+
+    def use_by(self, vehicle_type: str) -> VehicleTypeOnPath | None:
+        """Return how vehicles of a type may drive here, if the plant says so for them."""
+        return next((use for use in self.vehicle_types if use.vehicle_type_id == vehicle_type), None)
+
+    def is_open_to(self, vehicle_type: str) -> bool:
+        """Whether vehicles of a type may drive here."""
+        return not self.vehicle_types or self.use_by(vehicle_type) is not None
 
     def edges(self) -> Iterator["DirectedEdge"]:
         """Yield the directions in which the path can be driven; whether it is locked makes no difference."""

@@ -6,9 +6,11 @@ from math import radians
 
 from pydantic import Field
 
+from nena_shared.plant import property_keys as keys
 from nena_shared.plant.geometry import MM_PER_M, BoundingBox, Envelope, LabelLayout
 from nena_shared.plant.record import PlantRecord
 from nena_shared.plant.transform import normalized
+from nena_shared.plant.vehicle_type import VehicleTypeAtPoint
 
 
 class PointType(StrEnum):
@@ -31,6 +33,13 @@ class Point(PlantRecord):
     envelopes: tuple[Envelope, ...] = ()
     properties: Mapping[str, str] = Field(default_factory=dict)
     layout: LabelLayout = LabelLayout()
+    vehicle_types: tuple[VehicleTypeAtPoint, ...] = ()
+    """The vehicle types that may be here, where the plant tells them apart; empty: all."""
+
+    @property
+    def map_id(self) -> str | None:
+        """The map that the point is on (property `vda5050:mapId`); None: that of each vehicle."""
+        return self.properties.get(keys.VDA5050_MAP_ID)
 
     @property
     def x_m(self) -> float:
@@ -46,3 +55,9 @@ class Point(PlantRecord):
     def heading_rad(self) -> float | None:
         """The wanted heading in radians, -pi to pi, counter-clockwise from +x; None where any will do."""
         return None if self.orientation_deg is None else normalized(radians(self.orientation_deg))
+
+    def is_open_to(self, vehicle_type: str) -> bool:
+        """Whether vehicles of a type may be here."""
+        return not self.vehicle_types or any(
+            use.vehicle_type_id == vehicle_type for use in self.vehicle_types
+        )

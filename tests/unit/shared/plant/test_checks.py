@@ -43,7 +43,10 @@ def test_names_are_unique_over_all_kinds_of_object() -> None:
 
 
 def test_a_name_must_not_be_that_of_a_backward_edge() -> None:
-    assert ("DUPLICATE_NAME", "A --- B") in codes(good(blocks=(Block(name="A --- B:backward"),)))
+    block = Block(name="A --- B:backward")
+    two_ways = (path("A B", max_reverse_velocity_mm_s=1), path("B A"))
+    assert ("DUPLICATE_NAME", "A --- B") in codes(plant(*two_ways, blocks=(block,)))
+    assert codes(good(blocks=(block,))) == []
 
 
 def test_every_dangling_reference_is_named() -> None:

@@ -83,6 +83,9 @@ def _layer_groups(model: PlantModel, layers: tuple[Layer, ...]) -> Iterator[Laye
 
 
 def _losses(model: PlantModel) -> Iterator[Problem]:
+    if any(point.vehicle_types for point in model.points) or any(path.vehicle_types for path in model.paths):
+        text = "rules for vehicle types (LIF) are left out: what is closed for some types will be open to all"
+        yield Problem("NOT_EXPORTED", ObjectKind.MODEL, model.name, text)
     for location in model.locations:
         if location.layout.position is not None:
             text = "it is drawn at another place than it has; the drawing will show it where it is"

@@ -29,6 +29,7 @@ from nena_shared.plant import (
     VisualLayout,
 )
 from nena_shared.plant.opentcs_xml import read, write
+from nena_shared.plant.vehicle_type import VehicleTypeOnPath
 from support.plants import path, plant, point
 from support.reference import reference_dir
 
@@ -119,3 +120,10 @@ def test_text_that_xml_cannot_hold_is_refused(more: dict[str, Any]) -> None:
     with pytest.raises(PlantModelError) as caught:
         write(model)
     assert {problem.code for problem in caught.value.problems} == {"UNWRITABLE_TEXT"}
+
+
+def test_rules_for_vehicle_types_are_missed() -> None:
+    uses = (VehicleTypeOnPath(vehicle_type_id="t", rotation_allowed=True),)
+    written = write(plant(path("A B", vehicle_types=uses)))
+    assert ["NOT_EXPORTED"] == [problem.code for problem in written.warnings]
+    assert read(written.data).model.path("A --- B").vehicle_types == ()

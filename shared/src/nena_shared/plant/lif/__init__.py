@@ -1,0 +1,5 @@
+"""Reads and writes LIF 1.0.0, VDMA's layout interchange format."""
+
+from nena_shared.plant.lif.reader import read
+
+__all__ = ["read"]

@@ -1,0 +1,71 @@
+"""The course of a NURBS trajectory, in metres of the plant frame."""
+
+from itertools import pairwise
+from math import hypot
+from typing import Final
+
+from nena_shared.plant.vehicle_type import Trajectory
+
+Place = tuple[float, float]
+_SAMPLES: Final = 64
+
+CUBIC_BEZIER_KNOTS: Final = (0.0,) * 4 + (1.0,) * 4
+
+
+def fault(trajectory: Trajectory) -> str:
+    """Return why this is no curve that can be followed, as a predicate; empty if it is one."""
+    knots, points = trajectory.knot_vector, trajectory.control_points
+    wanted = len(points) + trajectory.degree + 1
+    if len(points) <= trajectory.degree:
+        return f"has {len(points)} control points for degree {trajectory.degree}"
+    if len(knots) != wanted:
+        return f"has {len(knots)} knots and needs {wanted}"
+    if any(after < before for before, after in pairwise(knots)):
+        return "has knots that decrease"
+    if knots[trajectory.degree] == knots[-trajectory.degree - 1]:
+        return "has no knots between which it runs"
+    return ""
+
+
+def places(trajectory: Trajectory, samples: int = _SAMPLES) -> tuple[Place, ...]:
+    """Return this many places and one more along a curve without fault, with both ends."""
+    knots, degree = trajectory.knot_vector, trajectory.degree
+    first, last = knots[degree], knots[-degree - 1]
+    return tuple(_place(trajectory, first + (last - first) * i / samples) for i in range(samples + 1))
+
+
+def length(trajectory: Trajectory) -> float:
+    """Return the length of a curve without fault, in metres."""
+    return sum(hypot(bx - ax, by - ay) for (ax, ay), (bx, by) in pairwise(places(trajectory)))
+
+
+def scaled(trajectory: Trajectory) -> Trajectory:
+    """Return the same curve with knots from 0 to 1; the curve is without fault."""
+    knots = trajectory.knot_vector
+    if knots[0] >= 0 and knots[-1] <= 1:
+        return trajectory
+    span = knots[-1] - knots[0]
+    return trajectory.model_copy(update={"knot_vector": tuple((knot - knots[0]) / span for knot in knots)})
+
+
+def is_cubic_bezier(trajectory: Trajectory) -> bool:
+    """Whether this is one cubic Bezier curve, without weights."""
+    weights = {point.weight for point in trajectory.control_points}
+    return (trajectory.degree, trajectory.knot_vector) == (3, CUBIC_BEZIER_KNOTS) and len(weights) == 1
+
+
+def _place(trajectory: Trajectory, at: float) -> Place:
+    """Return the place at a parameter by de Boor's algorithm, weights included."""
+    knots, degree = trajectory.knot_vector, trajectory.degree
+    span = max(
+        i for i in range(degree, len(knots) - degree - 1) if knots[i] <= at and knots[i] < knots[i + 1]
+    )
+    near = trajectory.control_points[span - degree : span + 1]
+    row = [(point.x * point.weight, point.y * point.weight, point.weight) for point in near]
+    for level in range(1, degree + 1):
+        for i in range(degree, level - 1, -1):
+            low, high = knots[i + span - degree], knots[i + 1 + span - level]
+            part = (at - low) / (high - low)
+            row[i] = tuple((1 - part) * a + part * b for a, b in zip(row[i - 1], row[i], strict=True))  # type: ignore[assignment]  # three of each
+    x, y, weight = row[degree]
+    return x / weight, y / weight

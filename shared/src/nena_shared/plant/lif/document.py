@@ -1,0 +1,87 @@
+"""The objects of a LIF 1.0.0 file: layouts with nodes, edges and stations (m, rad, m/s, rad/s)."""
+
+from pydantic import ConfigDict, Field
+
+from nena_shared.plant.record import PlantRecord
+from nena_shared.plant.vehicle_type import VehicleTypeAtPoint, VehicleTypeOnPath
+
+
+class LifRecord(PlantRecord):
+    """An object of the file; numbers where texts belong are taken for texts where the reader is lenient."""
+
+    model_config = ConfigDict(coerce_numbers_to_str=True)
+
+
+class MetaInformation(LifRecord):
+    """Who wrote the file, when, and in which version of the format."""
+
+    project_identification: str
+    creator: str
+    export_timestamp: str
+    lif_version: str
+
+
+class Position(LifRecord):
+    """A place in the frame that all layouts of a project share."""
+
+    x: float
+    y: float
+
+
+class StationPosition(Position):
+    """Where a station is drawn."""
+
+    theta: float | None = None
+
+
+class Node(LifRecord):
+    """A place where vehicles can be."""
+
+    node_id: str = Field(min_length=1)
+    node_name: str | None = None
+    node_description: str | None = None
+    map_id: str | None = None
+    node_position: Position
+    vehicle_type_node_properties: tuple[VehicleTypeAtPoint, ...]
+
+
+class Edge(LifRecord):
+    """A directed connection of two nodes; the end may be in another layout."""
+
+    edge_id: str = Field(min_length=1)
+    edge_name: str | None = None
+    edge_description: str | None = None
+    start_node_id: str
+    end_node_id: str
+    vehicle_type_edge_properties: tuple[VehicleTypeOnPath, ...]
+
+
+class Station(LifRecord):
+    """A place where something is done, from its interaction nodes."""
+
+    station_id: str = Field(min_length=1)
+    interaction_node_ids: tuple[str, ...]
+    station_name: str | None = None
+    station_description: str | None = None
+    station_height: float = 0.0
+    station_position: StationPosition | None = None
+
+
+class Layout(LifRecord):
+    """A level of a plant, or a part of one."""
+
+    layout_id: str
+    layout_name: str | None = None
+    layout_version: str
+    layout_level_id: str | None = None
+    layout_description: str | None = None
+    nodes: tuple[Node, ...]
+    edges: tuple[Edge, ...]
+    stations: tuple[Station, ...]
+
+
+class LifFile(LifRecord):
+    """A whole file of one integrator; ids are unique for each kind in all of it."""
+
+    meta_information: MetaInformation
+    layouts: tuple[Layout, ...]

@@ -1,0 +1,68 @@
+"""LIF files for tests, made of a few words."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+
+def node(name: str, x: float = 0.0, y: float = 0.0, *types: str, **more: Any) -> dict[str, Any]:
+    """Make a node on map ``m`` that is open to these types (``t`` where none is named)."""
+    uses = [{"vehicleTypeId": each} for each in types or ("t",)]
+    place = {"x": x, "y": y}
+    return {
+        "nodeId": name,
+        "mapId": "m",
+        "nodePosition": place,
+        "vehicleTypeNodeProperties": uses,
+        **more,
+    }
+
+
+def use(vehicle_type: str = "t", **more: Any) -> dict[str, Any]:
+    """Make what an edge says for a vehicle type."""
+    return {"vehicleTypeId": vehicle_type, "rotationAllowed": False, **more}
+
+
+def edge(ends: str, *uses: dict[str, Any], **more: Any) -> dict[str, Any]:
+    """Make an edge from ``"A B"``, called ``A-B``, for these types or for ``t``."""
+    start, end = ends.split()
+    return {
+        "edgeId": f"{start}-{end}",
+        "startNodeId": start,
+        "endNodeId": end,
+        "vehicleTypeEdgeProperties": list(uses or (use(),)),
+        **more,
+    }
+
+
+def action(action_type: str, **more: Any) -> dict[str, Any]:
+    return {"actionType": action_type, "blockingType": "HARD", "requirementType": "CONDITIONAL", **more}
+
+
+def layout(*parts: dict[str, Any], **more: Any) -> dict[str, Any]:
+    """Make a layout of nodes, edges and stations."""
+    return {
+        "layoutId": "hall",
+        "layoutVersion": "1",
+        "nodes": [part for part in parts if "nodeId" in part],
+        "edges": [part for part in parts if "edgeId" in part],
+        "stations": [part for part in parts if "stationId" in part],
+        **more,
+    }
+
+
+def lif(*layouts: dict[str, Any], version: str = "1.0.0") -> bytes:
+    """Make a file of these layouts."""
+    meta = {
+        "projectIdentification": "plant",
+        "creator": "tests",
+        "exportTimestamp": "2026-11-20T10:00:00.00Z",
+        "lifVersion": version,
+    }
+    return json.dumps({"metaInformation": meta, "layouts": layouts}).encode()
+
+
+def lif_of(*parts: dict[str, Any]) -> bytes:
+    """Make a file of one layout."""
+    return lif(layout(*parts))

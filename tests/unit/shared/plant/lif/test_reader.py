@@ -1,0 +1,297 @@
+from __future__ import annotations
+
+from math import pi
+from typing import Any
+
+import pytest
+
+from nena_shared.plant import ConnectionType, PlantModel, PlantModelError
+from nena_shared.plant.json_text import JsonLimits
+from nena_shared.plant.lif import read
+from support.lif_files import action, edge, layout, lif, lif_of, node, use
+
+RING = (node("A"), node("B", 3, 4), edge("A B"), edge("B A"))
+NO_PARKING = "NO_PARK_POSITION"
+"""LIF has no parking positions, so each of its plants gets this warning."""
+
+
+def model_of(*parts: dict[str, Any]) -> PlantModel:
+    return read(lif_of(*parts)).model
+
+
+def warnings(data: bytes) -> set[tuple[str, str]]:
+    found = read(data).warnings
+    return {(problem.code, problem.name) for problem in found} - {(NO_PARKING, "plant")}
+
+
+def texts(data: bytes) -> str:
+    return "\n".join(map(str, read(data).warnings))
+
+
+def refusals(data: bytes, *, strict: bool = False) -> set[tuple[str, str]]:
+    with pytest.raises(PlantModelError) as caught:
+        read(data, strict=strict)
+    return {(problem.code, problem.name) for problem in caught.value.problems}
+
+
+def test_a_right_file_is_read_strictly_and_without_a_warning() -> None:
+    report = read(lif_of(*RING), strict=True)
+    assert {problem.code for problem in report.warnings} == {NO_PARKING}
+    model = report.model
+    assert model.name == "plant"
+    point = model.point("B")
+    assert (point.x_mm, point.y_mm, point.map_id, point.heading_rad) == (3000, 4000, "m", None)
+    path = model.path("A-B")
+    assert (path.source, path.destination, path.length_mm) == ("A", "B", 5000)
+    assert PlantModel.from_json(model.to_json()) == model
+
+
+def test_a_heading_counts_for_all_only_where_all_types_agree() -> None:
+    one, other = {"vehicleTypeId": "t", "theta": pi / 2}, {"vehicleTypeId": "u", "theta": 0.0}
+    alone = model_of(node("A", vehicleTypeNodeProperties=[one]))
+    assert alone.point("A").heading_rad == pytest.approx(pi / 2)
+    both = model_of(node("A", vehicleTypeNodeProperties=[one, other]))
+    assert both.point("A").orientation_deg is None
+    assert [each.theta for each in both.point("A").vehicle_types] == [pi / 2, 0.0]
+
+
+def test_a_path_is_as_fast_as_the_fastest_type_and_open_to_those_named() -> None:
+    slow, fast = use("t", maxSpeed=0.5), use("u", maxSpeed=1.5)
+    path = model_of(node("A", 0, 0, "t", "u"), node("B", 1, 0, "t", "u"), edge("A B", slow, fast)).path("A-B")
+    assert path.max_velocity_mm_s == 1500
+    assert (path.is_open_to("t"), path.is_open_to("u"), path.is_open_to("v")) == (True, True, False)
+    assert model_of(*RING).path("A-B").max_velocity_mm_s == 100_000
+
+
+def test_a_station_offers_what_the_actions_of_its_nodes_offer() -> None:
+    picks = [{"vehicleTypeId": "t", "actions": [action("pick"), action("startCharging")]}]
+    station = {"stationId": "S", "interactionNodeIds": ["A", "B"], "stationHeight": 1.5}
+    model = model_of(node("A", vehicleTypeNodeProperties=picks), node("B", 4, 2), station)
+    assert model.access_points("S", "pick") == ("A",)
+    assert model.access_points("S", "Charge") == ("A",)
+    assert model.access_points("S", "NOP") == ("A", "B")
+    location = model.location("S")
+    assert (location.x_mm, location.y_mm) == (2000, 1000)
+    assert location.properties["lif:stationHeight"] == "1.5"
+
+
+def test_a_station_is_where_the_file_has_it() -> None:
+    place = {"x": -1, "y": 2.5, "theta": 0}
+    station = {"stationId": "S", "interactionNodeIds": ["A"], "stationPosition": place}
+    location = model_of(node("A"), station).location("S")
+    assert (location.x_mm, location.y_mm) == (-1000, 2500)
+
+
+def test_nodes_keep_their_ids_where_other_kinds_have_them_too() -> None:
+    station = {"stationId": "A", "interactionNodeIds": ["A"]}
+    data = lif_of(node("A"), node("A-B"), node("B"), edge("A B"), edge("B A"), station)
+    assert {("RENAMED", "A"), ("RENAMED", "A-B")} <= warnings(data)
+    model = read(data).model
+    assert model.path("edge:A-B").properties["lif:id"] == "A-B"
+    assert model.location("station:A").links[0].point == "A"
+
+
+def test_two_layouts_are_two_layers_with_ways_between() -> None:
+    lower = layout(node("A"), edge("A B"), layoutName="Ground", layoutLevelId="0")
+    upper = layout(node("B", 0, 0, mapId="n"), edge("B A"), layoutId="up")
+    model = read(lif(lower, upper), strict=True).model
+    assert [layer.name for layer in model.visual_layout.layers] == ["Ground", "up"]
+    assert [point.layout.layer_id for point in model.points] == [0, 1]
+    assert [point.map_id for point in model.points] == ["m", "n"]
+    assert model.path("A-B").length_mm == 1
+
+
+def test_a_cubic_bezier_curve_is_driven_and_drawn_as_one() -> None:
+    places = [(0, 0), (0, 2), (2, 4), (4, 4)]
+    trajectory = {
+        "degree": 3,
+        "knotVector": [0, 0, 0, 0, 1, 1, 1, 1],
+        "controlPoints": [{"x": x, "y": y} for x, y in places],
+    }
+    path = model_of(node("A"), node("B", 4, 4), edge("A B", use(trajectory=trajectory))).path("A-B")
+    assert path.layout.connection_type is ConnectionType.BEZIER
+    assert [(each.x_mm, each.y_mm) for each in path.layout.control_points] == [(0, 2000), (2000, 4000)]
+    assert 5657 < path.length_mm < 8000
+
+
+def test_a_quarter_circle_has_its_length() -> None:
+    trajectory = {
+        "degree": 2,
+        "knotVector": [0, 0, 0, 1, 1, 1],
+        "controlPoints": [{"x": 1, "y": 0}, {"x": 1, "y": 1, "weight": 0.5**0.5}, {"x": 0, "y": 1}],
+    }
+    parts = (node("A", 1, 0), node("B", 0, 1), edge("A B", use(trajectory=trajectory)))
+    path = read(lif_of(*parts), strict=True).model.path("A-B")
+    assert path.length_mm == pytest.approx(1000 * pi / 2, abs=1)
+    assert path.layout.connection_type is ConnectionType.POLYPATH
+
+
+KNOT_FAULTS = [[0, 1], [0, 1, 0, 1], [0.5, 0.5, 0.5, 0.5]]
+
+
+@pytest.mark.parametrize("knots", KNOT_FAULTS)
+def test_a_trajectory_that_cannot_be_followed_is_left_out(knots: list[float]) -> None:
+    trajectory = {"knotVector": knots, "controlPoints": [{"x": 0, "y": 0}, {"x": 3, "y": 4}]}
+    data = lif_of(node("A"), node("B", 3, 4), edge("A B", use(trajectory=trajectory)), edge("B A"))
+    assert ("NOT_LIF", "A-B") in warnings(data)
+    (only,) = read(data).model.path("A-B").vehicle_types
+    assert only.trajectory is None
+    assert ("NOT_LIF", "A-B") in refusals(data, strict=True)
+
+
+def test_knots_above_one_are_scaled() -> None:
+    trajectory = {"knotVector": [0, 0, 9, 9], "controlPoints": [{"x": 0, "y": 0}, {"x": 3, "y": 4}]}
+    data = lif_of(node("A"), node("B", 3, 4), edge("A B", use(trajectory=trajectory)), edge("B A"))
+    kept = read(data).model.path("A-B").vehicle_types[0].trajectory
+    assert kept is not None
+    assert list(kept.knot_vector) == [0, 0, 1, 1]
+    assert "scaled" in texts(data)
+
+
+def _without(key: str) -> bytes:
+    whole = layout(*RING)
+    del whole[key]
+    return lif(whole)
+
+
+DEPARTURES = {
+    "no stations": (_without("stations"), "stations: Field required"),
+    "number as text": (lif_of(node("A"), node("B", "3.5"), edge("A B"), edge("B A")), "valid number"),  # type: ignore[arg-type]  # the fault
+    "boolean required": (
+        lif_of(
+            node(
+                "A",
+                vehicleTypeNodeProperties=[
+                    {
+                        "vehicleTypeId": "t",
+                        "actions": [{"actionType": "beep", "blockingType": "NONE", "required": True}],
+                    }
+                ],
+            )
+        ),
+        "'required' is not known",
+    ),
+    "draft version": (lif(layout(*RING), version="0.11.0"), "never published"),
+    "unknown field": (lif_of(node("A", colour="red")), "'colour' is not known"),
+    "no map": (lif_of(node("A", mapId=None)), "names no map"),
+    "a type twice": (lif_of(node("A", 0, 0, "t", "t")), "2 times"),
+    "closed end": (lif_of(node("A"), node("B"), edge("A B", use("u"))), "may not be at its node"),
+    "half a load": (
+        lif_of(
+            *RING[:3],
+            edge(
+                "B A",
+                use(loadRestriction={"loaded": False, "unloaded": True, "loadSetNames": ["pallet"]}),
+            ),
+        ),
+        "forbids loads",
+    ),
+    "heading above pi": (
+        lif_of(node("A", vehicleTypeNodeProperties=[{"vehicleTypeId": "t", "theta": 4}])),
+        "pi",
+    ),
+    "an edge of the other layout": (
+        lif(layout(node("A"), edge("B A"), edge("A B")), layout(node("B"), layoutId="up")),
+        "another layout",
+    ),
+    "action without requirement": (
+        lif_of(*RING[:3], edge("B A", use(actions=[{"actionType": "beep", "blockingType": "NONE"}]))),
+        "no requirementType",
+    ),
+    "a station nowhere": (
+        lif_of(node("A"), {"stationId": "S", "interactionNodeIds": []}),
+        "no interaction node",
+    ),
+    "trajectory elsewhere": (
+        lif_of(
+            *RING[:3],
+            edge(
+                "B A",
+                use(
+                    trajectory={
+                        "knotVector": [0, 0, 1, 1],
+                        "controlPoints": [{"x": 3, "y": 4}, {"x": 1, "y": 0}],
+                    }
+                ),
+            ),
+        ),
+        "does not end at node 'A'",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", DEPARTURES)
+def test_what_real_files_get_wrong_is_a_warning_and_strictly_an_error(fault: str) -> None:
+    data, text = DEPARTURES[fault]
+    assert text in texts(data)
+    with pytest.raises(PlantModelError) as caught:
+        read(data, strict=True)
+    assert text in str(caught.value)
+
+
+def test_thousands_of_equal_faults_are_one_warning() -> None:
+    data = lif_of(*(node(f"n{i}", str(i)) for i in range(50)))  # type: ignore[arg-type]  # the fault
+    (found,) = [each for each in read(data).warnings if each.code == "NOT_LIF"]
+    assert "found 50 times" in found.text
+
+
+def test_headings_in_degrees_are_turned_all_together() -> None:
+    uses = [[{"vehicleTypeId": "t", "theta": theta}] for theta in (90, 3)]
+    data = lif_of(*(node(f"n{i}", vehicleTypeNodeProperties=each) for i, each in enumerate(uses)))
+    report = read(data)
+    assert [point.orientation_deg for point in report.model.points] == pytest.approx([90, 3])
+    assert "HEADINGS_IN_DEGREES" in {problem.code for problem in report.warnings}
+    assert ("HEADINGS_IN_DEGREES", "") in refusals(data, strict=True)
+
+
+@pytest.mark.parametrize(
+    ("data", "code", "name"),
+    [
+        (b"", "MALFORMED_JSON", ""),
+        (b'{"layouts": NaN}', "MALFORMED_JSON", ""),
+        (b"[" * 300 + b"]" * 300, "LIMIT_EXCEEDED", ""),
+        (b"[]", "NOT_LIF", ""),
+        (b'{"layouts": []}', "NOT_LIF", ""),
+        (lif(version="2.0.0"), "UNSUPPORTED_VERSION", ""),
+        (lif_of(node("A"), node("A")), "DUPLICATE_NAME", "A"),
+        (lif_of(*RING, edge("A B")), "DUPLICATE_NAME", "A-B"),
+        (lif_of(node("A"), edge("A B")), "UNKNOWN_REFERENCE", "A-B"),
+        (lif_of({"stationId": "S", "interactionNodeIds": ["A"]}), "UNKNOWN_REFERENCE", "S"),
+        (lif_of(node("A", vehicleTypeNodeProperties=[])), "NO_VEHICLE_TYPE", "A"),
+        (lif_of(*RING[:3], edge("B A", vehicleTypeEdgeProperties=[])), "NO_VEHICLE_TYPE", "B-A"),
+    ],
+)
+def test_what_cannot_be_used_is_refused(data: bytes, code: str, name: str) -> None:
+    assert (code, name) in refusals(data)
+
+
+@pytest.mark.parametrize("limits", [JsonLimits(size_bytes=100), JsonLimits(values=10)])
+def test_files_beyond_the_limits_are_refused(limits: JsonLimits) -> None:
+    with pytest.raises(PlantModelError) as caught:
+        read(lif_of(*RING), limits=limits)
+    assert [problem.code for problem in caught.value.problems] == ["LIMIT_EXCEEDED"]
+
+
+def test_what_is_kept_and_not_acted_on_is_said_once() -> None:
+    heights = use(minHeight=0.1, maxRotationSpeed=0.5, reentryAllowed=False)
+    data = lif_of(node("A"), node("B"), edge("A B", heights), edge("B A", heights))
+    found = [problem.text for problem in read(data).warnings if problem.code == "NOT_HEEDED"]
+    assert [text.split(" (")[0] for text in found] == [
+        "maxRotationSpeed",
+        "minHeight",
+        "reentryAllowed false",
+    ]
+    assert all("found 2 times" in text for text in found)
+
+
+def test_a_type_that_cannot_get_everywhere_is_named() -> None:
+    both = ("t", "u")
+    data = lif_of(
+        node("A", 0, 0, *both),
+        node("B", 1, 0, *both),
+        edge("A B", use("t"), use("u")),
+        edge("B A", use("t")),
+    )
+    found = [each.text for each in read(data).warnings if each.code == "NOT_STRONGLY_CONNECTED"]
+    assert len(found) == 1
+    assert "type 'u'" in found[0]
