@@ -31,6 +31,7 @@ from nena_edge_agent.protocol.effects import (
 from nena_edge_agent.protocol.events import (
     Event,
     JournalReport,
+    LinkReport,
     MapsReport,
     Started,
     SubscriptionsReport,
@@ -287,7 +288,8 @@ class RobotAgent:
             client_id=f"nena-edge-agent-{self.robot.manufacturer}-{self.robot.serial_number}",
             will=lambda: self._connection(ConnectionState.CONNECTION_BROKEN),
             on_connected=self._greet,
-            on_subscribed=lambda: self._mailbox.put(SubscriptionsReport(self._link.state.refused)),
+            on_subscribed=self._on_subscribed,
+            on_lost=lambda: self._mailbox.put(LinkReport(connected=False)),
         )
         handlers = {
             Topic.ORDER: self._inbox.take_order,
@@ -306,6 +308,10 @@ class RobotAgent:
         yield self._factsheet()
         self._greeting = True
         self._mailbox.wake()
+
+    def _on_subscribed(self) -> None:
+        self._mailbox.put(SubscriptionsReport(self._link.state.refused))
+        self._mailbox.put(LinkReport(connected=True))
 
     def _connection(self, state: ConnectionState) -> Outbound:
         message = Connection(**self._headers.make(Topic.CONNECTION), connection_state=state)
@@ -346,6 +352,8 @@ def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> 
         pass_radius=drive.pass_radius,
         base_request_distance=drive.base_request_distance,
         external_goals=drive.external_goals,
+        link_loss=drive.link_loss,
+        link_loss_patience=drive.link_loss_patience,
         drive_retries=drive.retries,
         retry_wait=drive.retry_wait,
         tolerated_parameters=frozenset(settings.tolerated_parameters),

@@ -13,6 +13,7 @@ from nena_edge_agent.download import DownloadSettings
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.maps.settings import MapSettings
 from nena_edge_agent.protocol.capabilities import DriveStrategy, ExternalGoals
+from nena_edge_agent.protocol.link_loss import LinkLossPolicy
 from nena_edge_agent.protocol.optional_parameters import DEMANDS
 from nena_edge_agent.ros.settings import RosSettings
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
@@ -70,6 +71,14 @@ class DriveSettings(SettingsGroup):
         ExternalGoals.PAUSE,
         description="What becomes of an order while navigation drives for somebody else (RViz, a docking "
         "server): pause: it waits and goes on by itself; fail: its drive fails.",
+    )
+    link_loss: LinkLossPolicy = Field(
+        LinkLossPolicy.ASSERTIVE,
+        description="What the robot does without its broker: assertive: it drives what was released to it; "
+        "preventive_at_once: it stops where it is; preventive_next_node: it stops at the next node.",
+    )
+    link_loss_patience: Seconds = Field(
+        10.0, description="Seconds without the broker after which a preventive robot stops."
     )
     retries: int = Field(
         0, ge=0, le=100, description="How often a drive that has failed is tried again before it is told."

@@ -8,6 +8,7 @@ from enum import StrEnum
 
 from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_edge_agent.protocol.ground import Footprint
+from nena_edge_agent.protocol.link_loss import LinkLossPolicy
 from nena_edge_agent.protocol.rules import RULES, Rules
 from nena_shared.vda5050.zone_set import ZoneType
 
@@ -39,6 +40,8 @@ class Capabilities:
     ``braking_distance`` is the way in m in which the robot becomes slower, from its full speed; ``footprint``
     is its contour.
 
+    ``link_loss`` holds once the link to the broker has been lost for ``link_loss_patience`` seconds.
+
     A drive that has failed is tried again ``drive_retries`` times, each time after ``retry_wait`` seconds.
 
     ``tolerated_parameters`` are optional fields of the order that are passed over instead of refused, by
@@ -56,6 +59,8 @@ class Capabilities:
     pass_radius: float = 0.5
     base_request_distance: float = 2.0
     external_goals: ExternalGoals = ExternalGoals.PAUSE
+    link_loss: LinkLossPolicy = LinkLossPolicy.ASSERTIVE
+    link_loss_patience: float = 10.0
     drive_retries: int = 0
     retry_wait: float = 5.0
     maximum_nodes: int = 1000

@@ -139,6 +139,13 @@ class SubscriptionsReport:
 
 
 @dataclass(frozen=True, slots=True)
+class LinkReport:
+    """Whether the link to the broker stands; until the first one it does not."""
+
+    connected: bool
+
+
+@dataclass(frozen=True, slots=True)
 class TimePassed:
     """Nothing but time: what waits for an answer may be overdue."""
 
@@ -159,6 +166,7 @@ Event = (
     | LocalTrigger
     | JournalReport
     | SubscriptionsReport
+    | LinkReport
     | TimePassed
     | DriverEvent
 )

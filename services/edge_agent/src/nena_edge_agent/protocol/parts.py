@@ -21,6 +21,7 @@ from nena_edge_agent.protocol.driving import GoalInFlight
 from nena_edge_agent.protocol.effects import Effect
 from nena_edge_agent.protocol.errors import ActiveErrors
 from nena_edge_agent.protocol.events import SafetyReport
+from nena_edge_agent.protocol.link_loss import LinkWatch
 from nena_edge_agent.protocol.order_progress import OrderProgress
 from nena_edge_agent.protocol.zone_access import ZoneAccess
 from nena_edge_agent.protocol.zone_sets import ZoneSets
@@ -92,6 +93,7 @@ class RobotParts:
     effects: list[Effect] = field(default_factory=list)
     maps: tuple[Map, ...] = field(init=False)
     zone_sets: ZoneSets = field(init=False)
+    link: LinkWatch = field(init=False)
 
     def __post_init__(self) -> None:
         """Hold the map of the set-up, and no zones."""
@@ -102,6 +104,7 @@ class RobotParts:
         )
         self.maps = (one,)
         self.zone_sets = ZoneSets(self.capabilities.zones)
+        self.link = LinkWatch(self.capabilities.link_loss, self.capabilities.link_loss_patience)
 
     @property
     def map_ids(self) -> frozenset[str]:

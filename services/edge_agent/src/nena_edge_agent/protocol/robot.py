@@ -31,6 +31,7 @@ from nena_edge_agent.protocol.events import (
     Event,
     InstantActionsReceived,
     JournalReport,
+    LinkReport,
     LocalTrigger,
     MapsReport,
     MessageRefused,
@@ -145,7 +146,8 @@ class RobotCore:
         """Whether an answer is outstanding that may be overdue; then :class:`TimePassed` is wanted."""
         parts = self._parts
         retries = parts.goal.retry_at is not None
-        return parts.goal.halting or retries or self._position.waits or parts.zone_access.waits
+        own = parts.goal.halting or retries or parts.link.waits
+        return own or self._position.waits or parts.zone_access.waits
 
     @property
     def durable_version(self) -> tuple[object, ...]:
@@ -197,6 +199,7 @@ class RobotCore:
             MessageRefused: lambda event: self._parts.errors.show(event.error, Until.ORDER_ACCEPTED),
             ActionReport: self._action_reported,
             JournalReport: self._journal_reported,
+            LinkReport: self._link_reported,
             SubscriptionsReport: self._subscriptions_reported,
             OperatingModeSwitched: self._mode.switch,
             SafetyReport: self._safety_reported,
@@ -220,6 +223,7 @@ class RobotCore:
         """Go on with what was going on: nobody knows what the robot did meanwhile."""
         parts = self._parts
         parts.utc = (event.utc, parts.now) if event.utc else None
+        parts.link.lost_since = parts.now
         self._position.interrupted()
         self._flow.take_up_again()
         self._flow.schedule()
@@ -240,6 +244,9 @@ class RobotCore:
 
     def _subscriptions_reported(self, event: SubscriptionsReport) -> None:
         self._parts.refused_topics = event.refused
+
+    def _link_reported(self, event: LinkReport) -> None:
+        self._parts.link.lost_since = None if event.connected else self._parts.now
 
     def _safety_reported(self, event: SafetyReport) -> None:
         self._parts.senses.safety = event

@@ -143,6 +143,7 @@ class Travel:
         return (
             parts.holding
             or parts.clearing
+            or parts.link.must_stand(parts.now)
             or parts.senses.trusted_pose is None
             or (parts.goal.target is not None and self._zones.must_stand)
         )
@@ -155,6 +156,7 @@ class Travel:
             and parts.senses.navigation.available
             and not parts.goal.halting
             and not parts.gives_way
+            and not parts.link.out_of_reach(parts.now)
             and (parts.goal.retry_at is None or parts.now >= parts.goal.retry_at)
             and parts.goal.failed_at != node.sequence_id
             and parts.goal.target is None
@@ -216,6 +218,7 @@ class Travel:
         capabilities = parts.capabilities
         return (
             parts.queue.driving_allowed
+            and not parts.link.out_of_reach(parts.now)
             and lets_drive(node.actions)
             and lets_drive(following.actions)
             and distance(pose, position) <= capabilities.pass_radius

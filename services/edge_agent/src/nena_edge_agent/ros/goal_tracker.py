@@ -199,8 +199,11 @@ class GoalTracker:
             halt.stopped_something, halt.quiet_at = True, None
             return
         halt.quiet_at = now if halt.quiet_at is None else halt.quiet_at
-        if not self._stands(halt, now) and now - halt.quiet_at < self._settings.standstill_timeout:
-            return
+        if not self._stands(halt, now):
+            if now - halt.quiet_at < self._settings.standstill_timeout:
+                return
+            if self._standstill.known(now):
+                log.warning("the odometry shows no standstill after a stop; it counts as one anyway")
         self._halt = None
         self._report(Halted())
 

@@ -1,0 +1,75 @@
+"""Stopping a robot that drives: what is told as finished, and when, with a simulator process over DDS."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from support.broker import Broker
+from support.edge_agent import ended, error_types, status_of
+from support.nav2_agent import Bench
+from support.robot_core import action, order
+from support.ros import RosPeer
+from support.waiting import until
+
+pytestmark = [pytest.mark.ros, pytest.mark.broker]
+
+FAST = 2.0
+"""m/s from which a robot takes a while to stop."""
+
+
+@pytest.fixture
+def bench(
+    broker: Broker, interface_name: str, peer: RosPeer, domain_id: int, tmp_path: Path
+) -> Iterator[Bench]:
+    bench = Bench(broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path)
+    with bench.mqtt:
+        yield bench
+
+
+@pytest.mark.clause("6.1.3", "6.2.3")
+@pytest.mark.parametrize("action_type", ["cancelOrder", "startPause"])
+async def test_is_finished_when_the_robot_stands_and_not_before(bench: Bench, action_type: str) -> None:
+    async with bench.robot() as fleet:
+        fleet.send(order("n0", "n3"))
+        await until(lambda: bench.speed > FAST, what="a fast robot")
+        fleet.instant(action("a", "NONE", action_type))
+        await fleet.state(lambda state: status_of(state, "a") == "RUNNING")
+        assert bench.speed > 0.0
+
+        state = await fleet.state(lambda state: status_of(state, "a") == "FINISHED")
+
+        assert bench.speed == 0.0
+        assert not state["driving"]
+        assert bool(state["nodeStates"]) is (action_type == "startPause")
+
+
+@pytest.mark.clause("6.2.3")
+async def test_after_a_pause_the_goal_is_given_again(bench: Bench) -> None:
+    async with bench.robot() as fleet:
+        fleet.send(order("n0", "n1"))
+        await bench.moves()
+        fleet.instant(action("p", "NONE", "startPause"))
+        await fleet.state(lambda state: status_of(state, "p") == "FINISHED")
+        fleet.instant(action("s", "NONE", "stopPause"))
+        done = await fleet.state(ended("o1"))
+        assert (done["lastNodeId"], error_types(done)) == ("n1", [])
+
+
+async def test_a_preventive_robot_stops_without_its_broker_and_goes_on_with_it(
+    own_broker: Broker, interface_name: str, peer: RosPeer, domain_id: int, tmp_path: Path
+) -> None:
+    bench = Bench(own_broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path)
+    preventive = {"link_loss": "preventive_at_once", "link_loss_patience": 0.2}
+    with bench.mqtt:
+        async with bench.robot(drive=preventive) as fleet:
+            fleet.send(order("n0", "n3"))
+            await until(lambda: bench.speed > FAST, what="a fast robot")
+            own_broker.kill()
+            await until(lambda: bench.speed == 0.0, what="the robot at rest")
+            own_broker.start()
+            await bench.moves()
+            done = await fleet.state(ended("o1"))
+            assert (done["lastNodeId"], error_types(done)) == ("n3", [])
