@@ -14,7 +14,7 @@ SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/order_se
 STAMP := $(VENV)/.set-up
 
 .DEFAULT_GOAL := help
-.PHONY: help setup lock format lint test soak smoke demo bench conversations hooks clean broker browser
+.PHONY: help setup lock format lint test soak compose-test smoke demo bench conversations hooks clean broker browser
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -31,6 +31,7 @@ $(STAMP): requirements/dev.txt $(DISTRIBUTIONS:%=%/pyproject.toml)
 lock: $(STAMP) ## pin requirements/dev.in with hashes again
 	$(BIN)/uv pip compile requirements/dev.in --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-emit-find-links --quiet --custom-compile-command "make lock" -o requirements/dev.txt
+	deploy/containers/lock
 
 format: $(STAMP) ## put the code into the agreed form
 	$(BIN)/ruff check --fix --quiet . ; $(BIN)/ruff format --quiet .
@@ -49,6 +50,12 @@ conformance: $(STAMP) ## write docs/vda5050.md anew: how the standard is kept, a
 
 soak: $(STAMP) ## the tests that guard the cores, with many more examples: about half an hour on two cores
 	NENA_EXAMPLES=100000 NENA_PLANTS=400 $(BIN)/pytest -n $(WORKERS) --timeout 7200 $(SOAK)
+
+# A command that makes the base images ready first, where no registry does: make compose-test IMAGES=...
+IMAGES ?=
+compose-test: $(STAMP) ## build every image, start the stack by docker-compose, have a robot in it do orders
+	$(IMAGES)
+	NENA_COMPOSE_TEST=1 $(BIN)/pytest tests/deploy/test_compose.py
 
 smoke: $(STAMP) broker ## the demo without a person: two robots, two orders, then the end state is checked
 	$(BIN)/nena-demo smoke

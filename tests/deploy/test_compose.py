@@ -1,0 +1,184 @@
+"""docker-compose up, for real: images from this tree, a simulated robot's order, a crash, an orderly end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import pytest
+
+from support.compose import BUILD_SECONDS, Compose, skip_without_docker
+from support.waiting import until
+
+pytestmark = [pytest.mark.e2e, pytest.mark.timeout(BUILD_SECONDS)]
+
+DEFAULT = {"broker", "order-service", "status-aggregator", "prometheus"}
+ROBOTS = {"robot-simulator", "robot-01", "robot-02"}
+OURS = (DEFAULT | ROBOTS) - {"broker", "prometheus"}
+STARTED_WITHIN = 120.0
+ORDER_WITHIN = 180.0
+
+
+@pytest.fixture(scope="module")
+def compose() -> Iterator[Compose]:
+    """Give the stack with every profile, after a look at what stands in the default one."""
+    skip_without_docker()
+    project = Compose()
+    try:
+        project.run("--profile", "demo", "build", "--quiet", timeout=BUILD_SECONDS)
+        project.run("up", "--detach")
+        assert set(project.containers()) == DEFAULT
+        project.run("--profile", "demo", "--profile", "postgres", "up", "--detach")
+        yield project
+    finally:
+        project.close()
+
+
+@pytest.fixture
+async def healthy(compose: Compose) -> Compose:
+    """Give the stack once each health check is content."""
+
+    def all_well() -> bool:
+        health = compose.health()
+        return set(health) == DEFAULT | ROBOTS | {"postgres"} and set(health.values()) <= {
+            "healthy",
+            "running",
+        }
+
+    try:
+        await until(all_well, timeout=STARTED_WITHIN, what="health of every container")
+    except AssertionError as error:
+        text = f"{compose.health()}\n{compose.logs()}"
+        raise AssertionError(text) from error
+    return compose
+
+
+def read(url: str) -> Any:
+    """Give what is there as JSON, or None while nothing is."""
+    try:
+        answer = httpx.get(url, timeout=5.0)
+    except httpx.HTTPError:
+        return None
+    return answer.json() if answer.is_success else None
+
+
+def create(compose: Compose, *destinations: tuple[str, str]) -> str:
+    """Create a transport order from locations and what is done there; give its name."""
+    body = {"destinations": [{"locationName": place, "operation": done} for place, done in destinations]}
+    answer = httpx.post(f"{compose.url('REST_PORT')}/v1/transportOrders", json=body, timeout=10.0)
+    assert answer.is_success, answer.text
+    name: str = answer.json()["name"]
+    return name
+
+
+async def order_ended(compose: Compose, name: str) -> dict[str, Any]:
+    url = f"{compose.url('REST_PORT')}/v1/transportOrders/{name}"
+    final = {"FINISHED", "FAILED", "UNROUTABLE"}
+
+    def ended() -> dict[str, Any] | None:
+        order = read(url)
+        return order if order and order["state"] in final else None
+
+    return await until(ended, timeout=ORDER_WITHIN, what=f"the end of {name}")
+
+
+async def test_a_robot_in_a_container_does_a_transport_order(healthy: Compose) -> None:
+    name = create(healthy, ("Goods in", "Load cargo"), ("Storage", "Unload cargo"))
+
+    order = await order_ended(healthy, name)
+
+    assert order["state"] == "FINISHED", order["reason"]
+    assert order["processingVehicle"] in ("Robot-01", "Robot-02")
+
+
+async def test_what_was_ordered_survives_a_crash_of_the_order_service(healthy: Compose) -> None:
+    name = create(healthy, ("Packing", "Load cargo"))
+
+    healthy.run("kill", "-s", "SIGKILL", "order-service")
+    healthy.run("up", "--detach", "order-service")
+
+    order = await order_ended(healthy, name)
+    assert order["state"] == "FINISHED", order["reason"]
+
+
+async def test_panel_and_prometheus_see_the_robots(healthy: Compose) -> None:
+    fleet = await until(
+        lambda: (found := read(f"{healthy.url('PANEL_PORT')}/api/v1/fleet")) and found["robots"] and found
+    )
+    assert {robot["serialNumber"] for robot in fleet["robots"]} >= {"robot-01", "robot-02"}
+    url = f"{healthy.url('PROMETHEUS_PORT')}/api/v1/targets"
+    await until(
+        lambda: (
+            (found := read(url)) and {each["health"] for each in found["data"]["activeTargets"]} == {"up"}
+        ),
+        timeout=60,
+        what="Prometheus reads every target",
+    )
+
+
+def test_the_page_is_served(compose: Compose) -> None:
+    page = httpx.get(f"{compose.url('PANEL_PORT')}/", timeout=10.0)
+
+    assert page.is_success
+    assert page.headers["content-type"].startswith("text/html")
+
+
+async def test_the_history_is_in_postgresql(healthy: Compose) -> None:
+    tables = healthy.execute(
+        "postgres", "psql", "-U", "nena", "-d", "nena", "-Atc", "select count(*) from pg_stat_user_tables"
+    )
+
+    assert int(tables.stdout) > 0, tables.stderr
+
+
+async def test_the_database_wants_its_password(healthy: Compose) -> None:
+    connect = "psql -h 127.0.0.1 -U nena -d nena -Atc 'select 1'"
+    with_password = healthy.execute("postgres", "sh", "-c", f"PGPASSWORD={healthy.password} {connect}")
+    without = healthy.execute("postgres", "sh", "-c", f"PGPASSWORD=wrong {connect}")
+
+    assert with_password.stdout.strip() == "1", with_password.stderr
+    assert without.returncode != 0
+
+
+@pytest.mark.parametrize("service", sorted(OURS))
+async def test_a_container_of_ours_can_do_little(healthy: Compose, service: str) -> None:
+    container = healthy.containers()[service]
+    host = container["HostConfig"]
+
+    assert host["ReadonlyRootfs"] is True
+    assert host["CapDrop"] == ["ALL"]
+    assert healthy.execute(service, "id", "-u").stdout.strip() == "10001"
+    assert healthy.execute(service, "touch", "/opt/nena/x").returncode != 0
+    assert healthy.execute(service, "touch", "/tmp/x").returncode == 0  # noqa: S108 - the container's own
+    status = healthy.execute(service, "cat", "/proc/1/status").stdout
+    assert "CapEff:\t0000000000000000" in status
+    assert "NoNewPrivs:\t1" in status
+
+
+async def test_nothing_listens_beyond_this_machine(healthy: Compose) -> None:
+    bindings = [
+        binding
+        for container in healthy.containers().values()
+        for each in container["HostConfig"]["PortBindings"].values()
+        for binding in each
+    ]
+
+    assert len(bindings) == 4
+    assert {binding["HostIp"] for binding in bindings} == {"127.0.0.1"}
+
+
+async def test_a_robot_with_a_hanging_program_is_unhealthy(healthy: Compose) -> None:
+    """Stands before the last test: it leaves one robot unwell."""
+    healthy.run("kill", "-s", "SIGSTOP", "robot-02")
+
+    await until(lambda: healthy.health()["robot-02"] == "unhealthy", timeout=90, what="robot-02 is unhealthy")
+
+    healthy.run("kill", "-s", "SIGCONT", "robot-02")
+
+
+async def test_everything_ends_in_order(healthy: Compose) -> None:
+    healthy.run("--profile", "demo", "--profile", "postgres", "stop")
+
+    containers = healthy.containers()
+    assert {name: containers[name]["State"]["ExitCode"] for name in OURS} == dict.fromkeys(OURS, 0)

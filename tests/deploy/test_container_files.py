@@ -1,0 +1,87 @@
+"""What the container files promise, read from the files: no Docker is needed for these."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml  # type: ignore[import-untyped]  # its stubs would be one more dependency
+
+ROOT = Path(__file__).parents[2]
+COMPOSE: dict[str, Any] = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
+SERVICES: dict[str, dict[str, Any]] = COMPOSE["services"]
+DOCKERFILES = sorted((ROOT / "services").glob("*/Dockerfile*"))
+OF_OTHERS = {"broker", "postgres", "prometheus"}
+
+
+def ids(paths: list[Path]) -> list[str]:
+    return [str(path.relative_to(ROOT / "services")) for path in paths]
+
+
+@pytest.mark.parametrize("path", DOCKERFILES, ids=ids(DOCKERFILES))
+def test_an_image_runs_as_nobody_special_from_locked_packages(path: Path) -> None:
+    text = path.read_text()
+    last = text[text.rindex("\nFROM ") :]
+
+    assert text.count("\nFROM ") == 2
+    assert "\nUSER nena\n" in last
+    assert "\nHEALTHCHECK " in last
+    assert "pip install" not in last
+    installs = re.findall(r"install [^\\\n]*", text)
+    packages = [each for each in installs if "requirements/" in each]
+    assert len(packages) == 2
+    assert all("--require-hashes" in each for each in packages)
+
+
+@pytest.mark.parametrize("path", DOCKERFILES, ids=ids(DOCKERFILES))
+def test_an_image_locks_what_its_service_needs(path: Path) -> None:
+    (lock,) = {
+        name for name in re.findall(r"requirements/([\w-]+)\.txt", path.read_text()) if name != "build"
+    }
+    locked = set(
+        re.findall(r"^([\w.-]+)==", (ROOT / "requirements" / f"{lock}.txt").read_text(), re.MULTILINE)
+    )
+
+    needed = set[str]()
+    for folder in (ROOT / "shared", path.parent):
+        project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+        needed |= {re.split(r"[\[<>=~ ]", each)[0] for each in project["dependencies"]}
+
+    assert needed - {"nena-shared"} <= locked
+
+
+@pytest.mark.parametrize("name", SERVICES)
+def test_a_service_is_fenced_in(name: str) -> None:
+    service = SERVICES[name]
+
+    assert service["read_only"] is True
+    assert service["cap_drop"] == ["ALL"]
+    assert service["security_opt"] == ["no-new-privileges:true"]
+    assert all(port.startswith("127.0.0.1:") for port in service.get("ports", []))
+    assert name in OF_OTHERS or "cap_add" not in service
+
+
+def test_profiles_hold_what_they_say() -> None:
+    profiles = {name: tuple(service.get("profiles", ())) for name, service in SERVICES.items()}
+
+    assert {name for name, each in profiles.items() if not each} == {
+        "broker",
+        "order-service",
+        "prometheus",
+        "status-aggregator",
+    }
+    assert {name for name, each in profiles.items() if each == ("demo",)} == {
+        "robot-simulator",
+        "robot-01",
+        "robot-02",
+    }
+    assert {name for name, each in profiles.items() if each == ("postgres",)} == {"postgres"}
+
+
+def test_no_password_stands_in_the_file() -> None:
+    text = (ROOT / "docker-compose.yml").read_text()
+
+    assert set(re.findall(r"PASSWORD: (.*)", text)) == {"${POSTGRES_PASSWORD:-}"}
