@@ -1,0 +1,67 @@
+"""Variables in container files and units name real settings: programs pass over unknown ones."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import BaseModel
+
+from nena_edge_agent.settings import EdgeAgentSettings
+from nena_order_service.settings import OrderServiceSettings
+from nena_robot_simulator.settings import SimulatorSettings
+from nena_shared.signs_of_life import HEARTBEAT_FILE
+from nena_status_aggregator.settings import AggregatorSettings
+
+ROOT = Path(__file__).parents[2]
+MODELS: dict[str, type[BaseModel]] = {
+    "edge_agent": EdgeAgentSettings,
+    "order_service": OrderServiceSettings,
+    "robot_simulator": SimulatorSettings,
+    "status_aggregator": AggregatorSettings,
+}
+NO_SETTING = {HEARTBEAT_FILE, "NENA_VERSION"}
+
+
+def knows(model: Any, path: list[str]) -> bool:
+    for name in path:
+        field = getattr(model, "model_fields", {}).get(name)
+        if field is None:
+            return False
+        model = field.annotation
+    return True
+
+
+def files_of(service: str) -> list[Path]:
+    unit = ROOT / "deploy" / "systemd" / f"nena-{service.replace('_', '-')}.service"
+    return [*sorted((ROOT / "services" / service).glob("Dockerfile*")), *([unit] if unit.exists() else [])]
+
+
+def cases() -> list[Any]:
+    return [pytest.param(name, path, id=f"{name}-{path.name}") for name in MODELS for path in files_of(name)]
+
+
+def variables(text: str) -> set[str]:
+    return set(re.findall(r"\bNENA_[A-Z_]+", text)) - NO_SETTING
+
+
+@pytest.mark.parametrize(("service", "path"), cases())
+def test_a_file_of_one_service_names_its_settings(service: str, path: Path) -> None:
+    found = variables(path.read_text())
+
+    assert found
+    assert [each for each in found if not knows(MODELS[service], each[5:].lower().split("__"))] == []
+
+
+def test_docker_compose_names_settings() -> None:
+    found = variables((ROOT / "docker-compose.yml").read_text())
+
+    assert {"NENA_MQTT__HOST", "NENA_HTTP__HOST", "NENA_PLANT"} <= found
+    unknown = [
+        each
+        for each in found
+        if not any(knows(model, each[5:].lower().split("__")) for model in MODELS.values())
+    ]
+    assert unknown == []
