@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import asynccontextmanager
 
 from nena_order_service.fleet import FleetLink, FleetOutput, FleetSettings, RobotAddresses, RobotChanged
 from nena_shared.clock import SystemClock
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.plant import Vehicle
 from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.order import Order
-from nena_shared.vda5050.topics import Topic, TopicScheme
+from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import codec_for
 from support.broker import Broker
 from support.honest_robot import HonestRobot
@@ -100,12 +101,20 @@ class WiredRobot:
 class WiredFleet:
     """Fleet control at the broker, and its news."""
 
-    def __init__(self, broker: Broker, interface_name: str, settings: FleetSettings = QUICK) -> None:
+    def __init__(
+        self,
+        broker: Broker,
+        interface_name: str,
+        settings: FleetSettings = QUICK,
+        vehicles: Mapping[RobotKey, Vehicle] | None = None,
+    ) -> None:
         self.news: list[FleetOutput] = []
+        addresses = RobotAddresses([TopicScheme(interface_name, major) for major in ("v2", "v3")])
+        addresses.expect((vehicles or {}).items())
         self.mqtt = MqttLink(broker.settings, client_id=f"fleet-{interface_name}")
         self.fleet = FleetLink(
             self.mqtt,
-            addresses=RobotAddresses([TopicScheme(interface_name, major) for major in ("v2", "v3")]),
+            addresses=addresses,
             settings=settings,
             clock=SystemClock(),
             on_news=self.news.append,

@@ -9,10 +9,14 @@ from collections.abc import AsyncIterator
 import pytest
 
 from nena_order_service.fleet import FleetSettings, LinkStatus, MissionFailed
-from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.plant import Vehicle
+from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
+from nena_shared.vda5050.versions import codec_for
 from support.broker import Broker, MqttPeer
 from support.fleet import make_mission
 from support.honest_robot import ROBOT, HonestRobot
+from support.schemas import schema_problems
 from support.waiting import until
 from support.wired_robot import QUICK, WiredFleet, WiredRobot
 
@@ -232,3 +236,72 @@ async def test_a_robot_is_driven_in_its_own_version(
             await fleet.wait_for("MissionFinished")
         order = await peer.wait_for(f"{interface_name}/v{version[0]}/Honest/robot-1/order")
     assert json.loads(order.payload)["version"] == version
+
+
+@pytest.mark.clause("6.1.3/named")
+@pytest.mark.parametrize(
+    ("version", "parameters"),
+    [("2.0.0", []), ("2.1.0", []), ("3.0.0", [{"key": "orderId", "value": "m"}])],
+)
+async def test_a_cancel_names_its_order_where_the_version_can(
+    fleet: WiredFleet, broker: Broker, interface_name: str, version: str, parameters: list[dict[str, str]]
+) -> None:
+    robot = HonestRobot(version=version, reports_instants_apart=version == "3.0.0")
+    topic = f"{interface_name}/v{version[0]}/Honest/robot-1/instantActions"
+    with MqttPeer(broker, topic) as peer:
+        async with WiredRobot(broker, interface_name, robot, version).connected():
+            await free(fleet)
+            fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B"))
+            await fleet.wait_for("MissionAccepted")
+            fleet.fleet.cancel_mission(ROBOT)
+            await fleet.wait_for("MissionCancelled")
+        sent = json.loads((await peer.wait_for()).payload)
+    assert schema_problems(version, Topic.INSTANT_ACTIONS, json.dumps(sent).encode()) == []
+    (cancel,) = sent["actions"]
+    assert (cancel["actionType"], cancel.get("actionParameters", [])) == ("cancelOrder", parameters)
+
+
+@pytest.mark.clause("4.2")
+async def test_a_robot_is_found_where_the_plant_model_says(broker: Broker, interface_name: str) -> None:
+    own = f"{interface_name}/hall"
+    vehicle = Vehicle(name="Tug", properties={"vda5050:interfaceName": own, "vda5050:version": "3.0"})
+    stale = HonestRobot().connection(ConnectionState.ONLINE)
+    with MqttPeer(broker) as peer:
+        old = TopicScheme(interface_name, "v2").of(ROBOT, Topic.CONNECTION)
+        peer.publish(old, codec_for("2.1.0").encode(stale), retain=True)
+        async with (
+            WiredFleet(broker, interface_name, vehicles={ROBOT: vehicle}).connected() as fleet,
+            WiredRobot(broker, own, HonestRobot(version="3.0.0"), "3.0.0").connected() as robot,
+        ):
+            await free(fleet)
+            fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B"))
+            await fleet.wait_for("MissionAccepted")
+            robot.step()
+            await fleet.wait_for("MissionFinished")
+        peer.publish(old, b"", retain=True)
+    assert robot.received == {"m": 1}
+
+
+@pytest.mark.clause("4.2", "7.10")
+@pytest.mark.parametrize("version", ["2.0.0", "3.0.0"])
+async def test_a_new_process_speaks_the_robots_version_from_its_first_word(
+    broker: Broker, interface_name: str, version: str
+) -> None:
+    mission = make_mission("m", "A", "B")
+    with MqttPeer(
+        broker, *(f"{interface_name}/+/+/+/{each}" for each in ("order", "instantActions"))
+    ) as peer:
+        wired = WiredRobot(broker, interface_name, HonestRobot(version=version), version)
+        wired.tells_factsheet = False
+        async with wired.connected():
+            async with WiredFleet(broker, interface_name).connected() as first:
+                await until(lambda: first.fleet.view(ROBOT).link is LinkStatus.ONLINE, what="the robot")
+            second = WiredFleet(broker, interface_name)
+            second.fleet.adopt_mission(ROBOT, mission, accepted=False)
+            async with second.connected():
+                wired.report()
+                await second.wait_for("MissionAccepted")
+        messages = peer.received()
+    assert {json.loads(each.payload)["version"] for each in messages} == {version}
+    assert {each.topic.split("/")[-4] for each in messages} == {f"v{version[0]}"}
+    assert any(b"factsheetRequest" in each.payload for each in messages)

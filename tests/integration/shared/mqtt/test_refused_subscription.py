@@ -18,11 +18,13 @@ from nena_shared.mqtt import MqttLink
 from nena_shared.vda5050.topics import Topic
 from support.broker import Broker, MqttPeer
 from support.edge_agent import FleetControl, agent_settings, error_types, running_agent
+from support.served_aggregator import serving
 from support.waiting import until
 
 pytestmark = pytest.mark.broker
 
 PLUGIN = Path("/usr/lib/x86_64-linux-gnu/mosquitto_dynamic_security.so")
+SECRET = "secret/v2/+/+/state"
 RULES = {
     "defaultACLAccess": {
         "publishClientSend": True,
@@ -34,7 +36,8 @@ RULES = {
         {
             "rolename": "deaf",
             "acls": [
-                {"acltype": "subscribePattern", "topic": "+/v2/+/+/order", "priority": 1, "allow": False}
+                {"acltype": "subscribePattern", "topic": "+/v2/+/+/order", "priority": 1, "allow": False},
+                {"acltype": "subscribeLiteral", "topic": SECRET, "priority": 1, "allow": False},
             ],
         }
     ],
@@ -42,7 +45,7 @@ RULES = {
     "anonymousGroup": "all",
     "clients": [],
 }
-"""Nobody hears orders; all else is free."""
+"""Nobody hears orders, nor states under one interface name; all else is free."""
 
 
 @pytest.fixture
@@ -92,6 +95,13 @@ async def test_a_service_is_not_ready_without_its_subscriptions(
 
 
 @pytest.mark.clause("6.6.5.4")
+async def test_an_aggregator_is_not_ready_without_its_subscriptions(strict_broker: Broker) -> None:
+    async with serving(strict_broker, "secret") as served:
+        answer = await served.http.get("/readyz")
+    assert answer.status_code == 503
+    assert SECRET in answer.json()["detail"]
+
+
 async def test_a_robot_that_hears_no_orders_says_so(strict_broker: Broker, tmp_path: Path) -> None:
     settings = agent_settings(strict_broker, "uagv", tmp_path)
     with MqttPeer(strict_broker, "uagv/v2/+/+/state") as peer:

@@ -301,15 +301,23 @@ def test_a_robot_whose_factsheet_lies_nowhere_is_asked_for_it() -> None:
 @pytest.mark.clause("7.10")
 def test_an_order_does_not_wait_long_for_a_factsheet() -> None:
     bench = without_factsheet()
-    bench.deliver()  # the robot cannot do what it is asked for
+    bench.lose()
 
-    bench.wait(1.75, reporting=True)
+    bench.wait(1.75)
     assert bench.orders_sent() == []
     bench.wait(0.25)
     assert bench.orders_sent() == ["m"]
-    bench.deliver()
+
+
+@pytest.mark.clause("7.10")
+def test_a_robot_that_cannot_tell_a_factsheet_is_asked_once_for_each_connection() -> None:
+    bench = without_factsheet()
+    bench.deliver()  # the robot cannot do what it is asked for
+    bench.report()
+    assert bench.orders_sent() == ["m"], "nobody waits for nothing"
+
     bench.wait(60, reporting=True)
-    assert bench.instants_sent() == ["factsheetRequest"], "once for each connection"
+    assert bench.instants_sent() == ["factsheetRequest"]
     hello = bench.robot.connection(ConnectionState.ONLINE, bench.now)
     bench.take(bench.fleet.on_connection(bench.robot.key, hello, bench.now))
     bench.report()

@@ -21,7 +21,7 @@ from nena_order_service.fleet.outputs import FleetOutput, InstantActionEnded, Pu
 from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, Robot
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.view import LinkStatus
-from nena_shared.vda5050.action import Action, ActionState
+from nena_shared.vda5050.action import Action, ActionState, ActionStatus
 from nena_shared.vda5050.state import State
 
 INSTANT_IDS_KEPT: Final = 200
@@ -51,7 +51,8 @@ class InstantDesk:
         self._new_id = new_id
         self._runs: dict[str, InstantRun] = {}
         self._next_clearing = 0.0
-        self._asked_at: float | None = None
+        self._asked: InstantRun | None = None
+        self._asked_at = 0.0
 
     @property
     def busy(self) -> bool:
@@ -95,12 +96,15 @@ class InstantDesk:
 
     def reconnected(self) -> None:
         """Take notice of a new connection: what was not told over the last one is asked for again."""
-        self._asked_at = None
+        self._asked = None
 
     def awaits_factsheet(self, now: float) -> bool:
-        """Tell whether the robot was asked for its factsheet just now, and has not told it yet."""
-        asked = self._asked_at
-        return self._robot.abilities is None and asked is not None and now - asked < FACTSHEET_PATIENCE
+        """Tell whether the robot was asked for its factsheet just now, and may yet tell it."""
+        if self._robot.abilities or not self._asked:
+            return False
+        end = self._asked.outcome
+        cannot = end is not None and end.status is not ActionStatus.FINISHED
+        return not cannot and now - self._asked_at < FACTSHEET_PATIENCE
 
     def on_state(self, state: State, now: float) -> Iterator[FleetOutput]:
         """Follow all by a new state; ask for what is missing, and clear away what piles up."""
@@ -155,9 +159,9 @@ class InstantDesk:
 
     def _ask_for_factsheet(self, now: float) -> None:
         """Ask a robot whose factsheet the broker has not kept, once for each connection."""
-        if self._robot.abilities is None and self._asked_at is None:
+        if self._robot.abilities is None and self._asked is None:
+            self._asked = self._begin(factsheet_request(self._new_id()), requested=False)
             self._asked_at = now
-            self._begin(factsheet_request(self._new_id()), requested=False)
 
     def _clear_ended(self, state: State, now: float) -> None:
         """Have a robot that lists the action forget its ended instant actions before they pile up."""

@@ -71,8 +71,9 @@ class FleetLink:
             (Topic.FACTSHEET, self._take_factsheet),
             (Topic.STATE, self._take_state),
         ):
+            qos = 1 if topic is Topic.CONNECTION else settings.qos
             for scheme in addresses.schemes:
-                mqtt.subscribe(scheme.for_all(topic), partial(handler, scheme), qos=settings.qos)
+                mqtt.subscribe(scheme.for_all(topic), partial(handler, scheme), qos=qos)
 
     async def run(self) -> None:
         """Look after what is overdue, until cancelled."""

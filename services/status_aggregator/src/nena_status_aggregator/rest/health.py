@@ -23,9 +23,12 @@ def make_router(aggregator: Aggregator, exposition: Exposition) -> APIRouter:
 
     @router.get("/readyz")
     async def readyz() -> dict[str, str]:
-        """Tell whether the link to the broker stands; without it everything here grows old."""
+        """Tell whether the link to the broker stands and brings all; without it everything here grows old."""
         if not aggregator.model.link_up:
             detail = "No link to the MQTT broker. Is it running, and do --mqtt.host and --mqtt.port name it?"
+            raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, detail)
+        if refused := aggregator.link.mqtt.state.refused:
+            detail = f"The MQTT broker refuses to tell of {', '.join(refused)}: look at its access list."
             raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, detail)
         return {"status": "ready"}
 
