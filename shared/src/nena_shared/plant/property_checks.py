@@ -10,7 +10,7 @@ from nena_shared.plant import property_keys as keys
 from nena_shared.plant.errors import ObjectKind, Problem
 from nena_shared.plant.model import RECHARGE_OPERATION, PlantModel
 
-_PREFIXES: Final = ("tcs:", "vda5050:")
+_PREFIXES: Final = ("tcs:", "vda5050:", "nena:")
 _NUMBERS: Final = frozenset(
     {
         keys.PARKING_POSITION_PRIORITY,
@@ -31,6 +31,8 @@ _TEXTS: Final = frozenset(
         keys.VDA5050_SERIAL_NUMBER,
         keys.VDA5050_VERSION,
         keys.VDA5050_MAP_ID,
+        keys.VEHICLE_TYPE,
+        keys.ALLOWED_MAPS,
     }
 )
 _COSTS: Final = (keys.ROUTING_COST_FORWARD, keys.ROUTING_COST_REVERSE)

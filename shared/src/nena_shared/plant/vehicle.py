@@ -75,6 +75,18 @@ class Vehicle(PlantRecord):
         return self.properties.get(keys.VDA5050_MAP_ID)
 
     @property
+    def vehicle_type(self) -> str | None:
+        """The robot's type as LIF names it, if the plant model says so."""
+        return self.properties.get(keys.VEHICLE_TYPE)
+
+    @property
+    def allowed_maps(self) -> frozenset[str] | None:
+        """The maps on which the robot may drive; None: all."""
+        if not (value := self.properties.get(keys.ALLOWED_MAPS)):
+            return None
+        return frozenset(name.strip() for name in value.split(","))
+
+    @property
     def deviation_xy_m(self) -> float | None:
         """The allowed deviation from a node's position in metres; None if unset or no number >= 0."""
         return self._non_negative(keys.VDA5050_DEVIATION_XY)

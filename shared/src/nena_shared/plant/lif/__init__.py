@@ -1,5 +1,6 @@
 """Reads and writes LIF 1.0.0, VDMA's layout interchange format."""
 
 from nena_shared.plant.lif.reader import read
+from nena_shared.plant.lif.writer import write
 
-__all__ = ["read"]
+__all__ = ["read", "write"]

@@ -125,5 +125,5 @@ def test_text_that_xml_cannot_hold_is_refused(more: dict[str, Any]) -> None:
 def test_rules_for_vehicle_types_are_missed() -> None:
     uses = (VehicleTypeOnPath(vehicle_type_id="t", rotation_allowed=True),)
     written = write(plant(path("A B", vehicle_types=uses)))
-    assert ["NOT_EXPORTED"] == [problem.code for problem in written.warnings]
+    assert [problem.code for problem in written.warnings] == ["NOT_EXPORTED"]
     assert read(written.data).model.path("A --- B").vehicle_types == ()

@@ -1,0 +1,180 @@
+"""What is written as LIF keeps to LIF, and comes back as it was, save what the warnings name."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime
+from math import pi
+from typing import Any
+
+import pytest
+
+from nena_demo.plants import sample_plant_path
+from nena_shared.plant import Block, Link, Location, LocationType, PlantModel, PointType, Vehicle
+from nena_shared.plant.lif import read, write
+from nena_shared.plant.opentcs_xml import read as read_opentcs
+from support.lif_files import action, edge, layout, lif, lif_of, node, use
+from support.plants import path, plant, point
+from support.reference import reference_dir
+
+NOW = datetime(2026, 11, 20, 10, 0, tzinfo=UTC)
+
+
+def written(model: PlantModel, **more: Any) -> dict[str, Any]:
+    return dict(json.loads(write(model, at=NOW, **more).data))
+
+
+def losses(model: PlantModel) -> list[str]:
+    return [problem.text.split(" (")[0] for problem in write(model, at=NOW).warnings]
+
+
+RICH = (
+    node(
+        "A",
+        0,
+        0,
+        vehicleTypeNodeProperties=[{"vehicleTypeId": "t", "actions": [action("pick")], "theta": 1.0}],
+    ),
+    node("B", 3, 4, nodeName="bay", nodeDescription="of the truck"),
+    edge(
+        "A B",
+        use(
+            maxSpeed=1.5,
+            vehicleOrientation=pi,
+            rotationAtStartNodeAllowed="NONE",
+            minHeight=0.1,
+            loadRestriction={"loaded": True, "unloaded": True, "loadSetNames": ["pallet"]},
+            trajectory={"knotVector": [0, 0, 1, 1], "controlPoints": [{"x": 0, "y": 0}, {"x": 3, "y": 4}]},
+            actions=[action("beep", actionParameters=[{"key": "k", "value": "v"}])],
+        ),
+        edgeName="ramp",
+    ),
+    edge("B A", edgeId="B"),
+    {
+        "stationId": "A",
+        "interactionNodeIds": ["A"],
+        "stationName": "rack",
+        "stationHeight": 1.25,
+        "stationPosition": {"x": 0.5, "y": 0.0, "theta": 0.5},
+    },
+    {"stationId": "S", "interactionNodeIds": ["A", "B"]},
+)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        lif_of(*RICH),
+        lif(
+            layout(node("A"), edge("A B"), layoutName="Ground", layoutLevelId="0", layoutDescription="d"),
+            layout(node("B", 0, 0, mapId="n"), edge("B A"), layoutId="up", layoutVersion="7"),
+        ),
+    ],
+)
+def test_lif_comes_back_as_it_was(data: bytes) -> None:
+    report = write(read(data).model, at=NOW)
+    assert report.warnings == ()
+    assert json.loads(report.data)["layouts"] == json.loads(data)["layouts"]
+
+
+@pytest.mark.parametrize("name", ["vdma-10.13-charging-station.lif.json", "vdma-10.14-two-levels.lif.json"])
+def test_samples_come_back_as_the_format_demands(name: str) -> None:
+    model = read(reference_dir("lif-samples", name).read_bytes()).model
+    again = read(write(model, at=NOW).data, strict=True).model
+    assert again.points == model.points
+    assert again.paths == model.paths
+    assert again.locations == model.locations
+    assert again.visual_layout == model.visual_layout
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "demo-01.v7.0.0.xml",
+        "all-features.v7.0.0.xml",
+        "all-features.v0.0.4.xml",
+        "nena-turtlebot3.v0.0.2.xml",
+        "sample plant",
+    ],
+)
+def test_plants_of_opentcs_become_strict_lif(name: str) -> None:
+    sample = name == "sample plant"
+    file = sample_plant_path() if sample else reference_dir("opentcs-plant-models", name)
+    model = read_opentcs(file.read_bytes()).model
+    again = read(write(model, at=NOW).data, strict=True).model
+    places = [(each.name, each.x_mm, each.y_mm, each.heading_rad) for each in model.points]
+    assert [(each.name, each.x_mm, each.y_mm) for each in again.points] == [each[:3] for each in places]
+    assert [each.heading_rad for each in again.points] == pytest.approx([each[3] for each in places])
+    ways = [(each.id, each.source, each.destination, each.max_velocity_mm_s) for each in model.edges()]
+    assert [
+        (each.id, each.source, each.destination, each.max_velocity_mm_s) for each in again.edges()
+    ] == ways
+    assert {each.name for each in again.locations} == {each.name for each in model.locations if each.links}
+
+
+def test_a_path_for_both_directions_becomes_two_edges() -> None:
+    edges = written(plant(path("A B", max_reverse_velocity_mm_s=300)))["layouts"][0]["edges"]
+    forward, backward = (each["vehicleTypeEdgeProperties"][0] for each in edges)
+    assert [each["edgeId"] for each in edges] == ["A --- B", "A --- B:backward"]
+    assert (edges[1]["startNodeId"], edges[1]["endNodeId"]) == ("B", "A")
+    assert (forward["vehicleOrientation"], forward["maxSpeed"]) == (0, 1)
+    assert (backward["vehicleOrientation"], backward["maxSpeed"]) == (pi, 0.3)
+
+
+def test_what_can_be_done_at_a_location_becomes_actions_of_its_nodes() -> None:
+    model = plant(
+        points="A B",
+        location_types=(LocationType(name="T", allowed_operations=("Load cargo", "Charge", "beep")),),
+        locations=(Location(name="L", type="T", links=(Link(point="A", allowed_operations=("Charge",)),)),),
+    )
+    first, second = written(model)["layouts"][0]["nodes"]
+    (only,) = first["vehicleTypeNodeProperties"][0]["actions"]
+    assert (only["actionType"], only["requirementType"]) == ("startCharging", "OPTIONAL")
+    assert "actions" not in second["vehicleTypeNodeProperties"][0]
+
+
+def test_map_and_types_are_those_of_the_vehicles_unless_told() -> None:
+    kinds = {"vda5050:mapId": "hall", "nena:vehicleType": "ACME.T"}
+    model = plant(path("A B"), vehicles=(Vehicle(name="V", properties=kinds),))
+    (first, _) = written(model)["layouts"][0]["nodes"]
+    assert first["mapId"] == "hall"
+    assert [each["vehicleTypeId"] for each in first["vehicleTypeNodeProperties"]] == ["ACME.T"]
+    (first, _) = written(model, map_id="m", vehicle_types=["t", "u"])["layouts"][0]["nodes"]
+    assert first["mapId"] == "m"
+    assert [each["vehicleTypeId"] for each in first["vehicleTypeNodeProperties"]] == ["t", "u"]
+    (first, _) = written(plant(path("A B")))["layouts"][0]["nodes"]
+    assert (first["mapId"], first["vehicleTypeNodeProperties"]) == ("map", [{"vehicleTypeId": "vehicle"}])
+
+
+def test_what_lif_cannot_hold_is_said() -> None:
+    model = PlantModel(
+        name="m",
+        points=(point("A", z_mm=1), point("B", 1000, type=PointType.PARK_POSITION)),
+        paths=(path("A B", 1500, locked=True),),
+        location_types=(LocationType(name="T", allowed_peripheral_operations=("open",)),),
+        locations=(Location(name="L", type="T", locked=True),),
+        blocks=(Block(name="K"),),
+        vehicles=(Vehicle(name="V"),),
+        properties={"tcs:modelFileLastModified": "2026"},
+    )
+    assert losses(model) == [
+        "parking positions",
+        "heights",
+        "locks of paths, which will be open",
+        "lengths that are not the distance of the ends",
+        "locations without a link",
+        "locks of locations, which will be open",
+        "peripheral operations of location types",
+        "blocks",
+        "vehicles",
+        "properties",
+    ]
+
+
+def test_properties_that_somebody_spoilt_are_passed_over() -> None:
+    spoilt = {"lif:stationHeight": "high", "lif:stationPosition": "there"}
+    here = Location(name="L", type="T", x_mm=1500, links=(Link(point="A"),), properties=spoilt)
+    model = plant(points="A", location_types=(LocationType(name="T"),), locations=(here,))
+    (station,) = written(model)["layouts"][0]["stations"]
+    assert "stationHeight" not in station
+    assert station["stationPosition"] == {"x": 1.5, "y": 0.0}
