@@ -19,6 +19,8 @@ from nena_order_service.fleet import (
     PublishOrder,
 )
 from nena_order_service.fleet.mission_update import released_to, update_of
+from nena_shared.vda5050.factsheet import OptionalParameter, Support
+from nena_shared.vda5050.order import Node
 from support.fleet import Bench, make_mission
 
 pytestmark = pytest.mark.clause("6.1.2/fleet")
@@ -243,6 +245,53 @@ def test_after_a_restart_the_rest_is_sent_to_a_robot_that_has_an_older_update(*,
     extend(after, WHOLE)
     after.run()
     assert len(after.told(MissionFinished)) == 1
+
+
+def lists_little(bench: Bench) -> Bench:
+    """Have the robot say that of a node's optional fields it takes the position alone."""
+    sheet = bench.robot.factsheet()
+    field = OptionalParameter(parameter="order.nodes.nodePosition", support=Support.REQUIRED)
+    features = sheet.protocol_features.model_copy(update={"optional_parameters": (field,)})
+    little = sheet.model_copy(update={"protocol_features": features})
+    bench.take(bench.fleet.on_factsheet(bench.robot.key, little, bench.now))
+    return bench
+
+
+def nodes_sent(bench: Bench) -> dict[int, list[Node]]:
+    """Give the nodes of each order that was sent, by the number of the update."""
+    orders = (each for each in bench.sent if isinstance(each, PublishOrder))
+    return {each.order_update_id: list(each.mission.nodes) for each in orders}
+
+
+@pytest.mark.clause("7.10")
+def test_an_update_repeats_its_first_node_as_it_was_sent_before_a_restart() -> None:
+    before = lists_little(Bench().online())
+    before.start(base(2))
+    before.deliver()
+    after = Bench(robot=before.robot)
+    after.now = 500.0
+    after.online()
+    lists_little(after)
+    after.take(after.fleet.adopt_mission(after.robot.key, base(2), after.now, accepted=True))
+    after.report()
+
+    extend(after, base(4))
+
+    first, second = nodes_sent(before)[0], nodes_sent(after)[1]
+    assert second[0] == first[1]
+    assert [each.node_position and each.node_position.allowed_deviation_xy for each in second] == [None] * 4
+
+
+@pytest.mark.clause("7.10")
+def test_a_factsheet_that_comes_late_leaves_the_base_as_it_was_sent() -> None:
+    bench = started()
+    lists_little(bench)
+
+    extend(bench, base(4))
+
+    assert nodes_sent(bench)[1][0] == nodes_sent(bench)[0][1]
+    bench.run()
+    assert bench.told(MissionFailed) == []
 
 
 @settings(max_examples=200)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from nena_order_service.fleet import progress as progresses
@@ -96,6 +96,12 @@ class MissionRun:
             self.mission = plan  # nothing was sent yet
         else:
             self._plan = plan
+
+    def refit(self, fit: Callable[[Mission], Mission]) -> None:
+        """Write a mission from before a restart as the robot was sent it then."""
+        if self._adopted:
+            self.mission = fit(self.mission)
+            self._plan = self._plan and fit(self._plan)
 
     def wants_update(self, now: float) -> bool:
         """Tell whether an update is to be sent (again) now, if the robot can be sent one."""

@@ -10,7 +10,7 @@ from nena_order_service.fleet.delivery import Delivery
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.reported_errors import ErrorIdentity
 from nena_shared.vda5050.error import ErrorEntry
-from nena_shared.vda5050.order import Node
+from nena_shared.vda5050.order import Edge, Node
 from nena_shared.vda5050.state import State
 
 
@@ -89,10 +89,15 @@ def _base_length(mission: Mission) -> int:
 
 
 def _outline(mission: Mission, base: int) -> tuple[object, ...]:
-    """Give what makes a base the same; how exactly its nodes are met may be written otherwise."""
-    nodes = ((node.node_id, node.sequence_id, node.actions) for node in mission.nodes[:base])
-    edges = ((edge.edge_id, edge.sequence_id, edge.actions) for edge in mission.edges[: base - 1])
-    return *nodes, *edges
+    """Give what makes a base the same; how exactly it is written may differ, as by a newer factsheet."""
+    parts: tuple[Node | Edge, ...] = (*mission.nodes[:base], *mission.edges[: base - 1])
+    return tuple(
+        (_name(each), each.sequence_id, tuple(action.action_id for action in each.actions)) for each in parts
+    )
+
+
+def _name(part: Node | Edge) -> str:
+    return part.node_id if isinstance(part, Node) else part.edge_id
 
 
 def _released(node: Node, *, released: bool) -> Node:

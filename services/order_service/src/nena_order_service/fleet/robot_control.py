@@ -186,6 +186,8 @@ class RobotControl:
         if availability.away(self.robot.link(now), broker=self._desk.broker):
             run.hold()
             return
+        if abilities := self.robot.abilities:
+            run.refit(lambda mission: fitted(mission, abilities))
         self._last_order_at = now
         yield run.send_update(state.errors, now)
 
