@@ -7,6 +7,7 @@ import pytest
 from nena_demo.plants import sample_plant_path
 from nena_order_service.plant_file import load_plant
 from nena_shared.settings import ConfigurationError
+from support.lif_files import edge, lif_of, node
 from support.plants import opentcs_xml
 
 
@@ -63,3 +64,13 @@ def test_a_plant_without_points_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "plant.xml"
     file.write_text('<model version="6.0.0" name="empty"/>')
     assert "there are no points" in problems(file)
+
+
+def test_lif_and_own_json_are_read_too(tmp_path: Path) -> None:
+    layout = tmp_path / "hall.lif.json"
+    layout.write_bytes(lif_of(node("A"), node("B"), edge("A B")))
+    plant = load_plant(layout)
+    assert [path.name for path in plant.paths] == ["A-B"]
+    own = tmp_path / "hall.json"
+    own.write_text(plant.to_json())
+    assert load_plant(own) == plant

@@ -7,14 +7,14 @@ from pathlib import Path
 
 from nena_shared.log import get_logger
 from nena_shared.plant import PlantModel, PlantModelError
-from nena_shared.plant.opentcs_xml import read
+from nena_shared.plant.files import read
 from nena_shared.settings import ConfigurationError
 
 log = get_logger(__name__)
 
 
 def load_plant(path: Path) -> PlantModel:
-    """Read the plant model of ``path``.
+    """Read the plant model of ``path``: openTCS's XML, LIF (leniently) or NeNa's own JSON.
 
     Raises:
         ConfigurationError: the file cannot be read or is no usable plant model; names all that is wrong.

@@ -23,7 +23,7 @@ class StoreSettings(SettingsGroup):
 class OrderServiceSettings(ServiceSettings):
     """What the order service can be told."""
 
-    plant: Path = Field(description="Plant model: a file in openTCS's XML, format 0.0.2 to 7.0.0.")
+    plant: Path = Field(description="Plant model: openTCS's XML (0.0.2 to 7.0.0), LIF, or NeNa's own JSON.")
     store: StoreSettings = Field(default_factory=StoreSettings, description="The store of the orders.")
     http: HttpSettings = Field(default_factory=lambda: HttpSettings(port=55200), description="The REST door.")
     topic_prefix: TopicPrefix = Field(

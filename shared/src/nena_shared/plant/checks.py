@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 from nena_shared.plant.connectivity import cut_off_points
 from nena_shared.plant.errors import ObjectKind, Problem
+from nena_shared.plant.map_transforms import transform_errors
 from nena_shared.plant.model import NO_OPERATION, PlantModel
 from nena_shared.plant.path import BACKWARD_SUFFIX
 from nena_shared.plant.point import PointType
@@ -14,8 +15,13 @@ _NAMES_SHOWN = 10
 
 
 def find_errors(model: PlantModel) -> tuple[Problem, ...]:
-    """Return everything that makes the model unusable: ambiguous names and references that lead nowhere."""
-    return (*_name_errors(model), *_reference_errors(model), *_member_errors(model))
+    """Return everything that makes the model unusable, such as references that lead nowhere."""
+    return (
+        *_name_errors(model),
+        *_reference_errors(model),
+        *_member_errors(model),
+        *transform_errors(model),
+    )
 
 
 def find_warnings(model: PlantModel) -> tuple[Problem, ...]:

@@ -36,6 +36,7 @@ _TEXTS: Final = frozenset(
     }
 )
 _COSTS: Final = (keys.ROUTING_COST_FORWARD, keys.ROUTING_COST_REVERSE)
+_FAMILIES: Final = (*_COSTS, keys.MAP_TRANSFORM)
 _KNOWN: Final = _NUMBERS | _TEXTS | frozenset(_COSTS)
 _FOLDED: Final = MappingProxyType({key.casefold(): key for key in _KNOWN})
 _SIMILARITY: Final = 0.9
@@ -93,7 +94,7 @@ def _findings(model: PlantModel, key: str, value: str) -> Iterator[tuple[str, st
 
 def _meant(key: str) -> str | None:
     """Return the key that was probably meant, or None if this one is known or simply somebody else's."""
-    if key in _KNOWN or key.startswith(_COSTS):
+    if key in _KNOWN or key.startswith(_FAMILIES):
         return None
     if key != key.strip():
         return key.strip()
