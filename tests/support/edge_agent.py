@@ -67,12 +67,14 @@ async def running_agent(settings: EdgeAgentSettings) -> AsyncIterator[asyncio.Ev
 class AgentProcess:
     """The program ``nena-edge-agent`` in a process of its own; killed at the end of the block."""
 
-    def __init__(self, broker: Broker, interface_name: str, folder: Path, *options: str) -> None:
+    def __init__(
+        self, broker: Broker, interface_name: str, folder: Path, *options: str, driver: str = "loopback"
+    ) -> None:
         self._command = [
             sys.executable,
             "-m",
             "nena_edge_agent",
-            *("--driver", "loopback", "--map_id", MAP, "--interface_name", interface_name),
+            *("--driver", driver, "--map_id", MAP, "--interface_name", interface_name),
             *("--manufacturer", MANUFACTURER, "--serial_number", SERIAL),
             *("--mqtt.host", broker.host, "--mqtt.port", str(broker.port)),
             *("--mqtt.reconnect_min", "0.02", "--mqtt.reconnect_max", "0.1"),

@@ -13,7 +13,7 @@ from std_msgs.msg import String
 
 from nena_edge_agent.settings import EdgeAgentSettings
 from support.broker import Broker, MqttPeer
-from support.edge_agent import FleetControl, agent_settings, running_agent
+from support.edge_agent import AgentProcess, FleetControl, agent_settings, running_agent
 from support.nav2_driver import QUICK
 from support.ros import BEST_EFFORT, Inbox, RosPeer
 from support.simulator import SimulatorProcess, publisher_to
@@ -67,6 +67,12 @@ class Bench:
         return agent_settings(
             self._broker, self._interface_name, self._folder / "journal", driver="nav2", ros=values, **changes
         )
+
+    def agent_process(self, *options: str) -> AgentProcess:
+        """Start the agent as a program of its own, with more of its settings."""
+        domain = ("--ros.domain_id", str(self._domain_id), "--ros.watch_period", "0.1")
+        folder = self._folder / "journal"
+        return AgentProcess(self._broker, self._interface_name, folder, *domain, *options, driver="nav2")
 
     @asynccontextmanager
     async def agent(

@@ -105,6 +105,8 @@ class RobotAgent:
         self._mailbox = Mailbox()
         self._inbox = Inbox(self._codec, self.robot, self._mailbox.put, clock)
         self._driver = make_driver(self._mailbox.put, self._core.last_place)
+        if own_goals := self._core.own_goals:
+            self._driver.reclaim(own_goals)
         self._runner = ActionRunner(registry, self._mailbox.put)
         self._states = StateSchedule(
             minimum=settings.interval.state_minimum, maximum=settings.interval.state_maximum

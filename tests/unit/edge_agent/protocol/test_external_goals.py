@@ -98,3 +98,31 @@ def test_the_state_shows_each_goal_and_whose_it_is() -> None:
         ("goal", {"goalId": "A", "status": "EXECUTING"}),
         ("externalGoal", {"goalId": "X", "status": "EXECUTING"}),
     ]
+
+
+def test_what_navigation_has_taken_of_us_is_kept_for_a_restart() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    before = bench.core.durable_version
+    bench.do(OURS)
+    assert bench.core.durable_version != before
+
+    own = Bench(memory=bench.core.memory(), ready=False).core.own_goals
+
+    assert own is not None
+    assert (own.goal_ids, own.pose) == (("A",), bench.goal.pose)
+    bench.do(GoalTable())
+    assert bench.core.memory().own_goals is None
+
+
+def test_a_goal_that_is_not_listed_yet_does_not_lend_its_place_to_the_one_before() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", "n2"))
+    bench.do(OURS)
+    first = bench.goal.pose
+    bench.arrive()
+    bench.do(GoalTable(OURS.goals))
+    own = bench.core.own_goals
+    assert own is not None
+    assert own.pose == first
+    assert bench.goal.pose != first

@@ -14,6 +14,7 @@ from nena_edge_agent.driver.port import (
     GoalTable,
     Halted,
     NavigationReport,
+    OwnGoals,
     Pose,
 )
 from nena_edge_agent.ros.commands import CancelGoal, Command, PublishGoal, Report, RequestPose
@@ -616,3 +617,64 @@ class TestNavigationGone:
         talk.later(14.2)
         assert talk.failure().failure is DriveFailure.NOT_TAKEN_UP
         assert talk.cancelled == ["A"]
+
+
+class TestRestartOfTheAgent:
+    @staticmethod
+    def after_restart(x: float = 5.0, *ids: str) -> Conversation:
+        """Give a tracker that knows of the goals of an earlier run, the last one at ``x``."""
+        talk = Conversation()
+        talk.tracker.reclaim(OwnGoals(ids or ("A",), Pose(x, 0.0, 0.0, "hall")))
+        return talk
+
+    def test_a_goal_that_leads_to_the_same_place_goes_on(self) -> None:
+        talk = self.after_restart()
+        talk.array("old:4 A:2")
+        talk.ready()
+        talk.go_to(goal(1))
+        talk.at(5.0)
+        talk.array("old:4 A:4")
+        assert (talk.given, talk.cancelled, talk.events) == ([], [], [Arrived(1)])
+        assert ("A", False, "EXECUTING") in talk.goal_reports
+
+    def test_one_that_has_got_there_meanwhile_counts(self) -> None:
+        talk = self.after_restart()
+        talk.array("A:4")
+        talk.ready()
+        talk.at(5.0)
+        talk.go_to(goal(1))
+        talk.later(0.05)
+        assert (talk.given, talk.events) == ([], [Arrived(1)])
+
+    @pytest.mark.parametrize("array", ["A:4", "A:5", "A:6", "other:4"])
+    def test_one_that_has_ended_elsewhere_or_is_unknown_is_given_again(self, array: str) -> None:
+        talk = self.after_restart()
+        talk.array(array)
+        talk.ready()
+        talk.go_to(goal(1))
+        assert (talk.given, talk.events) == ([1], [])
+
+    def test_one_that_leads_elsewhere_is_replaced_without_a_cancel(self) -> None:
+        talk = self.after_restart(9.0)
+        talk.array("A:2")
+        talk.ready()
+        talk.go_to(goal(1))
+        assert (talk.given, talk.cancelled) == ([1], [])
+
+    def test_a_halt_cancels_all_of_them(self) -> None:
+        talk = self.after_restart(5.0, "A", "B")
+        talk.halt()
+        talk.array("A:2 B:2")
+        talk.ready()
+        assert set(talk.cancelled) == {"A", "B"}
+        talk.array("A:5 B:5")
+        talk.later(5.0)
+        assert talk.events == [Halted()]
+
+    def test_one_that_nobody_wants_is_cancelled_after_a_while(self) -> None:
+        talk = self.after_restart()
+        talk.array("A:2")
+        talk.ready()
+        assert talk.cancelled == []
+        talk.later(10.0)
+        assert talk.cancelled[:1] == ["A"]

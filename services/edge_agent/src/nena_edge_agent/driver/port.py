@@ -124,6 +124,14 @@ class NavigationReport:
 
 
 @dataclass(frozen=True, slots=True)
+class OwnGoals:
+    """Goals of an earlier run of the program that had not ended; the last one leads to ``pose``."""
+
+    goal_ids: tuple[str, ...]
+    pose: Pose
+
+
+@dataclass(frozen=True, slots=True)
 class BlockedReport:
     """Whether the robot stands although navigation drives, and has done so for ``seconds``."""
 
@@ -163,6 +171,11 @@ class GoalTable:
     goals: tuple[GoalReport, ...] = ()
 
     @property
+    def own(self) -> tuple[str, ...]:
+        """Ids of those that this robot's agent gave and that run."""
+        return tuple(goal.goal_id for goal in self.goals if not goal.external and not goal.ended)
+
+    @property
     def external(self) -> tuple[GoalReport, ...]:
         """Those that somebody else gave and that run."""
         return tuple(goal for goal in self.goals if goal.external and not goal.ended)
@@ -197,6 +210,13 @@ class Driver(Protocol):
 
     async def stop(self) -> None:
         """End in order: cancel what is driven, give everything back. Bounded in time."""
+        ...
+
+    def reclaim(self, goals: OwnGoals) -> None:
+        """Take ``goals`` for this robot's own, should navigation still drive to them; asked before the start.
+
+        A goal that leads to the same place goes on; others are replaced, or cancelled where none is wanted.
+        """
         ...
 
     def go_to(self, goal: DriveGoal) -> None:

@@ -17,6 +17,7 @@ from nena_edge_agent.driver.port import (
     Halted,
     NavigationReport,
     NoRouteReport,
+    OwnGoals,
     Pose,
     PoseReport,
     PositionInitialized,
@@ -108,6 +109,9 @@ class LoopbackDriver:
         else:
             self._motion = slowing
             self._wait()
+
+    def reclaim(self, goals: OwnGoals) -> None:
+        """Do nothing: its goals end with the program."""
 
     def limit_speed(self, speed: float | None) -> None:
         """Go on at another speed, at once."""

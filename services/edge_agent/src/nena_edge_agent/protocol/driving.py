@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import atan2
 
-from nena_edge_agent.driver.port import DriveGoal, Pose
+from nena_edge_agent.driver.port import DriveGoal, OwnGoals, Pose
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.tolerance import distance, radius
 from nena_shared.vda5050.order import NodePosition
@@ -22,6 +22,7 @@ class GoalInFlight:
     time in s when it was asked to stop and has not answered. ``failed_at`` is the sequenceId of a node that
     was not reached; it is not tried again until the order changes. ``failures`` are the drives to the next
     node that have failed and are tried again, at ``retry_at`` in s; ``problem`` says why the last one did.
+    ``pose`` is where the last goal led to, ``own`` what navigation has taken of our goals, if it tells.
     """
 
     generation: int = 0
@@ -31,6 +32,14 @@ class GoalInFlight:
     failures: int = 0
     retry_at: float | None = None
     problem: str = ""
+    pose: Pose | None = None
+    own: OwnGoals | None = None
+
+    def listed(self, goal_ids: tuple[str, ...]) -> None:
+        """Note which goals of ours navigation drives to; a new one is the one that was given last."""
+        known = self.own.goal_ids if self.own else ()
+        pose = self.own.pose if self.own and set(goal_ids) <= set(known) else self.pose
+        self.own = OwnGoals(goal_ids, pose) if goal_ids and pose else None
 
     def forget_failures(self) -> None:
         """Begin anew: another node is driven to, or the order has changed."""

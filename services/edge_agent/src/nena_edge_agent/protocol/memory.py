@@ -76,6 +76,26 @@ class AccessMemory(BaseModel):
     lease_expiry: datetime | None
 
 
+class PoseMemory(BaseModel):
+    """A place of the robot's map; the fields are those of ``Pose``."""
+
+    model_config = ConfigDict(frozen=True, from_attributes=True)
+
+    x: float
+    y: float
+    theta: float
+    map_id: str
+
+
+class OwnGoalsMemory(BaseModel):
+    """Goals that navigation drives to; the fields are those of ``OwnGoals``."""
+
+    model_config = ConfigDict(frozen=True, from_attributes=True)
+
+    goal_ids: tuple[str, ...]
+    pose: PoseMemory
+
+
 class Memory(BaseModel):
     """All that is durable of one robot."""
 
@@ -96,3 +116,4 @@ class Memory(BaseModel):
     zone_sets: tuple[ZoneSetMemory, ...] = ()
     zone_requests: tuple[AccessMemory, ...] = ()
     last_zone_request: int = 0
+    own_goals: OwnGoalsMemory | None = None

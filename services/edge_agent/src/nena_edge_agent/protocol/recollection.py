@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from nena_edge_agent.driver.port import OwnGoals, Pose
 from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.capabilities import Capabilities
-from nena_edge_agent.protocol.memory import AccessMemory, ActionMemory, Memory, ProgressMemory, ZoneSetMemory
+from nena_edge_agent.protocol.memory import (
+    AccessMemory,
+    ActionMemory,
+    Memory,
+    OwnGoalsMemory,
+    ProgressMemory,
+    ZoneSetMemory,
+)
 from nena_edge_agent.protocol.order_progress import OrderProgress
 from nena_edge_agent.protocol.parts import RobotParts
 from nena_edge_agent.protocol.zone_access import AccessRequest, ZoneAccess
@@ -27,6 +35,7 @@ def recall(parts: RobotParts) -> Memory:
         zone_sets=tuple(ZoneSetMemory(zone_set=one, enabled=on) for one, on in parts.zone_sets.held),
         zone_requests=tuple(AccessMemory.model_validate(each) for each in parts.zone_access.requests),
         last_zone_request=parts.zone_access.last_number,
+        own_goals=OwnGoalsMemory.model_validate(parts.goal.own) if parts.goal.own else None,
     )
 
 
@@ -47,6 +56,9 @@ def recollect(memory: Memory, capabilities: Capabilities) -> RobotParts:
             (AccessRequest(**dict(each)) for each in memory.zone_requests), memory.last_zone_request
         ),
     )
+    if memory.own_goals:
+        pose = Pose(**memory.own_goals.pose.model_dump())
+        parts.goal.own = OwnGoals(memory.own_goals.goal_ids, pose)
     parts.zone_sets.restore(tuple((each.zone_set, each.enabled) for each in memory.zone_sets))
     parts.actions.add(_record(kept) for kept in memory.actions)
     parts.instants.add(_record(kept) for kept in memory.instant_actions)

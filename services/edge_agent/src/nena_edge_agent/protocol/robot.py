@@ -15,6 +15,7 @@ from nena_edge_agent.driver.port import (
     Halted,
     NavigationReport,
     NoRouteReport,
+    OwnGoals,
     Pose,
     PoseReport,
     PositionInitialized,
@@ -142,6 +143,11 @@ class RobotCore:
         return Pose(place.x, place.y, place.theta or 0.0, place.map_id) if place else None
 
     @property
+    def own_goals(self) -> OwnGoals | None:
+        """The goals that navigation drove to for this robot when last heard, None: there were none."""
+        return self._parts.goal.own
+
+    @property
     def waits(self) -> bool:
         """Whether an answer is outstanding that may be overdue; then :class:`TimePassed` is wanted."""
         parts = self._parts
@@ -165,6 +171,7 @@ class RobotCore:
             parts.wanted_mode,
             parts.zone_sets.revision,
             parts.zone_access.revision,
+            parts.goal.own,
         )
 
     def memory(self) -> Memory:
@@ -279,3 +286,4 @@ class RobotCore:
 
     def _goals_reported(self, event: GoalTable) -> None:
         self._parts.senses.goals = event
+        self._parts.goal.listed(event.own)

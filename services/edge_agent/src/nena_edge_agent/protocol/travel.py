@@ -199,6 +199,7 @@ class Travel:
             generation=goal.generation,
             maximum_speed=parts.progress.edges[0].maximum_speed,
         )
+        goal.pose = drive.pose
         parts.effects.append(Drive(drive))
 
     def _traverse(self) -> None:

@@ -23,6 +23,7 @@ from nena_edge_agent.driver.port import (
     Emit,
     Halted,
     NavigationReport,
+    OwnGoals,
     Pose,
     PositionInitialized,
 )
@@ -118,6 +119,10 @@ class Nav2Driver:
         if self._node is not None:
             node, self._node = self._node, None
             await node.stop()
+
+    def reclaim(self, goals: OwnGoals) -> None:
+        """Go on with a goal of an earlier run, where Nav2 still drives to it."""
+        self._tracker.reclaim(goals)
 
     def go_to(self, goal: DriveGoal) -> None:
         """Drive to ``goal``; while another one is driven, it is replaced without a stop."""

@@ -129,6 +129,10 @@ class GoalLedger:
         self._replaced &= servers
         return servers - self._replaced or servers
 
+    def reclaim(self, goal_ids: Sequence[str]) -> None:
+        """Take these for ours once they are listed: an earlier run of the program gave them."""
+        self._orphans = frozenset(goal_ids)
+
     def given(self, now: float) -> None:
         """Note that a goal is given at ``now``."""
         self._expire(now)

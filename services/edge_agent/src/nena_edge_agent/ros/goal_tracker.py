@@ -19,12 +19,13 @@ from nena_edge_agent.driver.port import (
     GoalTable,
     Halted,
     NavigationReport,
+    OwnGoals,
     Pose,
 )
 from nena_edge_agent.ros.commands import CancelGoal, Command, PublishGoal, Report, RequestPose
 from nena_edge_agent.ros.goal_ledger import GoalLedger
 from nena_edge_agent.ros.goal_status import GoalEntry, GoalStatus
-from nena_edge_agent.ros.pose import agrees
+from nena_edge_agent.ros.pose import agrees, near
 from nena_edge_agent.ros.settings import GoalSettings
 from nena_edge_agent.ros.standstill import Standstill
 from nena_shared.log import get_logger
@@ -37,6 +38,11 @@ STALE_XY = 0.25
 """Metres that a robot may drive before AMCL sends a pose (``update_min_d``)."""
 STALE_THETA = 0.2
 """Radians that a robot may turn before AMCL sends a pose (``update_min_a``)."""
+
+SAME = 0.001
+"""Metres, or radians, that two places of the same node may differ by."""
+RECLAIM_TIME = 10.0
+"""Seconds after a restart in which the order may still come to want the goal that Nav2 drives to."""
 
 
 @dataclass(slots=True)
@@ -77,6 +83,8 @@ class GoalTracker:
         self._pose: Pose | None = None
         self._pose_at = -float("inf")
         self._table = GoalTable()
+        self._reclaimed: OwnGoals | None = None
+        self._reclaimed_until: float | None = None
         self._out: list[Command] = []
 
     @property
@@ -84,13 +92,18 @@ class GoalTracker:
         """Whether something is waited for, so that :meth:`tick` is needed."""
         drive = self._drive
         waiting = drive is not None and (drive.goal_id is None or drive.reached_at is not None)
-        return waiting or self._halt is not None or bool(self._cancels)
+        return waiting or self._halt is not None or bool(self._cancels) or self._reclaimed is not None
 
     @property
     def driving(self) -> bool:
         """Whether Nav2 drives for the goal that is wanted."""
         drive = self._drive
         return drive is not None and drive.goal_id is not None and drive.reached_at is None
+
+    def reclaim(self, goals: OwnGoals) -> None:
+        """Take the goals of an earlier run for ours; to be called before anything else."""
+        self._ledger.reclaim(goals.goal_ids)
+        self._reclaimed = goals
 
     def go_to(self, goal: DriveGoal, now: float) -> list[Command]:
         """Drive to ``goal``; one that is driven is replaced, and not stopped for it."""
@@ -99,12 +112,12 @@ class GoalTracker:
 
     def drop(self, now: float) -> list[Command]:
         """Cancel what is driven, without an answer: it was to be replaced by a goal that cannot be given."""
-        self._drive = None
+        self._drive = self._reclaimed = None
         return self._advance(now)
 
     def halt(self, now: float) -> list[Command]:
         """Drop the goal and stop; answered by ``Halted``."""
-        self._drive = None
+        self._drive = self._reclaimed = None
         self._halt = self._halt or _Halt()
         return self._advance(now)
 
@@ -159,6 +172,7 @@ class GoalTracker:
         self._answer_halt(now)
         self._judge_arrival(now)
         self._give(now)
+        self._let_go_of_reclaimed(now)
         self._cancel_leftovers(now)
         commands, self._out = self._out, []
         return commands
@@ -268,11 +282,35 @@ class GoalTracker:
             return
         if now >= drive.give_up_at or drive.times_given > self._settings.resends:
             self._fail(drive, DriveFailure.NOT_TAKEN_UP, self._refusal(drive))
-        elif self._may_give(now):
+        elif self._may_give(now) and not self._goes_on(drive, now):
             drive.times_given += 1
             drive.preempts = drive.preempts or bool(self._ledger.live)
             self._ledger.given(now)
             self._out.append(PublishGoal(drive.goal))
+
+    def _goes_on(self, drive: _Drive, now: float) -> bool:
+        """Take up the goal of an earlier run, if it leads to the same place and runs or has got there."""
+        goals, self._reclaimed = self._reclaimed, None
+        if goals is None or not _same_place(goals.pose, drive.goal):
+            return False
+        goal_id = goals.goal_ids[-1]
+        status = self._ledger.status(goal_id)
+        reached = status is GoalStatus.SUCCEEDED and self._may_agree(drive.goal)
+        if not reached and status not in (GoalStatus.ACCEPTED, GoalStatus.EXECUTING):
+            return False
+        log.info("a goal of before the restart goes on", goal=goal_id, generation=drive.goal.generation)
+        drive.goal_id, drive.times_given = goal_id, 1
+        drive.reached_at = now if reached else None
+        return True
+
+    def _let_go_of_reclaimed(self, now: float) -> None:
+        """Wait a while for somebody to want the goal of an earlier run."""
+        if self._reclaimed is None or not self._ledger.settled(now):
+            return
+        if self._reclaimed_until is None:
+            self._reclaimed_until = now + RECLAIM_TIME
+        if now >= self._reclaimed_until:
+            self._reclaimed = None
 
     def _may_give(self, now: float) -> bool:
         """Whether a goal given now has a chance: one given while another is cancelled would end with it."""
@@ -298,7 +336,8 @@ class GoalTracker:
         """
         live = self._ledger.live
         self._cancels = {goal_id: again for goal_id, again in self._cancels.items() if goal_id in live}
-        unwanted = live if self._drive is None or self._halt is not None else tuple(self._cancels)
+        wanted = self._drive is not None or self._reclaimed is not None
+        unwanted = tuple(self._cancels) if wanted and self._halt is None else live
         for goal_id in unwanted:
             if now >= self._cancels.get(goal_id, now):
                 self._cancels[goal_id] = now + self._settings.cancel_time
@@ -321,3 +360,8 @@ class GoalTracker:
 
     def _report(self, event: DriverEvent) -> None:
         self._out.append(Report(event))
+
+
+def _same_place(pose: Pose, goal: DriveGoal) -> bool:
+    theta = None if goal.deviation_theta is None else SAME
+    return pose.map_id == goal.pose.map_id and near(pose, goal.pose, xy=SAME, theta=theta)

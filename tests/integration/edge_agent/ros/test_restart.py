@@ -1,0 +1,65 @@
+"""An agent that is killed in mid-drive, as ``kill -9`` does, and started again beside the same Nav2."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from action_msgs.msg import GoalStatusArray
+
+from support.broker import Broker
+from support.edge_agent import ended, error_types, status_of
+from support.nav2_agent import Bench, ready
+from support.robot_core import action, order
+from support.ros import LATCHED, RosPeer
+from support.simulator import trace
+from support.waiting import until
+
+pytestmark = [pytest.mark.ros, pytest.mark.broker]
+
+
+@pytest.fixture
+def bench(
+    broker: Broker, interface_name: str, peer: RosPeer, domain_id: int, tmp_path: Path
+) -> Iterator[Bench]:
+    bench = Bench(broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path)
+    with bench.mqtt:
+        yield bench
+
+
+@pytest.mark.parametrize("arrives_meanwhile", [False, True])
+async def test_the_goal_under_way_is_taken_up_and_not_given_again(
+    bench: Bench, *, arrives_meanwhile: bool
+) -> None:
+    arrays = bench.ros.subscribe(GoalStatusArray, "navigate_to_pose/_action/status", LATCHED)
+    with bench.simulator(), bench.agent_process("--drive.external_goals", "fail") as agent:
+        await bench.fleet.state(ready)
+        bench.fleet.send(order("n0", "n3"))
+        await bench.moves()
+        agent.kill()
+        if arrives_meanwhile:
+            await until(lambda: trace(arrays.messages)[-1] == "A:4", what="the end of the drive")
+        agent.restart()
+
+        done = await bench.fleet.state(ended("o1"), within=30.0)
+
+        assert (done["lastNodeId"], error_types(done)) == ("n3", [])
+        assert trace(arrays.messages) == ["A:2", "A:4"]
+
+
+async def test_an_order_that_was_being_cancelled_is_stopped_after_the_restart(bench: Bench) -> None:
+    arrays = bench.ros.subscribe(GoalStatusArray, "navigate_to_pose/_action/status", LATCHED)
+    with bench.simulator(), bench.agent_process() as agent:
+        await bench.fleet.state(ready)
+        bench.fleet.send(order("n0", "n3"))
+        await bench.moves()
+        bench.fleet.instant(action("p", "NONE", "startPause"))
+        await bench.fleet.state(lambda state: status_of(state, "p") == "RUNNING")
+        agent.kill()
+        agent.restart()
+
+        await bench.fleet.state(lambda state: status_of(state, "p") == "FINISHED", within=30.0)
+
+        assert bench.speed == 0.0
+        assert trace(arrays.messages)[-1] == "A:5"
