@@ -9,10 +9,26 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from support.broker import Broker
+from support.published import Publications, watched
 
 # How long an example takes says something about the machine and its load, not about the code.
 settings.register_profile("nena", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("nena")
+
+
+@pytest.fixture(scope="session")
+def publications() -> Iterator[Publications]:
+    """Give what is watched of all messages that this process writes."""
+    with watched() as found:
+        yield found
+
+
+@pytest.fixture(autouse=True)
+def schemas_kept(publications: Publications) -> Iterator[None]:
+    """Fail each test in which a message was written that breaks the official schema of its version."""
+    publications.take()
+    yield
+    assert publications.take() == []
 
 
 @pytest.fixture(scope="session")

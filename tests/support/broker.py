@@ -162,6 +162,8 @@ class MqttPeer:
 
     def __init__(self, broker: Broker, *topic_filters: str) -> None:
         self._order: list[Inbound] = []
+        self.history: list[Inbound] = []
+        """All that ever came, also what was cleared."""
         self._lock = threading.Lock()
         self._subscribed = threading.Event()
         self._topic_filters = topic_filters
@@ -227,3 +229,4 @@ class MqttPeer:
     def _record(self, _client: Client, _userdata: Any, message: MQTTMessage) -> None:
         with self._lock:
             self._order.append(Inbound(message.topic, bytes(message.payload), message.retain))
+            self.history.append(self._order[-1])

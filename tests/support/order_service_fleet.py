@@ -58,6 +58,7 @@ class Fleet:
     interface: str
     folder: Path
     stack: ExitStack = field(default_factory=ExitStack)
+    peers: list[MqttPeer] = field(default_factory=list)
 
     @property
     def prefix(self) -> str:
@@ -123,7 +124,9 @@ class Fleet:
 
     def peer(self, *topic_filters: str) -> MqttPeer:
         """Connect a client that records what is said below the fleet's topics."""
-        return self.stack.enter_context(MqttPeer(self.broker, *(topic_filters or (f"{self.interface}/#",))))
+        peer = self.stack.enter_context(MqttPeer(self.broker, *(topic_filters or (f"{self.interface}/#",))))
+        self.peers.append(peer)
+        return peer
 
 
 @asynccontextmanager

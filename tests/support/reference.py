@@ -15,8 +15,16 @@ def reference_dir(*parts: str) -> Path:
 
     It is looked for in ``NENA_REFERENCE``, else in ``../shared/reference`` beside the project.
     """
-    root = Path(os.environ.get("NENA_REFERENCE", PROJECT.parent / "shared" / "reference"))
-    path = root.joinpath(*parts)
-    if not path.exists():
+    if not is_there(*parts):
         pytest.skip(f"reference material {'/'.join(parts)} is not there; NENA_REFERENCE names its folder")
-    return path
+    return _path(*parts)
+
+
+def is_there(*parts: str) -> bool:
+    """Tell whether a folder or file of the reference material is at hand."""
+    return _path(*parts).exists()
+
+
+def _path(*parts: str) -> Path:
+    root = Path(os.environ.get("NENA_REFERENCE", PROJECT.parent / "shared" / "reference"))
+    return root.joinpath(*parts)

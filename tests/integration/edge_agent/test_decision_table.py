@@ -22,6 +22,7 @@ from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.versions import codec_for
 from support.broker import Broker, MqttPeer
 from support.loopback_bench import BenchRobot, bench_process, idle
+from support.published import robots_problems
 from support.robot_core import MAP, action, order, position
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
@@ -42,6 +43,7 @@ def process(
         bench_process(broker, interface_name, folder, request.param),
     ):
         yield BenchRobot(peer, interface_name, version=request.param)
+    assert robots_problems(peer.history) == []
 
 
 @pytest.fixture

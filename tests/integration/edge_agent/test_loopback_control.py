@@ -13,6 +13,7 @@ from nena_shared.vda5050.error import ErrorLevel
 from nena_shared.vda5050.state import EmergencyStop, OperatingMode, State
 from support.broker import Broker, MqttPeer
 from support.loopback_bench import BenchRobot, action_state, bench_process, errors, idle, place
+from support.published import robots_problems
 from support.robot_core import action, order
 from support.waiting import until
 
@@ -40,6 +41,7 @@ def robot(
         bench_process(broker, interface_name, folder, request.param),
     ):
         yield BenchRobot(peer, interface_name, version=request.param)
+    assert robots_problems(peer.history) == []
 
 
 @pytest.mark.clause("6.6.6")

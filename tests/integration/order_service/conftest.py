@@ -10,6 +10,7 @@ import pytest
 
 from support.broker import Broker
 from support.order_service_fleet import Fleet, running
+from support.published import problems_in
 
 
 @pytest.fixture
@@ -17,6 +18,7 @@ def fleet(broker: Broker, interface_name: str, tmp_path: Path) -> Iterator[Fleet
     made = Fleet(broker, interface_name, tmp_path)
     with made.stack:
         yield made
+    assert problems_in(each for peer in made.peers for each in peer.history) == []
 
 
 @pytest.fixture

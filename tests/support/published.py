@@ -1,0 +1,85 @@
+"""Every message that our code writes in any test fits the official schema of its version.
+
+In this process each call of :meth:`Codec.encode` is looked at; what programs of their own publish is looked
+at where nobody else speaks. Where the schemas are not at hand nothing is looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from nena_shared.mqtt import Inbound
+from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.topics import Topic
+from nena_shared.vda5050.versions import codec_of_header
+from support.reference import is_there
+from support.schemas import schema_problems
+
+LEVELS = 4
+"""Levels of a topic that name the robot and the subject."""
+
+
+class Publications:
+    """What was written since the last look, as far as it breaks a schema."""
+
+    def __init__(self) -> None:
+        self.problems: list[str] = []
+        self.count = 0
+        self._seen: set[int] = set()
+
+    def look(self, version: str, topic: Topic, payload: bytes) -> None:
+        """Check a message, unless the same one was checked before."""
+        self.count += 1
+        if (known := hash((version, topic, payload))) in self._seen:
+            return
+        self._seen.add(known)
+        found = schema_problems(version, topic, payload)
+        self.problems += [f"{topic} of {version}: {each} in {payload[:300]!r}" for each in found]
+
+    def take(self) -> list[str]:
+        """Give what was found, and forget it."""
+        found, self.problems = self.problems, []
+        return found
+
+
+@contextmanager
+def watched() -> Iterator[Publications]:
+    """Look at everything that is encoded in this process until the block ends."""
+    publications, encode = Publications(), Codec.encode
+    if not is_there("vda5050-schemas"):
+        yield publications
+        return
+
+    def checked(self: Codec, message: Header) -> bytes:
+        payload = encode(self, message)
+        topic = next(topic for topic, kind in self.kinds.items() if isinstance(message, kind))
+        publications.look(self.version, topic, payload)
+        return payload
+
+    patch = pytest.MonkeyPatch()
+    patch.setattr(Codec, "encode", checked)
+    yield publications
+    patch.undo()
+
+
+def robots_problems(messages: Iterable[Inbound]) -> list[str]:
+    """As :func:`problems_in`, of what robots say alone: a test may say what it wants to them."""
+    said = (Topic.STATE, Topic.CONNECTION, Topic.FACTSHEET, Topic.VISUALIZATION)
+    return problems_in(each for each in messages if each.topic.rsplit("/", 1)[-1] in said)
+
+
+def problems_in(messages: Iterable[Inbound]) -> list[str]:
+    """Give what is wrong with messages that programs have published."""
+    publications = Publications()
+    if not is_there("vda5050-schemas"):
+        return []
+    for each in messages:
+        levels = each.topic.split("/")
+        codec = codec_of_header(each.payload) if each.payload else None
+        if codec and len(levels) >= LEVELS and levels[-1] in set(Topic):
+            publications.look(codec.version, Topic(levels[-1]), each.payload)
+    return publications.take()
