@@ -20,7 +20,7 @@ from nena_order_service.plant_file import load_plant
 from nena_order_service.rest.api import make_app
 from nena_order_service.rest.bodies import Readiness
 from nena_order_service.retained_sweep import RetainedSweep
-from nena_order_service.routing import Router
+from nena_order_service.routing import Router, evaluators
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.database import open_database
 from nena_order_service.store.instance_lock import InstanceLock
@@ -167,7 +167,7 @@ def _make_addresses(settings: OrderServiceSettings, registry: VehicleRegistry) -
 def _make_kernel(
     settings: OrderServiceSettings, plant: PlantModel, store: Store, clock: SystemClock
 ) -> Kernel:
-    finder = WayFinder(plant, Router(plant))
+    finder = WayFinder(plant, Router(plant, evaluators(settings.routing.costs, plant)))
     return Kernel(
         plant,
         store=store,

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from nena_order_service.fleet import FleetSettings
 from nena_order_service.kernel.settings import KernelSettings
+from nena_order_service.routing import CostKey
 from nena_shared.settings import HttpSettings, ServiceSettings, SettingsGroup, TopicPrefix
 
 
@@ -20,10 +21,21 @@ class StoreSettings(SettingsGroup):
     )
 
 
+class RoutingSettings(SettingsGroup):
+    """What a way costs."""
+
+    costs: list[CostKey] = Field(
+        [CostKey.DISTANCE],
+        min_length=1,
+        description="Cost evaluators that are added up (docs/plant-models.md).",
+    )
+
+
 class OrderServiceSettings(ServiceSettings):
     """What the order service can be told."""
 
     plant: Path = Field(description="Plant model: openTCS's XML (0.0.2 to 7.0.0), LIF, or NeNa's own JSON.")
+    routing: RoutingSettings = Field(default_factory=RoutingSettings, description="What a way costs.")
     store: StoreSettings = Field(default_factory=StoreSettings, description="The store of the orders.")
     http: HttpSettings = Field(default_factory=lambda: HttpSettings(port=55200), description="The REST door.")
     topic_prefix: TopicPrefix = Field(

@@ -30,6 +30,16 @@ class BoundingBox(PlantRecord):
     reference_offset_x_mm: int = 0
     reference_offset_y_mm: int = 0
 
+    def holds(self, other: "BoundingBox") -> bool:
+        """Whether another box lies within this one when their reference points lie on each other."""
+        x_mm = abs(self.reference_offset_x_mm - other.reference_offset_x_mm)
+        y_mm = abs(self.reference_offset_y_mm - other.reference_offset_y_mm)
+        return (
+            other.length_mm + 2 * x_mm <= self.length_mm
+            and other.width_mm + 2 * y_mm <= self.width_mm
+            and other.height_mm <= self.height_mm
+        )
+
 
 class LabelLayout(PlantRecord):
     """Where the label of a drawn object stands, in pixels from it, and the layer that shows it."""

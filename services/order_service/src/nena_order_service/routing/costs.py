@@ -1,14 +1,14 @@
 """Cost evaluators: what it costs to drive along an edge. A router adds up those that are chosen for it."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from math import isnan
+from math import inf, isnan
 from types import MappingProxyType
 from typing import Final, Protocol
 
 from nena_order_service.routing.profile import RoutingProfile
-from nena_shared.plant import DirectedEdge, Orientation, property_keys
+from nena_shared.plant import DirectedEdge, Orientation, PlantModel, property_keys
 
 
 class CostEvaluator(Protocol):
@@ -26,6 +26,7 @@ class CostKey(StrEnum):
     TRAVELTIME = "TRAVELTIME"
     HOPS = "HOPS"
     EXPLICIT_PROPERTIES = "EXPLICIT_PROPERTIES"
+    BOUNDING_BOX = "BOUNDING_BOX"
 
 
 def distance(edge: DirectedEdge, _profile: RoutingProfile, /) -> float:
@@ -36,7 +37,7 @@ def distance(edge: DirectedEdge, _profile: RoutingProfile, /) -> float:
 def travel_time(edge: DirectedEdge, profile: RoutingProfile, /) -> float:
     """Return the seconds that the way takes at the slower of the path's and the vehicle's highest speeds."""
     speed_mm_s = profile.speed_mm_s(edge)
-    return edge.path.length_mm / speed_mm_s if speed_mm_s else float("inf")
+    return edge.path.length_mm / speed_mm_s if speed_mm_s else inf
 
 
 def hops(_edge: DirectedEdge, _profile: RoutingProfile, /) -> float:
@@ -65,7 +66,24 @@ class ExplicitProperties:
         return self.missing if isnan(cost) or cost < 0 else cost
 
 
-EVALUATORS: Final[Mapping[CostKey, CostEvaluator]] = MappingProxyType(
+class BoundingBoxLimit:
+    """Excludes edges to points where the vehicle would stand out of the largest box that is allowed there.
+
+    Costs nothing otherwise, so it goes together with other evaluators. Boxes are laid on each other by their
+    reference points.
+    """
+
+    def __init__(self, plant: PlantModel) -> None:
+        self._points = plant.points_by_name
+
+    def __call__(self, edge: DirectedEdge, profile: RoutingProfile, /) -> float:
+        """Return 0, or infinity where the vehicle is too large."""
+        box = profile.bounding_box
+        limit = self._points[edge.destination].max_vehicle_bounding_box
+        return 0.0 if box is None or limit.holds(box) else inf
+
+
+_EVALUATORS: Final[Mapping[CostKey, CostEvaluator]] = MappingProxyType(
     {
         CostKey.DISTANCE: distance,
         CostKey.TRAVELTIME: travel_time,
@@ -73,3 +91,8 @@ EVALUATORS: Final[Mapping[CostKey, CostEvaluator]] = MappingProxyType(
         CostKey.EXPLICIT_PROPERTIES: ExplicitProperties(),
     }
 )
+
+
+def evaluators(keys: Iterable[CostKey], plant: PlantModel) -> tuple[CostEvaluator, ...]:
+    """Return the evaluators that settings choose, for one plant."""
+    return tuple(BoundingBoxLimit(plant) if key is CostKey.BOUNDING_BOX else _EVALUATORS[key] for key in keys)

@@ -23,5 +23,6 @@ class NoRouteError(Exception):
         without = f" without {', '.join(map(repr, self.avoid))}" if self.avoid else ""
         return (
             f"No route from {self.source!r} to {goal}{who}{without}. "
-            "Look for locked paths, missing reverse speeds and one-way tracks in the plant model."
+            "Look for locked paths, missing reverse speeds and one-way tracks in the plant model, "
+            "and for what is closed to the vehicle's type, load or size or lies on another map."
         )

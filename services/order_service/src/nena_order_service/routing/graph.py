@@ -9,6 +9,7 @@ from typing import Final
 
 import rustworkx as rx
 
+from nena_order_service.routing.access import Access
 from nena_order_service.routing.costs import CostEvaluator
 from nena_order_service.routing.profile import RoutingProfile
 from nena_order_service.routing.route import Step
@@ -21,18 +22,19 @@ _COST: Final[Callable[[Step], float]] = attrgetter("cost")
 class RoutingGraph:
     """The drivable edges of a plant for one routing profile; built once, then only read.
 
-    Locked paths have no edge, nor have directions in which path or vehicle have no speed. A cost that is
-    infinite or NaN excludes an edge too. Raises ValueError for a cost below 0, which no evaluator may return.
+    It has the edges that are open to the profile (see `Access`). A cost that is infinite or NaN excludes an
+    edge too. Raises ValueError for a cost below 0, which no evaluator may return.
     """
 
     def __init__(self, plant: PlantModel, costs: Sequence[CostEvaluator], profile: RoutingProfile) -> None:
+        access = Access(plant, profile)
         self._indices = {point.name: index for index, point in enumerate(plant.points)}
         self._graph: rx.PyDiGraph[str, Step] = rx.PyDiGraph()
         self._graph.add_nodes_from(list(self._indices))
         self._graph.add_edges_from(
             [
                 (self._indices[step.source], self._indices[step.destination], step)
-                for step in _steps(plant.edges(), costs, profile)
+                for step in _steps(filter(access.allows, plant.edges()), costs, profile)
             ]
         )
 
@@ -81,8 +83,6 @@ def _steps(
     edges: Iterable[DirectedEdge], costs: Sequence[CostEvaluator], profile: RoutingProfile
 ) -> Iterator[Step]:
     for edge in edges:
-        if edge.path.locked or not profile.speed_mm_s(edge):
-            continue
         cost = sum((evaluate(edge, profile) for evaluate in costs), start=0.0)
         if cost < 0:
             msg = f"edge {edge.id!r} has cost {cost}; costs must not be below 0"

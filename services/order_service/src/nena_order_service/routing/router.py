@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import chain, pairwise
 from typing import NamedTuple
 
+from nena_order_service.routing.access import vehicle_types
 from nena_order_service.routing.costs import CostEvaluator, distance
 from nena_order_service.routing.errors import NoRouteError
 from nena_order_service.routing.graph import RoutingGraph
@@ -21,6 +22,7 @@ class Router:
     def __init__(self, plant: PlantModel, costs: Sequence[CostEvaluator] = (distance,)) -> None:
         self._plant = plant
         self._costs = tuple(costs)
+        self._types = vehicle_types(plant)
         # As many as there are kinds of vehicle.
         self._graphs: dict[RoutingProfile, RoutingGraph] = {}
 
@@ -31,14 +33,16 @@ class Router:
         *,
         vehicle: Vehicle | None = None,
         avoid: Collection[str] = frozenset(),
+        loaded: bool | None = None,
     ) -> Route:
         """Return the cheapest route between two points.
 
         `avoid` names points, paths and locations (which stand for their linked points) that must not be used.
+        `loaded` says whether the vehicle carries anything, where paths are closed with or without a load.
         Raises UnknownObjectError for a name that the plant does not have and NoRouteError if there is no way.
         """
         self._check_points((source, destination))
-        steps = self._graph(vehicle, avoid).shortest(source, destination)
+        steps = self._graph(vehicle, avoid, loaded=loaded).shortest(source, destination)
         if steps is None:
             raise NoRouteError(source, (destination,), vehicle, avoid)
         return Route(source, destination, steps)
@@ -50,6 +54,7 @@ class Router:
         *,
         vehicle: Vehicle | None = None,
         avoid: Collection[str] = frozenset(),
+        loaded: bool | None = None,
     ) -> tuple[Route, ...]:
         """Return one route for each destination, one after the other, with the lowest cost in all.
 
@@ -58,7 +63,7 @@ class Router:
         `route` does; NoRouteError names the first destination that cannot be reached.
         """
         self._check_points([source, *chain.from_iterable(destinations)])
-        graph = self._graph(vehicle, avoid)
+        graph = self._graph(vehicle, avoid, loaded=loaded)
         ways = {source: _Way(0.0, (source,))}
         for choice in destinations:
             longer = _longer(graph, ways, choice)
@@ -68,13 +73,15 @@ class Router:
         points = min(ways.values()).points
         return tuple(Route(start, end, graph.shortest(start, end) or ()) for start, end in pairwise(points))
 
-    def costs_from(self, source: str, *, vehicle: Vehicle | None = None) -> dict[str, float]:
+    def costs_from(
+        self, source: str, *, vehicle: Vehicle | None = None, loaded: bool | None = None
+    ) -> dict[str, float]:
         """Return what it costs to reach each point that can be reached. Raises UnknownObjectError."""
         self._check_points((source,))
-        return self._graph(vehicle, ()).costs_from(source, self._plant.points_by_name)
+        return self._graph(vehicle, (), loaded=loaded).costs_from(source, self._plant.points_by_name)
 
-    def _graph(self, vehicle: Vehicle | None, avoid: Collection[str]) -> RoutingGraph:
-        profile = RoutingProfile.of(vehicle)
+    def _graph(self, vehicle: Vehicle | None, avoid: Collection[str], *, loaded: bool | None) -> RoutingGraph:
+        profile = RoutingProfile.of(vehicle, self._types, loaded=loaded)
         if profile not in self._graphs:
             self._graphs[profile] = RoutingGraph(self._plant, self._costs, profile)
         graph = self._graphs[profile]

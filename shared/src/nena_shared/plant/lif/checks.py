@@ -88,7 +88,6 @@ def _unheeded_on_edge(uses: list[VehicleTypeOnPath]) -> Iterator[str]:
             "actions on edges": bool(use.actions),
             "maxRotationSpeed": use.max_rotation_speed is not None,
             "minHeight": use.min_height is not None,
-            "maxHeight": use.max_height is not None,
             "names of load sets": bool(use.load_restriction and use.load_restriction.load_set_names),
             "reentryAllowed false": not use.reentry_allowed,
             "rotationAtStartNodeAllowed": use.rotation_at_start_node_allowed is not both,

@@ -1,0 +1,49 @@
+"""Where a vehicle may drive at all, whatever it costs."""
+
+from nena_order_service.routing.profile import RoutingProfile
+from nena_shared.plant import DirectedEdge, Path, PlantModel, Point
+from nena_shared.plant.geometry import MM_PER_M
+from nena_shared.plant.vehicle_type import VehicleTypeOnPath
+
+
+class Access:
+    """Which edges of a plant are open to vehicles of one profile.
+
+    Closed are locked paths, directions in which path or vehicle have no speed, what the plant does not open
+    to the vehicle's type, load or height, and points on maps where it must not drive. A vehicle that stands
+    on a point which is closed to it may leave.
+    """
+
+    def __init__(self, plant: PlantModel, profile: RoutingProfile) -> None:
+        self._points = plant.points_by_name
+        self._profile = profile
+
+    def allows(self, edge: DirectedEdge) -> bool:
+        """Whether such a vehicle may drive along the edge."""
+        return (
+            not edge.path.locked
+            and self._profile.speed_mm_s(edge) > 0
+            and self._path_is_open(edge.path)
+            and self._point_is_open(self._points[edge.destination])
+        )
+
+    def _path_is_open(self, path: Path) -> bool:
+        types = self._profile.vehicle_types
+        return all(map(path.is_open_to, types)) and all(map(self._fits, self._profile.uses_of(path)))
+
+    def _fits(self, use: VehicleTypeOnPath) -> bool:
+        box = self._profile.bounding_box
+        low_enough = use.max_height is None or box is None or box.height_mm <= use.max_height * MM_PER_M
+        return low_enough and use.allows(loaded=self._profile.loaded)
+
+    def _point_is_open(self, point: Point) -> bool:
+        maps = self._profile.allowed_maps
+        on_map = maps is None or point.map_id is None or point.map_id in maps
+        return on_map and all(map(point.is_open_to, self._profile.vehicle_types))
+
+
+def vehicle_types(plant: PlantModel) -> frozenset[str]:
+    """Return the vehicle types that a plant tells apart."""
+    at_points = (use.vehicle_type_id for point in plant.points for use in point.vehicle_types)
+    on_paths = (use.vehicle_type_id for path in plant.paths for use in path.vehicle_types)
+    return frozenset((*at_points, *on_paths))
