@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from nena_order_service.fleet import (
+    FleetSettings,
     InstantActionEnded,
     MissionFailed,
     NodePassed,
@@ -166,3 +167,27 @@ async def test_a_base_is_extended_while_the_agent_drives(
 
 def passed(fleet: WiredFleet) -> list[NodePassed]:
     return [each for each in fleet.news if isinstance(each, NodePassed)]
+
+
+@pytest.mark.clause("6.2.3/clearInstantActions")
+async def test_an_agent_of_3_0_is_told_to_clear_its_ended_instant_actions(
+    broker: Broker, interface_name: str, tmp_path: Path
+) -> None:
+    settings = FleetSettings(tick_interval=0.02, clear_instant_actions_from=3)
+    async with (
+        WiredFleet(broker, interface_name, settings).connected() as fleet,
+        running_agent(agent_settings(broker, interface_name, tmp_path, version="3.0.0")),
+    ):
+        await until(lambda: fleet.fleet.view(AGENT).availability.can_take_order, what="a free agent")
+        for number in range(3):
+            action = Action(action_type="stopPause", action_id=f"a{number}", blocking_type=BlockingType.NONE)
+            fleet.fleet.instant_action(AGENT, action)
+        cleared = await until(lambda: _only_cleared(fleet), what="nothing but the clearing itself")
+    assert cleared == ["clearInstantActions"]
+    assert fleet.story().count("InstantActionEnded") == 3, "nobody asked for the clearing"
+
+
+def _only_cleared(fleet: WiredFleet) -> list[str | None] | None:
+    state = fleet.fleet.view(AGENT).state
+    types = [each.action_type for each in state.instant_action_states] if state else []
+    return types if types == ["clearInstantActions"] else None

@@ -15,7 +15,7 @@ from nena_order_service.fleet import (
 )
 from nena_order_service.fleet.abilities import Abilities
 from nena_order_service.fleet.fitness import instant_action_problem, order_problem
-from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
+from nena_shared.vda5050.action import Action, ActionParameter, ActionStatus, BlockingType
 from nena_shared.vda5050.factsheet import (
     ActionParameterDescription,
     ActionScope,
@@ -202,6 +202,7 @@ def test_an_instant_action_that_the_robot_cannot_take_is_never_sent() -> None:
 
     assert bench.instants_sent() == []
     (ended,) = bench.told(InstantActionEnded)
+    assert ended.status is ActionStatus.FAILED
     assert ended.reason == (
         "not sent: the robot cannot take it: its factsheet does not list the action 'startPause'"
     )

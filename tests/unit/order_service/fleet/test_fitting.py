@@ -94,6 +94,13 @@ def test_fields_that_the_robot_lists_stay() -> None:
     assert fitted(headed("B"), listed) == headed("B")
 
 
+@pytest.mark.parametrize(
+    "listed", ["nodes.nodePosition.allowedDeviationXY.a", "nodes.nodePosition.allowedDeviationXY"]
+)
+def test_a_field_is_listed_by_itself_or_by_a_part_of_it(listed: str) -> None:
+    assert positions(fitted(MISSION, abilities(takes=(listed,))))[0].allowed_deviation_xy is not None
+
+
 def test_a_heading_that_somebody_asked_for_is_not_left_out_but_refused() -> None:
     robot = abilities(takes=("edges.length",))
     made = fitted(headed("goal:m1"), robot)

@@ -39,7 +39,7 @@ class Abilities:
         """Tell whether nothing is known against an optional field, such as ``nodes.nodePosition.theta``."""
         listed = self.factsheet.protocol_features.optional_parameters
         name = path.removeprefix("nodes.")
-        return not listed or any(each.parameter.endswith(name) for each in listed)
+        return not listed or any(f".{name}." in f".{each.parameter}." for each in listed)
 
     @cached_property
     def codec(self) -> Codec | None:

@@ -80,7 +80,8 @@ class InstantDesk:
             action = fitted_action(action, self._robot.abilities)
         refusal = self._refusal(action, now)
         if refusal:
-            yield InstantActionEnded(self._robot.key, action, None, f"not sent: {refusal}")
+            failed = ActionStatus.FAILED
+            yield InstantActionEnded(self._robot.key, action, failed, f"not sent: {refusal}")
         else:
             self._begin(action, requested=True)
 

@@ -116,8 +116,8 @@ class MissionCancelled:
 class InstantActionEnded:
     """An instant action that was asked for has come to its end.
 
-    ``status`` is FINISHED or FAILED as the robot reports it, None where it never told; ``reason`` says in
-    words what happened, ``result`` is the robot's own.
+    ``status`` is FINISHED or FAILED as the robot reports it, FAILED for one that was not sent, None where the
+    robot never told; ``reason`` says in words what happened, ``result`` is the robot's own.
     """
 
     robot: RobotKey
