@@ -41,6 +41,7 @@ from nena_edge_agent.protocol.ground import Footprint
 from nena_edge_agent.protocol.predefined import spoken
 from nena_edge_agent.protocol.robot import RobotCore
 from nena_edge_agent.protocol.rules import RULES
+from nena_edge_agent.protocol.state_report import position, velocity
 from nena_edge_agent.schedule import StateSchedule, VisualizationSchedule
 from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings
 from nena_shared.clock import Clock
@@ -269,8 +270,13 @@ class RobotAgent:
             self._greeting = False
 
     def _visualization(self) -> Visualization:
-        header = self._headers.make(Topic.VISUALIZATION)
-        return self._core.visualization(header, self._headers.last_id(Topic.STATE))
+        senses = self._core.parts.senses
+        return Visualization(
+            **self._headers.make(Topic.VISUALIZATION),
+            reference_state_header_id=self._headers.last_id(Topic.STATE),
+            mobile_robot_position=position(senses),
+            velocity=velocity(senses),
+        )
 
     def _outbound(
         self, topic: Topic, message: Header, *, qos: int, retain: bool = False, keep: bool = False

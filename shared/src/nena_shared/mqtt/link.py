@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import Self
 
 import aiomqtt
 
 from nena_shared.log import get_logger
-from nena_shared.mqtt.client import Client
 from nena_shared.mqtt.message import Inbound, Outbound
 from nena_shared.mqtt.topic_filter import matches
 from nena_shared.settings import ConfigurationError, MqttSettings
@@ -56,11 +56,34 @@ class _Subscription:
 class _Session:
     """What belongs to one connection and ends with it."""
 
-    client: Client
+    client: _Client
     deliveries: dict[asyncio.Task[None], Outbound] = field(default_factory=dict)
     subscribed: int = 0
     """How many of the link's subscriptions the broker has been asked for."""
     subscribing: asyncio.Task[None] | None = None
+
+
+class _Client(aiomqtt.Client):
+    """Closes its socket also when the broker does not answer CONNECT.
+
+    Left open, such connections pile up at a broker that hangs; when it goes on, each takes over the client id
+    of the one before, and the wills of all of them are sent.
+    """
+
+    async def __aenter__(self) -> Self:
+        """Connect to the broker."""
+        try:
+            return await super().__aenter__()
+        except BaseException:
+            self._client.disconnect()
+            raise
+
+    def cut(self) -> None:
+        """Break the connection without DISCONNECT: the broker sends the will."""
+        sock = self._client.socket()
+        if isinstance(sock, socket.socket):
+            with suppress(OSError):  # it is broken already
+                sock.shutdown(socket.SHUT_RDWR)
 
 
 class MqttLink:
@@ -165,13 +188,14 @@ class MqttLink:
             session = _Session(client)
             try:
                 await self._greet(session)
-                await client.hand_over(self._receive)
+                async for message in client.messages:
+                    self._receive(message)
             finally:
                 self._leave(session)
 
-    def _make_client(self) -> Client:
+    def _make_client(self) -> _Client:
         will = self._will() if self._will else None
-        client = Client(
+        client = _Client(
             self._settings.host,
             self._settings.port,
             username=self._settings.username,

@@ -140,13 +140,6 @@ class BlockedReport:
 
 
 @dataclass(frozen=True, slots=True)
-class PlanReport:
-    """The way that navigation means to drive to its goal, from where the robot was: m, two points at least."""
-
-    points: tuple[tuple[float, float], ...]
-
-
-@dataclass(frozen=True, slots=True)
 class NoRouteReport:
     """The areas that navigation knows no way into, all of them; orders that lead there are refused."""
 
@@ -196,7 +189,6 @@ DriverEvent = (
     | BatteryReport
     | NavigationReport
     | BlockedReport
-    | PlanReport
     | NoRouteReport
     | PositionInitialized
     | GoalTable
