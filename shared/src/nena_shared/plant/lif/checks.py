@@ -46,7 +46,7 @@ def errors(file: LifFile) -> Iterator[Problem]:
 def departures(file: LifFile) -> Iterator[Problem]:
     """Yield what a strict reader refuses and a lenient one can live with."""
     if file.meta_information.lif_version == _DRAFT_VERSION:
-        yield warning("NOT_LIF", f"lifVersion {_DRAFT_VERSION} was never published; it is read as 1.0.0")
+        yield warning("NOT_LIF", f"lifVersion {_DRAFT_VERSION} was never published; leniently it is 1.0.0")
     nodes = {node.node_id: node for layout in file.layouts for node in layout.nodes}
     for layout in file.layouts:
         yield from _of_nodes(layout)

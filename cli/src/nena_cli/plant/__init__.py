@@ -1,0 +1,1 @@
+"""Plant models: check, import and export of openTCS XML and LIF."""

@@ -1,0 +1,141 @@
+"""``nena plant``: check, import, export."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from enum import StrEnum
+from typing import Annotated, Final, NoReturn
+
+import typer
+from rich.console import Console
+
+from nena_cli.plant import plant_file, show
+from nena_cli.plant.plant_file import Finding, LifChoices, PlantFile
+from nena_shared.plant import PlantModel, PlantModelError
+from nena_shared.plant.files import PlantFormat
+
+app = typer.Typer(help="Plant models: openTCS XML, LIF and NeNa's own JSON.", no_args_is_help=True)
+
+FOUND: Final = 1
+"""Exit status where the plant model has errors."""
+WRONG: Final = 2
+"""Exit status of a command that could not do its work."""
+
+
+class Target(StrEnum):
+    """The formats of others that can be written."""
+
+    LIF = "lif"
+    OPENTCS = "opentcs"
+
+
+Source = Annotated[str, typer.Argument(help="openTCS XML, LIF or NeNa's JSON; - for standard input.")]
+Output = Annotated[str, typer.Option("--output", "-o", help="File to write, or - for standard output.")]
+Strict = Annotated[bool, typer.Option("--strict", help="Refuse LIF that does not keep to its standard.")]
+Replace = Annotated[bool, typer.Option("--replace", help="Write over a file that is there.")]
+AsJson = Annotated[bool, typer.Option("--json", help="What was found as one JSON object.")]
+
+
+@app.command()
+def check(file: Source, *, strict: Strict = False, as_json: AsJson = False) -> None:
+    """Check a plant model; the exit status is 1 if it cannot be used."""
+    with _faults_told():
+        read = plant_file.read(file, strict=strict)
+    if as_json:
+        sys.stdout.write(show.as_json(read, read.findings) + "\n")
+    else:
+        console = Console()
+        show.show_contents(read, console)
+        show.show_findings(read.findings, console)
+        _say(f"{read.errors} errors, {len(read.findings) - read.errors} warnings")
+    raise typer.Exit(FOUND if read.errors else 0)
+
+
+@app.command("import")
+def import_(
+    file: Source,
+    *,
+    output: Output,
+    strict: Strict = False,
+    replace: Replace = False,
+    as_json: AsJson = False,
+) -> None:
+    """Turn a plant model into NeNa's own JSON, which loses nothing."""
+    with _faults_told():
+        read = plant_file.read(file, strict=strict)
+        model = read.model or _refused(read, as_json=as_json)
+        _write(read, model, PlantFormat.NENA, output, LifChoices(), replace=replace, as_json=as_json)
+
+
+@app.command()
+def export(
+    file: Source,
+    *,
+    target: Annotated[Target, typer.Option("--format", help="Format to write.")],
+    output: Output,
+    map_id: Annotated[str | None, typer.Option("--map", help="LIF: map of points that name none.")] = None,
+    vehicle_type: Annotated[
+        list[str] | None,
+        typer.Option("--vehicle-type", help="LIF: to whom all is open; may be given several times."),
+    ] = None,
+    replace: Replace = False,
+    as_json: AsJson = False,
+) -> None:
+    """Turn a plant model into openTCS XML 7.0.0 or LIF 1.0.0, and say what that cannot hold."""
+    choices = LifChoices(map_id, tuple(vehicle_type or ()))
+    with _faults_told():
+        read = plant_file.read(file)
+        model = read.model or _refused(read, as_json=as_json)
+        _write(read, model, PlantFormat(target), output, choices, replace=replace, as_json=as_json)
+
+
+def _write(
+    read: PlantFile,
+    model: PlantModel,
+    kind: PlantFormat,
+    output: str,
+    choices: LifChoices,
+    *,
+    replace: bool,
+    as_json: bool,
+) -> None:
+    data, losses = plant_file.content(model, kind, at=datetime.now(UTC), choices=choices)
+    plant_file.write(data, output, replace=replace)
+    _report(read, (*read.findings, *losses), as_json=as_json, written=output)
+
+
+def _refused(read: PlantFile, *, as_json: bool) -> NoReturn:
+    _report(read, read.findings, as_json=as_json)
+    raise typer.Exit(FOUND)
+
+
+def _report(
+    read: PlantFile, findings: tuple[Finding, ...], *, as_json: bool, written: str | None = None
+) -> None:
+    """Tell people on standard error; scripts on standard output, unless the file goes there."""
+    if as_json:
+        out = sys.stderr if written == plant_file.STANDARD_STREAM else sys.stdout
+        out.write(show.as_json(read, findings, written) + "\n")
+        return
+    show.show_findings(findings, Console(stderr=True))
+    _say(f"{written} written" if written else f"nothing written: {read.errors} errors")
+
+
+def _say(text: str, style: str | None = None) -> None:
+    Console(stderr=True, soft_wrap=True).print(text, markup=False, highlight=False, style=style)
+
+
+@contextmanager
+def _faults_told() -> Iterator[None]:
+    """End with one clear line where the work cannot be done."""
+    try:
+        yield
+    except FileExistsError as error:
+        _say(f"nena: {error.filename} is there already; --replace writes over it", style="red")
+        raise typer.Exit(WRONG) from error
+    except (OSError, PlantModelError) as error:
+        _say(f"nena: {error}", style="red")
+        raise typer.Exit(WRONG) from error

@@ -1,0 +1,140 @@
+"""The commands, called in this process."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from nena_cli.__main__ import app
+from nena_demo.plants import sample_plant_path
+from nena_shared.plant import files
+from nena_shared.plant.files import PlantFormat
+from support.lif_files import edge, lif_of, node
+from support.plants import opentcs_xml, path, plant
+
+SAMPLE = str(sample_plant_path())
+
+
+def nena(*arguments: str, stdin: bytes | None = None) -> Result:
+    return CliRunner().invoke(app, ["plant", *arguments], input=stdin, env={"COLUMNS": "200"})
+
+
+def codes(found: dict[str, Any]) -> list[str]:
+    return [finding["code"] for finding in found["findings"]]
+
+
+@pytest.fixture
+def odd_lif(tmp_path: Path) -> Path:
+    """Give a file that keeps to LIF but for a field."""
+    file = tmp_path / "odd.lif.json"
+    file.write_bytes(lif_of(node("A", colour="[red]"), node("B"), edge("A B"), edge("B A")))
+    return file
+
+
+def test_a_good_model_is_shown_with_what_is_in_it() -> None:
+    done = nena("check", SAMPLE)
+    assert done.exit_code == 0
+    assert "Sample hall (opentcs)" in done.stdout
+    assert "0 errors, " in done.stderr
+
+
+def test_check_says_all_that_is_wrong_and_ends_with_one(tmp_path: Path) -> None:
+    file = tmp_path / "plant.xml"
+    file.write_bytes(opentcs_xml('<block name="[b]K[/b]" type="QUEUE"><member name="Q"/></block>'))
+    done = nena("check", str(file))
+    assert done.exit_code == 1
+    assert "BAD_VALUE" in done.stdout
+    assert "block '[b]K[/b]'" in done.stdout
+    assert "2 errors, 0 warnings" in done.stderr
+
+
+def test_check_tells_scripts_in_json(odd_lif: Path) -> None:
+    done = nena("check", str(odd_lif), "--json")
+    assert done.exit_code == 0
+    found = json.loads(done.stdout)
+    assert (found["file"], found["format"], found["usable"]) == (str(odd_lif), "lif", True)
+    assert found["model"] == {
+        "name": "plant",
+        "points": 2,
+        "paths": 2,
+        "locationTypes": 0,
+        "locations": 0,
+        "blocks": 0,
+        "vehicles": 0,
+    }
+    assert codes(found) == ["IGNORED", "NO_PARK_POSITION"]
+    strict = nena("check", str(odd_lif), "--json", "--strict")
+    assert strict.exit_code == 1
+    found = json.loads(strict.stdout)
+    assert (found["usable"], found["model"], codes(found)) == (False, None, ["IGNORED"])
+    assert found["findings"][0]["severity"] == "error"
+
+
+def test_a_file_may_come_by_standard_input() -> None:
+    done = nena("check", "-", "--json", stdin=sample_plant_path().read_bytes())
+    assert json.loads(done.stdout)["model"]["name"] == "Sample hall"
+
+
+def test_import_loses_nothing(tmp_path: Path) -> None:
+    out = tmp_path / "hall.json"
+    done = nena("import", SAMPLE, "-o", str(out))
+    assert done.exit_code == 0, done.stderr
+    assert files.format_of(out.read_bytes()) is PlantFormat.NENA
+    assert files.read(out.read_bytes()).model == files.read(sample_plant_path().read_bytes()).model
+    assert f"{out} written" in done.stderr.replace("\n", "")
+
+
+@pytest.mark.parametrize("kind", ["lif", "opentcs"])
+def test_export_from_lif_and_own_json(kind: str, odd_lif: Path, tmp_path: Path) -> None:
+    own, out = tmp_path / "own.json", tmp_path / "out"
+    assert nena("import", str(odd_lif), "-o", str(own)).exit_code == 0
+    done = nena("export", str(own), "--format", kind, "-o", str(out), "--json")
+    assert done.exit_code == 0
+    found = json.loads(done.stdout)
+    assert found["written"] == str(out)
+    assert ("NOT_EXPORTED" in codes(found)) is (kind == "opentcs")
+    assert files.format_of(out.read_bytes()) == kind
+    assert set(files.read(out.read_bytes()).model.paths_by_name) == {"A-B", "B-A"}
+
+
+def test_export_to_standard_output_tells_the_rest_on_standard_error() -> None:
+    more = ("--map", "hall", "--vehicle-type", "t", "--vehicle-type", "u", "--json")
+    done = nena("export", SAMPLE, "--format", "lif", "-o", "-", *more)
+    (first, *_) = json.loads(done.stdout)["layouts"][0]["nodes"]
+    assert first["mapId"] == "hall"
+    assert [each["vehicleTypeId"] for each in first["vehicleTypeNodeProperties"]] == ["t", "u"]
+    assert "NOT_EXPORTED" in codes(json.loads(done.stderr))
+
+
+@pytest.mark.parametrize("command", [("import",), ("export", "--format", "lif")])
+def test_a_model_with_errors_is_not_written(command: tuple[str, ...], tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    done = nena(*command, "-", "-o", str(out), stdin=b"<model/>")
+    assert done.exit_code == 1
+    assert "UNSUPPORTED_VERSION" in done.stderr
+    assert not out.exists()
+
+
+def test_a_file_that_is_there_is_kept_unless_told_otherwise(tmp_path: Path) -> None:
+    out = tmp_path / "out.json"
+    out.write_text("mine")
+    done = nena("import", SAMPLE, "-o", str(out))
+    assert (done.exit_code, out.read_text()) == (2, "mine")
+    assert "--replace" in done.stderr
+    assert nena("import", SAMPLE, "-o", str(out), "--replace").exit_code == 0
+    assert out.read_text() != "mine"
+
+
+def test_work_that_cannot_be_done_ends_with_two(tmp_path: Path) -> None:
+    done = nena("check", str(tmp_path / "nowhere.xml"))
+    assert done.exit_code == 2
+    assert "No such file" in done.stderr
+    own = tmp_path / "own.json"
+    own.write_text(plant(path("A B"), properties={"k": "\u0001"}).to_json())
+    done = nena("export", str(own), "--format", "opentcs", "-o", str(tmp_path / "out.xml"))
+    assert done.exit_code == 2
+    assert "UNWRITABLE_TEXT" in done.stderr
