@@ -72,7 +72,9 @@ class MqttSettings(SettingsGroup):
         1000, ge=1, description="Messages that may wait for the broker; above that the oldest is dropped."
     )
     incoming_limit: int = Field(
-        10_000, ge=1, description="Messages that may wait for this program; above that new ones are dropped."
+        10_000,
+        ge=1,
+        description="Messages that may wait while a connection is made; above that new ones are dropped.",
     )
 
     def secret(self) -> str | None:

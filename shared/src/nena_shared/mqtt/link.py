@@ -7,14 +7,13 @@ import math
 import socket
 from collections import deque
 from collections.abc import Callable, Iterable
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Self
 
 import aiomqtt
 
 from nena_shared.log import get_logger
+from nena_shared.mqtt.client import Client
 from nena_shared.mqtt.message import Inbound, Outbound
 from nena_shared.mqtt.topic_filter import matches
 from nena_shared.settings import ConfigurationError, MqttSettings
@@ -56,34 +55,11 @@ class _Subscription:
 class _Session:
     """What belongs to one connection and ends with it."""
 
-    client: _Client
+    client: Client
     deliveries: dict[asyncio.Task[None], Outbound] = field(default_factory=dict)
     subscribed: int = 0
     """How many of the link's subscriptions the broker has been asked for."""
     subscribing: asyncio.Task[None] | None = None
-
-
-class _Client(aiomqtt.Client):
-    """Closes its socket also when the broker does not answer CONNECT.
-
-    Left open, such connections pile up at a broker that hangs; when it goes on, each takes over the client id
-    of the one before, and the wills of all of them are sent.
-    """
-
-    async def __aenter__(self) -> Self:
-        """Connect to the broker."""
-        try:
-            return await super().__aenter__()
-        except BaseException:
-            self._client.disconnect()
-            raise
-
-    def cut(self) -> None:
-        """Break the connection without DISCONNECT: the broker sends the will."""
-        sock = self._client.socket()
-        if isinstance(sock, socket.socket):
-            with suppress(OSError):  # it is broken already
-                sock.shutdown(socket.SHUT_RDWR)
 
 
 class MqttLink:
@@ -188,14 +164,13 @@ class MqttLink:
             session = _Session(client)
             try:
                 await self._greet(session)
-                async for message in client.messages:
-                    self._receive(message)
+                await client.hand_over(self._receive)
             finally:
                 self._leave(session)
 
-    def _make_client(self) -> _Client:
+    def _make_client(self) -> Client:
         will = self._will() if self._will else None
-        client = _Client(
+        client = Client(
             self._settings.host,
             self._settings.port,
             username=self._settings.username,
@@ -269,16 +244,14 @@ class MqttLink:
             self.state.connected = False
             self._on_lost()
 
-    def _receive(self, message: aiomqtt.Message) -> None:
+    def _receive(self, inbound: Inbound) -> None:
         self.state.received += 1
-        topic = message.topic.value
-        inbound = Inbound(topic, bytes(message.payload), message.retain, message.qos)
-        for handler in self._handlers(topic):
+        for handler in self._handlers(inbound.topic):
             try:
                 handler(inbound)
             except Exception:
                 self.state.handler_failures += 1
-                log.exception("a message was not handled", topic=topic, size=len(inbound.payload))
+                log.exception("a message was not handled", topic=inbound.topic, size=len(inbound.payload))
 
     def _matching_handlers(self, topic: str) -> tuple[Handler, ...]:
         return tuple(each.handler for each in self._subscriptions if matches(each.topic_filter, topic))

@@ -1,0 +1,120 @@
+"""aiomqtt's client, with a shorter way for messages: from the socket to whoever takes them, in one step.
+
+aiomqtt reads one packet for each turn of the event loop, puts each message into a queue, makes a task to take
+it out, and wakes the loop through a pipe for each acknowledgement. That is more work than most messages are
+worth, so reading and writing are done directly here. Decision 0002 has the figures.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from typing import Any, Self
+
+import aiomqtt
+from paho.mqtt.client import Client as PahoClient
+from paho.mqtt.client import MQTTMessage
+
+from nena_shared.mqtt.message import Inbound
+
+READ_AT_ONCE = 10
+"""Messages that are read before the event loop has its turn again."""
+
+Take = Callable[[Inbound], None]
+
+
+class Client(aiomqtt.Client):
+    """Until :meth:`hand_over` messages wait in ``messages``; from then on they are handed over at once.
+
+    It closes its socket also when the broker does not answer CONNECT. Left open, such connections pile up at
+    a broker that hangs; when it goes on, each takes over the client id of the one before, and the wills of
+    all of them are sent.
+    """
+
+    _take: Take | None = None
+    _taken = 0
+
+    async def __aenter__(self) -> Self:
+        """Connect to the broker."""
+        try:
+            return await super().__aenter__()
+        except BaseException:
+            self._client.disconnect()
+            raise
+
+    async def hand_over(self, take: Take) -> None:
+        """Give ``take`` all messages, first those that have waited, until the connection ends.
+
+        It is called from the event loop and must not raise.
+
+        Raises:
+            aiomqtt.MqttError: the connection has ended.
+
+        """
+        while len(self.messages):
+            message = await anext(self.messages)
+            take(Inbound(message.topic.value, bytes(message.payload), message.retain, message.qos))
+        self._take = take
+        await anext(self.messages)
+
+    def cut(self) -> None:
+        """Break the connection without DISCONNECT: the broker sends the will."""
+        sock = self._client.socket()
+        if isinstance(sock, socket.socket):
+            with suppress(OSError):  # it is broken already
+                sock.shutdown(socket.SHUT_RDWR)
+
+    def _on_message(self, client: PahoClient, userdata: object, message: MQTTMessage) -> None:
+        self._taken += 1
+        if self._take is None:
+            super()._on_message(client, userdata, message)
+        else:
+            self._take(Inbound(message.topic, bytes(message.payload), message.retain, message.qos))
+
+    def _on_socket_open(self, client: PahoClient, userdata: object, sock: Any) -> None:  # noqa: ANN401 - paho's
+        super()._on_socket_open(client, userdata, sock)
+        read = partial(self._guarded, self._read)
+        self._loop.call_soon_threadsafe(self._loop.add_reader, sock.fileno(), read)
+
+    def _on_socket_register_write(self, client: PahoClient, userdata: object, sock: Any) -> None:  # noqa: ANN401 - paho's
+        if self._in_loop():
+            self._loop.call_soon(self._guarded, self._write)
+        else:
+            super()._on_socket_register_write(client, userdata, sock)
+
+    def _read(self) -> None:
+        """Read what has come; a packet that is no message ends the round."""
+        for _ in range(READ_AT_ONCE):
+            before = self._taken
+            self._client.loop_read()
+            if self._taken == before:
+                break
+        sock: Any = self._client.socket()
+        if sock is not None and hasattr(sock, "pending") and sock.pending():
+            self._loop.call_soon(
+                self._guarded, self._read
+            )  # decrypted already: the socket itself stays quiet
+
+    def _write(self) -> None:
+        """Write what waits, at once; what the socket does not take goes when it is ready again."""
+        self._client.loop_write()
+        sock = self._client.socket()
+        if sock is not None and self._client.want_write():
+            self._loop.add_writer(sock.fileno(), partial(self._guarded, self._client.loop_write))
+
+    def _guarded(self, work: Callable[[], object]) -> None:
+        """Do ``work``; what breaks it has broken the connection."""
+        try:
+            work()
+        except Exception as error:  # noqa: BLE001 - whatever paho or the socket raise
+            if not self._disconnected.done():
+                self._disconnected.set_exception(error)
+
+    def _in_loop(self) -> bool:
+        try:
+            return asyncio.get_running_loop() is self._loop
+        except RuntimeError:
+            return False
