@@ -13,6 +13,7 @@ from nena_edge_agent.actions.timed_operation import TimedOperation
 from nena_edge_agent.actions.wait import Wait
 from nena_edge_agent.actions.zone_set_download import ZoneSetDownload
 from nena_edge_agent.agent import RobotAgent
+from nena_edge_agent.doctor import program as doctor
 from nena_edge_agent.drivers import driver_maker
 from nena_edge_agent.fleet import run_fleet
 from nena_edge_agent.journal import sole_user
@@ -34,7 +35,8 @@ from nena_shared.vda5050.versions import codec_for, topics_for
 PROGRAM = "nena-edge-agent"
 DESCRIPTION = (
     "Makes a ROS 2 robot with Nav2 a VDA 5050 robot: takes orders and instant actions over MQTT, drives, and "
-    "reports. Try it without a robot: nena-edge-agent --driver loopback"
+    "reports. Try it without a robot: nena-edge-agent --driver loopback. Find out which link is missing: "
+    "nena-edge-agent doctor"
 )
 
 log = get_logger(__name__)
@@ -122,7 +124,10 @@ async def _run_all(
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; the exit status is 0 after a signal, 1 after a failure, 2 for bad settings."""
-    return run(EdgeAgentSettings, serve, program=PROGRAM, description=DESCRIPTION, argv=argv)
+    arguments = sys.argv[1:] if argv is None else list(argv)
+    if arguments[:1] == ["doctor"]:
+        return doctor.main(arguments[1:])
+    return run(EdgeAgentSettings, serve, program=PROGRAM, description=DESCRIPTION, argv=arguments)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,1 @@
+"""``nena-edge-agent doctor``: which link between fleet control and Nav2 is missing, and what to do."""

@@ -1,0 +1,232 @@
+"""The links to the broker: it is reached, it lets the robot in, the robot may read and write its topics."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import socket
+import threading
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+
+from paho.mqtt.client import Client
+from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+from paho.mqtt.reasoncodes import ReasonCode
+
+from nena_edge_agent.doctor.finding import Finding, Link, missing, ok, unknown
+from nena_edge_agent.header import HeaderMaker
+from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.clock import SystemClock
+from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.mqtt import Inbound, MqttLink
+from nena_shared.settings import MqttSettings
+from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.versions import codec_for, topics_for
+from nena_shared.vda5050.visualization import Visualization
+
+ANSWER_WITHIN = 5.0
+"""Seconds that a broker has for each answer."""
+
+RETAINED_WITHIN = 1.0
+"""Seconds for what the broker has kept; much longer than it takes."""
+
+MAP_PROPERTY = "vda5050:mapId"
+
+
+@dataclass(frozen=True, slots=True)
+class BrokerView:
+    """What was found, and the ids of the maps that a plant model at the broker names."""
+
+    findings: list[Finding]
+    plant_maps: frozenset[str] = frozenset()
+
+
+async def examine_broker(settings: EdgeAgentSettings) -> BrokerView:
+    """Look at the three links. A running agent of the same robot is not disturbed: the client id differs.
+
+    Raises:
+        ConfigurationError: the password file cannot be read.
+
+    """
+    mqtt = settings.mqtt
+    mqtt.secret()
+    place = f"{mqtt.host}:{mqtt.port}"
+    problem = await _reach(mqtt)
+    if problem:
+        remedy = "see that the broker listens there, that no firewall is between, and mqtt.host and mqtt.port"
+        first = missing(Link.BROKER, f"{place} is not reached: {problem}", remedy)
+        return BrokerView([first, *unknown((Link.LOGIN, Link.ACCESS), "needs the broker")])
+    reached = ok(Link.BROKER, f"{place} takes connections")
+    probe = _Probe(settings)
+    async with probe.connected() as problem:
+        if problem:
+            return BrokerView(
+                [reached, _not_let_in(mqtt, problem), *unknown([Link.ACCESS], "needs the login")]
+            )
+        let_in = ok(Link.LOGIN, f"let in as {mqtt.username or 'anonymous'}")
+        plant_maps = await probe.plant_maps()
+        refused = probe.refused
+    access = _access(settings, refused, await asyncio.to_thread(_ask_to_write, settings))
+    return BrokerView([reached, let_in, access], plant_maps)
+
+
+async def _reach(mqtt: MqttSettings) -> str:
+    """Open a connection and close it; gives what is in the way, in words."""
+    try:
+        async with asyncio.timeout(ANSWER_WITHIN):
+            _, writer = await asyncio.open_connection(mqtt.host, mqtt.port)
+    except TimeoutError:
+        return f"no answer within {ANSWER_WITHIN:g} s"
+    except socket.gaierror:
+        return "nobody knows this name"
+    except OSError as error:
+        return os.strerror(error.errno) if error.errno else str(error)
+    writer.close()
+    return ""
+
+
+class _Probe:
+    """A link such as the agent's, with a client id of its own."""
+
+    def __init__(self, settings: EdgeAgentSettings) -> None:
+        robot = RobotKey(settings.manufacturer, settings.serial_number)
+        scheme = topics_for(settings.version, settings.interface_name)
+        mqtt = settings.mqtt.model_copy(update={"client_id": client_id(settings)})
+        self._answered = asyncio.Event()
+        self._link = MqttLink(mqtt, client_id="", on_subscribed=self._answered.set)
+        self._plant: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
+        self._topics = [scheme.of(robot, topic) for topic in _topics_read(settings)]
+        for topic in self._topics:
+            self._link.subscribe(topic, lambda _: None)
+        self._link.subscribe(FleetTopics().plant_model, self._plant_came)
+
+    @asynccontextmanager
+    async def connected(self) -> AsyncIterator[str]:
+        """Connect for the block; gives what is in the way, in words."""
+        work = asyncio.create_task(self._link.run(), name="doctor's link")
+        try:
+            yield await self._outcome()
+        finally:
+            work.cancel()
+            await asyncio.gather(work, return_exceptions=True)
+
+    @property
+    def refused(self) -> list[str]:
+        """The robot's topics that the broker does not let it subscribe to."""
+        return [topic for topic in self._topics if topic in self._link.state.refused]
+
+    async def plant_maps(self) -> frozenset[str]:
+        """Give the ids of the maps in a plant model that the broker has kept, if it shows one."""
+        try:
+            async with asyncio.timeout(RETAINED_WITHIN):
+                return map_ids(await self._plant)
+        except TimeoutError:
+            return frozenset()
+
+    async def _outcome(self) -> str:
+        for _ in range(int(ANSWER_WITHIN / 0.02)):
+            if self._answered.is_set():
+                return ""
+            if self._link.state.last_error:
+                return self._link.state.last_error
+            await asyncio.sleep(0.02)
+        return f"no answer within {ANSWER_WITHIN:g} s"
+
+    def _plant_came(self, message: Inbound) -> None:
+        if not self._plant.done():
+            self._plant.set_result(message.payload)
+
+
+def client_id(settings: EdgeAgentSettings) -> str:
+    """Give the doctor's client id: the agent's with an end, for a broker that goes by the beginning."""
+    own = settings.mqtt.client_id
+    return f"{own or f'nena-edge-agent-{settings.manufacturer}-{settings.serial_number}'}-doctor"
+
+
+def map_ids(plant: bytes) -> frozenset[str]:
+    """Give the map ids that a plant model (JSON) names; none where it is no such thing."""
+    try:
+        return frozenset(_map_ids(json.loads(plant)))
+    except (ValueError, RecursionError):
+        return frozenset()
+
+
+def _map_ids(part: object) -> list[str]:
+    if isinstance(part, list):
+        return [each for inner in part for each in _map_ids(inner)]
+    if not isinstance(part, dict):
+        return []
+    found = [each for inner in part.values() for each in _map_ids(inner)]
+    own = part.get(MAP_PROPERTY)
+    return [*found, own] if isinstance(own, str) else found
+
+
+def _topics_read(settings: EdgeAgentSettings) -> tuple[Topic, ...]:
+    first = (Topic.ORDER, Topic.INSTANT_ACTIONS)
+    return first if settings.version.startswith("2.") else (*first, Topic.ZONE_SET, Topic.RESPONSES)
+
+
+def _not_let_in(mqtt: MqttSettings, problem: str) -> Finding:
+    who = f"user '{mqtt.username}'" if mqtt.username else "a client without a user name"
+    remedy = "see mqtt.username and mqtt.password_file, and whether the broker knows this user"
+    return missing(Link.LOGIN, f"{who} is not let in: {problem}", remedy)
+
+
+def _access(settings: EdgeAgentSettings, refused: list[str], not_written: str) -> Finding:
+    robot = RobotKey(settings.manufacturer, settings.serial_number)
+    scheme = topics_for(settings.version, settings.interface_name)
+    subtree = f"{scheme.interface_name}/{scheme.major_version}/{robot}"
+    if refused:
+        remedy = f"in the broker's access list, let this user read {', '.join(refused)}"
+        return missing(Link.ACCESS, f"may not subscribe to {', '.join(refused)}", remedy)
+    if not_written:
+        text = f"may not write {scheme.of(robot, Topic.VISUALIZATION)}: {not_written}"
+        remedy = f"in the broker's access list, let this user write below {subtree}/"
+        return missing(Link.ACCESS, text, remedy)
+    return ok(Link.ACCESS, f"may subscribe and write below {subtree}/")
+
+
+def _ask_to_write(settings: EdgeAgentSettings) -> str:
+    """Write one message and give the broker's refusal, in words; empty where there is none.
+
+    MQTT 5, since older versions have no word for a refusal; a broker that does not speak it refuses nothing
+    here. The message is a visualization without a position: displays pass over it, nobody else reads it.
+    """
+    robot = RobotKey(settings.manufacturer, settings.serial_number)
+    topic = topics_for(settings.version, settings.interface_name).of(robot, Topic.VISUALIZATION)
+    mqtt, answered, refusals = settings.mqtt, threading.Event(), list[str]()
+
+    def on_publish(_client: Client, _data: object, _mid: int, code: ReasonCode, _more: object) -> None:
+        if code.is_failure:
+            refusals.append(str(code))
+        answered.set()
+
+    def on_connect(client: Client, _data: object, _flags: object, code: ReasonCode, _more: object) -> None:
+        if code.is_failure:
+            answered.set()
+        else:
+            client.publish(topic, _visualization(settings, robot), qos=1)
+
+    client = Client(
+        CallbackAPIVersion.VERSION2, client_id=f"{client_id(settings)}-5", protocol=MQTTProtocolVersion.MQTTv5
+    )
+    client.username_pw_set(mqtt.username, mqtt.secret())
+    client.on_connect, client.on_publish = on_connect, on_publish
+    try:
+        client.connect(mqtt.host, mqtt.port)
+        client.loop_start()
+        answered.wait(ANSWER_WITHIN)
+    except OSError:
+        return ""  # the connection stood a moment ago: what broke it shows at the next look
+    finally:
+        client.disconnect()
+        client.loop_stop()
+    return refusals[0] if refusals else ""
+
+
+def _visualization(settings: EdgeAgentSettings, robot: RobotKey) -> bytes:
+    codec = codec_for(settings.version)
+    headers = HeaderMaker(robot, version=codec.version, clock=SystemClock())
+    return codec.encode(Visualization(**headers.make(Topic.VISUALIZATION), reference_state_header_id=0))

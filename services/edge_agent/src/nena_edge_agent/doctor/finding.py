@@ -1,0 +1,69 @@
+"""What the doctor finds about each link, in the order in which they build on each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Link(StrEnum):
+    """The links between fleet control and the robot's drive, from one end to the other."""
+
+    BROKER = "broker"
+    LOGIN = "login"
+    ACCESS = "access"
+    DOMAIN = "ROS domain"
+    NAMESPACE = "namespace"
+    NAVIGATION = "Nav2"
+    LOCALISATION = "localisation"
+    MAP = "map"
+    CLOCK = "clock"
+
+
+class Verdict(StrEnum):
+    """How a link is."""
+
+    OK = "ok"
+    DOUBTFUL = "doubtful"
+    """It works, and may not do what is wanted."""
+    MISSING = "MISSING"
+    UNKNOWN = "-"
+    """It was not looked at, since a link before it is missing or the robot has none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What is known of one link; ``remedy`` says what to do where it is not well."""
+
+    link: Link
+    verdict: Verdict
+    text: str
+    remedy: str = ""
+
+
+def ok(link: Link, text: str) -> Finding:
+    """Make the finding of a link that is well."""
+    return Finding(link, Verdict.OK, text)
+
+
+def missing(link: Link, text: str, remedy: str) -> Finding:
+    """Make the finding of a link that is missing."""
+    return Finding(link, Verdict.MISSING, text, remedy)
+
+
+def unknown(links: Iterable[Link], text: str) -> list[Finding]:
+    """Make the findings of links that were not looked at."""
+    return [Finding(link, Verdict.UNKNOWN, text) for link in links]
+
+
+def report(findings: Sequence[Finding]) -> str:
+    """Write the findings for a person, one line each and one more where there is something to do."""
+    lines = []
+    for each in findings:
+        lines.append(f"{each.verdict:<9} {each.link:<13} {each.text}")
+        if each.remedy:
+            lines.append(f"{'':<9} {'':<13} -> {each.remedy}")
+    first = next((each.link for each in findings if each.verdict is Verdict.MISSING), None)
+    lines.append(f"The first missing link: {first}." if first else "No link is missing.")
+    return "\n".join(lines) + "\n"

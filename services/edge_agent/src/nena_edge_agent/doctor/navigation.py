@@ -1,0 +1,126 @@
+"""Judges the links on the robot's side by what was seen of it; pure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+
+from nena_edge_agent.doctor.finding import Finding, Link, Verdict, missing, ok, unknown
+from nena_edge_agent.doctor.ros_view import RosView
+from nena_edge_agent.ros.pose import PoseReading, localized
+from nena_edge_agent.ros.presence import Lifecycle
+from nena_edge_agent.ros.settings import RosSettings
+
+ROS_LINKS = (Link.DOMAIN, Link.NAMESPACE, Link.NAVIGATION, Link.LOCALISATION)
+NODES_SHOWN = 3
+
+
+def judge_robot(view: RosView, settings: RosSettings) -> list[Finding]:
+    """Judge domain, namespace, Nav2 and localisation; what builds on a missing link is not judged."""
+    findings = [_domain(view, settings)]
+    if findings[-1].verdict is Verdict.OK:
+        findings.append(_namespace(view, settings))
+    if findings[-1].link is Link.NAMESPACE and findings[-1].verdict is Verdict.OK:
+        findings.append(_navigation(view, settings))
+        findings.append(_localisation(view, settings))
+    return [*findings, *unknown(ROS_LINKS[len(findings) :], f"needs the {findings[-1].link}")]
+
+
+def judge_map(
+    view: RosView | None, settings: RosSettings, map_id: str, plant_maps: Collection[str]
+) -> Finding:
+    """Judge the map's id as fleet control must name it, and Nav2's map; ``view`` None: a loopback robot."""
+    if plant_maps and map_id not in plant_maps:
+        names = ", ".join(f"'{each}'" for each in sorted(plant_maps))
+        remedy = (
+            "set map_id to the plant's name of this map, or vda5050:mapId in the plant model to the robot's"
+        )
+        return missing(Link.MAP, f"map_id is '{map_id}', and the plant model has {names}", remedy)
+    agreed = f"map_id is '{map_id}', {'as in the plant model' if plant_maps else 'orders must name it so'}"
+    if view is None:
+        return ok(Link.MAP, agreed)
+    if not view.servers:
+        return Finding(Link.MAP, Verdict.UNKNOWN, f"{agreed}; more needs the {Link.NAMESPACE}")
+    return _nav2_map(view, settings, agreed)
+
+
+def _nav2_map(view: RosView, settings: RosSettings, agreed: str) -> Finding:
+    grid, pose = view.grid, view.pose
+    if grid is None:
+        text = f"{agreed}; nobody publishes a map to compare the position with"
+        return Finding(Link.MAP, Verdict.DOUBTFUL, text, "start Nav2's map server, if this robot has one")
+    if grid.frame.removeprefix("/") != settings.frame:
+        text = f"Nav2's map is in frame '{grid.frame}', goals are given in '{settings.frame}'"
+        return missing(Link.MAP, text, "set ros.frame to Nav2's global frame")
+    if pose and not grid.holds(pose.x, pose.y):
+        text = f"the robot believes to be at {pose.x:.2f} m, {pose.y:.2f} m, which is not on Nav2's map"
+        return missing(Link.MAP, text, "load the map of this place, or set the initial position anew")
+    return ok(Link.MAP, f"{agreed}; Nav2's map is {grid.width:.0f} m by {grid.height:.0f} m")
+
+
+def _domain(view: RosView, settings: RosSettings) -> Finding:
+    if view.nodes:
+        shown = ", ".join(view.nodes[:NODES_SHOWN]) + (", ..." if len(view.nodes) > NODES_SHOWN else "")
+        return ok(Link.DOMAIN, f"{len(view.nodes)} nodes in domain {settings.domain_id}: {shown}")
+    text = f"no other node is seen in domain {settings.domain_id}"
+    if view.busy_domains:
+        found = ", ".join(map(str, view.busy_domains))
+        return missing(
+            Link.DOMAIN, f"{text}, but there are nodes in {found}", "set ros.domain_id to the robot's"
+        )
+    remedy = (
+        "set ros.domain_id to the robot's ROS_DOMAIN_ID; see that the robot's nodes run, that both have the "
+        "same RMW_IMPLEMENTATION and ROS_AUTOMATIC_DISCOVERY_RANGE, and that the network passes UDP multicast"
+    )
+    return missing(Link.DOMAIN, text, remedy)
+
+
+def _namespace(view: RosView, settings: RosSettings) -> Finding:
+    if view.servers:
+        return ok(Link.NAMESPACE, f"{settings.namespace} has {settings.names.status}")
+    text = f"nobody publishes {settings.names.status} in namespace {settings.namespace}"
+    if view.elsewhere:
+        found = ", ".join(view.elsewhere)
+        return missing(
+            Link.NAMESPACE, f"{text}, but somebody does in {found}", "set ros.namespace to the robot's"
+        )
+    return missing(Link.NAMESPACE, text, "start Nav2 on the robot; ros.names.action names its action")
+
+
+def _navigation(view: RosView, settings: RosSettings) -> Finding:
+    names = settings.names
+    if view.lifecycle is Lifecycle.INACTIVE:
+        remedy = "activate it: ros2 service call .../manage_nodes, or autostart: true in Nav2's parameters"
+        return missing(Link.NAVIGATION, f"{names.lifecycle} says that Nav2 is not active", remedy)
+    if view.lifecycle is Lifecycle.SILENT:
+        return missing(Link.NAVIGATION, f"{names.lifecycle} does not answer", "Nav2 hangs: start it again")
+    if not view.goal_listeners:
+        remedy = "see that bt_navigator is configured and active; ros.names.goal_pose names the topic"
+        return missing(Link.NAVIGATION, f"nobody listens to {names.goal_pose}", remedy)
+    known = "active" if view.lifecycle is Lifecycle.ACTIVE else "there; it has no lifecycle manager to ask"
+    return ok(Link.NAVIGATION, f"{known}, and takes goals on {names.goal_pose}")
+
+
+def _localisation(view: RosView, settings: RosSettings) -> Finding:
+    pose, names = view.pose, settings.names
+    if pose is None:
+        remedy = (
+            "set the initial position (RViz, or the action initPosition); see whether the localisation runs"
+        )
+        return missing(Link.LOCALISATION, f"no pose comes on {names.pose}", remedy)
+    if pose.frame.removeprefix("/") != settings.frame:
+        text = f"poses are in frame '{pose.frame}', and ros.frame is '{settings.frame}': they are passed over"
+        return missing(Link.LOCALISATION, text, "set ros.frame to the frame of the localisation")
+    place = f"{pose.x:.2f} m, {pose.y:.2f} m, {math.degrees(pose.yaw):.0f} degrees"
+    if not localized(pose, settings.localisation):
+        text = f"the robot is not sure to be at {place}: {_spread(pose)}"
+        return missing(Link.LOCALISATION, text, "set the initial position, or drive the robot about by hand")
+    return ok(Link.LOCALISATION, f"the robot is at {place}, {_spread(pose)}")
+
+
+def _spread(pose: PoseReading) -> str:
+    variances = (pose.x_variance, pose.y_variance, pose.yaw_variance)
+    if not all(variance >= 0 for variance in variances):
+        return "with variances that are no numbers"
+    xy = math.sqrt(max(pose.x_variance, pose.y_variance))
+    return f"give or take {xy:.2f} m and {math.degrees(math.sqrt(pose.yaw_variance)):.0f} degrees"

@@ -1,0 +1,70 @@
+"""The command: looks at every link in order, writes what it finds, and gives the exit status."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from collections.abc import Sequence
+
+from nena_edge_agent.doctor.broker import examine_broker
+from nena_edge_agent.doctor.finding import Finding, Link, Verdict, missing, report, unknown
+from nena_edge_agent.doctor.navigation import ROS_LINKS, judge_map, judge_robot
+from nena_edge_agent.doctor.robot_clock import judge_clock, kernel_keeps_time
+from nena_edge_agent.doctor.ros_view import RosView
+from nena_edge_agent.ros.environment import prepare_environment
+from nena_edge_agent.ros.session_state import SessionError
+from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared import log
+from nena_shared.program import EXIT_FAILED, EXIT_MISCONFIGURED
+from nena_shared.settings import ConfigurationError, LogSettings, load
+
+PROGRAM = "nena-edge-agent doctor"
+DESCRIPTION = (
+    "Looks at each link between fleet control and Nav2, in order, with the settings of the agent, and says "
+    "which is missing and what to do. It gives no goals and may run beside the agent. Exit status: 0 when no "
+    "link is missing, 1 when one is, 2 for settings that do not fit."
+)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the command with its arguments, those of the agent."""
+    try:
+        settings = load(EdgeAgentSettings, argv, program=PROGRAM, description=DESCRIPTION)
+        log.configure(LogSettings(level="error", form="text"))
+        findings = asyncio.run(examine(settings))
+    except ConfigurationError as error:
+        for problem in error.problems:
+            sys.stderr.write(f"{PROGRAM}: setting {problem}\n")
+        return EXIT_MISCONFIGURED
+    sys.stdout.write(report(findings))
+    return EXIT_FAILED if any(each.verdict is Verdict.MISSING for each in findings) else 0
+
+
+async def examine(settings: EdgeAgentSettings) -> list[Finding]:
+    """Look at every link.
+
+    Raises:
+        ConfigurationError: the password file cannot be read.
+
+    """
+    broker, (view, robot) = await asyncio.gather(examine_broker(settings), _examine_robot(settings))
+    clock = judge_clock(kept=kernel_keeps_time(), ros_offset=view.clock_offset)
+    looked_at = None if settings.driver == "loopback" else view
+    place = judge_map(looked_at, settings.ros, settings.map_id, broker.plant_maps)
+    return [*broker.findings, *robot, place, clock]
+
+
+async def _examine_robot(settings: EdgeAgentSettings) -> tuple[RosView, list[Finding]]:
+    nothing = RosView()
+    if settings.driver == "loopback":
+        return nothing, unknown(ROS_LINKS, "a loopback robot has none")
+    prepare_environment()
+    try:
+        from nena_edge_agent.doctor.ros_probe import look  # noqa: PLC0415 - rclpy may be missing
+
+        view = await look(settings.ros)
+    except (ImportError, SessionError) as error:
+        remedy = "source the robot's ROS installation before the start, or install nena-edge-agent[ros]"
+        first = missing(Link.DOMAIN, f"ROS 2 for Python does not work here: {error}", remedy)
+        return nothing, [first, *unknown(ROS_LINKS[1:], "needs ROS")]
+    return view, judge_robot(view, settings.ros)

@@ -1,0 +1,198 @@
+"""Looks at the robot through a ROS node of its own, for some seconds."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from nav_msgs.msg import OccupancyGrid, Odometry
+from std_srvs.srv import Empty, Trigger
+
+from nena_edge_agent.doctor.ros_view import Grid, RosView
+from nena_edge_agent.ros import readings
+from nena_edge_agent.ros.nav2_node import LATCHED, RELIABLE, SENSOR
+from nena_edge_agent.ros.pose import PoseReading
+from nena_edge_agent.ros.presence import Lifecycle
+from nena_edge_agent.ros.session import RosSession
+from nena_edge_agent.ros.settings import RosSettings
+
+LOOK_FOR = 5.0
+"""Seconds until what was not seen counts as missing; discovery takes up to three."""
+
+LOOK_ELSEWHERE = 3.0
+"""Seconds for a look into another domain."""
+
+POSE_WAIT = 2.0
+"""Seconds to wait for a pose that was asked for."""
+
+
+async def look(settings: RosSettings) -> RosView:
+    """Look at the robot, and into other likely domains where there is nobody.
+
+    Raises:
+        SessionError: ROS refuses.
+
+    """
+    probe = _Probe(settings)
+    async with probe.running():
+        view = await probe.look()
+    if view.nodes:
+        return view
+    likely = {0, _domain_of_environment()} - {settings.domain_id}
+    return RosView(busy_domains=tuple([each for each in sorted(likely) if await _inhabited(settings, each)]))
+
+
+async def _inhabited(settings: RosSettings, domain_id: int) -> bool:
+    probe = _Probe(settings.model_copy(update={"domain_id": domain_id}))
+    async with probe.running():
+        return await probe.sees_nodes(LOOK_ELSEWHERE)
+
+
+def _domain_of_environment() -> int:
+    text = os.environ.get("ROS_DOMAIN_ID", "0")
+    return int(text) if text.isdecimal() and int(text) <= 232 else 0  # noqa: PLR2004 - ROS's greatest
+
+
+class _Probe:
+    """The doctor's node. It listens where the agent's node does, and gives no goals."""
+
+    def __init__(self, settings: RosSettings) -> None:
+        self._settings = settings
+        self._own = {settings.node_name, f"{settings.node_name}_doctor"}
+        self._session = RosSession(
+            node_name=f"{settings.node_name}_doctor",
+            namespace=settings.namespace,
+            domain_id=settings.domain_id,
+        )
+        self._pose: PoseReading | None = None
+        self._grid: Grid | None = None
+        self._clock_offset: float | None = None
+
+    @asynccontextmanager
+    async def running(self) -> AsyncIterator[None]:
+        """Join the ROS graph for the block; raises as :func:`look`."""
+        await self._session.start(self._furnish)
+        try:
+            yield
+        finally:
+            await self._session.stop()
+
+    async def sees_nodes(self, seconds: float) -> bool:
+        """Wait at most ``seconds`` for other nodes."""
+        return await _until(lambda: bool(self._nodes()), seconds)
+
+    async def look(self) -> RosView:
+        """Wait until all is seen or the time is over, and give what was."""
+        await _until(self._complete, LOOK_FOR)
+        if self._pose is None:
+            await self._session.call(self._fresh_pose, Empty.Request(), seconds=self._settings.call_timeout)
+            await _until(lambda: self._pose is not None, POSE_WAIT)
+        return RosView(
+            nodes=self._nodes(),
+            servers=self._servers(),
+            elsewhere=self._elsewhere(),
+            goal_listeners=self._goals.get_subscription_count(),
+            lifecycle=await self._lifecycle_state(),
+            pose=self._pose,
+            grid=self._grid,
+            clock_offset=self._clock_offset,
+        )
+
+    def _complete(self) -> bool:
+        seen = (self._pose, self._grid, self._clock_offset)
+        ready = self._lifecycle.service_is_ready() and self._goals.get_subscription_count()
+        return bool(self._nodes() and self._servers() and ready) and None not in seen
+
+    def _nodes(self) -> tuple[str, ...]:
+        found = self._node.get_node_names_and_namespaces()
+        return tuple(
+            sorted(
+                f"{space.rstrip('/')}/{name}"
+                for name, space in found
+                if not name.startswith("_") and name not in self._own
+            )
+        )
+
+    def _servers(self) -> int:
+        return len(self._node.get_publishers_info_by_topic(self._settings.names.status))
+
+    def _elsewhere(self) -> tuple[str, ...]:
+        end = "/" + self._settings.names.status.removeprefix("/")
+        here = self._node.resolve_topic_name(self._settings.names.status)
+        topics = [name for name, _ in self._node.get_topic_names_and_types()]
+        others = [name for name in topics if name.endswith(end) and name != here]
+        return tuple(
+            sorted(name.removesuffix(end) or "/" for name in others if self._node.count_publishers(name))
+        )
+
+    async def _lifecycle_state(self) -> Lifecycle:
+        if not self._lifecycle.service_is_ready():
+            return Lifecycle.ABSENT
+        answer = await self._session.call(
+            self._lifecycle, Trigger.Request(), seconds=2 * self._settings.call_timeout
+        )
+        if answer is None:
+            return Lifecycle.SILENT
+        return Lifecycle.ACTIVE if answer.success else Lifecycle.INACTIVE
+
+    def _furnish(self, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
+        names, subscribe = self._settings.names, self._session.subscribe
+        self._node = node
+        self._goals = node.create_publisher(PoseStamped, names.goal_pose, RELIABLE)
+        self._lifecycle = node.create_client(Trigger, names.lifecycle)
+        self._fresh_pose = node.create_client(Empty, names.fresh_pose)
+        for qos in (LATCHED, SENSOR):
+            subscribe(
+                node,
+                PoseWithCovarianceStamped,
+                names.pose,
+                qos,
+                read=readings.pose_reading,
+                handle=self._pose_came,
+            )
+        # Robots of a fleet often share one map, outside of their namespaces.
+        for topic in {node.resolve_topic_name("map"), "/map"}:
+            subscribe(node, OccupancyGrid, topic, LATCHED, read=_grid, handle=self._grid_came)
+        subscribe(node, Odometry, names.odometry, SENSOR, read=_offset, handle=self._odometry_came)
+
+    def _pose_came(self, reading: PoseReading) -> None:
+        self._pose = reading
+
+    def _grid_came(self, grid: Grid) -> None:
+        self._grid = grid
+
+    def _odometry_came(self, offset: float) -> None:
+        self._clock_offset = offset
+
+
+def _grid(message: Any) -> Grid:  # noqa: ANN401 - rclpy carries no types
+    """Read a nav_msgs/OccupancyGrid."""
+    info = message.info
+    corner = info.origin.position
+    return Grid(
+        message.header.frame_id,
+        corner.x,
+        corner.y,
+        info.width * info.resolution,
+        info.height * info.resolution,
+    )
+
+
+def _offset(message: Any) -> float:  # noqa: ANN401
+    """Give how many seconds a nav_msgs/Odometry was stamped ahead of now."""
+    stamp = message.header.stamp
+    return float(stamp.sec + stamp.nanosec / readings.NANOSECONDS - time.time())
+
+
+async def _until(condition: Callable[[], bool], seconds: float) -> bool:
+    """Look at ``condition`` until it holds, at most for ``seconds``; tell whether it does."""
+    for _ in range(int(seconds / 0.05)):
+        if condition():
+            return True
+        await asyncio.sleep(0.05)
+    return condition()

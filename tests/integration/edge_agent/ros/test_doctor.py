@@ -1,0 +1,152 @@
+"""The doctor and a simulated robot, over DDS: each link of the robot's side, missing and there."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from nav_msgs.msg import Odometry
+
+from nena_edge_agent.doctor.finding import Finding, Link, Verdict
+from nena_edge_agent.doctor.navigation import judge_map, judge_robot
+from nena_edge_agent.doctor.robot_clock import judge_clock
+from nena_edge_agent.doctor.ros_probe import look
+from nena_edge_agent.doctor.ros_view import RosView
+from nena_edge_agent.ros.settings import RosSettings
+from support.broker import Broker
+from support.ros import BEST_EFFORT, RosPeer
+from support.simulator import simulated_robot
+
+pytestmark = pytest.mark.ros
+
+OK, MISSING = Verdict.OK, Verdict.MISSING
+
+
+@pytest.fixture(autouse=True)
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Discovery on one machine is quick, and what is missing is waited for in vain."""
+    monkeypatch.setattr("nena_edge_agent.doctor.ros_probe.LOOK_FOR", 2.5)
+    monkeypatch.setattr("nena_edge_agent.doctor.ros_probe.LOOK_ELSEWHERE", 2.0)
+    monkeypatch.setattr("nena_edge_agent.doctor.ros_probe.POSE_WAIT", 0.5)
+
+
+def first_missing(view: RosView, settings: RosSettings) -> Finding:
+    return next(each for each in judge_robot(view, settings) if each.verdict is MISSING)
+
+
+async def test_a_robot_that_is_well(domain_id: int) -> None:
+    settings = RosSettings(namespace="r1", domain_id=domain_id)
+    with simulated_robot(domain_id, "r1"):
+        view = await look(settings)
+
+    assert {each.verdict for each in judge_robot(view, settings)} == {OK}
+    assert judge_map(view, settings, "hall", {"hall"}).verdict is OK
+    assert view.grid is not None
+    assert (view.grid.width, view.grid.height) == pytest.approx((60, 60), abs=1)
+    assert view.clock_offset is not None
+    assert judge_clock(kept=True, ros_offset=view.clock_offset).verdict is OK
+
+
+async def test_a_robot_in_the_domain_of_the_environment(
+    domain_id: int, other_domain_id: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain_id))
+    settings = RosSettings(domain_id=other_domain_id)
+    with simulated_robot(domain_id):
+        view = await look(settings)
+
+    finding = first_missing(view, settings)
+    assert finding.link is Link.DOMAIN
+    assert domain_id in view.busy_domains
+
+
+async def test_a_robot_in_another_namespace(domain_id: int) -> None:
+    settings = RosSettings(namespace="r2", domain_id=domain_id)
+    with simulated_robot(domain_id, "r1"):
+        view = await look(settings)
+
+    finding = first_missing(view, settings)
+    assert finding.link is Link.NAMESPACE
+    assert "but somebody does in /r1" in finding.text
+
+
+async def test_a_domain_without_nav2(domain_id: int, peer: RosPeer) -> None:
+    settings = RosSettings(domain_id=domain_id)
+
+    view = await look(settings)
+
+    assert view.nodes == ("/test_peer",)
+    assert first_missing(view, settings).link is Link.NAMESPACE
+    assert peer.node.get_name() == "test_peer"
+
+
+async def test_nav2_that_is_not_active(domain_id: int) -> None:
+    settings = RosSettings(domain_id=domain_id)
+    with simulated_robot(domain_id, faults=({"kind": "inactive"},)):
+        view = await look(settings)
+
+    assert first_missing(view, settings).link is Link.NAVIGATION
+
+
+async def test_a_robot_that_does_not_know_where_it_is(domain_id: int) -> None:
+    settings = RosSettings(domain_id=domain_id)
+    with simulated_robot(domain_id, localisation={"known_at_start": False}):
+        view = await look(settings)
+
+    finding = first_missing(view, settings)
+    assert finding.link is Link.LOCALISATION
+    assert "no pose comes on amcl_pose" in finding.text
+
+
+async def test_a_robot_that_is_not_sure(domain_id: int) -> None:
+    settings = RosSettings(domain_id=domain_id)
+    with simulated_robot(domain_id, localisation={"xy_deviation": 3.0}):
+        view = await look(settings)
+
+    assert "is not sure" in first_missing(view, settings).text
+
+
+async def test_another_frame(domain_id: int) -> None:
+    settings = RosSettings(domain_id=domain_id, frame="earth")
+    with simulated_robot(domain_id):
+        view = await look(settings)
+
+    assert first_missing(view, settings).link is Link.LOCALISATION
+    assert "frame 'map'" in judge_map(view, settings, "hall", ()).text
+
+
+async def test_simulated_time(domain_id: int, peer: RosPeer) -> None:
+    """Odometry with stamps of its own instead of the simulator's."""
+    settings = RosSettings(domain_id=domain_id, namespace="r1")
+    odometry = peer.node.create_publisher(Odometry, "/r1/odom", BEST_EFFORT)
+    peer.node.create_timer(0.05, lambda: odometry.publish(Odometry()))
+
+    view = await look(settings)
+
+    finding = judge_clock(kept=True, ros_offset=view.clock_offset)
+    assert finding.verdict is MISSING
+    assert "use_sim_time" in finding.remedy
+
+
+@pytest.mark.broker
+@pytest.mark.e2e
+def test_the_command(broker: Broker, domain_id: int) -> None:
+    program = str(Path(sys.executable).with_name("nena-edge-agent"))
+    options = ["--mqtt.port", str(broker.port), "--ros.domain_id", str(domain_id), "--ros.namespace", "r1"]
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("NENA_")}
+    with simulated_robot(domain_id, "r1"):
+        done = subprocess.run(
+            [program, "doctor", *options],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            env=environment,
+            check=False,
+        )
+
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.endswith("No link is missing.\n")
+    assert [line.split()[0] for line in done.stdout.splitlines()[:8]] == ["ok"] * 8

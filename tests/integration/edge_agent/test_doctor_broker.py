@@ -1,0 +1,184 @@
+"""The doctor at a real broker: each link that can be missing there, and a robot that goes on meanwhile."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from pydantic import SecretStr
+
+from nena_edge_agent.doctor.broker import BrokerView, examine_broker
+from nena_edge_agent.doctor.finding import Finding, Link, Verdict
+from nena_edge_agent.doctor.program import main
+from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.settings import MqttSettings
+from nena_shared.vda5050.topics import Topic
+from support.broker import Broker, MqttPeer, free_port
+from support.edge_agent import FleetControl, agent_settings, running_agent
+from support.waiting import until
+
+pytestmark = pytest.mark.broker
+
+PLUGIN = Path("/usr/lib/x86_64-linux-gnu/mosquitto_dynamic_security.so")
+OK, MISSING, UNKNOWN = Verdict.OK, Verdict.MISSING, Verdict.UNKNOWN
+
+
+def settings_for(mqtt: MqttSettings, **more: str) -> EdgeAgentSettings:
+    settings = EdgeAgentSettings(manufacturer="ACME", serial_number="0001", mqtt=mqtt)
+    return settings.model_copy(update=more)
+
+
+def verdicts(view: BrokerView) -> dict[Link, Verdict]:
+    return {each.link: each.verdict for each in view.findings}
+
+
+def first_missing(view: BrokerView) -> Finding:
+    return next(each for each in view.findings if each.verdict is MISSING)
+
+
+async def test_a_broker_that_lets_the_robot_in(broker: Broker, interface_name: str) -> None:
+    view = await examine_broker(settings_for(broker.settings, interface_name=interface_name))
+
+    assert verdicts(view) == {Link.BROKER: OK, Link.LOGIN: OK, Link.ACCESS: OK}
+
+
+async def test_a_port_where_nobody_listens() -> None:
+    port = free_port()
+
+    view = await examine_broker(settings_for(MqttSettings(port=port)))
+
+    assert verdicts(view) == {Link.BROKER: MISSING, Link.LOGIN: UNKNOWN, Link.ACCESS: UNKNOWN}
+    assert f"127.0.0.1:{port} is not reached: Connection refused" in first_missing(view).text
+
+
+async def test_a_name_that_nobody_knows() -> None:
+    view = await examine_broker(settings_for(MqttSettings(host="broker.invalid")))
+
+    assert "nobody knows this name" in first_missing(view).text
+
+
+async def test_something_that_is_no_broker(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes the connection and closes it."""
+    monkeypatch.setattr("nena_edge_agent.doctor.broker.ANSWER_WITHIN", 1.0)
+
+    async def close(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.close()
+
+    server = await asyncio.start_server(close, "127.0.0.1", 0)
+    async with server:
+        port = server.sockets[0].getsockname()[1]
+        view = await examine_broker(settings_for(MqttSettings(port=port)))
+
+    assert verdicts(view) == {Link.BROKER: OK, Link.LOGIN: MISSING, Link.ACCESS: UNKNOWN}
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Broker]:
+    """Give a broker with two users, of whom one may not write what robots write."""
+    rules = tmp_path_factory.mktemp("acl") / "acl"
+    rules.write_text("user mute\ntopic read uagv/#\n\nuser robot\ntopic readwrite uagv/#\n")
+    rules.chmod(0o644)
+    rules.parent.chmod(0o755)
+    broker = Broker(users={"mute": "m", "robot": "r"}, more=f"acl_file {rules}\n")
+    yield broker
+    broker.close()
+
+
+@pytest.mark.parametrize(
+    ("username", "password", "verdict"),
+    [("robot", "r", OK), ("robot", "wrong", MISSING), ("nobody", "r", MISSING), (None, None, MISSING)],
+)
+async def test_a_login(guarded: Broker, username: str | None, password: str | None, verdict: Verdict) -> None:
+    secret = SecretStr(password) if password else None
+    mqtt = guarded.settings.model_copy(update={"username": username, "password": secret})
+
+    view = await examine_broker(settings_for(mqtt))
+
+    assert verdicts(view)[Link.BROKER] is OK
+    assert verdicts(view)[Link.LOGIN] is verdict
+
+
+async def test_a_robot_that_may_not_write(guarded: Broker) -> None:
+    mqtt = guarded.settings.model_copy(update={"username": "mute", "password": SecretStr("m")})
+
+    view = await examine_broker(settings_for(mqtt))
+
+    assert verdicts(view) == {Link.BROKER: OK, Link.LOGIN: OK, Link.ACCESS: MISSING}
+    assert "may not write uagv/v2/ACME/0001/visualization: Not authorized" in first_missing(view).text
+    assert "write below uagv/v2/ACME/0001/" in first_missing(view).remedy
+
+
+@pytest.mark.skipif(not PLUGIN.exists(), reason=f"Mosquitto's dynamic security plug-in is not at {PLUGIN}")
+async def test_a_robot_that_may_not_read_orders(tmp_path: Path) -> None:
+    deny = {"acltype": "subscribePattern", "topic": "+/v2/+/+/order", "priority": 1, "allow": False}
+    rules = {
+        "defaultACLAccess": dict.fromkeys(
+            ("publishClientSend", "publishClientReceive", "subscribe", "unsubscribe"), True
+        ),
+        "roles": [{"rolename": "deaf", "acls": [deny]}],
+        "groups": [{"groupname": "all", "roles": [{"rolename": "deaf"}], "clients": []}],
+        "anonymousGroup": "all",
+        "clients": [],
+    }
+    file = tmp_path / "security.json"
+    file.write_text(json.dumps(rules))
+    file.chmod(0o666)
+    broker = Broker(more=f"plugin {PLUGIN}\nplugin_opt_config_file {file}\n")
+    try:
+        view = await examine_broker(settings_for(broker.settings))
+    finally:
+        broker.close()
+
+    assert verdicts(view)[Link.ACCESS] is MISSING
+    assert first_missing(view).text == "may not subscribe to uagv/v2/ACME/0001/order"
+
+
+async def test_the_maps_of_a_plant_model_are_read(own_broker: Broker) -> None:
+    with MqttPeer(own_broker) as peer:
+        plant = {"points": [{"properties": {"vda5050:mapId": "hall"}}]}
+        peer.publish("nena/v1/plantModel", json.dumps(plant), retain=True)
+
+        view = await examine_broker(settings_for(own_broker.settings))
+
+    assert view.plant_maps == {"hall"}
+
+
+async def test_a_running_agent_goes_on(broker: Broker, interface_name: str, tmp_path: Path) -> None:
+    settings = agent_settings(broker, interface_name, tmp_path)
+    with MqttPeer(broker, f"{interface_name}/#") as peer:
+        fleet = FleetControl(peer, interface_name)
+        async with running_agent(settings):
+            await fleet.state()
+
+            view = await examine_broker(settings)
+
+            await until(lambda: len(peer.received(fleet.topic(Topic.VISUALIZATION))) > 0)
+            assert set(verdicts(view).values()) == {OK}
+            assert fleet.connections == ["ONLINE"]
+
+
+def test_the_command_ends_with_what_it_found(capsys: pytest.CaptureFixture[str], broker: Broker) -> None:
+    loopback = ("--driver", "loopback", "--mqtt.port")
+
+    well = main((*loopback, str(broker.port)))
+    report = capsys.readouterr().out
+    assert well == 0
+    assert report.endswith("No link is missing.\n")
+
+    with socket.socket() as closed:
+        closed.bind(("127.0.0.1", 0))
+        ill = main((*loopback, str(closed.getsockname()[1])))
+    report = capsys.readouterr().out
+    assert ill == 1
+    assert report.endswith("The first missing link: broker.\n")
+
+
+def test_wrong_settings_get_a_clear_line(capsys: pytest.CaptureFixture[str]) -> None:
+    status = main(("--mqtt.password_file", "/nowhere/password", "--driver", "loopback"))
+
+    assert status == 2
+    assert capsys.readouterr().err.startswith("nena-edge-agent doctor: setting mqtt.password_file: ")

@@ -1,0 +1,28 @@
+from __future__ import annotations
+
+from nena_edge_agent.doctor.finding import Finding, Link, Verdict, missing, ok, report, unknown
+
+
+def test_the_report_names_the_first_missing_link_and_what_to_do() -> None:
+    findings = [
+        ok(Link.BROKER, "answers"),
+        missing(Link.LOGIN, "not let in", "see mqtt.username"),
+        *unknown([Link.ACCESS], "needs the login"),
+        missing(Link.MAP, "is another", "set map_id"),
+    ]
+
+    assert report(findings).splitlines() == [
+        "ok        broker        answers",
+        "MISSING   login         not let in",
+        "                        -> see mqtt.username",
+        "-         access        needs the login",
+        "MISSING   map           is another",
+        "                        -> set map_id",
+        "The first missing link: login.",
+    ]
+
+
+def test_what_is_doubtful_is_not_missing() -> None:
+    text = report([Finding(Link.CLOCK, Verdict.DOUBTFUL, "nobody keeps it", "have it kept")])
+
+    assert text.endswith("-> have it kept\nNo link is missing.\n")

@@ -1,0 +1,110 @@
+"""What the doctor concludes from what it saw; that it sees it is shown over DDS elsewhere."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from nena_edge_agent.doctor.finding import Finding, Link, Verdict
+from nena_edge_agent.doctor.navigation import ROS_LINKS, judge_map, judge_robot
+from nena_edge_agent.doctor.ros_view import Grid, RosView
+from nena_edge_agent.ros.pose import PoseReading
+from nena_edge_agent.ros.presence import Lifecycle
+from nena_edge_agent.ros.settings import RosSettings
+
+SETTINGS = RosSettings(namespace="r1", domain_id=42)
+POSE = PoseReading(1.0, 2.0, 0.5, "map", 0, 0.04, 0.01, 0.01)
+WELL = RosView(
+    nodes=("/r1/bt_navigator",),
+    servers=1,
+    goal_listeners=1,
+    lifecycle=Lifecycle.ACTIVE,
+    pose=POSE,
+    grid=Grid("map", -10.0, -10.0, 50.0, 30.0),
+    clock_offset=0.0,
+)
+
+
+def first_missing(view: RosView) -> Finding:
+    return next(each for each in judge_robot(view, SETTINGS) if each.verdict is Verdict.MISSING)
+
+
+def test_a_robot_that_is_well() -> None:
+    findings = judge_robot(WELL, SETTINGS)
+
+    assert [each.link for each in findings] == list(ROS_LINKS)
+    assert {each.verdict for each in findings} == {Verdict.OK}
+    assert (
+        findings[-1].text == "the robot is at 1.00 m, 2.00 m, 29 degrees, give or take 0.20 m and 6 degrees"
+    )
+
+
+@pytest.mark.parametrize(
+    ("view", "link", "text", "remedy"),
+    [
+        (RosView(), Link.DOMAIN, "domain 42", "UDP multicast"),
+        (RosView(busy_domains=(0, 7)), Link.DOMAIN, "there are nodes in 0, 7", "ros.domain_id"),
+        (replace(WELL, servers=0), Link.NAMESPACE, "namespace /r1", "start Nav2"),
+        (replace(WELL, servers=0, elsewhere=("/", "/r2")), Link.NAMESPACE, "in /, /r2", "ros.namespace"),
+        (replace(WELL, lifecycle=Lifecycle.INACTIVE), Link.NAVIGATION, "not active", "autostart"),
+        (replace(WELL, lifecycle=Lifecycle.SILENT), Link.NAVIGATION, "does not answer", "start it again"),
+        (replace(WELL, goal_listeners=0), Link.NAVIGATION, "goal_pose", "bt_navigator"),
+        (replace(WELL, pose=None), Link.LOCALISATION, "amcl_pose", "initial position"),
+        (replace(WELL, pose=replace(POSE, frame="earth")), Link.LOCALISATION, "'earth'", "ros.frame"),
+        (replace(WELL, pose=replace(POSE, x_variance=4.0)), Link.LOCALISATION, "2.00 m", "initial position"),
+        (replace(WELL, pose=replace(POSE, y_variance=math.nan)), Link.LOCALISATION, "no numbers", "initial"),
+    ],
+)
+def test_a_missing_link_is_named_with_what_to_do(view: RosView, link: Link, text: str, remedy: str) -> None:
+    finding = first_missing(view)
+
+    assert finding.link is link
+    assert text in finding.text
+    assert remedy in finding.remedy
+
+
+def test_what_builds_on_a_missing_link_is_not_judged() -> None:
+    without_nodes, without_nav2 = (
+        judge_robot(RosView(), SETTINGS),
+        judge_robot(replace(WELL, servers=0), SETTINGS),
+    )
+
+    unknown, ok, gone = Verdict.UNKNOWN, Verdict.OK, Verdict.MISSING
+    assert [each.verdict for each in without_nodes] == [gone, unknown, unknown, unknown]
+    assert [each.verdict for each in without_nav2] == [ok, gone, unknown, unknown]
+    assert [each.link for each in without_nodes] == list(ROS_LINKS)
+
+
+def test_nav2_without_a_lifecycle_manager_is_taken_as_it_is() -> None:
+    (finding,) = [
+        each
+        for each in judge_robot(replace(WELL, lifecycle=Lifecycle.ABSENT), SETTINGS)
+        if each.link is Link.NAVIGATION
+    ]
+
+    assert finding.verdict is Verdict.OK
+
+
+@pytest.mark.parametrize(
+    ("view", "plant_maps", "verdict", "text"),
+    [
+        (WELL, set(), Verdict.OK, "orders must name it so; Nav2's map is 50 m by 30 m"),
+        (WELL, {"hall", "yard"}, Verdict.OK, "as in the plant model"),
+        (WELL, {"yard", "Hall"}, Verdict.MISSING, "the plant model has 'Hall', 'yard'"),
+        (None, {"yard"}, Verdict.MISSING, "the plant model has 'yard'"),
+        (None, set(), Verdict.OK, "map_id is 'hall', orders must name it so"),
+        (RosView(), set(), Verdict.UNKNOWN, "more needs the namespace"),
+        (replace(WELL, grid=None), set(), Verdict.DOUBTFUL, "nobody publishes a map"),
+        (replace(WELL, grid=replace(WELL.grid, frame="odom")), set(), Verdict.MISSING, "frame 'odom'"),  # type: ignore[type-var]  # it is no None
+        (replace(WELL, pose=replace(POSE, x=40.1)), set(), Verdict.MISSING, "not on Nav2's map"),
+        (replace(WELL, pose=replace(POSE, y=-10.1)), set(), Verdict.MISSING, "not on Nav2's map"),
+        (replace(WELL, pose=None), set(), Verdict.OK, "50 m by 30 m"),
+    ],
+)
+def test_the_map(view: RosView | None, plant_maps: set[str], verdict: Verdict, text: str) -> None:
+    finding = judge_map(view, SETTINGS, "hall", plant_maps)
+
+    assert finding.verdict is verdict
+    assert text in finding.text
