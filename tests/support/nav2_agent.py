@@ -27,10 +27,18 @@ class Bench:
     """What a test has in its hands: fleet control, the ROS graph, and a folder for the programs."""
 
     def __init__(
-        self, broker: Broker, interface_name: str, *, ros: RosPeer, domain_id: int, folder: Path
+        self,
+        broker: Broker,
+        interface_name: str,
+        *,
+        ros: RosPeer,
+        domain_id: int,
+        folder: Path,
+        version: str = "2.1.0",
     ) -> None:
         self.mqtt = MqttPeer(broker, f"{interface_name}/#")
-        self.fleet = FleetControl(self.mqtt, interface_name)
+        self.fleet = FleetControl(self.mqtt, interface_name, version=version)
+        self._version = version
         self.ros = ros
         self._odometry: Inbox[Any] = ros.subscribe(Odometry, "odom", BEST_EFFORT)
         self._faults: Any = None
@@ -65,7 +73,13 @@ class Bench:
         """Give the agent's settings."""
         values = {"domain_id": self._domain_id, **ROS, **(ros or {})}
         return agent_settings(
-            self._broker, self._interface_name, self._folder / "journal", driver="nav2", ros=values, **changes
+            self._broker,
+            self._interface_name,
+            self._folder / "journal",
+            driver="nav2",
+            ros=values,
+            version=self._version,
+            **changes,
         )
 
     def agent_process(self, *options: str) -> AgentProcess:
@@ -97,7 +111,9 @@ class Bench:
 
 def ready(state: dict[str, Any]) -> bool:
     """Accept a state of a robot that knows where it is and has no error."""
-    return not state["errors"] and bool(state.get("agvPosition", {}).get("positionInitialized"))
+    position = state.get("agvPosition") or state.get("mobileRobotPosition") or {}
+    known = position.get("positionInitialized") or position.get("localized")
+    return not state["errors"] and bool(known)
 
 
 def failure_of(state: dict[str, Any]) -> str | None:

@@ -41,7 +41,6 @@ from nena_edge_agent.protocol.ground import Footprint
 from nena_edge_agent.protocol.predefined import spoken
 from nena_edge_agent.protocol.robot import RobotCore
 from nena_edge_agent.protocol.rules import RULES
-from nena_edge_agent.protocol.state_report import position, velocity
 from nena_edge_agent.schedule import StateSchedule, VisualizationSchedule
 from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings
 from nena_shared.clock import Clock
@@ -270,13 +269,8 @@ class RobotAgent:
             self._greeting = False
 
     def _visualization(self) -> Visualization:
-        senses = self._core.parts.senses
-        return Visualization(
-            **self._headers.make(Topic.VISUALIZATION),
-            reference_state_header_id=self._headers.last_id(Topic.STATE),
-            mobile_robot_position=position(senses),
-            velocity=velocity(senses),
-        )
+        header = self._headers.make(Topic.VISUALIZATION)
+        return self._core.visualization(header, self._headers.last_id(Topic.STATE))
 
     def _outbound(
         self, topic: Topic, message: Header, *, qos: int, retain: bool = False, keep: bool = False

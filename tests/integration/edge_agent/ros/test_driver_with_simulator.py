@@ -22,6 +22,7 @@ from nena_edge_agent.driver.port import (
     GoalReport,
     Halted,
     NavigationReport,
+    PlanReport,
     Pose,
     PoseReport,
     PositionInitialized,
@@ -130,6 +131,15 @@ async def test_next_goal_replaces_the_one_under_way_without_a_stop(robot: Driven
     assert await robot.hears(Arrived) == Arrived(2)
     assert robot.ends == [Arrived(2)]
     assert min(speeds) > 2.5
+
+
+async def test_plan_of_our_own_drive_is_told_and_no_other(robot: DrivenRobot, peer: RosPeer) -> None:
+    with fault(peer, '{"kind": "foreign_goal", "x": 2.0, "y": 2.0}'):
+        await robot.hears(GoalReport, lambda report: report.ended)
+    assert robot.all(PlanReport) == []
+    await robot.driving(goal_at(1, 15.0))
+    plan = await robot.hears(PlanReport)
+    assert plan.points[-1] == pytest.approx((15.0, 0.0), abs=0.75)
 
 
 async def test_halt_in_mid_drive(robot: DrivenRobot, peer: RosPeer) -> None:

@@ -7,10 +7,11 @@ from uuid import uuid4
 
 import pytest
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from nav_msgs.msg import Path
 
 from nena_edge_agent.driver.port import Pose
 from nena_edge_agent.ros import messages
-from nena_edge_agent.ros.readings import UnusablePoseError, pose_reading
+from nena_edge_agent.ros.readings import PLAN_POINTS, UnusablePoseError, plan_points, pose_reading
 from support.ros import RosPeer
 
 pytestmark = pytest.mark.ros
@@ -55,3 +56,28 @@ def test_pose_without_a_heading_is_refused() -> None:
     message.pose.pose.orientation.w = 0.0
     with pytest.raises(UnusablePoseError):
         pose_reading(message)
+
+
+def path(*places: tuple[float, float]) -> Path:
+    message = Path()
+    message.header.frame_id = "map"
+    for x, y in places:
+        pose = PoseStamped()
+        pose.pose.position.x, pose.pose.position.y = x, y
+        message.poses.append(pose)
+    return message
+
+
+def test_plan_is_read_with_not_too_many_points_and_its_end() -> None:
+    frame, points = plan_points(path(*((0.1 * number, 1.0) for number in range(1000))))
+    assert frame == "map"
+    assert len(points) <= PLAN_POINTS + 1
+    assert points[0] == (0.0, 1.0)
+    assert points[-1] == pytest.approx((99.9, 1.0))
+    assert plan_points(path((1.0, 2.0), (3.0, 4.0)))[1] == ((1.0, 2.0), (3.0, 4.0))
+    assert plan_points(path())[1] == ()
+
+
+def test_plan_with_a_point_that_is_no_place_is_refused() -> None:
+    with pytest.raises(UnusablePoseError):
+        plan_points(path((0.0, 0.0), (math.nan, 0.0)))

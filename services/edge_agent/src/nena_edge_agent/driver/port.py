@@ -140,6 +140,13 @@ class BlockedReport:
 
 
 @dataclass(frozen=True, slots=True)
+class PlanReport:
+    """The way that navigation means to drive to its goal, from where the robot was: m, two points or more."""
+
+    points: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
 class NoRouteReport:
     """The areas that navigation knows no way into, all of them; orders that lead there are refused."""
 
@@ -189,6 +196,7 @@ DriverEvent = (
     | BatteryReport
     | NavigationReport
     | BlockedReport
+    | PlanReport
     | NoRouteReport
     | PositionInitialized
     | GoalTable

@@ -11,6 +11,7 @@ from nena_edge_agent.driver.port import (
     Circle,
     GoalTable,
     NavigationReport,
+    PlanReport,
     Pose,
     PoseReport,
 )
@@ -43,6 +44,7 @@ class Senses:
     no_route: tuple[Circle, ...] = ()
     goals: GoalTable = NO_GOALS
     blocked: BlockedReport | None = None
+    plan: PlanReport | None = None
     safety: SafetyReport = SAFE
     pause_button: bool = False
 

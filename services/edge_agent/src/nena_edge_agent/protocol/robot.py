@@ -16,6 +16,7 @@ from nena_edge_agent.driver.port import (
     NavigationReport,
     NoRouteReport,
     OwnGoals,
+    PlanReport,
     Pose,
     PoseReport,
     PositionInitialized,
@@ -47,6 +48,7 @@ from nena_edge_agent.protocol.events import (
     ZoneSetReceived,
 )
 from nena_edge_agent.protocol.instant_actions import InstantActionFlow
+from nena_edge_agent.protocol.journey import Journey
 from nena_edge_agent.protocol.memory import Memory
 from nena_edge_agent.protocol.mode_switch import ModeSwitch
 from nena_edge_agent.protocol.order_cancel import OrderCancel
@@ -57,13 +59,14 @@ from nena_edge_agent.protocol.position_setting import PositionSetting
 from nena_edge_agent.protocol.predefined import WAIT_FOR_TRIGGER
 from nena_edge_agent.protocol.recollection import recall, recollect
 from nena_edge_agent.protocol.retry import Retry
-from nena_edge_agent.protocol.state_report import make_state
+from nena_edge_agent.protocol.state_report import make_state, make_visualization
 from nena_edge_agent.protocol.travel import Travel
 from nena_edge_agent.protocol.trigger import Trigger
 from nena_edge_agent.protocol.zone_guard import ZoneGuard
 from nena_edge_agent.protocol.zone_keeping import ZoneKeeping
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.state import State
+from nena_shared.vda5050.visualization import Visualization
 
 REQUESTS = (OrderReceived, InstantActionsReceived, MessageRefused)
 """Events that are answered by a state even if nothing has changed: the sender waits for an echo."""
@@ -89,6 +92,7 @@ class RobotCore:
         self._clearing = Clearing(parts, self._flow, self._travel)
         self._cancel = OrderCancel(parts, self._clearing)
         self._mode = ModeSwitch(parts, self._clearing)
+        self._journey = Journey(parts)
         self._pause = Pause(parts, self._flow, self._travel)
         self._position = PositionSetting(parts)
         self._trigger = Trigger(parts, self._flow)
@@ -119,6 +123,7 @@ class RobotCore:
         self._mode.advance()
         self._position.advance()
         self._zones.advance()
+        self._journey.advance()
         check_conditions(parts)
         shown = self._visible()
         if shown != self._shown or isinstance(event, REQUESTS):
@@ -128,7 +133,12 @@ class RobotCore:
 
     def state(self, header: dict[str, Any]) -> State:
         """Make the state message under ``header``, its five header fields by their neutral names."""
-        return make_state(header, self._parts, new_base_request=self._travel.new_base_request)
+        asks = self._travel.new_base_request
+        return make_state(header, self._parts, self._journey, new_base_request=asks)
+
+    def visualization(self, header: dict[str, Any], state_header_id: int) -> Visualization:
+        """Make the visualization message that goes with the state of ``state_header_id``."""
+        return make_visualization(header, self._parts, self._journey, state_header_id=state_header_id)
 
     @property
     def parts(self) -> RobotParts:
@@ -218,6 +228,7 @@ class RobotCore:
             DriveFailed: self._travel.failed,
             Halted: lambda _: self._travel.halted(),
             NavigationReport: self._travel.navigation_changed,
+            PlanReport: self._plan_reported,
             BlockedReport: self._blocked_reported,
             NoRouteReport: self._no_route_reported,
             PoseReport: self._pose_reported,
@@ -271,6 +282,7 @@ class RobotCore:
         """Take a pose; one that is no place at all is passed over."""
         if all(isfinite(each) for each in (event.pose.x, event.pose.y, event.pose.theta)):
             self._parts.senses.pose = event
+            self._journey.pose_changed()
             self._travel.pose_changed()
 
     def _battery_reported(self, event: BatteryReport) -> None:
@@ -280,6 +292,9 @@ class RobotCore:
 
     def _blocked_reported(self, event: BlockedReport) -> None:
         self._parts.senses.blocked = event if event.blocked else None
+
+    def _plan_reported(self, event: PlanReport) -> None:
+        self._parts.senses.plan = event
 
     def _no_route_reported(self, event: NoRouteReport) -> None:
         self._parts.senses.no_route = event.areas

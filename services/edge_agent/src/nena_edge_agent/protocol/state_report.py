@@ -5,24 +5,30 @@ from __future__ import annotations
 from typing import Any
 
 from nena_edge_agent.driver.port import GoalReport, GoalTable
+from nena_edge_agent.protocol.journey import Journey
+from nena_edge_agent.protocol.journey_report import intermediate_path, progress_information
 from nena_edge_agent.protocol.parts import RobotParts, Senses
 from nena_edge_agent.protocol.tolerance import turn
 from nena_shared.vda5050.error import ErrorReference
 from nena_shared.vda5050.state import (
     InfoLevel,
     Information,
+    IntermediatePath,
     MobileRobotPosition,
     PowerSupply,
     SafetyState,
     State,
     Velocity,
 )
+from nena_shared.vda5050.visualization import Visualization
 
 PERMANENTLY_FED = 100.0
 """State of charge of a robot that has not told of a battery."""
 
 
-def make_state(header: dict[str, Any], parts: RobotParts, *, new_base_request: bool) -> State:
+def make_state(
+    header: dict[str, Any], parts: RobotParts, journey: Journey, *, new_base_request: bool
+) -> State:
     """Make the state message; ``header`` holds its five header fields by their neutral names."""
     progress = parts.progress
     ahead = progress.ahead
@@ -38,6 +44,8 @@ def make_state(header: dict[str, Any], parts: RobotParts, *, new_base_request: b
         node_states=ahead.node_states,
         edge_states=ahead.edge_states,
         planned_path=ahead.planned_path,
+        intermediate_path=_way(header, parts, journey),
+        distance_since_last_node=journey.since_node,
         mobile_robot_position=position(parts.senses),
         velocity=velocity(parts.senses),
         loads=parts.loads,
@@ -49,12 +57,32 @@ def make_state(header: dict[str, Any], parts: RobotParts, *, new_base_request: b
         power_supply=_power_supply(parts),
         operating_mode=parts.operating_mode,
         errors=parts.errors.entries,
-        information=_information(parts.senses.goals),
+        information=(*progress_information(journey), *_information(parts.senses.goals)),
         safety_state=SafetyState(
             active_emergency_stop=parts.senses.safety.emergency_stop,
             field_violation=parts.senses.safety.field_violation,
         ),
     )
+
+
+def make_visualization(
+    header: dict[str, Any], parts: RobotParts, journey: Journey, *, state_header_id: int
+) -> Visualization:
+    """Make the visualization message; ``header`` as in :func:`make_state`."""
+    return Visualization(
+        **header,
+        reference_state_header_id=state_header_id,
+        mobile_robot_position=position(parts.senses),
+        velocity=velocity(parts.senses),
+        planned_path=parts.progress.ahead.planned_path,
+        intermediate_path=_way(header, parts, journey),
+    )
+
+
+def _way(header: dict[str, Any], parts: RobotParts, journey: Journey) -> IntermediatePath | None:
+    limits = (parts.capabilities.maximum_speed, parts.speed_limit)
+    speed = min(limit for limit in limits if limit is not None)
+    return intermediate_path(journey, header["timestamp"], speed)
 
 
 def position(senses: Senses) -> MobileRobotPosition | None:

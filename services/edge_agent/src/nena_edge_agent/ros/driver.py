@@ -24,6 +24,7 @@ from nena_edge_agent.driver.port import (
     Halted,
     NavigationReport,
     OwnGoals,
+    PlanReport,
     Pose,
     PositionInitialized,
 )
@@ -157,7 +158,9 @@ class Nav2Driver:
         """Load rclpy, which reads the environment as it is loaded, and join the graph."""
         from nena_edge_agent.ros.nav2_node import Listeners, Nav2Node  # noqa: PLC0415 - see above
 
-        listeners = Listeners(self._on_statuses, self._on_pose, self._on_velocity, self._on_battery)
+        listeners = Listeners(
+            self._on_statuses, self._on_pose, self._on_velocity, self._on_battery, self._on_plan
+        )
         node = Nav2Node(self._settings, listeners)
         await node.start(self._on_failure)
         self._node, self._failure = node, ""
@@ -238,6 +241,13 @@ class Nav2Driver:
         report = self._battery.report(reading)
         if report is not None:
             self._tell(report)
+
+    def _on_plan(self, plan: tuple[str, tuple[tuple[float, float], ...]]) -> None:
+        """Tell of a plan for our own drive; others plan too, and whose it is shows by where it ends."""
+        frame, points = plan
+        ours = frame.removeprefix("/") == self._settings.frame
+        if ours and len(points) > 1 and self._tracker.wants(points[-1]):
+            self._tell(PlanReport(points))
 
     def _report_pose(self) -> None:
         report = self._localisation.report()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import dist
 
 from nena_edge_agent.driver.port import (
     Arrived,
@@ -39,6 +40,8 @@ STALE_XY = 0.25
 STALE_THETA = 0.2
 """Radians that a robot may turn before AMCL sends a pose (``update_min_a``)."""
 
+PLAN_TOLERANCE = 0.75
+"""Metres from the goal at which Nav2 may end its plan."""
 SAME = 0.001
 """Metres, or radians, that two places of the same node may differ by."""
 RECLAIM_TIME = 10.0
@@ -99,6 +102,13 @@ class GoalTracker:
         """Whether Nav2 drives for the goal that is wanted."""
         drive = self._drive
         return drive is not None and drive.goal_id is not None and drive.reached_at is None
+
+    def wants(self, place: tuple[float, float]) -> bool:
+        """Tell whether a plan that ends at ``place`` (m) is for the goal that is wanted."""
+        drive = self._drive
+        if drive is None:
+            return False
+        return dist(place, (drive.goal.pose.x, drive.goal.pose.y)) <= PLAN_TOLERANCE
 
     def reclaim(self, goals: OwnGoals) -> None:
         """Take the goals of an earlier run for ours; to be called before anything else."""

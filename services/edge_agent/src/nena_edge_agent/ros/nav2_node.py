@@ -13,7 +13,7 @@ from typing import Any
 from action_msgs.msg import GoalStatusArray
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import Odometry, Path
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import BatteryState
 from std_srvs.srv import Empty, Trigger
@@ -46,6 +46,7 @@ class Listeners:
     pose: Callable[[PoseReading], None]
     velocity: Callable[[tuple[float, float]], None]
     battery: Callable[[BatteryReading], None]
+    plan: Callable[[tuple[str, tuple[tuple[float, float], ...]]], None]
 
 
 class Nav2Node:
@@ -145,4 +146,5 @@ class Nav2Node:
                 handle=to.pose,
             )
         subscribe(node, Odometry, names.odometry, SENSOR, read=readings.velocity, handle=to.velocity)
+        subscribe(node, Path, names.plan, RELIABLE, read=readings.plan_points, handle=to.plan)
         subscribe(node, BatteryState, names.battery, SENSOR, read=readings.battery_reading, handle=to.battery)

@@ -11,6 +11,8 @@ from nena_edge_agent.ros.messages import X_VARIANCE, Y_VARIANCE, YAW_VARIANCE
 from nena_edge_agent.ros.pose import PoseReading, yaw_of
 
 NANOSECONDS = 1_000_000_000
+PLAN_POINTS = 100
+"""Points of a plan that are told on at most, beside its end."""
 
 
 class UnusablePoseError(ValueError):
@@ -48,6 +50,23 @@ def pose_reading(message: Any) -> PoseReading:  # noqa: ANN401
         y_variance=float(covariance[Y_VARIANCE]),
         yaw_variance=float(covariance[YAW_VARIANCE]),
     )
+
+
+def plan_points(message: Any) -> tuple[str, tuple[tuple[float, float], ...]]:  # noqa: ANN401
+    """Read a nav_msgs/Path: its frame, and not more of its points than are of use, the last one always.
+
+    Raises:
+        UnusablePoseError: a point is not finite.
+
+    """
+    poses = message.poses
+    step = max(1, -(-len(poses) // PLAN_POINTS))
+    chosen = [*poses[:-1:step], *poses[-1:]]
+    points = tuple((each.pose.position.x, each.pose.position.y) for each in chosen)
+    if not all(math.isfinite(x) and math.isfinite(y) for x, y in points):
+        text = "a plan with a point that is no place"
+        raise UnusablePoseError(text)
+    return message.header.frame_id, points
 
 
 def velocity(message: Any) -> tuple[float, float]:  # noqa: ANN401

@@ -66,6 +66,7 @@ class RosNames(SettingsGroup):
         "request_nomotion_update", description="Service that has the localisation send a pose at standstill."
     )
     battery: RosName = Field("battery_state", description="Topic of the battery's state.")
+    plan: RosName = Field("plan", description="Topic of Nav2's plan, for the way that is left.")
     odometry: RosName = Field("odom", description="Topic of the odometry.")
     lifecycle: RosName = Field(
         "lifecycle_manager_navigation/is_active",

@@ -1,0 +1,63 @@
+"""Progress of a drive as fleet control sees it, with a simulator process that publishes its plan."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from nena_shared.vda5050.topics import Topic
+from support.broker import Broker
+from support.edge_agent import FleetControl, ended
+from support.nav2_agent import Bench
+from support.robot_core import order
+from support.ros import RosPeer
+from support.waiting import until
+
+pytestmark = [pytest.mark.ros, pytest.mark.broker]
+
+
+@pytest.fixture
+def bench(
+    broker: Broker, interface_name: str, peer: RosPeer, domain_id: int, tmp_path: Path
+) -> Iterator[Bench]:
+    bench = Bench(broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path, version="3.0.0")
+    with bench.mqtt:
+        yield bench
+
+
+def progress(state: dict[str, Any]) -> dict[str, float]:
+    """Give the numbers of the information ``progress``."""
+    found = [each for each in state["information"] if each["infoType"] == "progress"]
+    return {
+        each["referenceKey"]: float(each["referenceValue"])
+        for information in found
+        for each in information["infoReferences"]
+    }
+
+
+def visualizations(fleet: FleetControl) -> list[dict[str, Any]]:
+    return [json.loads(each) for each in fleet.peer.payloads(fleet.topic(Topic.VISUALIZATION))]
+
+
+@pytest.mark.clause("6.6.2", "6.7")
+async def test_state_and_visualization_tell_how_far_it_is(bench: Bench) -> None:
+    async with bench.robot(interval={"state_maximum": 0.2, "visualization": 0.1}) as fleet:
+        fleet.send(order("n0", "n2", "n3"))
+        await bench.moves()
+        shown = await until(
+            lambda: next((each for each in visualizations(fleet) if each.get("intermediatePath")), None),
+            what="a plan in the visualization",
+        )
+        end = shown["intermediatePath"]["polyline"][-1]
+        assert (end["x"], end["y"]) == pytest.approx((20.0, 0.0), abs=0.75)
+        half = await fleet.state(lambda state: progress(state).get("goalPercent", 0) >= 50)
+        assert half["distanceSinceLastNode"] + progress(half)["goalDistanceLeft"] == pytest.approx(20, abs=2)
+        assert progress(half)["orderDistanceLeft"] - progress(half)["goalDistanceLeft"] == pytest.approx(10)
+        assert half["intermediatePath"]["polyline"]
+        done = await fleet.state(ended("o1"))
+        assert progress(done) == {}
+        assert max(each["distanceSinceLastNode"] for each in fleet.states if each["orderId"]) > 15

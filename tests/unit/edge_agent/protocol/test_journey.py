@@ -1,0 +1,116 @@
+"""How far the robot has come, and how far it has to go."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+
+from nena_edge_agent.driver.port import PlanReport
+from nena_edge_agent.protocol.events import Started
+from nena_shared.vda5050.state import State
+from support.robot_core import HEADER, Bench, at, order
+
+
+@pytest.fixture
+def bench() -> Bench:
+    """A robot on its way from n0 over n1 to n2, 10 m each."""
+    bench = Bench()
+    bench.send(order("n0", "n1", "n2"))
+    return bench
+
+
+def drive(bench: Bench, start: float, end: float) -> None:
+    """Let poses come every quarter of a metre."""
+    steps = round((end - start) * 4)
+    bench.do(*(at(start + step * 0.25) for step in range(1, steps + 1)))
+
+
+def references(state: State) -> dict[str, str]:
+    found = next((each for each in state.information or () if each.info_type == "progress"), None)
+    return {each.reference_key: each.reference_value for each in found.info_references} if found else {}
+
+
+@pytest.mark.clause("6.6.2")
+def test_distance_since_the_last_node_grows_and_begins_anew_at_the_next(bench: Bench) -> None:
+    drive(bench, 0.0, 6.0)
+    assert bench.state.distance_since_last_node == pytest.approx(6.0)
+    drive(bench, 6.0, 10.0)
+    bench.arrive()
+    assert bench.state.distance_since_last_node == 0.0
+    drive(bench, 10.0, 12.5)
+    assert bench.state.distance_since_last_node == pytest.approx(2.5)
+
+
+def test_a_robot_without_a_node_has_no_distance_to_it() -> None:
+    assert Bench().state.distance_since_last_node is None
+
+
+def test_a_detour_counts_and_poses_of_a_robot_that_stands_do_not(bench: Bench) -> None:
+    bench.do(*(at(0.0, y * 0.25) for y in range(9)), *(at(0.0, 2.0 - y * 0.25) for y in range(9)))
+    assert bench.state.distance_since_last_node == pytest.approx(4.0)
+    bench.do(*(at(0.01 * (-1) ** number) for number in range(100)))
+    assert bench.state.distance_since_last_node == pytest.approx(4.0)
+
+
+def test_a_jump_of_the_localisation_is_no_way(bench: Bench) -> None:
+    bench.do(at(8.0))
+    assert bench.state.distance_since_last_node == 0.0
+    drive(bench, 8.0, 9.0)
+    assert bench.state.distance_since_last_node == pytest.approx(1.0)
+
+
+def test_what_is_left_goes_by_the_nodes_where_no_plan_is(bench: Bench) -> None:
+    drive(bench, 0.0, 5.0)
+    assert references(bench.state) == {
+        "goalDistanceLeft": "5.00",
+        "goalPercent": "50",
+        "orderDistanceLeft": "15.00",
+        "orderPercent": "25",
+    }
+    drive(bench, 5.0, 10.0)
+    bench.arrive()
+    drive(bench, 10.0, 12.5)
+    assert references(bench.state)["goalPercent"] == "25"
+
+
+def test_what_is_left_goes_by_the_plan_where_it_leads_to_the_goal(bench: Bench) -> None:
+    bench.do(PlanReport(((0.0, 0.0), (0.0, 5.0), (10.0, 5.0), (10.0, 0.3))))
+    bench.do(at(0.0, 5.0))
+    assert references(bench.state)["goalDistanceLeft"] == "14.70"
+    assert references(bench.state)["orderDistanceLeft"] == "24.70"
+    bench.do(PlanReport(((0.0, 0.0), (7.0, 7.0))))
+    assert references(bench.state)["goalDistanceLeft"] == f"{(10**2 + 5**2) ** 0.5:.2f}"
+
+
+def test_at_the_end_nothing_is_left(bench: Bench) -> None:
+    bench.arrive()
+    bench.arrive()
+    assert references(bench.state) == {}
+    assert bench.state.distance_since_last_node == 0.0
+
+
+def test_the_plan_shows_with_its_times(bench: Bench) -> None:
+    bench.do(PlanReport(((0.0, 0.0), (0.0, 4.0), (10.0, 0.0))))
+    for path in (bench.state.intermediate_path, bench.core.visualization(HEADER, 3).intermediate_path):
+        assert path is not None
+        assert [(point.x, point.y) for point in path.polyline] == [(0.0, 0.0), (0.0, 4.0), (10.0, 0.0)]
+        times = [point.eta - HEADER["timestamp"] for point in path.polyline]
+        assert times[:2] == [timedelta(0), timedelta(seconds=4)]
+    assert bench.core.visualization(HEADER, 3).reference_state_header_id == 3
+    bench.arrive()
+    assert bench.state.intermediate_path is None
+
+
+def test_another_order_begins_anew(bench: Bench) -> None:
+    for _ in range(2):
+        bench.arrive()
+    bench.send(order("n2", "n3", order_id="o2"))
+    assert references(bench.state)["orderPercent"] == "0"
+
+
+def test_after_a_restart_the_way_begins_at_the_last_node(bench: Bench) -> None:
+    drive(bench, 0.0, 6.0)
+    again = Bench(memory=bench.core.memory(), ready=False)
+    again.do(at(6.0), Started())
+    assert again.state.distance_since_last_node == pytest.approx(6.0)
