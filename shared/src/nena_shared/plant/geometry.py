@@ -1,17 +1,24 @@
 """Shapes in the plant frame: x to the right, y up, whole millimetres."""
 
+from typing import Annotated, Final
+
 from pydantic import Field
 
 from nena_shared.plant.record import PlantRecord
 
 MM_PER_M = 1000
 
+FAR_MM: Final = 10**18
+"""Farther and longer than anything on earth; keeps what is computed from a file finite."""
+
+Millimetres = Annotated[int, Field(ge=-FAR_MM, le=FAR_MM)]
+
 
 class Vertex(PlantRecord):
     """A corner of an envelope, or a drawn position, in mm of the plant frame."""
 
-    x_mm: int
-    y_mm: int
+    x_mm: Millimetres
+    y_mm: Millimetres
 
 
 class Envelope(PlantRecord):
@@ -24,11 +31,11 @@ class Envelope(PlantRecord):
 class BoundingBox(PlantRecord):
     """Size of a vehicle in mm; the reference offset leads from the box's centre to the vehicle's origin."""
 
-    length_mm: int = Field(default=1000, ge=1)
-    width_mm: int = Field(default=1000, ge=1)
-    height_mm: int = Field(default=1000, ge=1)
-    reference_offset_x_mm: int = 0
-    reference_offset_y_mm: int = 0
+    length_mm: int = Field(default=1000, ge=1, le=FAR_MM)
+    width_mm: int = Field(default=1000, ge=1, le=FAR_MM)
+    height_mm: int = Field(default=1000, ge=1, le=FAR_MM)
+    reference_offset_x_mm: Millimetres = 0
+    reference_offset_y_mm: Millimetres = 0
 
     def holds(self, other: "BoundingBox") -> bool:
         """Whether another box lies within this one when their reference points lie on each other."""

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from pydantic import Field
 
-from nena_shared.plant.geometry import MM_PER_M, LabelLayout, Vertex
+from nena_shared.plant.geometry import MM_PER_M, LabelLayout, Millimetres, Vertex
 from nena_shared.plant.record import PlantRecord
 
 
@@ -37,9 +37,9 @@ class Location(PlantRecord):
 
     name: str = Field(min_length=1)
     type: str
-    x_mm: int = 0
-    y_mm: int = 0
-    z_mm: int = 0
+    x_mm: Millimetres = 0
+    y_mm: Millimetres = 0
+    z_mm: Millimetres = 0
     locked: bool = False
     links: tuple[Link, ...] = ()
     properties: Mapping[str, str] = Field(default_factory=dict)

@@ -7,7 +7,7 @@ from typing import Final
 
 from pydantic import Field
 
-from nena_shared.plant.geometry import MM_PER_M, Envelope
+from nena_shared.plant.geometry import FAR_MM, MM_PER_M, Envelope
 from nena_shared.plant.record import PlantRecord
 from nena_shared.plant.vehicle_type import VehicleTypeOnPath
 
@@ -73,9 +73,9 @@ class Path(PlantRecord):
     name: str = Field(min_length=1)
     source: str
     destination: str
-    length_mm: int = Field(ge=1)
-    max_velocity_mm_s: int = Field(default=1000, ge=0)
-    max_reverse_velocity_mm_s: int = Field(default=0, ge=0)
+    length_mm: int = Field(ge=1, le=FAR_MM)
+    max_velocity_mm_s: int = Field(default=1000, ge=0, le=FAR_MM)
+    max_reverse_velocity_mm_s: int = Field(default=0, ge=0, le=FAR_MM)
     locked: bool = False
     peripheral_operations: tuple[PeripheralOperation, ...] = ()
     envelopes: tuple[Envelope, ...] = ()

@@ -7,7 +7,7 @@ from math import radians
 from pydantic import Field
 
 from nena_shared.plant import property_keys as keys
-from nena_shared.plant.geometry import MM_PER_M, BoundingBox, Envelope, LabelLayout
+from nena_shared.plant.geometry import MM_PER_M, BoundingBox, Envelope, LabelLayout, Millimetres
 from nena_shared.plant.record import PlantRecord
 from nena_shared.plant.transform import normalized
 from nena_shared.plant.vehicle_type import VehicleTypeAtPoint
@@ -24,9 +24,9 @@ class Point(PlantRecord):
     """A point of the plant; `orientation_deg` is None where any heading will do."""
 
     name: str = Field(min_length=1)
-    x_mm: int
-    y_mm: int
-    z_mm: int = 0
+    x_mm: Millimetres
+    y_mm: Millimetres
+    z_mm: Millimetres = 0
     orientation_deg: float | None = None
     type: PointType = PointType.HALT_POSITION
     max_vehicle_bounding_box: BoundingBox = BoundingBox()

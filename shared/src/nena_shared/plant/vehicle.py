@@ -7,7 +7,7 @@ from typing import Self
 from pydantic import Field, model_validator
 
 from nena_shared.plant import property_keys as keys
-from nena_shared.plant.geometry import MM_PER_M, BoundingBox
+from nena_shared.plant.geometry import FAR_MM, MM_PER_M, BoundingBox
 from nena_shared.plant.record import PlantRecord
 
 
@@ -33,8 +33,8 @@ class Vehicle(PlantRecord):
     name: str = Field(min_length=1)
     bounding_box: BoundingBox = BoundingBox()
     energy_thresholds: EnergyThresholds = EnergyThresholds()
-    max_velocity_mm_s: int = Field(default=1000, ge=0)
-    max_reverse_velocity_mm_s: int = Field(default=1000, ge=0)
+    max_velocity_mm_s: int = Field(default=1000, ge=0, le=FAR_MM)
+    max_reverse_velocity_mm_s: int = Field(default=1000, ge=0, le=FAR_MM)
     envelope_key: str | None = None
     properties: Mapping[str, str] = Field(default_factory=dict)
     color: str | None = None

@@ -2,10 +2,22 @@
 
 from enum import StrEnum
 from math import cos
+from typing import Annotated, Final
 
 from pydantic import ConfigDict, Field
 
 from nena_shared.plant.record import PlantRecord
+
+MOST: Final = 1e9
+"""More metres, and more metres a second, than anything on earth; keeps what is computed finite."""
+
+Coordinate = Annotated[float, Field(ge=-MOST, le=MOST)]
+"""m"""
+Speed = Annotated[float, Field(ge=0, le=MOST)]
+"""m/s or rad/s"""
+
+MAX_DEGREE: Final = 16
+"""Of a trajectory; the work for a place on it grows with the square."""
 
 
 class BlockingType(StrEnum):
@@ -74,16 +86,16 @@ class LoadRestriction(PlantRecord):
 class TrajectoryPoint(PlantRecord):
     """A control point of a trajectory, m of the plant frame."""
 
-    x: float
-    y: float
-    weight: float = Field(default=1.0, gt=0)
+    x: Coordinate
+    y: Coordinate
+    weight: float = Field(default=1.0, ge=1 / MOST, le=MOST)
 
 
 class Trajectory(PlantRecord):
     """A NURBS from the path's source to its destination."""
 
-    degree: int = Field(default=1, ge=1)
-    knot_vector: tuple[float, ...]
+    degree: int = Field(default=1, ge=1, le=MAX_DEGREE)
+    knot_vector: tuple[Coordinate, ...]
     control_points: tuple[TrajectoryPoint, ...]
 
 
@@ -105,10 +117,10 @@ class VehicleTypeOnPath(PlantRecord):
     orientation_type: OrientationType = OrientationType.TANGENTIAL
     rotation_at_start_node_allowed: RotationAllowed = RotationAllowed.BOTH
     rotation_at_end_node_allowed: RotationAllowed = RotationAllowed.BOTH
-    max_speed: float | None = Field(default=None, ge=0)
-    max_rotation_speed: float | None = Field(default=None, ge=0)
-    min_height: float | None = None
-    max_height: float | None = None
+    max_speed: Speed | None = None
+    max_rotation_speed: Speed | None = None
+    min_height: Coordinate | None = None
+    max_height: Coordinate | None = None
     load_restriction: LoadRestriction | None = None
     actions: tuple[TypeAction, ...] = ()
     trajectory: Trajectory | None = None

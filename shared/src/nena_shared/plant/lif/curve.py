@@ -1,5 +1,6 @@
 """The course of a NURBS trajectory, in metres of the plant frame."""
 
+from bisect import bisect_left, bisect_right
 from itertools import pairwise
 from math import hypot
 from typing import Final
@@ -57,9 +58,8 @@ def is_cubic_bezier(trajectory: Trajectory) -> bool:
 def _place(trajectory: Trajectory, at: float) -> Place:
     """Return the place at a parameter by de Boor's algorithm, weights included."""
     knots, degree = trajectory.knot_vector, trajectory.degree
-    span = max(
-        i for i in range(degree, len(knots) - degree - 1) if knots[i] <= at and knots[i] < knots[i + 1]
-    )
+    last = bisect_left(knots, knots[-degree - 1]) - 1
+    span = min(bisect_right(knots, at) - 1, last)
     near = trajectory.control_points[span - degree : span + 1]
     row = [(point.x * point.weight, point.y * point.weight, point.weight) for point in near]
     for level in range(1, degree + 1):

@@ -3,7 +3,7 @@
 from pydantic import ConfigDict, Field
 
 from nena_shared.plant.record import PlantRecord
-from nena_shared.plant.vehicle_type import VehicleTypeAtPoint, VehicleTypeOnPath
+from nena_shared.plant.vehicle_type import Coordinate, VehicleTypeAtPoint, VehicleTypeOnPath
 
 
 class LifRecord(PlantRecord):
@@ -24,8 +24,8 @@ class MetaInformation(LifRecord):
 class Position(LifRecord):
     """A place in the frame that all layouts of a project share."""
 
-    x: float
-    y: float
+    x: Coordinate
+    y: Coordinate
 
 
 class StationPosition(Position):

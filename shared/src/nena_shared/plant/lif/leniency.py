@@ -107,5 +107,5 @@ def _heading(each: dict[str, Any], key: str) -> float:
     """Return a heading, also one written as a text; 0 where there is none."""
     try:
         return float(each.get(key) or 0)
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         return 0.0

@@ -15,7 +15,7 @@ from nena_shared.plant.opentcs_xml.notes import Notes
 T = TypeVar("T")
 E = TypeVar("E", bound=StrEnum)
 
-INTEGER: Final = re.compile(r"[+-]?[0-9]{1,18}")
+INTEGER: Final = re.compile(r"[+-]?[0-9]{1,15}")
 MAX_SCALE: Final = 1_000_000
 COLOR: Final = re.compile(r"#[0-9A-Fa-f]{6}")
 NONE_RENAMED: Final[Mapping[str, Any]] = MappingProxyType({})
