@@ -14,7 +14,7 @@ from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.maps.settings import MapSettings
 from nena_edge_agent.protocol.capabilities import DriveStrategy, ExternalGoals
 from nena_edge_agent.protocol.link_loss import LinkLossPolicy
-from nena_edge_agent.protocol.optional_parameters import DEMANDS
+from nena_edge_agent.protocol.optional_parameters import TOLERABLE
 from nena_edge_agent.ros.settings import RosSettings
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
 from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_for
@@ -28,8 +28,8 @@ def _topic_level(level: str) -> str:
 
 
 def _optional_field(name: str) -> str:
-    if name not in DEMANDS:
-        message = f"'{name}' is none of {', '.join(sorted(DEMANDS))}"
+    if name not in TOLERABLE:
+        message = f"'{name}' is none of {', '.join(sorted(TOLERABLE))}"
         raise ValueError(message)
     return name
 

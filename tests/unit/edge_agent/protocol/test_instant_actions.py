@@ -157,9 +157,12 @@ def test_no_more_actions_are_begun_than_states_are_shown() -> None:
 
     assert len(bench.effects_of(StartAction)) == STATES_KEPT
     assert len(bench.state.instant_action_states) <= STATES_KEPT + 1
+    (full,) = [each for each in bench.state.errors if each.error_type == "INSTANT_ACTION_STATES_FULL"]
+    assert full.error_level is ErrorLevel.URGENT
     bench.instant(action("pause", "NONE", "startPause"))
     assert bench.status("pause") == "FINISHED"
     bench.finishes("i0", "i1")
+    assert "INSTANT_ACTION_STATES_FULL" not in bench.errors
     bench.instant(action("more"))
     assert bench.status("more") == "INITIALIZING"
 

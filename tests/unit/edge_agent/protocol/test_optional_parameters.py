@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from nena_edge_agent.protocol.optional_parameters import DEMANDS, supported
+from nena_edge_agent.protocol.rules import RULES
 from nena_shared.vda5050.factsheet import Support
 from nena_shared.vda5050.order import ControlPoint, Corridor, Trajectory
 from support.robot_core import Bench, order
@@ -47,3 +48,29 @@ def test_positions_are_demanded() -> None:
     ]
 
     assert demanded == ["order.nodes.nodePosition"]
+
+
+@pytest.mark.clause("6.10/parameters", "6.2.3/retry")
+@pytest.mark.parametrize(("version", "listed"), [("2.0.0", False), ("2.1.0", False), ("3.0.0", True)])
+def test_that_an_action_may_be_tried_again_is_listed_where_there_is_such_a_thing(
+    version: str, *, listed: bool
+) -> None:
+    names = {each.parameter for each in supported(Bench(rules=RULES[version]).capabilities)}
+
+    assert ({"order.nodes.actions.retriable", "order.edges.actions.retriable"} <= names) is listed
+
+
+@pytest.mark.clause("7.3/zoneSetId", "6.1.4.2")
+def test_an_order_for_a_zone_set_is_refused_unless_that_is_tolerated() -> None:
+    strict, lenient = Bench(), Bench(tolerated_parameters=frozenset({"zoneSetId"}))
+    wanted = order("n0", "n1").model_copy(update={"zone_set_id": "s1"})
+
+    strict.send(wanted)
+    lenient.send(wanted)
+
+    (entry,) = strict.state.errors
+    assert entry.error_type == "UNSUPPORTED_PARAMETER"
+    assert ("parameter", "zoneSetId") in {
+        (e.reference_key, e.reference_value) for e in entry.error_references
+    }
+    assert (strict.state.order_id, lenient.state.order_id) == ("", "o1")

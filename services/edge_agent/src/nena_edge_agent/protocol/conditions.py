@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from nena_edge_agent.driver.port import PoseReport
 from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.instant_actions import STATES_KEPT, under_way
 from nena_edge_agent.protocol.parts import NOT_REPORTED, RobotParts
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType, error
 
@@ -23,6 +24,7 @@ def check_conditions(parts: RobotParts) -> None:
     parts.errors.condition(EXTERNAL_GOAL, _external_goal(parts))
     parts.errors.condition(JOURNAL_NOT_WRITTEN, _journal(parts))
     parts.errors.condition(SUBSCRIPTION_REFUSED, _subscriptions(parts))
+    parts.errors.condition(ErrorType.INSTANT_ACTION_STATES_FULL, _instant_states(parts))
     if parts.coming_mode.takes_orders and parts.errors.worst_reported is not ErrorLevel.FATAL:
         parts.errors.end(Until.AVAILABLE)
 
@@ -130,4 +132,15 @@ def _subscriptions(parts: RobotParts) -> ErrorEntry | None:
         error_level=ErrorLevel.URGENT,
         error_description=f"the broker does not let the robot hear {', '.join(parts.refused_topics)}",
         error_hint="let the robot subscribe to its own topics in the broker's access list",
+    )
+
+
+def _instant_states(parts: RobotParts) -> ErrorEntry | None:
+    """Show that no more instant actions are begun, but those that the robot does at once."""
+    if under_way(parts) < STATES_KEPT:
+        return None
+    return error(
+        ErrorType.INSTANT_ACTION_STATES_FULL,
+        f"{STATES_KEPT} instant actions are under way, the robot begins no more",
+        hint="wait until some of them have ended",
     )

@@ -44,6 +44,11 @@ IDS_KNOWN = 1000
 """Ids of instant actions that are recognised when they come again."""
 
 
+def under_way(parts: RobotParts) -> int:
+    """Count the instant actions that have not ended."""
+    return sum(not record.status.ended for record in parts.instants)
+
+
 class InstantActionFlow:
     """Takes in instant actions and hands each to what does it."""
 
@@ -102,7 +107,7 @@ class InstantActionFlow:
         declaration = self._parts.capabilities.actions.get(action.action_type)
         if declaration is None:
             return f"the robot knows no action '{action.action_type}'"
-        if action.action_type not in self._own and self._full:
+        if action.action_type not in self._own and under_way(self._parts) > STATES_KEPT:
             return f"{STATES_KEPT} instant actions are under way already"
         return declaration.problem(action, ActionScope.INSTANT)
 
@@ -114,10 +119,6 @@ class InstantActionFlow:
         if mode.takes_orders and action.action_type == CANCEL_ORDER:
             return None
         return f"the robot is in mode {mode}"
-
-    @property
-    def _full(self) -> bool:
-        return sum(not record.status.ended for record in self._parts.instants) > STATES_KEPT
 
     def _begin(self, action: Action) -> None:
         parts = self._parts

@@ -8,11 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from nena_edge_agent.protocol.capabilities import Capabilities
+from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.factsheet import OptionalParameter, Support
 from nena_shared.vda5050.order import Edge, Order, OrientationType
 
 SPEED = "edges.maximumSpeed"
 """Optional field that only a driver which can limit the speed acts on."""
+ZONE_SET = "zoneSetId"
+"""Optional field of a 2.x order, which no robot here acts on: 2.x has no way to bring it a zone set."""
 
 _ALWAYS: tuple[OptionalParameter, ...] = (
     OptionalParameter(
@@ -58,17 +61,25 @@ DEMANDS: dict[str, Callable[[Edge, Capabilities], bool]] = {
 
 What the robot does anyway (drive forwards, turn freely, keep to its own speed) is no demand.
 """
+TOLERABLE: frozenset[str] = frozenset({ZONE_SET, *DEMANDS})
+"""Fields that a setting may have passed over."""
 
 
 def supported(capabilities: Capabilities) -> tuple[OptionalParameter, ...]:
     """Give the optional fields that the factsheet names; what it does not name counts as unsupported."""
-    if not capabilities.limits_speed:
-        return _ALWAYS
-    return (*_ALWAYS, OptionalParameter(parameter=f"order.{SPEED}", support=Support.SUPPORTED))
+    more: list[str] = []
+    if capabilities.limits_speed:
+        more.append(SPEED)
+    if ActionStatus.RETRIABLE in capabilities.rules.standard.action_statuses:
+        more += ["nodes.actions.retriable", "edges.actions.retriable"]
+    listed = (OptionalParameter(parameter=f"order.{each}", support=Support.SUPPORTED) for each in more)
+    return (*_ALWAYS, *listed)
 
 
-def unsupported(order: Order, capabilities: Capabilities) -> tuple[str, Edge] | None:
-    """Find the first optional field that the robot cannot act on, and its edge; None if there is none."""
+def unsupported(order: Order, capabilities: Capabilities) -> tuple[str, Edge | None] | None:
+    """Find the first optional field that the robot cannot act on, and the edge that it stands at, if any."""
+    if order.zone_set_id and ZONE_SET not in capabilities.tolerated_parameters:
+        return ZONE_SET, None
     return next(_unsupported(order, capabilities), None)
 
 

@@ -76,10 +76,10 @@ def _parameter_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | N
     return refusal(
         ErrorType.UNSUPPORTED_PARAMETER,
         order,
-        f"the robot cannot act on {name} of edge '{edge.edge_id}'",
+        f"the robot cannot act on {name}" + (f" of edge '{edge.edge_id}'" if edge else ""),
         hint="leave it out, or have the agent tolerate it by its setting tolerated_parameters",
         parameter=name,
-        edge_id=edge.edge_id,
+        edge_id=edge.edge_id if edge else None,
     )
 
 
