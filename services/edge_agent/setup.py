@@ -31,6 +31,8 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/nena_edge_agent"]),
         ("share/nena_edge_agent", ["package.xml"]),
+        ("share/nena_edge_agent/launch", ["launch/edge_agent.launch.xml"]),
+        ("share/nena_edge_agent/config", ["config/edge_agent.toml"]),
     ],
     entry_points={"console_scripts": [f"{name} = {target}" for name, target in PROJECT["scripts"].items()]},
 )

@@ -97,7 +97,7 @@ async def test_the_map_follows_a_robot_until_it_is_moved_by_hand(hall: Hall, bro
         async with opened(browser, hall.url) as page:
             follow = page.get_by_role("button", name="Follow the chosen robot")
             await expect(follow).to_be_disabled()
-            await page.get_by_role("button", name="Show r1 on the map").click()
+            await page.get_by_role("link", name="r1", exact=True).click()
             await follow.click()
             await expect(follow).to_have_attribute("aria-pressed", "true")
             hall.send(Topic.STATE, state(2, at=seconds_now(), mobile_robot_position=position(15, 7)))

@@ -19,7 +19,7 @@ from support.fleet_examples import (
     vehicle_status,
     way,
 )
-from support.panel import Hall, opened, seconds_now
+from support.panel import Hall, opened, picture, seconds_now
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -66,7 +66,7 @@ async def test_robots_and_orders_live(hall: Hall, browser: Browser) -> None:
             await expect(order).to_contain_text("Finished")
             vehicle = vehicle_status().model_dump_json(by_alias=True)
             hall.peer.publish(hall.fleet.vehicle_status("r1"), vehicle, retain=True)
-            await expect(page.get_by_role("button", name="Show Vehicle-1 on the map")).to_be_visible()
+            await expect(page.get_by_role("link", name="Vehicle-1")).to_be_visible()
             hall.send(Topic.CONNECTION, connection("CONNECTION_BROKEN"), retain=True)
             await expect(page.locator("tr[data-robot='ACME/r1']")).to_contain_text("Connection broken")
             await expect(page.locator("nena-fleet-summary")).to_contain_text("1 Connection broken")
@@ -86,11 +86,14 @@ async def test_a_robot_is_picked_on_the_map_and_from_the_keyboard(hall: Hall, br
             await expect(canvas).to_have_attribute("aria-label", re.compile("^Map of Sample hall with"))
             x, y = await page.evaluate("document.querySelector('nena-fleet-map').view.toScreen(15, 2)")
             await canvas.click(position={"x": x, "y": y})
-            await expect(rows["r2"]).to_have_class("selected")
-            await page.get_by_role("button", name="Show r1 on the map").focus()
-            await page.keyboard.press("Enter")
-            await expect(rows["r1"]).to_have_class("selected")
+            await expect(page.locator("nena-robot-page h2")).to_have_text("r2")
+            await expect(page.locator("nena-robot-page h2")).to_be_focused()
+            await page.go_back()
+            await expect(rows["r2"]).to_be_visible()
             await expect(rows["r2"]).not_to_have_class("selected")
+            await page.get_by_role("link", name="r1", exact=True).focus()
+            await page.keyboard.press("Enter")
+            await expect(page.locator("nena-robot-page h2")).to_have_text("r1")
             before = await page.evaluate("document.querySelector('nena-fleet-map').view.scale")
             await canvas.focus()
             await page.keyboard.press("+")
@@ -98,7 +101,7 @@ async def test_a_robot_is_picked_on_the_map_and_from_the_keyboard(hall: Hall, br
             assert after == pytest.approx(before * 1.25)
 
 
-async def test_on_a_telephone_a_name_leads_to_the_map(hall: Hall, browser: Browser) -> None:
+async def test_on_a_telephone_a_name_leads_to_the_robot_and_to_the_map(hall: Hall, browser: Browser) -> None:
     with hall.aggregator() as aggregator:
         await aggregator.logged("broker connected")
         hall.publish_plant()
@@ -108,13 +111,15 @@ async def test_on_a_telephone_a_name_leads_to_the_map(hall: Hall, browser: Brows
             hall.send(Topic.STATE, here, robot=robot)
         async with opened(browser, hall.url, width=390) as page:
             title = page.get_by_role("heading", name="Map")
-            name = page.get_by_role("button", name="Show r5 on the map")
+            name = page.get_by_role("link", name="r5", exact=True)
             await name.scroll_into_view_if_needed()
             await page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
             await expect(title).not_to_be_in_viewport()
             await name.click()
+            await expect(page.locator("nena-robot-page h2")).to_be_in_viewport()
+            await picture(page, "robot-telephone")
+            await page.get_by_role("button", name="Show on the map").click()
             await expect(title).to_be_in_viewport()
-            await expect(page.locator("tr[data-robot='ACME/r5']")).to_have_class("selected")
 
 
 async def test_the_page_outlives_the_aggregator(hall: Hall, browser: Browser) -> None:

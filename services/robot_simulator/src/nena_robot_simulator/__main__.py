@@ -46,7 +46,7 @@ async def _serve(settings: SimulatorSettings, stop: asyncio.Event) -> None:
     clock = SystemClock()
     robots: list[RobotNode] = []
     try:
-        for robot in settings.robots:
+        for robot in settings.all_robots:
             robots.append(node.RobotNode(robot, simulator=settings, hall=place, clock=clock))
             robots[-1].start()
         await _wait(robots, stop)

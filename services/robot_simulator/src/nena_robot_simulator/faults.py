@@ -104,6 +104,57 @@ class LocalisationLost(Lasting):
     xy_deviation: float = Field(3.0, gt=0, description="Standard deviation that it shows, m.")
 
 
+class PoseJump(Lasting):
+    """AMCL has taken one aisle for another: its estimates are off by a fixed way."""
+
+    kind: Literal["pose_jump"] = "pose_jump"
+    x: Metres = Field(3.0, description="How far they are off, m.")
+    y: Metres = Field(0.0, description="How far they are off, m.")
+
+
+class NanPose(Lasting):
+    """The estimates hold no numbers."""
+
+    kind: Literal["nan_pose"] = "nan_pose"
+
+
+class BatteryScale(Lasting):
+    """The battery's percentage comes in the other scale than the settings say."""
+
+    kind: Literal["battery_scale"] = "battery_scale"
+
+
+class Unconfigured(Lasting):
+    """bt_navigator is not in the ROS graph; it comes back as a new server that knows no goals."""
+
+    kind: Literal["unconfigured"] = "unconfigured"
+
+
+class DuplicateStatus(Lasting):
+    """Each status array comes twice."""
+
+    kind: Literal["duplicate_status"] = "duplicate_status"
+
+
+class ReorderedStatus(Lasting):
+    """After each status array the one before it comes once more, and then the newest again."""
+
+    kind: Literal["reordered_status"] = "reordered_status"
+
+
+class TerminalFirst(Lasting):
+    """A goal is not seen before its end: arrays with a goal that runs are lost."""
+
+    kind: Literal["terminal_first"] = "terminal_first"
+
+
+class Freeze(_Message):
+    """The robot's whole ROS side hangs once, for a while: nothing is published, heard or answered."""
+
+    kind: Literal["freeze"] = "freeze"
+    seconds: float = Field(3.0, gt=0, le=60, description="How long.")
+
+
 class Inactive(Lasting):
     """The lifecycle nodes are inactive: a running goal ends ABORTED, new goals vanish."""
 
@@ -127,6 +178,14 @@ AnyFault = (
     | Silence
     | AmclSilent
     | LocalisationLost
+    | PoseJump
+    | NanPose
+    | BatteryScale
+    | Unconfigured
+    | DuplicateStatus
+    | ReorderedStatus
+    | TerminalFirst
+    | Freeze
     | Inactive
     | ForeignGoal
 )

@@ -84,6 +84,11 @@ class Navigator:
         """Activate or deactivate the lifecycle node; running goals end when the loop has halted the tree."""
         self._active = active
 
+    def restart(self) -> None:
+        """Begin anew, as a process that has died; its goals are gone without an end."""
+        self._goals.forget_all()
+        self._current = self._pending = self._way = self._halted_at = None
+
     def take(self, goal: Goal, accepted_ns: int, now: float) -> bool:
         """Accept a goal; False when the server is inactive, and then nobody will hear of it."""
         if not self._active:

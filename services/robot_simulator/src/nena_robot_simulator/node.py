@@ -6,10 +6,10 @@ All names are relative, so that the namespace counts. Everything here runs in th
 from __future__ import annotations
 
 import random
+import threading
 import uuid
 from collections import deque
 
-from action_msgs.msg import GoalStatusArray
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from lifecycle_msgs.msg import State
@@ -17,26 +17,25 @@ from lifecycle_msgs.srv import GetState
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from nav_msgs.srv import GetMap
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_system_default
+from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_system_default
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import String
 from std_srvs.srv import Empty, Trigger
 
 from nena_robot_simulator import faults, messages
 from nena_robot_simulator.grid_map import GridMap
+from nena_robot_simulator.navigator_endpoints import LATCHED, NavigatorEndpoints
 from nena_robot_simulator.pose import Pose
 from nena_robot_simulator.robot import Robot
 from nena_robot_simulator.session import RosSession
 from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
 from nena_robot_simulator.status_array import Snapshot
+from nena_robot_simulator.status_faults import disturbed
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 
 log = get_logger(__name__)
 
-LATCHED = QoSProfile(
-    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
-)
 RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 FAULTS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
@@ -80,12 +79,20 @@ class RobotNode:
             namespace=settings.namespace,
             domain_id=settings.domain_id,
         )
+        self._navigator = NavigatorEndpoints(
+            self._session,
+            on_goal=self._on_goal_pose,
+            on_cancel=self._on_cancel,
+            on_get_state=self._on_get_state,
+        )
+        self._last_array: Snapshot = ()
         self._make_publishers()
         self._make_subscriptions()
         self._make_services()
         self._make_timers()
         for fault in (*simulator.faults, *settings.faults):
             self._apply(fault)
+        self._show_navigator()
 
     @property
     def alive(self) -> bool:
@@ -104,7 +111,6 @@ class RobotNode:
 
     def _make_publishers(self) -> None:
         publisher = self._session.publisher
-        self._status = publisher(GoalStatusArray, "navigate_to_pose/_action/status", LATCHED)
         self._amcl_pose = publisher(PoseWithCovarianceStamped, "amcl_pose", LATCHED)
         self._map = publisher(OccupancyGrid, "map", LATCHED)
         self._plan = publisher(Path, "plan", RELIABLE)
@@ -112,15 +118,12 @@ class RobotNode:
         self._odom = publisher(Odometry, "odom", BEST_EFFORT)
 
     def _make_subscriptions(self) -> None:
-        self._session.subscribe(PoseStamped, "goal_pose", self._on_goal_pose, qos_profile_system_default)
         self._session.subscribe(
             PoseWithCovarianceStamped, "initialpose", self._on_initial_pose, qos_profile_system_default
         )
         self._session.subscribe(String, "simulator/fault", self._on_fault, FAULTS)
 
     def _make_services(self) -> None:
-        self._session.serve(CancelGoal, "navigate_to_pose/_action/cancel_goal", self._on_cancel)
-        self._session.serve(GetState, "bt_navigator/get_state", self._on_get_state)
         self._session.serve(Trigger, "lifecycle_manager_navigation/is_active", self._on_is_active)
         self._session.serve(Empty, "request_nomotion_update", self._on_nomotion_update)
         self._session.serve(GetMap, "map_server/map", self._on_get_map)
@@ -190,16 +193,24 @@ class RobotNode:
             self._log.warning("fault refused", problems=error.problems)
             return
         self._apply(fault)
+        self._show_navigator()
         self._publish_statuses()
         self._loop.reset()
 
     def _apply(self, fault: faults.AnyFault) -> None:
+        if isinstance(fault, faults.Freeze):
+            self._log.info("fault", **fault.model_dump())
+            threading.Event().wait(fault.seconds)  # in the robot's own thread: all of it hangs
+            return
         was_silent = self._silent
         now = self._clock.monotonic()
         self._robot.apply(fault, goal_id=uuid.uuid4(), accepted_ns=self._stamp(), now=now)
         self._log.info("fault", **fault.model_dump())
         if was_silent and not self._silent:
             self._publish_map()
+
+    def _show_navigator(self) -> None:
+        self._navigator.show(there=not self._robot.faults.on(faults.Unconfigured))
 
     @property
     def _silent(self) -> bool:
@@ -244,6 +255,8 @@ class RobotNode:
 
     def _publish_battery(self) -> None:
         scale = self._settings.battery.scale
+        if self._robot.faults.on(faults.BatteryScale):
+            scale = "fraction" if scale == "percent" else "percent"
         self._publish(self._battery, messages.battery_message(self._robot.battery, scale, self._stamp()))
 
     def _publish_map(self) -> None:
@@ -259,7 +272,9 @@ class RobotNode:
             snapshots = [self._held_back]
         self._held_back = None
         for snapshot in snapshots:
-            self._status.publish(messages.status_array(snapshot))
+            for shown in disturbed(snapshot, self._last_array, self._robot.faults):
+                self._navigator.publish(shown)
+            self._last_array = snapshot
 
     def _publish(self, publisher: Publisher, message: object) -> None:
         if not self._silent:

@@ -85,7 +85,7 @@ class Robot:
     @property
     def active(self) -> bool:
         """Whether Nav2's lifecycle nodes are active."""
-        return self._navigator.active
+        return self._navigator.active and not self.faults.on(faults.Unconfigured)
 
     @property
     def resting(self) -> bool:
@@ -127,9 +127,20 @@ class Robot:
         if self.faults.on(faults.AmclSilent):
             return None
         estimate, lost = self._localisation.scan(self.pose), self.faults.get(faults.LocalisationLost)
-        if estimate is None or lost is None:
+        if estimate is not None and lost is not None:
+            estimate = replace(estimate, xy_variance=lost.xy_deviation**2)
+        return self._misplaced(estimate)
+
+    def _misplaced(self, estimate: Estimate | None) -> Estimate | None:
+        """Put the estimate where a fault wants it."""
+        jump = self.faults.get(faults.PoseJump)
+        dx, dy = (jump.x, jump.y) if jump else (0.0, 0.0)
+        if self.faults.on(faults.NanPose):
+            dx = math.nan
+        if estimate is None or not (dx or dy):
             return estimate
-        return replace(estimate, xy_variance=lost.xy_deviation**2)
+        pose = estimate.pose
+        return replace(estimate, pose=Pose(pose.x + dx, pose.y + dy, pose.yaw))
 
     def apply(self, fault: AnyFault, *, goal_id: UUID, accepted_ns: int, now: float) -> None:
         """Let a fault begin or end; ``goal_id`` is for a goal that the fault may bring."""
@@ -137,7 +148,11 @@ class Robot:
             pose = Pose(fault.x, fault.y, fault.yaw)
             self._navigator.take(Goal(goal_id, pose, self._settings.map_frame), accepted_ns, now)
             return
+        if isinstance(fault, faults.Freeze):
+            return  # the node has hung already
         self.faults.apply(fault)
+        if self.faults.on(faults.Unconfigured):
+            self._navigator.restart()
         self._navigator.set_active(active=not self.faults.on(faults.Inactive))
 
     def advance(self, now: float) -> None:

@@ -17,7 +17,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
+from rclpy.service import Service
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from nena_shared.log import get_logger
@@ -71,16 +73,16 @@ class RosSession:
 
     def subscribe(
         self, kind: type[Any], topic: str, callback: Callable[[Any], None], qos: QoSProfile
-    ) -> None:
+    ) -> Subscription:
         """Give each message of a topic to ``callback``; a failure is logged and costs that message only."""
 
         def guarded(message: object) -> None:
             with self._guard(topic):
                 callback(message)
 
-        self._node.create_subscription(kind, topic, guarded, qos)
+        return self._node.create_subscription(kind, topic, guarded, qos)
 
-    def serve(self, kind: type[Any], name: str, callback: Callable[[Any, Any], None]) -> None:
+    def serve(self, kind: type[Any], name: str, callback: Callable[[Any, Any], None]) -> Service:
         """Let ``callback`` fill the answers of a service; after a failure the answer goes out as it is."""
 
         def guarded(request: object, response: object) -> object:
@@ -88,7 +90,17 @@ class RosSession:
                 callback(request, response)
             return response
 
-        self._node.create_service(kind, name, guarded)
+        return self._node.create_service(kind, name, guarded)
+
+    def destroy(self, entity: Publisher | Subscription | Service) -> None:
+        """Take a topic's end or a service out of the ROS graph."""
+        match entity:
+            case Publisher():
+                self._node.destroy_publisher(entity)
+            case Subscription():
+                self._node.destroy_subscription(entity)
+            case Service():
+                self._node.destroy_service(entity)
 
     def every(self, seconds: float, callback: Callable[[], None]) -> Timer:
         """Call ``callback`` again and again; after a failure the next round follows as usual."""

@@ -12,6 +12,8 @@ from nena_robot_simulator.battery import Scale
 from nena_robot_simulator.faults import Fault
 from nena_shared.settings import ProgramSettings, SettingsGroup
 
+LAST_DOMAIN = 232
+"""Above it Fast DDS ends the process."""
 _NAMESPACE = re.compile(r"(/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*)?")
 
 
@@ -101,6 +103,10 @@ class MapSettings(SettingsGroup):
         return self
 
 
+def _beside(start: StartPose, index: int) -> StartPose:
+    return start.model_copy(update={"y": start.y + index})
+
+
 def one_robot() -> tuple[RobotSettings, ...]:
     """Give the robots of a simulator that was told of none."""
     return (RobotSettings(),)
@@ -111,6 +117,15 @@ class SimulatorSettings(ProgramSettings):
 
     robots: tuple[RobotSettings, ...] = Field(
         default_factory=one_robot, description="The robots: [[robots]] tables of the file."
+    )
+    copies: int = Field(
+        1,
+        ge=1,
+        le=200,
+        description="How many robots to make of the only one of 'robots', each in a namespace of its own.",
+    )
+    separate_domains: bool = Field(
+        default=False, description="Give each copy the next domain id instead; it costs less for many robots."
     )
     map: MapSettings = Field(default_factory=MapSettings, description="The hall that the robots drive in.")
     time_factor: float = Field(
@@ -123,6 +138,30 @@ class SimulatorSettings(ProgramSettings):
         900.0, gt=0, description="Seconds that an ended goal stays in the status array."
     )
     faults: tuple[Fault, ...] = Field((), description="Faults of every robot from the start.")
+
+    @model_validator(mode="after")
+    def _copies_fit(self) -> Self:
+        if self.copies > 1 and len(self.robots) != 1:
+            message = "copies are made of one robot; name each robot in a [[robots]] table instead"
+            raise ValueError(message)
+        if self.separate_domains and self.robots and self.robots[0].domain_id + self.copies - 1 > LAST_DOMAIN:
+            message = f"there are no {self.copies} domain ids from {self.robots[0].domain_id} on"
+            raise ValueError(message)
+        return self
+
+    @property
+    def all_robots(self) -> tuple[RobotSettings, ...]:
+        """The robots, copies and all."""
+        if self.copies == 1:
+            return self.robots
+        return tuple(self._copy(self.robots[0], index) for index in range(self.copies))
+
+    def _copy(self, robot: RobotSettings, index: int) -> RobotSettings:
+        """Make a robot of the row, a metre beside the one before it."""
+        place = {"name": f"{robot.name}-{index + 1}", "start": _beside(robot.start, index)}
+        if self.separate_domains:
+            return robot.model_copy(update={**place, "domain_id": robot.domain_id + index})
+        return robot.model_copy(update={**place, "namespace": f"{robot.namespace or 'r'}{index + 1}"})
 
     @model_validator(mode="after")
     def _robots_differ(self) -> Self:

@@ -89,6 +89,12 @@ class StatusArray:
             del self._goals[goal_id], self._ended_at[goal_id]
         return tuple(self._goals.values())
 
+    def forget_all(self) -> None:
+        """Begin anew, as a server does that was restarted; nothing is published of it."""
+        self._goals.clear()
+        self._ended_at.clear()
+        self._unpublished.clear()
+
     def accept(self, goal_id: UUID, accepted_ns: int, now: float) -> None:
         """Take a goal in; accept-and-execute shows it as EXECUTING at once."""
         self._goals[goal_id] = GoalEntry(goal_id, accepted_ns, GoalStatus.EXECUTING)

@@ -16,6 +16,9 @@ from nena_status_aggregator.history.history import History
 from nena_status_aggregator.link import FleetLink
 from nena_status_aggregator.settings import AggregatorSettings, HistorySettings
 
+LINGER = 30.0
+"""Seconds for which changes are still made when the last client has gone: it may only have lost its line."""
+
 
 class Aggregator:
     """What the program runs and what the API shows; owned by one event loop."""
@@ -53,12 +56,24 @@ class Aggregator:
             self.events.publish(delta["id"], to_json(delta))
 
     async def keep_publishing(self) -> None:
-        """Publish changes until cancelled."""
+        """Publish changes until cancelled; while nobody follows them, only judge, which is far less work.
+
+        What nobody was told then is in the next change or snapshot, whoever asks for it first.
+        """
+        followed_until = 0.0
         while True:
-            self.publish_changes()
+            now = self.clock.monotonic()
+            if self.events.clients:
+                followed_until = now + LINGER
+            if now < followed_until:
+                self.publish_changes()
+            else:
+                self.link.notice()
+                self.model.advance(self.now())
             await asyncio.sleep(self._interval)
 
     def _snapshot(self) -> tuple[int, bytes]:
+        self.publish_changes()
         view = self.model.snapshot()
         return view["id"], to_json({**view, "time": iso(self.clock.now())})
 

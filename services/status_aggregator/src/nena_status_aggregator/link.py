@@ -23,12 +23,12 @@ from nena_shared.vda5050.malformed import MalformedMessageError, problems_of
 from nena_shared.vda5050.robot_sources import RobotSources
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
-from nena_shared.vda5050.versions import reader_of
 from nena_shared.vda5050.visualization import Visualization
 from nena_status_aggregator import protocol
 from nena_status_aggregator.fleet_model.instant import Instant
 from nena_status_aggregator.fleet_model.message_kind import MessageKind
 from nena_status_aggregator.fleet_model.model import FleetModel
+from nena_status_aggregator.reader import MessageReader
 from nena_status_aggregator.settings import AggregatorSettings
 
 log = get_logger(__name__)
@@ -62,6 +62,7 @@ class FleetLink:
         self._fleet_topics = FleetTopics(settings.topic_prefix)
         self._problems: dict[str, str] = {}
         self._sources = RobotSources()
+        self._reader = MessageReader()
         self.mqtt = MqttLink(
             settings.mqtt,
             # several aggregators may watch one broker: the id must differ
@@ -122,9 +123,8 @@ class FleetLink:
             if len(str(key)) > KEY_LENGTH:
                 self._malformed(kind, inbound.topic, f"a robot's name is longer than {KEY_LENGTH}", at, None)
                 return
-            codec = reader_of(inbound.payload, scheme.major_version)
             try:
-                message = codec.decode(form, inbound.payload)
+                message = self._reader.read(form, inbound.topic, inbound.payload, scheme.major_version)
             except MalformedMessageError as error:
                 self._malformed(kind, inbound.topic, _summary(error.problems), at, key)
                 return

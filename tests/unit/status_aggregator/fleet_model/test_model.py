@@ -313,3 +313,19 @@ def test_a_replay_gives_the_same(events: list[Event]) -> None:
         fleet.flush(at(len(events)))
         results.append(fleet.snapshot())
     assert results[0] == results[1]
+
+
+def test_conditions_go_on_without_anybody_being_told_and_the_next_delta_has_it_all() -> None:
+    fleet = model(silence=5)
+    fleet.on_state(ROBOT, state(), at(0))
+    assert fleet.flush(at(0)) is not None
+    fleet.on_state(ROBOT, state(2, at=1, driving=True), at(1))
+    fleet.advance(at(1))
+    robot = fleet.robots.get(ROBOT)
+    assert robot is not None
+    assert (robot.condition, fleet.snapshot()["robots"][0]["condition"]) == ("BUSY", "IDLE")
+    fleet.advance(at(9))
+    delta = fleet.flush(at(10))
+    assert delta is not None
+    assert (delta["id"], delta["robots"][0]["condition"]) == (2, "SILENT")
+    assert delta["robots"][0]["driving"] is True

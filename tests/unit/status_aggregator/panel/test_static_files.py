@@ -8,14 +8,35 @@ from pathlib import Path
 
 import pytest
 
-from nena_shared.fleet_api.transport_order import TransportOrderState
-from nena_status_aggregator.fleet_model.condition import Condition
+from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
+from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.error import ErrorLevel
+from nena_shared.vda5050.state import OperatingMode
+from nena_status_aggregator.fleet_model.condition import TEXTS, Condition
+from nena_status_aggregator.fleet_model.happening import Code
+from nena_status_aggregator.fleet_model.session import SessionState
 from nena_status_aggregator.rest.app import PANEL
 
-SCRIPTS = sorted(PANEL.rglob("*.js"))
-CATALOGUE = (PANEL / "catalogue.js").read_text(encoding="utf-8")
-KEYS = set(re.findall(r'^\s+"([\w.]+)":', CATALOGUE, re.MULTILINE))
-USED = re.compile(r"""(?:\bt|plural|cell)\(\s*"([\w.]+)"|data-text="([\w.]+)"|"((?:robots|orders)\.\w+)\"""")
+LANGUAGES = ("en", "nl", "de")
+SCRIPTS = sorted(path for path in PANEL.rglob("*.js") if path.parent.name != "texts")
+ENTRY = re.compile(r'^  "([\w.:]+)":\s+"((?:[^"\\]|\\.)*)",$', re.MULTILINE)
+KEY = re.compile(
+    r'"((?:page|summary|theme|link|map|layer|robots?|condition|battery|progress|age|orders?|destination|state|messages|'
+    r"language|filter|goal|fact|unit|connection|session|mode|reason|advice|errorAdvice|level|action|why|command|dispatch|"
+    r'position|form|operation|orderForm|drive|event|happening)\.[\w.]+)"'
+)
+MADE = re.compile(r"`([\w.]+\.)\$\{")
+
+
+def texts(language: str) -> dict[str, str]:
+    source = (PANEL / "texts" / f"{language}.js").read_text(encoding="utf-8")
+    found = dict(ENTRY.findall(source))
+    assert len(found) == source.count('",\n'), "a text that is not one line under its key"
+    return found
+
+
+KEYS = set(texts("en"))
 
 
 class Page(HTMLParser):
@@ -47,18 +68,39 @@ def test_nothing_comes_from_another_host(path: Path) -> None:
     assert [each for each in foreign if each != "http://www.w3.org/2000/svg"] == []
 
 
-def test_every_text_that_is_used_is_in_the_catalogue() -> None:
-    sources = [path.read_text(encoding="utf-8") for path in (*SCRIPTS, PANEL / "index.html")]
-    used = {next(filter(None, groups)) for source in sources for groups in USED.findall(source)}
-    missing = [
-        key for key in used if key not in KEYS and not any(each.startswith(f"{key}.") for each in KEYS)
-    ]
-    assert len(used) > 30
-    assert missing == []
+def test_every_text_that_is_used_is_in_the_catalogue_and_no_other() -> None:
+    source = "\n".join(path.read_text(encoding="utf-8") for path in (*SCRIPTS, PANEL / "index.html"))
+    named = set(KEY.findall(source)) | {"none", "destination"}
+    named |= {f"{key}.{form}" for key in named for form in ("one", "other", "title", "text")} & KEYS
+    made = tuple(MADE.findall(source))
+    bases = {key.rsplit(".", 1)[0] for key in KEYS}
+    assert {each for each in named if each not in KEYS | bases} == set()
+    assert {key for key in KEYS if key not in named and not key.startswith(made)} == set()
 
 
-def test_every_condition_and_state_has_its_word() -> None:
-    wanted = {f"condition.{each}" for each in Condition} | {f"state.{each}" for each in TransportOrderState}
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_language_has_every_text_with_the_same_values(language: str) -> None:
+    def values(text: str) -> list[str]:
+        return sorted(re.findall(r"\{\w+\}", text))
+
+    english, other = texts("en"), texts(language)
+    assert set(other) == set(english)
+    assert {key for key in english if values(english[key]) != values(other[key])} == set()
+    assert all(text.strip() for text in other.values())
+
+
+def test_everything_that_has_a_code_has_its_words() -> None:
+    wanted = {f"condition.{each}" for each in Condition}
+    wanted |= {f"state.{each}" for each in TransportOrderState}
+    wanted |= {f"why.order.{each}" for each in TransportOrderState}
+    wanted |= {f"drive.{each}" for each in DriveOrderState}
+    wanted |= {f"connection.{each}" for each in ConnectionState}
+    wanted |= {f"session.{each}" for each in SessionState}
+    wanted |= {f"mode.{each}" for each in OperatingMode}
+    wanted |= {f"level.{each}" for each in ErrorLevel}
+    wanted |= {f"action.{each}" for each in ActionStatus}
+    wanted |= {f"happening.{each}" for each in Code}
+    wanted |= {f"reason.{each}" for each in TEXTS if each != "emergency_stop"}
     assert wanted - KEYS == set()
 
 

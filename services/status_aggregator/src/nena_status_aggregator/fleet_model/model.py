@@ -59,6 +59,8 @@ class FleetModel:
         self._key_of_vehicle: dict[str, RobotKey] = {}
         self._plant_version = 0
         self._public = Publication()
+        self._unjudged: dict[RobotKey, None] = {}
+        """Robots whose condition may be another one by now."""
 
     def on_connection(self, key: RobotKey, message: Connection, at: Instant) -> None:
         """Take in a connection message; never judged late, for a will carries the header of its CONNECT."""
@@ -166,7 +168,7 @@ class FleetModel:
         self._public.link = {"connected": connected, "since": iso(at.utc)}
         self._chronicle.link(connected=connected, at=at)
         for robot in self.robots:
-            self._public.robots.touch(robot.key)
+            self._touch(robot.key)
         if not connected:
             self.orders.doubt()
             for order in self.orders:
@@ -177,12 +179,23 @@ class FleetModel:
         """Whether the link to the broker stands."""
         return self._public.link["connected"]
 
-    def flush(self, at: Instant) -> Delta | None:
-        """Bring all conditions up to date, and tell what changed since the last call; None: nothing."""
+    def advance(self, at: Instant) -> None:
+        """Bring the conditions of all robots up to date, without telling anybody yet."""
         for robot in self.robots:
             if robot.falls_silent(at, self.limits.silence):
-                self._public.robots.touch(robot.key)
-        return self._public.flush(lambda key: self._look_at_robot(key, at), self._look_at_order)
+                self._touch(robot.key)
+        for key in self._unjudged:
+            touched = self.robots.get(key)
+            if touched is not None:
+                before = touched.condition, touched.reason
+                touched.judge(at, self.limits.silence, link_up=self.link_up)
+                self._chronicle.condition(touched, before, at)
+        self._unjudged.clear()
+
+    def flush(self, at: Instant) -> Delta | None:
+        """Bring all conditions up to date, and tell what changed since the last call; None: nothing."""
+        self.advance(at)
+        return self._public.flush(self._look_at_robot, self._look_at_order)
 
     def snapshot(self) -> FleetView:
         """Tell everything, as of the last :meth:`flush`."""
@@ -203,13 +216,13 @@ class FleetModel:
         if gone is not None:
             self.statistics.robots_forgotten += 1
             self._chronicle.forgotten(gone, at)
-            self._public.robots.touch(gone.key)
+            self._touch(gone.key)
             if gone.vehicle:
                 self._key_of_vehicle.pop(gone.vehicle.name, None)
         if robot is None:
             self.statistics.refused[kind] += 1
         else:
-            self._public.robots.touch(key)
+            self._touch(key)
         return robot
 
     def _is_news(self, robot: Robot, kind: MessageKind, message: State | Visualization | Factsheet) -> bool:
@@ -226,13 +239,14 @@ class FleetModel:
         if robot.vehicle and robot.vehicle.transport_order:
             self._public.orders.touch(robot.vehicle.transport_order)
 
-    def _look_at_robot(self, key: RobotKey, at: Instant) -> RobotView | None:
+    def _touch(self, key: RobotKey) -> None:
+        self._unjudged[key] = None
+        self._public.robots.touch(key)
+
+    def _look_at_robot(self, key: RobotKey) -> RobotView | None:
         robot = self.robots.get(key)
         if robot is None:
             return None
-        before = robot.condition, robot.reason
-        robot.judge(at, self.limits.silence, link_up=self.link_up)
-        self._chronicle.condition(robot, before, at)
         return view_robot(
             robot,
             silence_limit=robot.silence_limit(self.limits.silence),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from nena_shared.fleet_api.base import iso
 from nena_shared.vda5050.action import ActionState
-from nena_shared.vda5050.error import ErrorEntry
-from nena_shared.vda5050.state import NodeState, State
+from nena_shared.vda5050.error import ErrorEntry, ErrorReference
+from nena_shared.vda5050.state import Information, NodeState, State
 from nena_status_aggregator.fleet_model.robot import Robot
 from nena_status_aggregator.fleet_model.session import session_of
 from nena_status_aggregator.fleet_model.views import (
@@ -14,6 +14,7 @@ from nena_status_aggregator.fleet_model.views import (
     BatteryView,
     BodyView,
     ErrorView,
+    InformationView,
     LoadView,
     MapView,
     PositionView,
@@ -69,6 +70,9 @@ def view_robot(robot: Robot, *, silence_limit: float, skew_limit: float) -> Robo
         "maps": _maps(state) if state else None,
         "loads": _loads(state) if state else None,
         "errors": [_error(each) for each in state.errors[:LIST_LIMIT]] if state else [],
+        "information": [_information(each) for each in (state.information or ())[:LIST_LIMIT]]
+        if state
+        else [],
         "actions": [_action(each) for each in _all_actions(state)[:LIST_LIMIT]] if state else [],
         "order": _order(robot, state) if state and state.order_id else None,
         "body": _body(robot),
@@ -135,11 +139,21 @@ def _error(entry: ErrorEntry) -> ErrorView:
         "errorLevel": entry.error_level.value,
         "description": short(entry.error_description),
         "hint": short(entry.error_hint),
-        "references": {
-            each.reference_key: short(each.reference_value) or ""
-            for each in entry.error_references[:LIST_LIMIT]
-        },
+        "references": _references(entry.error_references),
     }
+
+
+def _information(entry: Information) -> InformationView:
+    return {
+        "infoType": short(entry.info_type) or "",
+        "infoLevel": entry.info_level.value,
+        "description": short(entry.info_descriptor),
+        "references": _references(entry.info_references),
+    }
+
+
+def _references(references: tuple[ErrorReference, ...]) -> dict[str, str]:
+    return {each.reference_key: short(each.reference_value) or "" for each in references[:LIST_LIMIT]}
 
 
 def _all_actions(state: State) -> tuple[ActionState, ...]:

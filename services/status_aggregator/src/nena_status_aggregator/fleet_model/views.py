@@ -59,6 +59,15 @@ class ErrorView(TypedDict):
     references: dict[str, str]
 
 
+class InformationView(TypedDict):
+    """Something that the robot tells beside: goals of its navigation, for one."""
+
+    infoType: str
+    infoLevel: str
+    description: str | None
+    references: dict[str, str]
+
+
 class ActionView(TypedDict):
     """An action that the robot knows of."""
 
@@ -140,6 +149,7 @@ class RobotView(TypedDict):
     maps: list[MapView] | None
     loads: list[LoadView] | None
     errors: list[ErrorView]
+    information: list[InformationView]
     actions: list[ActionView]
     order: RobotOrderView | None
     body: BodyView | None

@@ -54,6 +54,7 @@ def make_router(aggregator: Aggregator) -> APIRouter:
     @router.get("/fleet", responses={200: {"model": FleetResource}})
     async def fleet() -> Response:
         """Everything: robots, orders, whether there is a plant model, the link to the broker."""
+        aggregator.publish_changes()
         view = model.snapshot()
         robots = [with_age(each) for each in view["robots"]]
         return _json({**view, "time": iso(aggregator.now().utc), "robots": robots})
@@ -61,6 +62,7 @@ def make_router(aggregator: Aggregator) -> APIRouter:
     @router.get("/robots/{manufacturer}/{serial}", responses={200: {"model": RobotResource}})
     async def robot(manufacturer: str, serial: str) -> Response:
         """One robot."""
+        aggregator.publish_changes()
         view = model.robot_view(RobotKey(manufacturer, serial))
         if view is None:
             detail = (
@@ -83,6 +85,7 @@ def make_router(aggregator: Aggregator) -> APIRouter:
     @router.get("/orders", responses={200: {"model": list[OrderView]}})
     async def orders() -> Response:
         """All transport orders that are kept."""
+        aggregator.publish_changes()
         return _json(model.snapshot()["orders"])
 
     @router.get("/plant")

@@ -15,6 +15,16 @@ export function timeOfDay(moment) {
   return new Date(moment).toLocaleTimeString(locale(), { hour12: false });
 }
 
+/** Write a date with its time; `moment` is ISO 8601 or milliseconds. */
+export function dateAndTime(moment) {
+  return new Date(moment).toLocaleString(locale(), { dateStyle: "medium", timeStyle: "medium" });
+}
+
+/** Write a heading, given in rad, in degrees. */
+export function degrees(theta) {
+  return t("unit.degrees", { value: number((theta * 180) / Math.PI, 0) });
+}
+
 const UNITS = [
   [60, 1, "age.seconds"],
   [3600, 60, "age.minutes"],

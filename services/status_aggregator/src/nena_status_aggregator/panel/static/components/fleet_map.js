@@ -16,14 +16,14 @@ const SCALE_LENGTHS = [0.5, 1, 2, 5, 10, 20, 50, 100, 200];
 class FleetMap extends HTMLElement {
   view = new Viewport();
   #plan = null;
-  #plantVersion = null;
   #fitted = false;
   #pending = false;
   #places = [];
 
-  show(store) {
+  show(store, plant) {
     this.store = store;
     this.#build();
+    plant.addEventListener("change", () => this.#showPlant(plant.model));
     store.addEventListener("change", (event) => this.#change(event.detail));
     new ResizeObserver(() => this.#resize()).observe(this.canvas);
     document.addEventListener("themechange", () => this.#recolour());
@@ -54,6 +54,23 @@ class FleetMap extends HTMLElement {
     this.#draw();
   }
 
+  /** Show a pose that is being chosen, `{x, y, theta}`; null: none. */
+  showPose(pose) {
+    this.pose = pose;
+    this.#draw();
+  }
+
+  /** Let a person press a place and drag a heading: `take(pose)` at each step, `done()` at the end. */
+  pickPose({ take, done }) {
+    this.closest("section").scrollIntoView({ block: "nearest" });
+    this.hint.hidden = false;
+    this.canvas.focus({ preventScroll: true });
+    this.gestures.pickPose(take, () => {
+      this.hint.hidden = true;
+      done();
+    });
+  }
+
   /** Show everything that has a place. */
   fit() {
     const robots = this.#robots().map((robot) => robot.position);
@@ -68,7 +85,9 @@ class FleetMap extends HTMLElement {
   #build() {
     this.canvas = element("canvas", { tabindex: 0, role: "application" });
     this.painter = new Painter(this.canvas);
-    const gestures = new Gestures(this.canvas, this.view, {
+    this.hint = element("div", { class: "hint pick", role: "status" }, t("map.pick"));
+    this.hint.hidden = true;
+    this.gestures = new Gestures(this.canvas, this.view, {
       moved: (byHand) => (byHand ? this.follow(false) : this.#draw()),
       picked: (x, y) => this.#pick(x, y),
       hovered: (place) => this.#read(place),
@@ -80,7 +99,7 @@ class FleetMap extends HTMLElement {
     this.layers = element("nena-map-layers");
     this.layers.addEventListener("layers", () => this.#draw());
     const legend = element("div", { class: "legend" }, this.bar, this.readout);
-    this.replaceChildren(this.canvas, this.note, this.#tools(gestures), legend);
+    this.replaceChildren(this.canvas, this.note, this.hint, this.#tools(this.gestures), legend);
   }
 
   #tools(gestures) {
@@ -105,21 +124,16 @@ class FleetMap extends HTMLElement {
   }
 
   #change({ robots, parts }) {
-    if (parts.has("plant")) this.#loadPlant();
-    if (robots.size || parts.has("plant")) {
-      if (!this.#fitted) this.fit();
-      this.#describe();
-      this.#draw();
-    }
+    if (parts.has("plant")) this.note.hidden = this.store.plant !== null;
+    if (!robots.size) return;
+    if (!this.#fitted) this.fit();
+    this.#describe();
+    this.#draw();
   }
 
-  async #loadPlant() {
-    const plant = this.store.plant;
-    this.note.hidden = plant !== null;
-    if (plant?.version === this.#plantVersion && plant?.name === this.#plan?.name) return;
-    const answer = plant ? await fetch("api/v1/plant") : null;
-    this.#plan = answer?.ok ? drawPlan(await answer.json()) : null;
-    this.#plantVersion = this.#plan ? plant.version : null;
+  #showPlant(model) {
+    this.note.hidden = model !== null;
+    this.#plan = model && drawPlan(model);
     this.fit();
     this.#describe();
   }
@@ -168,10 +182,10 @@ class FleetMap extends HTMLElement {
   }
 
   #paint() {
-    const { selected, colours } = this;
+    const { selected, colours, pose } = this;
     const followed = this.following && this.store.robots.get(selected)?.position;
     if (followed) this.view.centre(followed.x, followed.y);
-    const scene = { plan: this.#plan, robots: this.#robots(), selected, colours, layers: this.layers.chosen };
+    const scene = { plan: this.#plan, robots: this.#robots(), selected, colours, layers: this.layers.chosen, pose };
     this.#places = this.painter.paint(this.view, scene);
     this.#drawScale();
   }

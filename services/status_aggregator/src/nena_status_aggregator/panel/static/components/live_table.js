@@ -7,10 +7,12 @@ const TICK = 1000;
 
 /**
  * A table over the views of one kind. Subclasses give `columns` (keys of the catalogue), `empty` (key), `compare`,
- * and `makeRow(id)`, which gives `{row, update(view, now)}`.
+ * and `makeRow(id)`, which gives `{row, update(view, now)}`; and `accept(view)` where not all are shown.
  */
 export class LiveTable extends HTMLElement {
   #rows = new Map();
+  /** Tells whether a view is to be shown. */
+  accept = () => true;
 
   /** Show what `views()` gives, and follow the changes of `kind` in the store. */
   follow(store, kind) {
@@ -21,13 +23,18 @@ export class LiveTable extends HTMLElement {
     this.note = emptyBox(t(`${this.empty}.title`), t(`${this.empty}.text`));
     this.replaceChildren(this.table, this.note);
     store.addEventListener("change", (event) => this.#change(event.detail[kind]));
-    setInterval(() => this.#updateRows(this.views().keys()), TICK);
+    setInterval(() => this.refresh(), TICK);
     this.#change(new Set());
   }
 
   /** Give the row of one view. */
   rowOf(id) {
     return this.#rows.get(id)?.row;
+  }
+
+  /** Look again which rows are to be shown. */
+  refresh() {
+    this.#updateRows(this.views().keys());
   }
 
   #head() {
@@ -53,7 +60,12 @@ export class LiveTable extends HTMLElement {
 
   #updateRows(ids) {
     const now = this.store.now();
-    for (const id of ids) this.#rows.get(id)?.update(this.views().get(id), now);
+    for (const id of ids) {
+      const shown = this.#rows.get(id);
+      if (!shown) continue;
+      shown.row.hidden = !this.accept(this.views().get(id));
+      shown.update(this.views().get(id), now);
+    }
   }
 
   #order() {

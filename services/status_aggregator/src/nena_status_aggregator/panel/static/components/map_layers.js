@@ -11,7 +11,7 @@ class MapLayers extends HTMLElement {
 
   connectedCallback() {
     const title = t("map.layers");
-    const summary = element("summary", { title, "aria-label": title, class: "button" }, icon("layers"));
+    const summary = element("summary", { title, "aria-label": title }, icon("layers"));
     const boxes = LAYERS.map((name) => this.#box(name));
     this.replaceChildren(element("details", {}, summary, element("fieldset", {}, element("legend", {}, title), ...boxes)));
   }

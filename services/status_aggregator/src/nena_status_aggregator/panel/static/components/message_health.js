@@ -1,7 +1,7 @@
 // Whether all messages were understood, and what was wrong with the last that was not.
 
 import { plural, t } from "../catalogue.js";
-import { element } from "../dom.js";
+import { element, foreign } from "../dom.js";
 import { timeOfDay } from "../format.js";
 
 class MessageHealth extends HTMLElement {
@@ -21,8 +21,8 @@ class MessageHealth extends HTMLElement {
     }
     const kinds = Object.entries(counts).map(([kind, count]) => t("messages.kind", { kind, count }));
     const text = plural("messages.malformed", total, { kinds: kinds.join(", ") });
-    const last = t("messages.last", { time: timeOfDay(lastTime), topic: lastTopic, problem: lastProblem });
-    this.replaceChildren(element("strong", {}, text), ` ${last}`);
+    const last = t("messages.last", { time: timeOfDay(lastTime), topic: lastTopic });
+    this.replaceChildren(element("strong", {}, text), ` ${last} `, foreign("span", lastProblem));
   }
 }
 

@@ -1,8 +1,10 @@
 // The robots: condition and reason, battery, order and progress, age of the last state.
 
 import { plural, t } from "../catalogue.js";
-import { element, progressBar, setAttribute, setText } from "../dom.js";
+import { element, progressBar, setAttribute, setText, verbatim } from "../dom.js";
 import { age, byName, number } from "../format.js";
+import { reasonOf } from "../reasons.js";
+import { address } from "../router.js";
 import { LiveTable, cell } from "./live_table.js";
 
 const LOW_BATTERY = 20;
@@ -29,17 +31,16 @@ class RobotTable extends LiveTable {
   }
 
   makeRow(id) {
-    const name = element("button", { type: "button", class: "name" });
-    name.addEventListener("click", () => this.dispatchEvent(new CustomEvent("select", { detail: id })));
+    const name = verbatim("a", "", { class: "name", href: address("robots", id) });
     const parts = {
       name,
-      model: element("span", { class: "detail" }),
+      model: verbatim("span", "", { class: "detail" }),
       chip: element("span", { class: "chip" }),
       reason: element("span", { class: "reason" }),
       marks: element("span", { class: "detail marks" }),
       battery: element("span", { class: "number" }),
       charging: element("span", { class: "detail" }),
-      order: element("span", { class: "order" }),
+      order: verbatim("span", "", { class: "order" }),
       progress: progressBar(),
       age: element("span", { class: "number" }),
     };
@@ -59,12 +60,11 @@ class RobotTable extends LiveTable {
 function update(parts, row, robot, now) {
   setAttribute(row, "data-condition", robot.condition);
   setText(parts.name, robot.name);
-  setAttribute(parts.name, "aria-label", t("robots.show", { name: robot.name }));
   setAttribute(parts.name, "title", robot.name);
   setText(parts.model, robot.name === robot.serialNumber ? robot.manufacturer : robot.id);
   setText(parts.chip, t(`condition.${robot.condition}`));
   setAttribute(parts.chip, "data-condition", robot.condition);
-  setText(parts.reason, robot.reason);
+  setText(parts.reason, reasonOf(robot));
   setText(parts.marks, marks(robot).join(" · "));
   updateBattery(parts, robot.battery);
   updateOrder(parts, robot);

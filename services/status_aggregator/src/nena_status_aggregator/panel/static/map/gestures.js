@@ -3,6 +3,7 @@
 const ZOOM = 1.25;
 const STEP = 60;
 const CLICK = 4;
+const DRAG = 12;
 
 /**
  * Moves a view. `host` is told: `moved(byHand)` when the view has changed, `picked(x, y)` of a click or tap,
@@ -11,6 +12,7 @@ const CLICK = 4;
 export class Gestures {
   #pointers = new Map();
   #travel = 0;
+  #picking = null;
 
   constructor(canvas, view, host) {
     this.view = view;
@@ -22,6 +24,29 @@ export class Gestures {
   /** Zoom by one step. */
   step(direction) {
     this.#zoom(ZOOM ** direction);
+  }
+
+  /**
+   * Take the next press as a place and the drag from it as a heading: `take({x, y, theta})` at each step, theta null while
+   * there is no drag; `done()` at the end, also after Escape.
+   */
+  pickPose(take, done) {
+    this.#picking = { take, done, from: null };
+    this.canvas.classList.add("picking");
+  }
+
+  #endPicking() {
+    const { done } = this.#picking;
+    this.#picking = null;
+    this.canvas.classList.remove("picking");
+    done();
+  }
+
+  #takePose(event) {
+    const { take, from } = this.#picking;
+    const [x, y] = this.view.toPlane(...from);
+    const [dx, dy] = [event.offsetX - from[0], event.offsetY - from[1]];
+    take({ x, y, theta: Math.hypot(dx, dy) < DRAG ? null : Math.atan2(-dy, dx) });
   }
 
   #handlers() {
@@ -41,6 +66,7 @@ export class Gestures {
 
   #down(event) {
     this.canvas.setPointerCapture(event.pointerId);
+    if (this.#picking) this.#picking.from ??= [event.offsetX, event.offsetY];
     this.#pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
     this.#travel = 0;
   }
@@ -48,6 +74,7 @@ export class Gestures {
   #move(event) {
     const here = [event.offsetX, event.offsetY];
     this.host.hovered(this.view.toPlane(...here));
+    if (this.#picking?.from) return this.#takePose(event);
     const before = this.#pointers.get(event.pointerId);
     if (!before) return;
     this.#pointers.set(event.pointerId, here);
@@ -65,12 +92,16 @@ export class Gestures {
 
   #up(event) {
     this.#pointers.delete(event.pointerId);
-    if (this.#travel < CLICK) this.host.picked(event.offsetX, event.offsetY);
+    if (this.#picking?.from) {
+      this.#takePose(event);
+      this.#endPicking();
+    } else if (this.#travel < CLICK) this.host.picked(event.offsetX, event.offsetY);
   }
 
   #key(event) {
     const moves = { ArrowLeft: [STEP, 0], ArrowRight: [-STEP, 0], ArrowUp: [0, STEP], ArrowDown: [0, -STEP] };
-    if (event.key === "0") this.host.fit();
+    if (event.key === "Escape" && this.#picking) this.#endPicking();
+    else if (event.key === "0") this.host.fit();
     else if (event.key === "+" || event.key === "=") this.step(1);
     else if (event.key === "-") this.step(-1);
     else if (moves[event.key]) {

@@ -1,6 +1,7 @@
 // Paints the map. The plan is kept as a picture, and painted anew only where it would look different.
 
 import { paintPlan } from "./plan_painter.js";
+import { paintPose } from "./pose_painter.js";
 import { paintRobots } from "./robot_painter.js";
 
 const COLOURS = ["ink", "muted", "line", "surface", "way", "point", "location", "accent", "bad"];
@@ -44,6 +45,7 @@ export class Painter {
     const places = scene.robots.map((robot) => ({ robot, at: view.toScreen(robot.position.x, robot.position.y) }));
     const seen = places.filter(({ robot, at }) => robot.order?.active || inSight(view, at));
     paintRobots(context, view, seen, scene);
+    if (scene.pose) paintPose(context, view.toScreen(scene.pose.x, scene.pose.y), scene.pose.theta, scene.colours.accent);
     return places;
   }
 

@@ -1,0 +1,147 @@
+// All about one transport order: why it waits, its destinations, its history; and its withdrawal.
+
+import { has, t } from "../catalogue.js";
+import { causesOfOrder } from "../causes.js";
+import { ask, command } from "../commands.js";
+import { button, element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "../dom.js";
+import { dateAndTime, number } from "../format.js";
+import { run } from "../forms/command_form.js";
+import "./why_list.js";
+
+class OrderPage extends HTMLElement {
+  #name = null;
+  #version = null;
+
+  /** Prepare; `fleet`: {store, link, plant, enabled}. */
+  show(fleet) {
+    this.fleet = fleet;
+    fleet.store.addEventListener("change", () => this.#name && this.#update());
+    fleet.link.addEventListener("state", () => this.#name && this.#update());
+  }
+
+  /** Show one order; null: none. */
+  open(name) {
+    this.#name = name;
+    this.#version = null;
+    if (name) this.#build();
+  }
+
+  #build() {
+    this.heading = verbatim("h2", this.#name, { tabindex: -1 });
+    this.chip = element("span", { class: "chip" });
+    this.why = element("nena-why-list");
+    this.facts = element("dl", { class: "facts" });
+    this.progress = progressBar();
+    this.stops = element("ol", { class: "stops" });
+    this.history = element("ol", { class: "history" }, element("li", { class: "hint" }, t("order.historyNone")));
+    this.gone = element("p", { class: "hint" }, t("order.gone"));
+    const head = element("header", { class: "head" }, element("a", { href: "#/", class: "back" }, t("page.back")), this.heading, this.chip);
+    this.body = element(
+      "div",
+      {},
+      section("why.orderTitle", this.why),
+      section("robot.commands", this.#commands()),
+      section("order.stops", this.progress.box, this.stops),
+      section("robot.facts", this.facts),
+    );
+    this.replaceChildren(head, this.gone, this.body, section("order.history", this.history));
+    this.#update();
+    this.heading.focus({ preventScroll: true });
+  }
+
+  // Two steps, so that a slip of the hand withdraws nothing.
+  #commands() {
+    this.result = element("output", { class: "result", role: "status" });
+    this.sure = button(t("order.withdrawSure"), () => run(this.sure, this.result, () => this.#withdraw()), { class: "danger" });
+    this.withdraw = button(t("order.withdraw"), () => {
+      this.sure.hidden = !this.sure.hidden;
+      if (!this.sure.hidden) this.sure.focus();
+    });
+    this.sure.hidden = true;
+    this.off = element("p", { class: "hint" }, t("command.off"));
+    this.off.hidden = this.fleet.enabled;
+    return element("div", {}, element("div", { class: "actions" }, this.withdraw, this.sure), this.off, this.result);
+  }
+
+  async #withdraw() {
+    const body = { reason: "withdrawn at the control panel" };
+    const answer = await command(["transportOrders", this.#name, "withdrawal"], body);
+    return ["command.withdrawn", { name: this.#name }, answer.reason];
+  }
+
+  #update() {
+    const order = this.fleet.store.orders.get(this.#name);
+    this.gone.hidden = Boolean(order);
+    this.body.hidden = this.chip.hidden = !order;
+    if (order?.version !== this.#version || this.#version === null) this.#loadHistory(order?.version ?? 0);
+    if (!order) return;
+    setText(this.chip, t(`state.${order.state}`));
+    setAttribute(this.chip, "data-state", order.state);
+    this.why.show(causesOfOrder(order, this.fleet));
+    this.withdraw.disabled = !this.fleet.enabled || order.final;
+    if (order.final) this.sure.hidden = true;
+    this.progress.box.hidden = order.progress === null;
+    this.progress.bar.value = order.progress ?? 0;
+    setAttribute(this.progress.bar, "aria-label", t("progress.label", { name: order.id }));
+    setText(this.progress.value, t("progress.value", { percent: number(order.progress ?? 0) }));
+    refill(this.stops, [order.destinations, order.currentDestination], () => order.destinations.map(stop));
+    refill(this.facts, factsOf(order), (facts) => facts.flatMap(([key, content]) => [element("dt", {}, t(key)), content()]));
+  }
+
+  async #loadHistory(version) {
+    this.#version = version;
+    const name = this.#name;
+    const entries = this.fleet.enabled ? await ofOrderService(name) : await ofAggregator(name);
+    if (name !== this.#name || !entries.length) return;
+    this.history.replaceChildren(...entries.map(entry));
+  }
+}
+
+async function ofOrderService(name) {
+  const status = await ask("transportOrders", name).catch(() => null);
+  return (status?.history ?? []).map((each) => ({
+    time: each.timestamp,
+    text: has(`event.${each.eventCode}`) ? t(`event.${each.eventCode}`) : each.eventCode,
+    words: each.supplements.join(" "),
+  }));
+}
+
+async function ofAggregator(name) {
+  const answer = await fetch(`api/v1/history?order=${encodeURIComponent(name)}`).catch(() => null);
+  const page = answer?.ok ? await answer.json() : { entries: [] };
+  return page.entries.reverse().map((each) => ({ time: each.time, text: t(`happening.${each.code}`), words: each.text }));
+}
+
+function section(key, ...content) {
+  return element("section", {}, element("h3", {}, t(key)), ...content);
+}
+
+function entry({ time, text, words }) {
+  return element("li", {}, element("time", { datetime: time }, dateAndTime(time)), element("strong", {}, text), foreign("span", words));
+}
+
+function stop(each) {
+  return element(
+    "li",
+    { "data-state": each.state },
+    verbatim("span", t("destination", each)),
+    " ",
+    element("strong", {}, t(`drive.${each.state}`)),
+  );
+}
+
+function factsOf(order) {
+  const words = (text) => () => element("dd", {}, text);
+  const vehicle = order.processingVehicle ?? order.intendedVehicle;
+  return [
+    ["orders.vehicle", vehicle && (() => verbatim("dd", vehicle))],
+    ["form.priority", words(number(order.priority))],
+    ["order.type", order.type !== "-" && (() => verbatim("dd", order.type))],
+    ["order.deadline", order.deadline && words(dateAndTime(order.deadline))],
+    ["order.created", words(dateAndTime(order.created))],
+    ["order.finished", order.finished && words(dateAndTime(order.finished))],
+  ].filter(([, content]) => content);
+}
+
+
+customElements.define("nena-order-page", OrderPage);

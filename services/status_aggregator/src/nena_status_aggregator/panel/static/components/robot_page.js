@@ -1,0 +1,185 @@
+// All about one robot: why it stands, what a person can have it do, and what it says of itself.
+
+import { t } from "../catalogue.js";
+import { causesOfRobot } from "../causes.js";
+import { button, element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "../dom.js";
+import { age, dateAndTime, degrees, number } from "../format.js";
+import { adviceForError } from "../reasons.js";
+import { address } from "../router.js";
+import "./robot_commands.js";
+import "./why_list.js";
+
+const TICK = 1000;
+
+class RobotPage extends HTMLElement {
+  #id = null;
+
+  /** Prepare; `fleet`: {store, link, plant, enabled}. */
+  show(fleet) {
+    this.fleet = fleet;
+    fleet.store.addEventListener("change", (event) => {
+      if (this.#id && (event.detail.robots.size || event.detail.orders.size || event.detail.parts.size)) this.#update();
+    });
+    fleet.link.addEventListener("state", () => this.#id && this.#update());
+    setInterval(() => this.#id && this.#update(), TICK);
+  }
+
+  /** Show one robot; null: none. */
+  open(id) {
+    this.#id = id;
+    if (id) this.#build();
+  }
+
+  #build() {
+    this.heading = verbatim("h2", "", { tabindex: -1 });
+    this.chip = element("span", { class: "chip" });
+    this.why = element("nena-why-list");
+    this.commands = element("nena-robot-commands");
+    this.facts = element("dl", { class: "facts" });
+    this.progress = progressBar();
+    this.way = element("ol", { class: "way" });
+    this.order = element("section", {}, element("h3", {}, t("robot.order")), this.progress.box, this.way);
+    this.errors = this.#section("robot.errors");
+    this.actions = this.#section("robot.actions");
+    this.goals = this.#section("robot.goals");
+    this.gone = element("p", { class: "hint" }, t("robot.gone"));
+    const toMap = button(t("robot.toMap"), () => this.dispatchEvent(new CustomEvent("reveal", { detail: this.#id })));
+    const head = element("header", { class: "head" }, back(), this.heading, this.chip, toMap);
+    this.whyTitle = element("h3");
+    const whySection = element("section", {}, this.whyTitle, this.why);
+    const commandSection = element("section", {}, element("h3", {}, t("robot.commands")), this.commands);
+    const factSection = element("section", {}, element("h3", {}, t("robot.facts")), this.facts);
+    this.body = element("div", {}, whySection, commandSection, this.order, this.errors, this.actions, this.goals, factSection);
+    this.replaceChildren(head, this.gone, this.body);
+    this.commands.show(this.fleet, this.#id);
+    this.#update();
+    this.heading.focus({ preventScroll: true });
+  }
+
+  #section(key) {
+    const made = element("section", {}, element("h3", {}, t(key)), element("div"));
+    return made;
+  }
+
+  #update() {
+    const robot = this.fleet.store.robots.get(this.#id);
+    this.gone.hidden = Boolean(robot);
+    this.body.hidden = this.chip.hidden = !robot;
+    setText(this.heading, robot?.name ?? this.#id);
+    if (!robot) return;
+    setText(this.chip, t(`condition.${robot.condition}`));
+    setAttribute(this.chip, "data-condition", robot.condition);
+    setText(this.whyTitle, t(robot.driving ? "why.drives" : "why.title"));
+    this.why.show(causesOfRobot(robot, this.fleet));
+    this.commands.update();
+    refill(this.facts, factsOf(robot, this.fleet.store.now()), rows);
+    this.#updateOrder(robot);
+    fillList(this.errors, robot.errors, error);
+    fillList(this.actions, robot.actions, action);
+    fillList(this.goals, robot.information.filter((each) => "goalId" in each.references), goal);
+  }
+
+  #updateOrder({ order, vehicle }) {
+    this.order.hidden = !order;
+    if (!order) return;
+    this.progress.bar.value = order.progress;
+    setAttribute(this.progress.bar, "aria-label", t("progress.label", { name: order.orderId }));
+    setText(this.progress.value, t("progress.value", { percent: number(order.progress) }));
+    refill(this.way, [order, vehicle?.transportOrder], () => wayOf(order, vehicle?.transportOrder));
+  }
+}
+
+function back() {
+  return element("a", { href: "#/", class: "back" }, t("page.back"));
+}
+
+function fillList(section, entries, make) {
+  section.hidden = entries.length === 0;
+  refill(section.lastElementChild, entries, () => [element("ul", { class: "entries" }, ...entries.map(make))]);
+}
+
+function wayOf(order, transportOrder) {
+  const title = transportOrder
+    ? element("li", {}, element("a", { href: address("orders", transportOrder), translate: "no" }, transportOrder))
+    : verbatim("li", order.orderId);
+  const last = element("li", { class: "done" }, t("robot.lastNode", { node: order.lastNodeId || t("none") }));
+  const nodes = order.active ? order.ahead : [];
+  const steps = nodes.map((node) =>
+    element("li", { class: node.released ? "released" : "" }, t(node.released ? "robot.node" : "robot.nodeWaiting", { node: node.nodeId })),
+  );
+  return [title, last, ...steps];
+}
+
+function error(each) {
+  const advice = adviceForError(each);
+  const made = element("li", { "data-level": each.errorLevel });
+  made.append(element("strong", {}, t(`level.${each.errorLevel}`)), " ", verbatim("span", each.errorType));
+  if (each.description) made.append(foreign("p", each.description));
+  if (each.hint) made.append(foreign("p", each.hint, { class: "advice" }));
+  if (advice) made.append(element("p", { class: "advice" }, advice));
+  const about = Object.entries(each.references).map(([key, value]) => `${key} ${value}`);
+  if (about.length) made.append(verbatim("p", about.join(" · "), { class: "detail" }));
+  return made;
+}
+
+function action(each) {
+  const made = element("li", { "data-status": each.status });
+  made.append(verbatim("span", each.actionType ?? each.actionId), " ", element("strong", {}, t(`action.${each.status}`)));
+  if (each.result) made.append(foreign("p", each.result));
+  return made;
+}
+
+function goal(each) {
+  const whose = t(each.infoType === "externalGoal" ? "goal.external" : "goal.own");
+  const made = element("li", {}, whose, " ", verbatim("strong", each.references.status ?? ""));
+  made.append(verbatim("p", each.references.goalId, { class: "detail" }));
+  return made;
+}
+
+// `[key, text, translate]` of what a robot says of itself.
+function factsOf(robot, now) {
+  const at = robot.position;
+  const { vx, vy } = robot.velocity ?? {};
+  const speed = vx == null ? null : Math.hypot(vx, vy ?? 0);
+  return [
+    ["fact.connection", t(`connection.${robot.connection ?? "NONE"}`)],
+    ["fact.session", t(`session.${robot.session}`)],
+    ["fact.lastState", robot.lastState && t("orders.created", { age: age((now - Date.parse(robot.lastState)) / 1000) })],
+    ["fact.mode", robot.operatingMode && t(`mode.${robot.operatingMode}`)],
+    ["fact.position", at && t("map.position", { x: number(at.x, 2), y: number(at.y, 2) })],
+    ["fact.heading", at && degrees(at.theta)],
+    ["fact.localized", at && t(at.localized ? "form.yes" : "form.no")],
+    ["fact.speed", speed === null ? null : t("unit.speed", { value: number(speed, 2) })],
+    ["fact.battery", robot.battery && batteryText(robot.battery)],
+    ["fact.loads", robot.loads && loadsText(robot.loads)],
+    ["fact.map", at?.mapId, true],
+    ["fact.maps", robot.maps?.length && robot.maps.map((map) => `${map.mapId} ${map.mapVersion} ${map.status}`).join(", "), true],
+    ["fact.body", robot.body && t("fact.bodyText", { ...robot.body, length: number(robot.body.length, 2), width: number(robot.body.width, 2) })],
+    ["fact.topics", `${robot.manufacturer} / ${robot.serialNumber}`, true],
+    ["fact.version", robot.protocolVersion, true],
+    ["fact.clock", robot.clockSkew !== null && t("robots.skew", { seconds: number(robot.clockSkew) })],
+    ["fact.since", dateAndTime(robot.conditionSince)],
+  ].filter(([, text]) => text);
+}
+
+function rows(facts) {
+  return facts.flatMap(([key, text, same]) => [
+    element("dt", {}, t(key)),
+    same ? verbatim("dd", text) : element("dd", {}, text),
+  ]);
+}
+
+function batteryText({ charge, charging, voltage, range }) {
+  const parts = [t("battery.charge", { charge: number(charge) })];
+  if (charging) parts.push(t("battery.charging"));
+  if (voltage) parts.push(t("unit.volt", { value: number(voltage, 1) }));
+  if (range) parts.push(t("unit.range", { value: number(range) }));
+  return parts.join(", ");
+}
+
+function loadsText(loads) {
+  if (!loads.length) return t("fact.noLoads");
+  return loads.map((load) => load.loadId ?? load.loadType ?? t("fact.load")).join(", ");
+}
+
+customElements.define("nena-robot-page", RobotPage);

@@ -1,0 +1,299 @@
+"""What an operator does: the page in a real browser, a real order service, a real edge agent with a loopback robot."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from math import pi
+from pathlib import Path
+
+import httpx
+import pytest
+from playwright.async_api import Browser, Locator, Page, expect
+
+from support.aggregator_process import AggregatorProcess
+from support.broker import Broker, free_port
+from support.order_service_fleet import Fleet, awaited, order_in, vehicle_idle
+from support.panel import opened, picture
+
+pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(180)]
+
+ROBOT = "#/robots/NeNa%2Frobot-01"
+REFUSALS = ("409", "422")  # the browser writes each answer of an error into its console
+SLOW = 1.0
+"""m/s"""
+
+
+@dataclass
+class Operated:
+    """A fleet of one robot that stands on South 1, and its panel."""
+
+    orders: httpx.AsyncClient
+    url: str
+
+    async def last_order(self) -> str:
+        """Wait for an order, and give the name of the newest one."""
+
+        async def look() -> list[str]:
+            answer = (await self.orders.get("/v1/transportOrders")).json()
+            return [order["name"] for order in answer["transportOrders"]]
+
+        return (await awaited(look, bool, seconds=10, what="there is an order"))[0]
+
+    async def robot(self) -> dict[str, float]:
+        """Where the robot is."""
+        found: dict[str, float] = (await self.orders.get("/v1/vehicles/Robot-01")).json()["precisePosition"]
+        return found
+
+    async def robot_at(self, x: float, y: float) -> dict[str, float]:
+        """Wait until the robot is within half a metre of a place."""
+        return await awaited(
+            self.robot,
+            lambda at: abs(at["x"] - x) < 0.5 and abs(at["y"] - y) < 0.5,
+            seconds=30,
+            what=f"the robot is at {x}, {y}",
+        )
+
+
+@asynccontextmanager
+async def operated(
+    broker: Broker, interface_name: str, folder: Path, *, speed: float = 40.0
+) -> AsyncIterator[Operated]:
+    fleet = Fleet(broker, interface_name, folder)
+    with fleet.stack:
+        fleet.agent(speed=speed)
+        service = fleet.order_service()
+        async with await service.client() as orders:
+            await vehicle_idle(orders)
+            port = free_port()
+            options = [
+                *("--http.port", str(port), "--mqtt.port", str(broker.port)),
+                *("--interface_name", interface_name, "--topic_prefix", fleet.prefix),
+                *("--order_service.url", str(orders.base_url)),
+            ]
+            with AggregatorProcess(*options) as aggregator:
+                await aggregator.logged("broker connected")
+                yield Operated(orders, f"http://127.0.0.1:{port}/")
+
+
+def button(page: Page, name: str) -> Locator:
+    return page.get_by_role("button", name=name, exact=True)
+
+
+async def test_an_order_is_created_watched_to_its_end_and_read_about(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with (
+        operated(broker, interface_name, tmp_path, speed=4.0) as fleet,
+        opened(browser, fleet.url) as page,
+    ):
+        await page.get_by_role("link", name="New order").click()
+        form = page.get_by_role("form", name="New transport order")
+        await form.get_by_label("Place").select_option("Goods in")
+        await expect(form.get_by_label("Operation").locator("option")).to_have_text(
+            ["Load cargo", "Only drive there"]
+        )
+        await form.get_by_label("Operation").select_option("Load cargo")
+        await button(page, "Add a stop").click()
+        await form.get_by_label("Place").nth(1).select_option("Storage")
+        await form.get_by_label("Operation").nth(1).select_option("Unload cargo")
+        await form.get_by_label("Vehicle").select_option("Robot-01")
+        await form.get_by_label("Name").fill("Pallet-1")
+        await picture(page, "new-order")
+        await button(page, "Create the order").click()
+        await expect(page.get_by_role("heading", name="Pallet-1")).to_be_visible()
+        shown = page.locator("nena-order-page")
+        await expect(shown).to_contain_text("Under way")
+        await expect(shown).to_contain_text("A vehicle works on it.")
+        await expect(shown.locator(".history")).to_contain_text("Given to a vehicle")
+        await picture(page, "order")
+        await expect(shown.locator(".chip")).to_have_text("Finished", timeout=30_000)
+        await expect(shown.locator(".stops")).to_contain_text("Goods in: Load cargo done")
+        await expect(shown.locator(".history")).to_contain_text("Ended")
+        await expect(button(page, "Withdraw")).to_be_disabled()
+        await page.get_by_role("link", name="All robots and orders").click()
+        row = page.locator("tr[data-order='Pallet-1']")
+        await expect(row).to_be_visible()
+        await page.get_by_label("Which orders").select_option("open")
+        await expect(row).to_be_hidden()
+        await page.get_by_label("Which orders").select_option("all")
+        await page.get_by_label("Name, vehicle or place").fill("storage")
+        await expect(row).to_be_visible()
+        await page.get_by_label("Name, vehicle or place").fill("nowhere")
+        await expect(row).to_be_hidden()
+
+
+async def test_dispatch_to_a_point_and_cancel(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with (
+        operated(broker, interface_name, tmp_path, speed=SLOW) as fleet,
+        opened(browser, fleet.url + ROBOT) as page,
+    ):
+        await button(page, "Dispatch …").click()
+        form = page.get_by_role("form", name="Dispatch")
+        await form.get_by_label("Place").select_option("South 3")
+        await button(page, "Dispatch").click()
+        name = await fleet.last_order()
+        await expect(form).to_contain_text(f"Order {name} created.")
+        robot = page.locator("nena-robot-page")
+        await expect(robot.locator(".chip")).to_have_text("Busy")
+        await expect(robot.locator("nena-why-list")).to_contain_text(f"Its order {name} is in the state")
+        await picture(page, "robot")
+        await button(page, "Cancel order").click()
+        await expect(robot).to_contain_text(f"Order {name} withdrawn.")
+        await order_in(fleet.orders, name, "FAILED")
+        await expect(robot.locator(".chip")).to_have_text("Idle")
+
+
+async def test_dispatch_to_a_coordinate_typed_and_on_the_map(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with (
+        operated(broker, interface_name, tmp_path) as fleet,
+        opened(browser, fleet.url + ROBOT) as page,
+    ):
+        await button(page, "Dispatch …").click()
+        form = page.get_by_role("form", name="Dispatch")
+        await form.locator("select[name=kind]").select_option("coordinate")
+        await form.get_by_label("x in m").fill("6.5")
+        await form.get_by_label("y in m").fill("3")
+        await form.get_by_label("Heading").fill("90")
+        await button(page, "Dispatch").click()
+        await fleet.robot_at(6.5, 3)
+        await order_in(fleet.orders, await fleet.last_order(), "FINISHED")
+        assert (await fleet.robot())["theta"] == pytest.approx(pi / 2, abs=0.2)
+
+        await button(page, "Press on the map").click()
+        await expect(page.get_by_text("Press the place on the map")).to_be_visible()
+        await drag_heading(page, 9, 7, turned_to=pi)
+        await expect(form.get_by_label("Heading")).to_have_value(re.compile("^-?180$"))
+        await picture(page, "dispatch-to-coordinate")
+        await button(page, "Dispatch").click()
+        at = await fleet.robot_at(9, 7)
+        await order_in(fleet.orders, await fleet.last_order(), "FINISHED")
+        at = await fleet.robot()
+        assert abs(at["theta"]) == pytest.approx(pi, abs=0.2)
+
+
+async def drag_heading(page: Page, x: float, y: float, *, turned_to: float) -> None:
+    """Press a place of the plane on the map, and drag to the left or right."""
+    box = await page.locator("nena-fleet-map canvas").bounding_box()
+    assert box is not None
+    px, py = await page.evaluate(f"document.querySelector('nena-fleet-map').view.toScreen({x}, {y})")
+    await page.mouse.move(box["x"] + px, box["y"] + py)
+    await page.mouse.down()
+    await page.mouse.move(box["x"] + px + (60 if turned_to == 0 else -60), box["y"] + py, steps=4)
+    await page.mouse.up()
+
+
+async def test_the_initial_position_is_set(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with (
+        operated(broker, interface_name, tmp_path) as fleet,
+        opened(browser, fleet.url + ROBOT) as page,
+    ):
+        await button(page, "Set position …").click()
+        form = page.get_by_role("form", name="Set position")
+        await expect(form.get_by_label("x in m")).to_have_value("3.00")
+        await button(page, "Press on the map").click()
+        await page.keyboard.press("Escape")
+        await expect(page.get_by_text("Press the place on the map")).to_be_hidden()
+        await button(page, "Press on the map").click()
+        await drag_heading(page, 15, 2, turned_to=0)
+        await button(page, "Set position").click()
+        await expect(form).to_contain_text("Done.")
+        await fleet.robot_at(15, 2)
+        await expect(page.locator("nena-robot-page .facts")).to_contain_text("x 15.0")
+
+
+async def test_pause_resume_and_an_action_of_the_factsheet(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with (
+        operated(broker, interface_name, tmp_path, speed=SLOW) as fleet,
+        opened(browser, fleet.url + ROBOT, expected=REFUSALS) as page,
+    ):
+        robot = page.locator("nena-robot-page")
+        await button(page, "Dispatch …").click()
+        form = page.get_by_role("form", name="Dispatch")
+        await form.get_by_label("Place").select_option("South 3")
+        await button(page, "Dispatch").click()
+        await expect(robot.locator(".chip")).to_have_text("Busy")
+        await button(page, "Pause").click()
+        await expect(robot).to_contain_text("Done.")
+        await expect(robot.locator(".chip")).to_have_text("Blocked")
+        await expect(robot.locator("nena-why-list")).to_contain_text("Use Resume")
+        await picture(page, "why-it-stands")
+        await button(page, "Resume").click()
+        await expect(robot.locator(".chip")).to_have_text("Busy")
+        await button(page, "Instant action …").click()
+        action = page.get_by_role("form", name="Instant action")
+        await action.get_by_label("Action").select_option("stateRequest")
+        await picture(page, "instant-action")
+        await button(page, "Do it now").click()
+        await expect(action).to_contain_text("Done.")
+        await form.wait_for(state="detached")
+
+
+async def test_a_withdrawal_needs_two_steps_and_a_refusal_is_shown(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with operated(broker, interface_name, tmp_path, speed=SLOW) as fleet:
+        body = {"name": "T-1", "destinations": [{"locationName": "Goods out", "operation": "Unload cargo"}]}
+        assert (await fleet.orders.post("/v1/transportOrders", json=body)).status_code == 201
+        async with opened(browser, f"{fleet.url}#/orders/T-1", expected=REFUSALS) as page:
+            await expect(page.locator("nena-order-page .chip")).to_have_text("Under way")
+            sure = button(page, "Yes, withdraw it")
+            await expect(sure).to_be_hidden()
+            await button(page, "Withdraw").click()
+            await sure.click()
+            await expect(page.locator("nena-order-page")).to_contain_text("Order T-1 withdrawn.")
+            await order_in(fleet.orders, "T-1", "FAILED")
+            await page.get_by_role("link", name="All robots and orders").click()
+            await page.get_by_role("link", name="New order").click()
+            form = page.get_by_role("form", name="New transport order")
+            await form.get_by_label("Place").select_option("Parking bay")
+            await form.get_by_label("Name").fill("T-1")
+            await button(page, "Create the order").click()
+            await expect(form).to_contain_text("Refused:")
+            await expect(form).to_contain_text("T-1")
+
+
+async def test_without_an_order_service_the_page_only_shows(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    fleet = Fleet(broker, interface_name, tmp_path)
+    with fleet.stack:
+        fleet.agent()
+        port = free_port()
+        options = [
+            "--http.port",
+            str(port),
+            "--mqtt.port",
+            str(broker.port),
+            "--interface_name",
+            interface_name,
+        ]
+        with AggregatorProcess(*options):
+            async with opened(browser, "about:blank") as page:
+                await reach(page, f"http://127.0.0.1:{port}/{ROBOT}")
+                await expect(button(page, "Pause")).to_be_disabled()
+                await expect(page.get_by_text("Commands are off")).to_be_visible()
+
+
+async def reach(page: Page, url: str) -> None:
+    """Open a page as soon as it is served."""
+
+    async def look() -> bool:
+        async with httpx.AsyncClient() as client:
+            try:
+                return (await client.get(url.split("#")[0])).is_success
+            except httpx.TransportError:
+                return False
+
+    await awaited(look, bool, seconds=20, what=f"{url} is served")
+    await page.goto(url)
