@@ -1,4 +1,4 @@
-"""What an operator does: the page in a real browser, a real order service, a real edge agent with a loopback robot."""
+"""What an operator does: the page in a real browser, over a real order service and a real edge agent."""
 
 from __future__ import annotations
 
@@ -291,7 +291,7 @@ async def reach(page: Page, url: str) -> None:
     async def look() -> bool:
         async with httpx.AsyncClient() as client:
             try:
-                return (await client.get(url.split("#")[0])).is_success
+                return (await client.get(url.split("#", maxsplit=1)[0])).is_success
             except httpx.TransportError:
                 return False
 
