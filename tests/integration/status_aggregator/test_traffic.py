@@ -203,6 +203,28 @@ async def test_what_the_broker_kept_from_an_older_version_of_a_robot_does_not_co
 
 
 @pytest.mark.clause("4.2")
+async def test_the_late_will_of_an_old_version_does_not_count(broker: Broker, interface_name: str) -> None:
+    old, new = TopicScheme(interface_name, "v2"), TopicScheme(f"{interface_name}-3", "v3")
+    robot = "/api/v1/robots/ACME/r1"
+    with MqttPeer(broker) as peer:
+        async with serving(broker, interface_name, interface_name_v3=f"{interface_name}-3") as served:
+            peer.publish(old.of(ROBOT, Topic.CONNECTION), CODEC.encode(connection("ONLINE")))
+            await served.until(robot, lambda shown: shown.get("connection") == "ONLINE")
+            now = state(at=10).model_copy(update={"version": "3.0.0"})
+            peer.publish(new.of(ROBOT, Topic.STATE), CODEC_3.encode(now))
+            await served.until(robot, lambda shown: shown.get("condition") == "IDLE")
+
+            will = connection("CONNECTION_BROKEN", 0, at=20)
+            peer.publish(old.of(ROBOT, Topic.CONNECTION), CODEC.encode(will))
+            second = connection("ONLINE").model_copy(update={"serial_number": "r2"})
+            peer.publish(old.of(RobotKey("ACME", "r2"), Topic.CONNECTION), CODEC.encode(second))
+            await served.until("/api/v1/robots/ACME/r2", lambda shown: shown.get("connection"))
+            shown = await served.get(robot)
+
+    assert (shown["connection"], shown["condition"]) == ("ONLINE", "IDLE")
+
+
+@pytest.mark.clause("4.2")
 async def test_a_robot_with_topics_of_its_own_in_the_plant_model_is_seen(
     broker: Broker, interface_name: str, served: Served
 ) -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from math import pi
 
+import hypothesis.strategies as st
 import pytest
+from hypothesis import given
 
 from nena_order_service.fleet.abilities import Abilities
 from nena_order_service.fleet.fitness import order_problem
@@ -199,3 +201,40 @@ def test_what_fleet_control_adds_of_its_own_is_only_for_robots_that_list_it() ->
 
     assert keys(abilities()) == keys(abilities(pick())) == ["stationType", "loadType", "height"]
     assert keys(abilities(pick(loadType=ValueDataType.STRING))) == ["loadType", "height"]
+
+
+FIELDS = (
+    "nodes.nodePosition.theta",
+    "nodes.nodePosition.allowedDeviationXY",
+    "nodes.nodePosition.allowedDeviationTheta",
+    "nodes.nodeDescriptor",
+    "nodes.actions.actionDescriptor",
+    "edges.length",
+    "edges.maximumSpeed",
+    "edges.maximumRotationSpeed",
+    "edges.reachOrientationBeforeEntering",
+)
+
+
+@given(
+    supports=st.dictionaries(st.sampled_from(FIELDS), st.sampled_from(["takes", "demands"])),
+    goal=st.sampled_from(["B", "goal:m1"]),
+)
+def test_to_fit_again_changes_nothing_and_what_is_asked_stays(supports: dict[str, str], goal: str) -> None:
+    robot = abilities(
+        takes=tuple(field for field, support in supports.items() if support == "takes"),
+        demands=tuple(field for field, support in supports.items() if support == "demands"),
+    )
+    asked = headed(goal)
+    made = fitted(asked, robot)
+
+    assert fitted(made, robot) == made
+    assert made.action_ids == asked.action_ids
+    assert [(each.node_id, each.sequence_id, each.released) for each in made.nodes] == [
+        (each.node_id, each.sequence_id, each.released) for each in asked.nodes
+    ]
+    assert [(each.x, each.y, each.map_id) for each in positions(made)] == [
+        (each.x, each.y, each.map_id) for each in positions(asked)
+    ]
+    if goal != "B":
+        assert positions(made)[1].theta == positions(asked)[1].theta

@@ -92,7 +92,7 @@ def _fitted_position(
         changes["allowed_deviation_xy"] = None
     if not abilities.takes_field(THETA) and not node.node_id.startswith(GOAL_PREFIX):
         changes["theta"] = None
-    free = position.theta is None
+    free = changes.get("theta", position.theta) is None
     if free and THETA in demanded and abilities.takes_field(DEVIATION_THETA):
         changes |= {"theta": heading, "allowed_deviation_theta": pi}
     elif free and DEVIATION_THETA in demanded:
