@@ -14,7 +14,7 @@ SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/order_se
 STAMP := $(VENV)/.set-up
 
 .DEFAULT_GOAL := help
-.PHONY: help setup lock format lint test soak compose-test smoke demo bench conversations hooks clean broker browser
+.PHONY: help setup lock format lint test soak compose-test colcon-test smoke demo bench conversations hooks clean broker browser
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -56,6 +56,11 @@ IMAGES ?=
 compose-test: $(STAMP) ## build every image, start the stack by docker-compose, have a robot in it do orders
 	$(IMAGES)
 	NENA_COMPOSE_TEST=1 $(BIN)/pytest tests/deploy/test_compose.py
+
+colcon-test: $(STAMP) broker ## build the edge agent as a ROS package by colcon, and start what that installs
+	@[ -x $(VENV)/colcon/bin/colcon ] || { $(BIN)/python -m venv $(VENV)/colcon && \
+		$(VENV)/colcon/bin/pip install --quiet --require-hashes -r requirements/colcon.txt; }
+	COLCON=$(abspath $(VENV))/colcon/bin/colcon $(BIN)/pytest tests/deploy/test_ros_package.py
 
 smoke: $(STAMP) broker ## the demo without a person: two robots, two orders, then the end state is checked
 	$(BIN)/nena-demo smoke

@@ -1,0 +1,98 @@
+"""The edge agent as a ROS package: what colcon builds from its folder, starts, and the launch file finds."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import defusedxml.ElementTree
+import pytest
+
+from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.settings import load
+from support.broker import Broker, MqttPeer
+from support.waiting import until
+
+FOLDER = Path(__file__).parents[2] / "services" / "edge_agent"
+SHARED = Path(__file__).parents[2] / "shared" / "src"
+LAUNCH = FOLDER / "launch" / "edge_agent.launch.xml"
+PACKAGE = "nena_edge_agent"
+
+
+def test_the_settings_file_fits() -> None:
+    settings = load(
+        EdgeAgentSettings,
+        ["--config", str(FOLDER / "config" / "edge_agent.toml")],
+        program="test",
+        description="",
+    )
+
+    assert (settings.manufacturer, settings.serial_number) == ("ACME", "0001")
+
+
+@pytest.fixture(scope="module")
+def prefix(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Give the folder into which colcon has installed the package."""
+    colcon = os.environ.get("COLCON") or shutil.which("colcon")
+    if not colcon:
+        pytest.skip("colcon is not installed: `make colcon-test` brings it and runs this")
+    workspace = tmp_path_factory.mktemp("workspace")
+    unwanted = shutil.ignore_patterns("__pycache__", "*.egg-info", "build", "dist")
+    shutil.copytree(FOLDER, workspace / "src" / PACKAGE, ignore=unwanted)
+    path = f"{Path(colcon).parent}:{os.environ['PATH']}"
+    subprocess.run(
+        [colcon, "build"], cwd=workspace, env={**os.environ, "PATH": path}, check=True, timeout=100
+    )
+    return workspace / "install" / PACKAGE
+
+
+def in_workspace(prefix: Path, command: str) -> subprocess.CompletedProcess[str]:
+    """Run a command as one does on a robot: after the workspace's setup, with what pip has installed."""
+    installed = next(path for path in sys.path if path.endswith("site-packages"))
+    script = f'. "{prefix.parent}/setup.bash" && PYTHONPATH="$PYTHONPATH:{SHARED}:{installed}" exec {command}'
+    return subprocess.run(["bash", "-c", script], capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_colcon_installs_a_ros_package(prefix: Path) -> None:
+    share = prefix / "share"
+
+    assert (share / "ament_index" / "resource_index" / "packages" / PACKAGE).is_file()
+    assert (share / PACKAGE / "package.xml").read_text() == (FOLDER / "package.xml").read_text()
+    where = in_workspace(prefix, f"python3 -c 'import {PACKAGE}; print({PACKAGE}.__file__)'")
+    assert where.stdout.startswith(str(prefix)), where.stderr
+
+
+def test_the_launch_file_finds_what_it_starts(prefix: Path) -> None:
+    launch = defusedxml.ElementTree.fromstring(LAUNCH.read_text())
+
+    def found(text: str) -> Path:
+        text = text.replace(f"$(find-pkg-share {PACKAGE})", str(prefix / "share" / PACKAGE))
+        return Path(text.replace(f"$(find-pkg-prefix {PACKAGE})", str(prefix)))
+
+    (command,) = (each.get("cmd", "") for each in launch.iter("executable"))
+    (default,) = (each.get("default", "") for each in launch.iter("arg"))
+    program, options = command.split(" --", 1)
+    assert os.access(found(program), os.X_OK)
+    assert options == "config $(var config)"
+    assert found(default).is_file()
+    assert (prefix / "share" / PACKAGE / "launch" / LAUNCH.name).read_text() == LAUNCH.read_text()
+
+
+@pytest.mark.broker
+async def test_what_is_installed_runs(prefix: Path, broker: Broker, interface_name: str) -> None:
+    config = prefix / "share" / PACKAGE / "config" / "edge_agent.toml"
+    options = (
+        f"--config {config} --driver loopback --journal.folder {prefix.parent}/journal "
+        f"--mqtt.port {broker.port} --interface_name {interface_name}"
+    )
+    with MqttPeer(broker, f"{interface_name}/#") as peer:
+        done = in_workspace(prefix, f"timeout -s INT 3 {prefix}/lib/{PACKAGE}/nena-edge-agent {options}")
+
+        await until(lambda: len(peer.received("+/v2/ACME/0001/connection")) > 1, what=done.stderr)
+    states = [json.loads(each)["connectionState"] for each in peer.payloads("+/v2/ACME/0001/connection")]
+    assert states == ["ONLINE", "OFFLINE"]
