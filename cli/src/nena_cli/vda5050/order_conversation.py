@@ -31,9 +31,10 @@ class OrderConversation:
         self._known: Remembered[OrderKey, SentOrder] = Remembered(ORDERS_REMEMBERED)
         self._waiting: Unanswered[OrderKey] = Unanswered()
 
-    def is_new(self, order: Order) -> bool:
-        """Tell whether it is no update of the newest order."""
-        return self._before(order) is None
+    @property
+    def newest(self) -> str | None:
+        """The orderId that was sent last and not refused, if any was."""
+        return self._sent.last.order_id if self._sent else None
 
     def on_order(
         self, said: Said, order: Order, state: State | None, *, cancelled: bool

@@ -38,6 +38,8 @@ class RobotConversation:
         self._instants = InstantConversation()
         self._requests: Remembered[str, None] = Remembered()
         self._state: State | None = None
+        self._cleared: str | None = None
+        """The order that the robot had when it was last in a mode that ends it; that may take its time."""
 
     def check(self, said: Said) -> Iterator[Problem]:
         """Take in the next message, and say what is wrong with it."""
@@ -66,7 +68,8 @@ class RobotConversation:
             case InstantActions():
                 yield from self._action_ids.check(message.actions, "instantActions")
                 yield from self._offer.check(message.actions, ActionScope.INSTANT)
-                yield from self._instants.on_instant_actions(said, message, self._state)
+                newest = self._orders.newest
+                yield from self._instants.on_instant_actions(said, message, self._state, newest)
             case Responses():
                 yield from self._responses(message)
             case State():
@@ -79,14 +82,15 @@ class RobotConversation:
     def _order(self, said: Said, order: Order) -> Iterator[Problem]:
         yield from self._action_ids.check(actions_of(order), f"order '{order.order_id}'")
         yield from self._offer.on_order(order)
-        if self._orders.is_new(order):
-            self._instants.on_new_order()
-        yield from self._orders.on_order(said, order, self._state, cancelled=self._instants.ends_order)
+        cancelled = self._instants.ends(order.order_id)
+        yield from self._orders.on_order(said, order, self._state, cancelled=cancelled)
 
     def _take_state(self, said: Said, state: State) -> Iterator[Problem]:
         yield from self._presence.on_state(said)
         yield from self._instants.on_state(state)
-        ends_early = self._instants.ends_order or state.operating_mode.clears_order
+        if state.operating_mode.clears_order:
+            self._cleared = state.order_id
+        ends_early = state.order_id == self._cleared or self._instants.ends(state.order_id)
         yield from self._orders.on_state(state, self._state, ends_early=ends_early)
         yield from status_problems(self._state, state)
         for request_id in _request_ids(state):

@@ -15,6 +15,8 @@ K = TypeVar("K")
 ANSWERED_WITHIN: Final = timedelta(seconds=10)
 SETTLED_AFTER: Final = timedelta(seconds=2)
 """At the end of a conversation; what was sent later may have been answered after it."""
+WAITING: Final = 200
+"""Messages of one kind to one robot that are waited for; at a silent robot the oldest are let go."""
 CHANCES: Final = 3
 """States of a robot up to the end of a conversation that do not answer a message: it is not answered."""
 
@@ -36,7 +38,7 @@ class Unanswered(Generic[K]):
     """Messages that wait for an answer, by what names them."""
 
     def __init__(self) -> None:
-        self._sent: Remembered[K, _Sent] = Remembered()
+        self._sent: Remembered[K, _Sent] = Remembered(WAITING)
 
     def add(self, key: K, said: Said) -> None:
         """Wait for an answer from now on."""

@@ -64,6 +64,21 @@ def test_a_cancel_that_fails_ends_nothing() -> None:
     assert talk.rules == [Rule.PROGRESS]
 
 
+def test_a_cancel_goes_on_while_other_orders_are_refused() -> None:
+    talk = Talk().order("n0", "n1", "n2").state("n0", "n1", "n2").act(CANCEL)
+    talk.state("n0", "n1", "n2", instant_action_states=doing(("c", "RUNNING"))).order("n0", order_id="o2")
+    talk.state("n0", instant_action_states=doing(("c", "FINISHED")))
+
+    assert talk.rules == [Rule.OTHER_ORDER]
+
+
+def test_a_cancel_that_names_an_order_ends_no_other() -> None:
+    other = action("c", "NONE", "cancelOrder", orderId="o7")
+    talk = Talk().order("n0", "n1", "n2").state("n0", "n1", "n2").act(other).state("n1")
+
+    assert talk.rules == [Rule.PROGRESS]
+
+
 @pytest.mark.parametrize(
     ("mode", "action_type", "rules"),
     [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_cli.vda5050.finding import Rule
+from nena_cli.vda5050.finding import Rule, Severity
 from nena_shared.vda5050.state import OperatingMode
 from support.robot_core import action
 from support.talk import VERSIONS, Talk, doing
@@ -88,11 +88,14 @@ def test_the_last_node_is_one_of_the_order() -> None:
 def test_an_order_does_not_vanish() -> None:
     gone = driving("n0", "n1", "n2").state("n1")
     manual = driving("n0", "n1", "n2").state("n1", operating_mode=OperatingMode.MANUAL)
+    back = driving("n0", "n1", "n2").state("n0", "n1", "n2", operating_mode=OperatingMode.STARTUP).state("n1")
     cancelled = driving("n0", "n1", "n2").act(action("c", "NONE", "cancelOrder"))
     cancelled.state("n1", instant_action_states=doing(("c", "FINISHED")))
 
     assert "the rest of order 'o1' is gone behind node 2" in gone.texts
+    assert gone.findings[0].severity is Severity.WARNING
     assert manual.findings == []
+    assert back.findings == []
     assert cancelled.findings == []
 
 
