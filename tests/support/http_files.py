@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Event, Thread
 
 
 class Files:
-    """What the server gives, by path; for ``slow`` paths it says that an answer comes, and is silent then."""
+    """What the server gives, by path.
+
+    For ``slow`` paths it says that an answer comes, and is silent then; for ``trickling`` ones a byte comes
+    now and then, for ``cut`` ones the line breaks in the middle; ``moved`` ones are elsewhere.
+    """
 
     def __init__(self) -> None:
         self.files: dict[str, bytes] = {}
         self.slow: set[str] = set()
+        self.trickling: set[str] = set()
+        self.cut: set[str] = set()
+        self.moved: dict[str, str] = {}
+        self.open = 0
+        """Answers that are being given."""
         self.closing = Event()
         self.address = ""
 
@@ -43,6 +52,17 @@ def served_files() -> Iterator[Files]:
 def _handler(files: Files) -> type[BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
+            files.open += 1
+            with suppress(OSError):
+                self._answer()
+            files.open -= 1
+
+        def _answer(self) -> None:
+            if self.path in files.moved:
+                self.send_response(302)
+                self.send_header("Location", files.moved[self.path])
+                self.end_headers()
+                return
             content = files.files.get(self.path)
             if content is None:
                 self.send_error(404)
@@ -52,8 +72,16 @@ def _handler(files: Files) -> type[BaseHTTPRequestHandler]:
             self.end_headers()
             if self.path in files.slow:
                 files.closing.wait(30)
+            elif self.path in files.trickling:
+                self._trickle(content)
             else:
-                self.wfile.write(content)
+                self.wfile.write(content[: len(content) // 2] if self.path in files.cut else content)
+
+        def _trickle(self, content: bytes) -> None:
+            for each in content:
+                if files.closing.wait(0.02):
+                    return
+                self.wfile.write(bytes([each]))
 
         def log_message(self, *_: object) -> None:
             """Say nothing."""

@@ -9,6 +9,7 @@ import pytest
 
 from nena_edge_agent.download import DownloadError, DownloadSettings, download
 from support.http_files import Files, served_files
+from support.waiting import until
 
 SETTINGS = DownloadSettings(maximum_bytes=2000, timeout=10, silence=5)
 
@@ -58,8 +59,49 @@ async def test_a_server_that_goes_silent_is_given_up(files: Files) -> None:
 
 
 @pytest.mark.parametrize(
-    "link", ["file:///etc/passwd", "ftp://127.0.0.1/x", "map.pgm", "http://127.0.0.1:1/x"]
+    "link", ["file:///etc/passwd", "ftp://127.0.0.1/x", "map.pgm", "http://127.0.0.1:1/x", "http://["]
 )
 async def test_other_links_are_not_followed(link: str) -> None:
     with pytest.raises(DownloadError):
         await download(link, None, SETTINGS)
+
+
+async def test_a_file_whose_end_is_missing_is_not_taken_for_whole(files: Files) -> None:
+    link = files.put("/map.pgm", bytes(1000))
+    files.cut.add("/map.pgm")
+
+    with pytest.raises(DownloadError, match="ended 500 bytes too early"):
+        await download(link, None, SETTINGS)
+
+
+async def test_a_server_that_trickles_does_not_hold_a_thread_for_longer_than_the_time_out(
+    files: Files,
+) -> None:
+    link = files.put("/map.pgm", bytes(1900))
+    files.trickling.add("/map.pgm")
+
+    with pytest.raises(DownloadError, match=r"not fetched in 0\.2 s"):
+        await download(link, None, SETTINGS.model_copy(update={"timeout": 0.2}))
+
+    await until(lambda: files.open == 0, timeout=5.0)
+
+
+@pytest.mark.parametrize(
+    ("target", "why"),
+    [
+        ("file:///etc/hostname", "not allowed"),
+        ("ftp://127.0.0.1/x", "unknown url type"),
+        ("data:,map", "not allowed"),
+    ],
+)
+async def test_a_server_cannot_send_the_robot_to_other_links(files: Files, target: str, why: str) -> None:
+    files.moved["/map.pgm"] = target
+
+    with pytest.raises(DownloadError, match=why):
+        await download(f"{files.address}/map.pgm", None, SETTINGS)
+
+
+async def test_a_file_that_has_moved_is_fetched(files: Files) -> None:
+    files.moved["/old"] = files.put("/new", b"map")
+
+    assert await download(f"{files.address}/old", None, SETTINGS) == b"map"

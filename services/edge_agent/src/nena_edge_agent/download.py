@@ -5,9 +5,19 @@ from __future__ import annotations
 import asyncio
 from hashlib import sha256
 from http.client import HTTPException
+from time import monotonic
 from typing import Final
-from urllib.parse import urlsplit
-from urllib.request import Request, urlopen
+from urllib.request import (
+    HTTPDefaultErrorHandler,
+    HTTPErrorProcessor,
+    HTTPHandler,
+    HTTPRedirectHandler,
+    HTTPSHandler,
+    OpenerDirector,
+    ProxyHandler,
+    Request,
+    UnknownHandler,
+)
 
 from pydantic import Field
 
@@ -39,7 +49,7 @@ async def download(link: str, digest: str | None, settings: DownloadSettings) ->
         DownloadError: it is not there, too large, too slow, or another one.
 
     """
-    if urlsplit(link).scheme not in ("http", "https"):
+    if link.partition(":")[0].lower() not in ("http", "https"):
         message = f"only http and https links are fetched, not '{link}'"
         raise DownloadError(message)
     if digest is not None and len(digest) != HASH_LENGTH:
@@ -61,19 +71,47 @@ async def download(link: str, digest: str | None, settings: DownloadSettings) ->
 
 
 def _fetch(link: str, settings: DownloadSettings) -> bytes:
-    """Block until the file is there; a server that goes silent ends it, also when nobody waits any more."""
+    """Block until the file is there; silence and the time-out end it, also when nobody waits any more."""
     request = Request(link, headers={"User-Agent": "nena-edge-agent"})  # noqa: S310 - the scheme was checked
+    end = monotonic() + settings.timeout
     parts: list[bytes] = []
     size = 0
     try:
-        with urlopen(request, timeout=settings.silence) as answer:  # noqa: S310 - the scheme was checked
-            while part := answer.read(CHUNK):
+        with _opener().open(request, timeout=settings.silence) as answer:
+            while part := answer.read1(CHUNK):
                 parts.append(part)
                 size += len(part)
-                if size > settings.maximum_bytes:
-                    message = f"{link} is larger than {settings.maximum_bytes} bytes"
-                    raise DownloadError(message)
+                _check(link, size, end, settings)
+            if answer.length:
+                message = f"{link} ended {answer.length} bytes too early"
+                raise DownloadError(message)
     except TimeoutError as error:
         message = f"{link} was silent for {settings.silence:g} s"
         raise DownloadError(message) from error
     return b"".join(parts)
+
+
+def _check(link: str, size: int, end: float, settings: DownloadSettings) -> None:
+    """Give up a file that is too large, or comes too slowly: the time is over at ``end``, monotonic."""
+    if size > settings.maximum_bytes:
+        message = f"{link} is larger than {settings.maximum_bytes} bytes"
+        raise DownloadError(message)
+    if monotonic() > end:
+        message = f"{link} was not fetched in {settings.timeout:g} s"
+        raise DownloadError(message)
+
+
+def _opener() -> OpenerDirector:
+    """Give what opens http and https, and nothing else that a server may send the robot to."""
+    opener = OpenerDirector()
+    for handler in (
+        ProxyHandler(),
+        UnknownHandler(),
+        HTTPHandler(),
+        HTTPSHandler(),
+        HTTPDefaultErrorHandler(),
+        HTTPRedirectHandler(),
+        HTTPErrorProcessor(),
+    ):
+        opener.add_handler(handler)
+    return opener
