@@ -172,6 +172,19 @@ def test_a_refusal_of_another_order_is_none_of_this_one() -> None:
     assert bench.ends() == {}
 
 
+@pytest.mark.clause("6.1.4/fleet")
+@pytest.mark.parametrize(("action_id", "fails"), [("i1", False), ("m/pick", True)])
+def test_a_refusal_of_an_instant_action_is_none_of_the_order(action_id: str, *, fails: bool) -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B", operation="pick"))
+    named = ErrorReference(reference_key="actionId", reference_value=action_id)
+    bench.robot.errors.append(
+        ErrorEntry(error_type="orderError", error_level=ErrorLevel.WARNING, error_references=(named,))
+    )
+    bench.report()
+    assert bench.ends() == ({"m": 1} if fails else {})
+
+
 @pytest.mark.clause("6.6.9/failed")
 def test_a_failed_operation_fails_the_mission_with_the_robots_words() -> None:
     bench = Bench(robot=HonestRobot(actions_fail=True)).online()

@@ -39,6 +39,7 @@ class PendingUpdate:
             each
             for each in errors
             if reported_errors.identity(each) not in self.errors_before
+            and not reported_errors.of_another_action(each, self.plan)
             and reported_errors.refuses_update(each, self.plan.mission_id, self.update_id)
         )
 

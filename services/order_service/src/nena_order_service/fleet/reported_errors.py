@@ -59,8 +59,8 @@ def refusals(
 ) -> tuple[ErrorEntry, ...]:
     """Give the errors by which the robot refuses the mission.
 
-    They name its orderId; or they have the type of a refusal, name no order at all, and were not there
-    ``before`` the mission was sent (2.x has no duty to name anything).
+    They name its orderId; or they have the type of a refusal, name neither an order nor another action, and
+    were not there ``before`` the mission was sent (2.x has no duty to name anything).
     """
     return tuple(error for error in errors if _refuses(error, mission, before))
 
@@ -69,7 +69,14 @@ def _refuses(error: ErrorEntry, mission: Mission, before: frozenset[ErrorIdentit
     named = _referenced(error, "orderId")
     if named:
         return mission.mission_id in named
-    return error.error_type in ORDER_REFUSALS and identity(error) not in before
+    known = identity(error) in before or of_another_action(error, mission)
+    return error.error_type in ORDER_REFUSALS and not known
+
+
+def of_another_action(error: ErrorEntry, mission: Mission) -> bool:
+    """Tell whether an error names actions, and none of the mission: an instant action was refused."""
+    actions = _referenced(error, "actionId")
+    return bool(actions) and actions.isdisjoint(mission.action_ids)
 
 
 def refuses_update(error: ErrorEntry, mission_id: str, update_id: int) -> bool:
