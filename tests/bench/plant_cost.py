@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import random
 from collections.abc import Callable
+from datetime import UTC, datetime
 from time import perf_counter, process_time
 from typing import Any
 from xml.etree.ElementTree import fromstring
@@ -17,7 +18,7 @@ import rustworkx as rx
 
 from bench.figures import Figures, milliseconds
 from nena_order_service.routing import Router
-from nena_shared.plant import PlantModel, opentcs_xml
+from nena_shared.plant import PlantModel, lif, opentcs_xml
 from nena_shared.plant.files import read_nena
 from support.plants import grid_plant
 
@@ -35,10 +36,13 @@ def measure() -> dict[str, Any]:
 def _loading(plant: PlantModel) -> dict[str, float]:
     xml = opentcs_xml.write(plant).data
     own = plant.to_json().encode()
+    layout = lif.write(plant, at=datetime.now(UTC)).data
     return {
         "xml_mb": round(len(xml) / 1e6, 1),
         "load_xml_s": _least(lambda: opentcs_xml.read(xml)),
         "yardstick_parse_xml_s": _least(lambda: fromstring(xml)),  # noqa: S314 - written above
+        "load_lif_s": _least(lambda: lif.read(layout)),
+        "yardstick_parse_lif_s": _least(lambda: json.loads(layout)),
         "load_json_s": _least(lambda: read_nena(own)),
         "yardstick_parse_json_s": _least(lambda: json.loads(own)),
     }

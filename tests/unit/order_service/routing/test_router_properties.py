@@ -1,6 +1,6 @@
 """What holds for every plant: checked against a slow search that tries everything."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import pairwise, product
 from math import inf
 
@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_order_service.routing import NoRouteError, Router
-from nena_shared.plant import PlantModel
+from nena_shared.plant import PlantModel, Vehicle
+from nena_shared.plant.vehicle_type import VehicleTypeAtPoint, VehicleTypeOnPath
 from support.plants import path, point
 
 NAMES = "ABCDEF"
@@ -18,6 +19,7 @@ NAMES = "ABCDEF"
 def plants(draw: st.DrawFn) -> PlantModel:
     """Draw up to 6 points and up to 14 paths, also parallel ones, loops, locked and reversible ones."""
     count = draw(st.integers(0, 14))
+    types = st.lists(st.sampled_from("tu"), unique=True)
     paths = [
         path(
             f"{draw(st.sampled_from(NAMES))} {draw(st.sampled_from(NAMES))}",
@@ -26,19 +28,30 @@ def plants(draw: st.DrawFn) -> PlantModel:
             max_velocity_mm_s=draw(st.sampled_from([0, 1000])),
             max_reverse_velocity_mm_s=draw(st.sampled_from([0, 300])),
             locked=draw(st.booleans()),
+            vehicle_types=tuple(
+                VehicleTypeOnPath(vehicle_type_id=each, rotation_allowed=True) for each in draw(types)
+            ),
         )
         for number in range(count)
     ]
-    return PlantModel(name="drawn", points=tuple(point(name) for name in NAMES), paths=tuple(paths))
+    points = [
+        point(name, vehicle_types=tuple(VehicleTypeAtPoint(vehicle_type_id=each) for each in draw(types)))
+        for name in NAMES
+    ]
+    return PlantModel(name="drawn", points=tuple(points), paths=tuple(paths))
 
 
 def all_costs(
-    plant: PlantModel, avoid: frozenset[str] = frozenset()
+    plant: PlantModel, avoid: frozenset[str] = frozenset(), vehicle: Vehicle | None = None
 ) -> Mapping[tuple[str, str], int | float]:
     """Return the least cost between all points by relaxing every pair over every point."""
     costs: dict[tuple[str, str], float] = {(a, b): 0 if a == b else inf for a, b in product(NAMES, NAMES)}
     for edge in plant.edges():
-        if not edge.path.locked and avoid.isdisjoint((edge.path.name, edge.destination)):
+        goal = plant.point(edge.destination)
+        kept_out = vehicle is not None and not (
+            _is_open(edge.path.vehicle_types) and _is_open(goal.vehicle_types)
+        )
+        if not kept_out and not edge.path.locked and avoid.isdisjoint((edge.path.name, edge.destination)):
             ends = (edge.source, edge.destination)
             costs[ends] = min(costs[ends], edge.path.length_mm)
     for via, a, b in product(NAMES, NAMES, NAMES):
@@ -46,9 +59,21 @@ def all_costs(
     return costs
 
 
-def cost(router: Router, source: str, destination: str, avoid: frozenset[str] = frozenset()) -> float:
+def _is_open(uses: Iterable[VehicleTypeOnPath | VehicleTypeAtPoint]) -> bool:
+    """Whether something is open to vehicles of type t, or to all."""
+    types = {use.vehicle_type_id for use in uses}
+    return not types or "t" in types
+
+
+def cost(
+    router: Router,
+    source: str,
+    destination: str,
+    avoid: frozenset[str] = frozenset(),
+    vehicle: Vehicle | None = None,
+) -> float:
     try:
-        return router.route(source, destination, avoid=avoid).cost
+        return router.route(source, destination, avoid=avoid, vehicle=vehicle).cost
     except NoRouteError:
         return inf
 
@@ -56,11 +81,16 @@ def cost(router: Router, source: str, destination: str, avoid: frozenset[str] = 
 AVOID = st.frozensets(st.sampled_from([*NAMES, "path 0", "path 1", "path 2"]), max_size=3)
 
 
-@given(plants(), AVOID)
-def test_costs_are_those_of_the_slow_search(plant: PlantModel, avoid: frozenset[str]) -> None:
+OF_TYPE_T = Vehicle(name="V", properties={"nena:vehicleType": "t"})
+
+
+@given(plants(), AVOID, st.sampled_from([None, OF_TYPE_T]))
+def test_costs_are_those_of_the_slow_search(
+    plant: PlantModel, avoid: frozenset[str], vehicle: Vehicle | None
+) -> None:
     avoid &= {*NAMES, *plant.paths_by_name}
-    router, expected = Router(plant), all_costs(plant, avoid)
-    assert {pair: cost(router, *pair, avoid) for pair in expected} == expected
+    router, expected = Router(plant), all_costs(plant, avoid, vehicle)
+    assert {pair: cost(router, *pair, avoid, vehicle) for pair in expected} == expected
 
 
 @given(plants())

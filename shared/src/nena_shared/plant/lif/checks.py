@@ -50,8 +50,9 @@ def departures(file: LifFile) -> Iterator[Problem]:
     nodes = {node.node_id: node for layout in file.layouts for node in layout.nodes}
     for layout in file.layouts:
         yield from _of_nodes(layout)
+        own_nodes = {node.node_id for node in layout.nodes}
         for edge in layout.edges:
-            yield from _of_edge(edge, layout, nodes)
+            yield from _of_edge(edge, own_nodes, nodes)
         for station in layout.stations:
             if not station.interaction_node_ids:
                 text = "the station has no interaction node"
@@ -139,7 +140,7 @@ def _of_nodes(layout: Layout) -> Iterator[Problem]:
         yield from (Problem("NOT_LIF", ObjectKind.POINT, node.node_id, text) for text in texts)
 
 
-def _of_edge(edge: Edge, layout: Layout, nodes: dict[str, Node]) -> Iterator[Problem]:
+def _of_edge(edge: Edge, own_nodes: set[str], nodes: dict[str, Node]) -> Iterator[Problem]:
     uses = edge.vehicle_type_edge_properties
     ends = (nodes[edge.start_node_id], nodes[edge.end_node_id])
     texts = [
@@ -150,7 +151,7 @@ def _of_edge(edge: Edge, layout: Layout, nodes: dict[str, Node]) -> Iterator[Pro
         *(text for use in uses for text in _load(use.load_restriction)),
         *(text for use in uses if use.trajectory for text in _trajectory(use.trajectory, ends)),
     ]
-    if all(node.node_id != edge.start_node_id for node in layout.nodes):
+    if edge.start_node_id not in own_nodes:
         texts.append(f"its start node {edge.start_node_id!r} is in another layout")
     yield from (Problem("NOT_LIF", ObjectKind.PATH, edge.edge_id, text) for text in texts)
 
