@@ -32,11 +32,17 @@ class Files:
         return f"{self.address}{path}"
 
 
+class _Server(ThreadingHTTPServer):
+    def __init__(self, files: Files) -> None:
+        super().__init__(("127.0.0.1", 0), _Handler)
+        self.files = files
+
+
 @contextmanager
 def served_files() -> Iterator[Files]:
     """Serve until the block ends."""
     files = Files()
-    server = ThreadingHTTPServer(("127.0.0.1", 0), _handler(files))
+    server = _Server(files)
     files.address = f"http://127.0.0.1:{server.server_address[1]}"
     thread = Thread(target=server.serve_forever, name="file server", daemon=True)
     thread.start()
@@ -49,41 +55,40 @@ def served_files() -> Iterator[Files]:
         thread.join(5)
 
 
-def _handler(files: Files) -> type[BaseHTTPRequestHandler]:
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            files.open += 1
-            with suppress(OSError):
-                self._answer()
-            files.open -= 1
+class _Handler(BaseHTTPRequestHandler):
+    server: _Server
 
-        def _answer(self) -> None:
-            if self.path in files.moved:
-                self.send_response(302)
-                self.send_header("Location", files.moved[self.path])
-                self.end_headers()
-                return
-            content = files.files.get(self.path)
-            if content is None:
-                self.send_error(404)
-                return
-            self.send_response(200)
-            self.send_header("Content-Length", str(len(content)))
+    def do_GET(self) -> None:
+        self.server.files.open += 1
+        with suppress(OSError):
+            self._answer()
+        self.server.files.open -= 1
+
+    def _answer(self) -> None:
+        if self.path in self.server.files.moved:
+            self.send_response(302)
+            self.send_header("Location", self.server.files.moved[self.path])
             self.end_headers()
-            if self.path in files.slow:
-                files.closing.wait(30)
-            elif self.path in files.trickling:
-                self._trickle(content)
-            else:
-                self.wfile.write(content[: len(content) // 2] if self.path in files.cut else content)
+            return
+        content = self.server.files.files.get(self.path)
+        if content is None:
+            self.send_error(404)
+            return
+        self.send_response(200)
+        self.send_header("Content-Length", str(len(content)))
+        self.end_headers()
+        if self.path in self.server.files.slow:
+            self.server.files.closing.wait(30)
+        elif self.path in self.server.files.trickling:
+            self._trickle(content)
+        else:
+            self.wfile.write(content[: len(content) // 2] if self.path in self.server.files.cut else content)
 
-        def _trickle(self, content: bytes) -> None:
-            for each in content:
-                if files.closing.wait(0.02):
-                    return
-                self.wfile.write(bytes([each]))
+    def _trickle(self, content: bytes) -> None:
+        for each in content:
+            if self.server.files.closing.wait(0.02):
+                return
+            self.wfile.write(bytes([each]))
 
-        def log_message(self, *_: object) -> None:
-            """Say nothing."""
-
-    return Handler
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from nena_edge_agent.maps import folder_store
 from nena_edge_agent.maps.folder_store import FolderMapStore
 from nena_edge_agent.maps.store import DuplicateMapError, MapRefusedError
 from nena_shared.program import StartError
@@ -22,6 +23,18 @@ def store(folder: Path, *, maximum: int = 5) -> FolderMapStore:
 
 def files_of(folder: Path) -> list[str]:
     return sorted(each.name for each in folder.iterdir())
+
+
+def _interrupted(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+def _interrupted_at_a_file(folder: Path, *, ignore_errors: bool = False) -> None:
+    """Delete one file of ``folder``, and no more."""
+    if not ignore_errors:
+        (folder / "map").unlink()
+        message = "interrupted"
+        raise OSError(message)
 
 
 def held(maps: FolderMapStore) -> dict[tuple[str, str], str]:
@@ -94,7 +107,9 @@ async def test_there_is_room_for_so_many(tmp_path: Path) -> None:
         await maps.install("hall", "3", b"")
 
 
-@pytest.mark.parametrize("name", ["../../up", "..", "", "a/b", "=x", "enabled", "x.new", "ü ß", "a" * 60])
+@pytest.mark.parametrize(
+    "name", ["../../up", "..", "", "a/b", "=x", "enabled", "x.new", "ü ß", "1\r\n", "a" * 60]
+)
 async def test_any_name_stays_within_the_folder(tmp_path: Path, name: str) -> None:
     maps = store(tmp_path)
 
@@ -114,6 +129,44 @@ async def test_half_a_map_is_no_map(tmp_path: Path) -> None:
     assert held(store(tmp_path)) == {("hall", "1"): "ENABLED"}
     await maps.install("hall", "2", b"whole")
     assert maps.content("hall", "2") == b"whole"
+
+
+def test_the_robots_own_map_is_enabled_also_if_the_first_start_was_interrupted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for step in ("_write", "_mark"):
+        with monkeypatch.context() as interrupted:
+            interrupted.setattr(FolderMapStore, step, _interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                store(tmp_path / step)
+
+        assert held(store(tmp_path / step)) == {("hall", "1"): "ENABLED"}
+
+
+async def test_a_map_that_is_half_deleted_is_no_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    maps = store(tmp_path)
+    await maps.install("hall", "2", b"picture")
+    monkeypatch.setattr(folder_store, "rmtree", _interrupted_at_a_file)
+
+    with pytest.raises(OSError, match="interrupted"):
+        await maps.delete("hall", "2")
+
+    assert held(store(tmp_path)) == {("hall", "1"): "ENABLED"}
+
+
+def test_what_somebody_else_put_into_the_folder_is_no_map(tmp_path: Path) -> None:
+    store(tmp_path)
+    (tmp_path / "maps" / "lost+found").mkdir()
+    (tmp_path / "maps" / ".DS_Store").write_text("")
+
+    assert held(store(tmp_path)) == {("hall", "1"): "ENABLED"}
+
+
+def test_a_damaged_mark_enables_nothing(tmp_path: Path) -> None:
+    store(tmp_path)
+    next((tmp_path / "maps").glob("*/enabled")).write_bytes(b"\xff")
+
+    assert held(store(tmp_path)) == {("hall", "1"): "DISABLED"}
 
 
 def test_a_folder_that_cannot_be_used_is_said_at_the_start(tmp_path: Path) -> None:

@@ -31,8 +31,8 @@ class FolderMapStore:
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             if not self._read():
+                self._mark(first.map_id, first.map_version)  # first: alone it is no map
                 self._write(first.map_id, first.map_version, b"")
-                self._mark(first.map_id, first.map_version)
             self.maps = self._read()
         except OSError as error:
             message = f"the maps' folder {folder} cannot be used: {error.strerror}; set maps.folder"
@@ -78,7 +78,7 @@ class FolderMapStore:
         if self._expect(map_id, map_version).map_status is MapStatus.ENABLED:
             message = f"map '{map_id}' is enabled in version '{map_version}'; enable another version first"
             raise MapRefusedError(message)
-        await asyncio.to_thread(rmtree, self._place(map_id, map_version))
+        await asyncio.to_thread(self._remove, map_id, map_version)
         self.maps = self._read()
 
     def content(self, map_id: str, map_version: str) -> bytes:
@@ -98,19 +98,25 @@ class FolderMapStore:
     def _write(self, map_id: str, map_version: str, content: bytes) -> None:
         """Have the map there whole or not at all."""
         place = self._place(map_id, map_version)
-        unfinished = place.with_name(place.name + UNFINISHED)
+        unfinished = _beside(place)
         rmtree(unfinished, ignore_errors=True)
         unfinished.mkdir(parents=True)
-        with (unfinished / CONTENT).open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
+        _write_through(unfinished / CONTENT, content)
         unfinished.rename(place)
+
+    def _remove(self, map_id: str, map_version: str) -> None:
+        """Have the map gone as a whole, before its files go one by one."""
+        place = self._place(map_id, map_version)
+        unfinished = _beside(place)
+        rmtree(unfinished, ignore_errors=True)
+        place.rename(unfinished)
+        rmtree(unfinished)
 
     def _mark(self, map_id: str, map_version: str) -> None:
         mark = self._folder / _name(map_id) / ENABLED
-        new = mark.with_name(ENABLED + UNFINISHED)
-        new.write_text(map_version, encoding="utf-8")
+        mark.parent.mkdir(exist_ok=True)
+        new = _beside(mark)
+        _write_through(new, map_version.encode())
         new.replace(mark)
 
     def _read(self) -> tuple[Map, ...]:
@@ -120,15 +126,27 @@ class FolderMapStore:
                 map_version=unquote(version.name[1:]),
                 map_status=MapStatus.ENABLED if _is_enabled(area, version) else MapStatus.DISABLED,
             )
-            for area in sorted(self._folder.iterdir())
-            for version in sorted(area.iterdir())
-            if version.is_dir() and not version.name.endswith(UNFINISHED)
+            for area in sorted(self._folder.glob("=*"))
+            for version in sorted(area.glob("=*"))
+            if not version.name.endswith(UNFINISHED)
         )
 
 
 def _is_enabled(area: Path, version: Path) -> bool:
     mark = area / ENABLED
-    return mark.exists() and mark.read_text(encoding="utf-8") == unquote(version.name[1:])
+    return mark.exists() and mark.read_bytes() == unquote(version.name[1:]).encode()
+
+
+def _beside(place: Path) -> Path:
+    """Give where something is while it is not finished, or on its way out."""
+    return place.with_name(place.name + UNFINISHED)
+
+
+def _write_through(path: Path, content: bytes) -> None:
+    with path.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def _name(text: str) -> str:
