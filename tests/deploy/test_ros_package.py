@@ -7,7 +7,6 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import defusedxml.ElementTree
@@ -36,7 +35,7 @@ def test_the_settings_file_fits() -> None:
 
 
 @pytest.fixture(scope="module")
-def prefix(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Give the folder into which colcon has installed the package."""
     colcon = os.environ.get("COLCON") or shutil.which("colcon")
     if not colcon:
