@@ -98,3 +98,19 @@ def test_it_goes_on_after_it_was_frozen(tmp_path: Path, domain_id: int, peer: Ro
         statuses = peer.subscribe(GoalStatusArray, f"/r1/{STATUS}", LATCHED)
         publisher_to(peer, PoseStamped, "goal_pose", "r1").publish(goal(1.0, 0.0))
         statuses.wait_for(lambda array: array.status_list[0].status == 4, timeout=20.0)
+
+
+def test_twenty_robots_drive_in_one_process(tmp_path: Path, domain_id: int, peer: RosPeer) -> None:
+    options = ("--time_factor", "5", "--copies", "20")
+    robots = f'[{{"name": "agv", "domain_id": {domain_id}, "start": {{"y": -10.0}}}}]'
+    with SimulatorProcess(*options, "--robots", robots, directory=tmp_path) as process:
+        process.wait_for_line("robot ready", "robot=agv-20", "namespace=/r20")
+        names = [f"r{number}" for number in range(1, 21)]
+        arrays = [peer.subscribe(GoalStatusArray, f"/{name}/{STATUS}", LATCHED) for name in names]
+        for number, name in enumerate(names):
+            publisher_to(peer, PoseStamped, "goal_pose", name).publish(goal(3.0, number - 10.0))
+        for inbox in arrays:
+            inbox.wait_for(lambda array: array.status_list[0].status == 4, timeout=20.0)
+            assert trace(inbox.messages) == ["A:2", "A:4"]
+        process.stop(signal.SIGTERM)
+        assert process.ended() == 0

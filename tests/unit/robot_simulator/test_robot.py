@@ -279,3 +279,39 @@ def test_a_lost_localisation_shows_by_its_covariance_and_drives_on() -> None:
     found = bench.robot.scan()
     assert found is not None
     assert found.xy_variance < 0.01
+
+
+def test_a_pose_jump_is_seen_in_the_estimates_and_not_in_the_world() -> None:
+    bench = Bench()
+    bench.apply(faults.PoseJump(x=2.0, y=-1.0))
+    estimate = bench.robot.scan()
+    assert estimate is not None
+    assert (estimate.pose.x, estimate.pose.y) == pytest.approx((2.0, -1.0), abs=0.15)
+    assert bench.robot.pose == Pose(0.0, 0.0, 0.0)
+
+
+def test_a_pose_without_numbers() -> None:
+    bench = Bench()
+    bench.apply(faults.NanPose())
+    estimate = bench.robot.scan()
+    assert estimate is not None
+    assert math.isnan(estimate.pose.x)
+
+
+def test_an_unconfigured_navigator_forgets_its_goals_and_the_robot_stops() -> None:
+    bench = Bench()
+    bench.take(A, 20.0, 0.0)
+    bench.run(5.0)
+    assert bench.robot.velocity[0] > 0.5
+    bench.robot.take_unpublished()
+    bench.apply(faults.Unconfigured())
+    bench.run(5.0)
+    assert bench.robot.resting
+    assert not bench.robot.active
+    assert not bench.take(B, 1.0, 0.0)
+    bench.apply(faults.Unconfigured(active=False))
+    assert bench.robot.goals.entries(bench.now) == ()
+    assert bench.robot.take_unpublished() == []
+    x = bench.robot.pose.x
+    assert bench.take(B, x + 1.0, 0.0)
+    assert bench.until_ended(B) == 4

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 from nena_robot_simulator import faults
-from nena_robot_simulator.settings import SimulatorSettings
+from nena_robot_simulator.settings import RobotSettings, SimulatorSettings, StartPose
 from nena_shared.settings import ConfigurationError, load
 
 
@@ -84,3 +86,28 @@ def test_settings_that_make_no_simulator_are_refused_with_the_reason(
     with pytest.raises(ConfigurationError) as caught:
         read(tmp_path, text)
     assert any(problem in line for line in caught.value.problems)
+
+
+def test_copies_are_robots_in_namespaces_or_domains_of_their_own() -> None:
+    robot = RobotSettings(name="agv", domain_id=5, start=StartPose(x=1.0, y=2.0))
+    beside = SimulatorSettings(robots=(robot,), copies=3).all_robots
+    assert [(each.name, each.namespace, each.domain_id, each.start.y) for each in beside] == [
+        ("agv-1", "r1", 5, 2.0),
+        ("agv-2", "r2", 5, 3.0),
+        ("agv-3", "r3", 5, 4.0),
+    ]
+    apart = SimulatorSettings(robots=(robot,), copies=2, separate_domains=True).all_robots
+    assert [(each.namespace, each.domain_id) for each in apart] == [("", 5), ("", 6)]
+    assert len(SimulatorSettings(robots=(robot,)).all_robots) == 1
+
+
+@pytest.mark.parametrize(
+    ("settings", "problem"),
+    [
+        ({"copies": 2, "robots": [{"name": "a"}, {"name": "b", "namespace": "b"}]}, "made of one robot"),
+        ({"copies": 2, "separate_domains": True, "robots": [{"domain_id": 232}]}, "no 2 domain ids"),
+    ],
+)
+def test_copies_that_cannot_be_made(settings: dict[str, Any], problem: str) -> None:
+    with pytest.raises(ValidationError, match=problem):
+        SimulatorSettings(**settings)

@@ -85,7 +85,7 @@ class Robot:
     @property
     def active(self) -> bool:
         """Whether Nav2's lifecycle nodes are active."""
-        return self._navigator.active and not self.faults.on(faults.Unconfigured)
+        return self._navigator.active
 
     @property
     def resting(self) -> bool:
@@ -153,7 +153,8 @@ class Robot:
         self.faults.apply(fault)
         if self.faults.on(faults.Unconfigured):
             self._navigator.restart()
-        self._navigator.set_active(active=not self.faults.on(faults.Inactive))
+        idle = self.faults.on(faults.Inactive) or self.faults.on(faults.Unconfigured)
+        self._navigator.set_active(active=not idle)
 
     def advance(self, now: float) -> None:
         """Move on to ``now`` and go once round the navigator's loop."""

@@ -11,7 +11,7 @@ def disturbed(newest: Snapshot, before: Snapshot, active: Faults) -> tuple[Snaps
     """Give the arrays that come in place of ``newest``; ``before`` is the one that came about before it."""
     if active.on(faults.TerminalFirst) and not all(goal.ended for goal in newest):
         return ()
-    if active.on(faults.ReorderedStatus):
+    if active.on(faults.ReorderedStatus) and before:
         return (newest, before, newest)
     if active.on(faults.DuplicateStatus):
         return (newest, newest)

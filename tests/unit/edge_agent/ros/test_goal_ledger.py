@@ -110,3 +110,12 @@ def test_who_has_taken_over(ledger: GoalLedger) -> None:
     ledger.update([GoalEntry("A", ABORTED), GoalEntry("X", EXECUTING)], 1.1)
     assert ledger.taken_over("A") == "X"
     assert ledger.taken_over("unknown") is None
+
+
+def test_array_that_comes_late_says_nothing(ledger: GoalLedger) -> None:
+    ledger.given(1.0)
+    ledger.update([GoalEntry("old", ABORTED), GoalEntry("A", EXECUTING)], 1.0)
+    for late in ([GoalEntry("old", ABORTED)], []):
+        news = ledger.update(late, 1.1)
+        assert (news.claimed, news.lost) == ((), frozenset())
+    assert ledger.live == ("A",)

@@ -150,8 +150,10 @@ class GoalLedger:
             self._goals[goal_id].status = GoalStatus.ABORTED
 
     def update(self, entries: Sequence[GoalEntry], now: float) -> News:
-        """Take an array."""
+        """Take an array; one that came late says nothing."""
         self._expire(now)
+        if self._is_late(entries):
+            return News((), frozenset())
         first, self._array_seen = not self._array_seen, True
         before, self._goals = self._goals, {}
         claimed = self._claim(
@@ -168,6 +170,12 @@ class GoalLedger:
             if goal.ours and not goal.status.terminal and goal_id not in self._goals
         )
         return News(claimed, lost)
+
+    def _is_late(self, entries: Sequence[GoalEntry]) -> bool:
+        """Tell whether a newer array has come: it had a goal that this one does not know yet."""
+        newest = next(reversed(self._goals), None)
+        listed = {entry.goal_id for entry in entries}
+        return newest is not None and newest not in listed and listed <= self._goals.keys()
 
     def _owns(self, goal_id: str, claimed: Sequence[str]) -> bool:
         return goal_id in claimed or goal_id in self._orphans

@@ -1,0 +1,78 @@
+"""The driver with a simulated robot that is out of order in a strange way."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from std_msgs.msg import String
+
+from nena_edge_agent.driver.port import (
+    Arrived,
+    DriveFailed,
+    DriveFailure,
+    NavigationReport,
+    PoseReport,
+)
+from support.nav2_driver import DrivenRobot, goal_at
+from support.ros import RosPeer
+from support.simulator import publisher_to, simulated_robot
+from support.waiting import until
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture
+async def robot(domain_id: int) -> AsyncIterator[DrivenRobot]:
+    with simulated_robot(domain_id):
+        async with DrivenRobot(domain_id) as started:
+            yield await started.ready()
+
+
+@pytest.fixture
+def faults(robot: DrivenRobot, peer: RosPeer) -> Any:
+    del robot
+    return publisher_to(peer, String, "simulator/fault")
+
+
+@contextmanager
+def fault(faults: Any, kind: str) -> Iterator[None]:
+    faults.publish(String(data=f'{{"kind": "{kind}"}}'))
+    yield
+    faults.publish(String(data=f'{{"kind": "{kind}", "active": false}}'))
+
+
+@pytest.mark.parametrize("kind", ["duplicate_status", "reordered_status", "terminal_first"])
+async def test_arrays_that_are_lost_or_come_again_do_no_harm(
+    robot: DrivenRobot, faults: Any, kind: str
+) -> None:
+    with fault(faults, kind):
+        for generation in (1, 2):
+            robot.driver.go_to(goal_at(generation, 1.0 * generation))
+            await until(lambda: len(robot.ends) == generation, what="an end")  # noqa: B023 - at once
+    assert robot.ends == [Arrived(1), Arrived(2)]
+
+
+async def test_nav2_that_is_restarted_in_mid_drive_has_lost_the_goal(robot: DrivenRobot, faults: Any) -> None:
+    await robot.driving(goal_at(1, 30.0))
+    with fault(faults, "unconfigured"):
+        assert (await robot.hears(DriveFailed)).failure is DriveFailure.NAVIGATION_GONE
+        await until(lambda: not robot.all(NavigationReport)[-1].available, what="word that it is gone")
+    await until(lambda: robot.all(NavigationReport)[-1].available, what="Nav2 again")
+    robot.driver.go_to(goal_at(2, robot.all(PoseReport)[-1].pose.x + 2.0))
+    assert await robot.hears(Arrived) == Arrived(2)
+
+
+async def test_a_success_in_another_aisle_is_no_arrival(robot: DrivenRobot, faults: Any) -> None:
+    with fault(faults, "pose_jump"):
+        robot.driver.go_to(goal_at(1, 6.0))
+        assert (await robot.hears(DriveFailed)).failure is DriveFailure.OUTSIDE_TOLERANCE
+
+
+async def test_a_pose_without_numbers_is_passed_over(robot: DrivenRobot, faults: Any) -> None:
+    with fault(faults, "nan_pose"):
+        robot.driver.go_to(goal_at(1, 6.0))
+        assert (await robot.hears(DriveFailed)).failure is DriveFailure.OUTSIDE_TOLERANCE
+    assert all(abs(report.pose.x) < 30.0 for report in robot.all(PoseReport))
