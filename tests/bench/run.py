@@ -17,7 +17,7 @@ from typing import Any
 import httpx
 import psutil
 
-from bench import core_cost, plant_cost, rest_to_wire, state_cost, wire_to_goal
+from bench import aggregator_load, core_cost, plant_cost, rest_to_wire, state_cost, wire_to_goal
 from bench.robots import InstantRobots, Start
 from nena_demo import stack
 from nena_demo.broker import start_broker
@@ -52,6 +52,7 @@ async def main() -> None:
             "memory_50_loopback_robots": await _memory(folder / "memory"),
             "e_core_cost": core_cost.measure(),
             "f_plant": plant_cost.measure(),
+            "g_aggregator": await aggregator_load.measure(folder / "aggregator", arguments.seconds),
         }
     finally:
         shutil.rmtree(folder, ignore_errors=True)

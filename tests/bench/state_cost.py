@@ -76,7 +76,7 @@ def _measure(port: int, processes: dict[str, int], seconds: float) -> dict[str, 
                 1,
             ),
             "states": sent,
-            "state_bytes": len(_payload(0, 1)),
+            "state_bytes": len(payload(0, 1)),
         }
         for name in processes
     }
@@ -106,10 +106,11 @@ def _pass_time(seconds: float) -> None:
 
 def _publish(wire: Wire, number: int, header_id: int) -> None:
     robot = RobotKey("Bench", f"bench-{number:03d}")
-    wire.publish(SCHEME.of(robot, Topic.STATE), _payload(number, header_id))
+    wire.publish(SCHEME.of(robot, Topic.STATE), payload(number, header_id))
 
 
-def _payload(number: int, header_id: int) -> bytes:
+def payload(number: int, header_id: int) -> bytes:
+    """Give a state of a robot on its way."""
     x = (header_id % 100) / 10
     state = State(
         header_id=header_id,

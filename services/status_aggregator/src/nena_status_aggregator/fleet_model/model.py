@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 
 from nena_shared.fleet_api.base import iso
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
@@ -61,6 +62,8 @@ class FleetModel:
         self._public = Publication()
         self._unjudged: dict[RobotKey, None] = {}
         """Robots whose condition may be another one by now."""
+        self._nobody_silent_before = -inf
+        """Until this moment (s) no robot that is not touched before can fall silent."""
 
     def on_connection(self, key: RobotKey, message: Connection, at: Instant) -> None:
         """Take in a connection message; never judged late, for a will carries the header of its CONNECT."""
@@ -181,15 +184,16 @@ class FleetModel:
 
     def advance(self, at: Instant) -> None:
         """Bring the conditions of all robots up to date, without telling anybody yet."""
-        for robot in self.robots:
-            if robot.falls_silent(at, self.limits.silence):
-                self._touch(robot.key)
+        if at.monotonic >= self._nobody_silent_before:
+            self._find_silent(at)
         for key in self._unjudged:
             touched = self.robots.get(key)
             if touched is not None:
                 before = touched.condition, touched.reason
                 touched.judge(at, self.limits.silence, link_up=self.link_up)
                 self._chronicle.condition(touched, before, at)
+                soonest = touched.silent_from(self.limits.silence)
+                self._nobody_silent_before = min(self._nobody_silent_before, soonest)
         self._unjudged.clear()
 
     def flush(self, at: Instant) -> Delta | None:
@@ -238,6 +242,15 @@ class FleetModel:
     def _touch_order_of(self, robot: Robot) -> None:
         if robot.vehicle and robot.vehicle.transport_order:
             self._public.orders.touch(robot.vehicle.transport_order)
+
+    def _find_silent(self, at: Instant) -> None:
+        """Look for robots that have fallen silent, and until when none can."""
+        setting, soonest = self.limits.silence, inf
+        for robot in self.robots:
+            if robot.falls_silent(at, setting):
+                self._touch(robot.key)
+            soonest = min(soonest, robot.silent_from(setting))
+        self._nobody_silent_before = soonest
 
     def _touch(self, key: RobotKey) -> None:
         self._unjudged[key] = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime, timedelta
+from math import inf
 
 from nena_shared.fleet_api.base import iso
 from nena_shared.fleet_api.vehicle import VehicleStatus
@@ -114,6 +115,10 @@ class Robot:
             return False
         self._silence_noticed = True
         return True
+
+    def silent_from(self, setting: float | None) -> float:
+        """Give the moment (s) from which it is silent if no state comes; infinity if it is already."""
+        return inf if self._silence_noticed else self.state_at.monotonic + self.silence_limit(setting)
 
     def judge(self, at: Instant, setting: float | None, *, link_up: bool) -> None:
         """Bring the condition up to date."""
