@@ -75,6 +75,13 @@ async def refusals(robot: BenchRobot) -> None:
     await robot.finish("n1")
 
 
+async def failure(robot: BenchRobot) -> None:
+    """An action that fails on the way, for which the rest of the order is cancelled."""
+    await robot.begin("n0", "n1", "n2", node_actions={"n1": [action("f", "HARD", "failAlways")]})
+    await robot.state(lambda state: "ACTION_FAILED" in errors(state))
+    await robot.cancel()
+
+
 async def retry(robot: BenchRobot) -> None:
     """An action that fails, is tried again and is done then."""
     await robot.begin("n0", "n1", node_actions={"n0": [action("f", "HARD", "failOnce", retriable=True)]})
@@ -99,7 +106,7 @@ async def zones(robot: BenchRobot) -> None:
     await robot.finish("n2")
 
 
-COMMON: tuple[Story, ...] = (order_with_actions, updates, cancel, pause, refusals)
+COMMON: tuple[Story, ...] = (order_with_actions, updates, cancel, pause, refusals, failure)
 STORIES: dict[str, tuple[Story, ...]] = {
     "2.0.0": COMMON,
     "2.1.0": COMMON,

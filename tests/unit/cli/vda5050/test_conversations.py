@@ -36,7 +36,9 @@ FILES = sorted(FOLDER.glob("*.jsonl"))
 FOUND = {"refusals": [Rule.NOT_OFFERED]}
 """What fleet control does wrong on purpose in a story: it asks a robot to dance."""
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
-RETRIABLE = {name: replace(WORK, action_type=name) for name in ("pick", "drop", "wait", "failOnce")}
+RETRIABLE = {
+    name: replace(WORK, action_type=name) for name in ("pick", "drop", "wait", "failOnce", "failAlways")
+}
 
 
 def conversation(file: Path) -> list[Said]:

@@ -147,6 +147,20 @@ def test_fleet_control_understands_refusals(version: str) -> None:
     assert third == MissionFinished(fleet.robot, good)
 
 
+@pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
+def test_fleet_control_cancels_what_has_failed(version: str) -> None:
+    fleet = replayed(version, "failure")
+    (order,) = fleet.orders
+
+    (sent, *_) = fleet.news(PublishInstantActions)
+    assert isinstance(sent, PublishInstantActions)
+    assert [(each.action_type, each.action_id) for each in sent.actions] == [(CANCEL, fleet.cancel_ids[0])]
+    (end,) = fleet.news(MissionFinished, MissionFailed, MissionCancelled)
+    assert isinstance(end, MissionFailed)
+    assert end.mission_id == order.order_id
+    assert "it always fails" in " ".join((end.reason, *end.details))
+
+
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_the_fleet_model_shows_what_the_robot_said(file: Path) -> None:
     said = conversation(file)
