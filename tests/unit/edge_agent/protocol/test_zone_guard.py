@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from nena_edge_agent.driver.port import Halted
 from nena_edge_agent.protocol.effects import Halt, LimitSpeed
 from nena_edge_agent.protocol.events import (
     OperatingModeSwitched,
@@ -354,3 +355,67 @@ def test_a_node_in_pass_through_is_not_passed_into_a_closed_gate() -> None:
     robot.do(at(9.8))
 
     assert robot.nodes == ["n1", "n2"]
+
+
+class TestLeasesAndRefusals:
+    """What must not let a robot out of its duty to say that it is in a zone, nor leave it standing."""
+
+    pytestmark = pytest.mark.clause("6.4.3", "6.9")
+
+    def inside(self, *, lasting: float | None = None) -> Bench:
+        """Give a robot that has come into the gate with a release."""
+        robot = bench(GATE)
+        robot.send(order("n0", "n1", "n2"))
+        robot.arrive()
+        answer(robot, "GRANTED", lasting=lasting)
+        robot.do(at(15.0))
+        return robot
+
+    def test_a_robot_that_does_not_know_where_it_is_shows_that_its_lease_is_over(self) -> None:
+        robot = self.inside(lasting=30)
+        robot.do(at(15.0, localized=False), Halted())
+
+        robot.now += 60
+        robot.do(at(15.0, localized=False))
+
+        assert requests(robot) == [("gate", "zone-1", "EXPIRED")]
+        robot.do(at(15.0))
+        assert requests(robot) == [("gate", "zone-1", "EXPIRED")]
+        assert robot.errors == ["RELEASE_LOST"]
+
+    def test_a_lease_that_ends_while_the_agent_is_down_is_shown_to_be_over(self) -> None:
+        memory = self.inside(lasting=30).core.memory()
+
+        robot = Bench(rules=RULES["3.0.0"], memory=memory, ready=False)
+        robot.do(Started(NOON + timedelta(seconds=60)))
+
+        assert requests(robot) == [("gate", "zone-1", "EXPIRED")]
+
+    def test_a_refusal_in_the_zone_takes_the_release_back(self) -> None:
+        robot = self.inside()
+
+        answer(robot, "REJECTED")
+
+        assert robot.effects_of(Halt)
+        assert requests(robot) == [("gate", "zone-1", "REVOKED")]
+        assert robot.errors == ["RELEASE_LOST"]
+
+    def test_a_robot_that_was_moved_out_of_the_zone_asks_for_it_anew(self) -> None:
+        robot = self.inside()
+        answer(robot, "REVOKED")
+        robot.do(Halted(), at(11.0))
+
+        assert requests(robot) == [("gate", "zone-2", "REQUESTED")]
+        assert not robot.errors
+        answer(robot, "GRANTED")
+        assert len(robot.goals) == 3
+
+    def test_a_grant_whose_time_is_over_is_none_and_the_request_stands(self) -> None:
+        robot = bench(GATE)
+        robot.send(order("n0", "n1", "n2"))
+        before = len(robot.effects)
+
+        answer(robot, "GRANTED", lasting=-10)
+
+        assert requests(robot) == [("gate", "zone-1", "REQUESTED")]
+        assert len(robot.effects) == before

@@ -88,8 +88,10 @@ class ZoneAccess:
             case GrantType.GRANTED:
                 self._put(request.with_status(RequestStatus.GRANTED, response.lease_expiry))
             case GrantType.REJECTED:
-                self._remove(request.key)
-                self._refused[request.key] = now
+                begun = request.status is not RequestStatus.REQUESTED
+                self._lose(request, RequestStatus.REVOKED, inside if begun else frozenset())
+                if request.key not in self._requests:
+                    self._refused[request.key] = now
             case GrantType.REVOKED:
                 self._lose(request, RequestStatus.REVOKED, inside)
             case GrantType.QUEUED:
@@ -103,10 +105,11 @@ class ZoneAccess:
                 self.last_number += 1
                 self._put(AccessRequest(*zone.key, request_id=f"zone-{self.last_number}"))
 
-    def keep_only(self, keys: frozenset[ZoneKey]) -> None:
-        """Take back all requests but those for ``keys``."""
-        for key in [each for each in self._requests if each not in keys]:
-            self._remove(key)
+    def keep_only(self, keys: frozenset[ZoneKey], inside: frozenset[ZoneKey] = frozenset()) -> None:
+        """Take back all requests but those for ``keys``; a lost one only stands while the robot is inside."""
+        for key, request in list(self._requests.items()):
+            if key not in keys or (request.status in LOST and key not in inside):
+                self._remove(key)
 
     def expire(self, utc: datetime, inside: frozenset[ZoneKey]) -> None:
         """End the grants whose time is over at ``utc``."""

@@ -45,12 +45,13 @@ class ZoneGuard:
         return bool(node and node.node_position and self.barred(pose, node.node_position))
 
     def answered(self, message: Responses, utc: datetime) -> None:
-        """Take in fleet control's answers, which came at ``utc``."""
+        """Take in fleet control's answers, which came at ``utc``; a grant whose time is over is none."""
         parts = self._parts
         parts.utc = (utc, parts.now)
-        inside = self._keys(self._inside())
+        inside = self._perhaps_inside()
         for response in message.responses:
-            parts.zone_access.answer(response, inside, parts.now)
+            if response.lease_expiry is None or response.lease_expiry > utc:
+                parts.zone_access.answer(response, inside, parts.now)
 
     def expire(self) -> None:
         """End the grants whose time is over."""
@@ -58,7 +59,7 @@ class ZoneGuard:
         if parts.utc is not None and parts.zone_access.waits:
             then, at = parts.utc
             now = then + timedelta(seconds=parts.now - at)
-            parts.zone_access.expire(now, self._keys(self._inside()))
+            parts.zone_access.expire(now, self._perhaps_inside())
 
     def advance(self) -> None:
         """Ask for what is wanted, take back what is not, and show what is wrong."""
@@ -79,8 +80,8 @@ class ZoneGuard:
             return
         if parts.senses.trusted_pose is None:
             return  # it may be in any of them
-        wanted = self._ahead()
-        parts.zone_access.keep_only(self._keys(wanted) | self._keys(inside))
+        wanted, kept = self._ahead(), self._keys(inside)
+        parts.zone_access.keep_only(self._keys(wanted) | kept, kept)
         if not parts.clearing:
             parts.zone_access.want(wanted, parts.now)
 
@@ -131,6 +132,13 @@ class ZoneGuard:
         if not parts.zone_sets.enabled or pose is None:
             return []
         return zones_in(parts.capabilities.footprint.stand(pose), pose.map_id, parts.zone_sets.enabled)
+
+    def _perhaps_inside(self) -> frozenset[ZoneKey]:
+        """Give the RELEASE zones that the robot is in; a lost one may be in any that it has asked for."""
+        parts = self._parts
+        if parts.senses.trusted_pose is None:
+            return frozenset(each.key for each in parts.zone_access.requests)
+        return self._keys(self._inside())
 
     def _open(self, zone: EnabledZone) -> bool:
         """Tell whether the robot may be in ``zone`` and drive in it."""
