@@ -1,7 +1,7 @@
 """What a LIF file has wrong in its form, and how a lenient reader puts it right."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from math import pi, radians
 from typing import Any, Final
 
@@ -67,24 +67,26 @@ def put_right(raw: Any) -> tuple[Problem, ...]:  # noqa: ANN401 - whatever the J
     beyond 2 pi, all are taken for degrees.
     """
     objects = tuple(_objects(raw))
-    odd: Counter[str] = Counter()
-    in_degrees = any(abs(_heading(each, key)) > 2 * pi for each in objects for key in _HEADINGS)
+    found = Counter(_put_each_right(objects))
+    if any(abs(_heading(each, key)) > 2 * pi for each in objects for key in _HEADINGS):
+        found["HEADINGS_IN_DEGREES", "headings beyond 2 pi: all of the file are read as degrees"] = 1
+        for each in objects:
+            each.update({key: radians(_heading(each, key)) for key in _HEADINGS if each.get(key) is not None})
+    return tuple(
+        warning(code, f"{text} (found {times} times)") for (code, text), times in sorted(found.items())
+    )
+
+
+def _put_each_right(objects: Iterable[dict[str, Any]]) -> Iterator[tuple[str, str]]:
+    """Put right what is not of this format, and yield the code and text of each fault."""
     for each in objects:
         if "nodes" in each and "edges" in each:
             each.setdefault("stations", [])
-        if isinstance(each.get("required"), bool):
-            each.setdefault("requirementType", "REQUIRED" if each["required"] else "OPTIONAL")
-        if in_degrees:
-            each.update({key: radians(_heading(each, key)) for key in _HEADINGS if each.get(key) is not None})
-        odd.update(key for key in each if key not in _KNOWN)
-    unknown = [
-        warning("IGNORED", f"field {key!r} is not known (found {odd[key]} times)") for key in sorted(odd)
-    ]
-    if in_degrees:
-        unknown.append(
-            warning("HEADINGS_IN_DEGREES", "there are headings beyond 2 pi; all are read as degrees")
-        )
-    return tuple(unknown)
+        if isinstance(required := each.pop("required", None), bool):
+            each.setdefault("requirementType", "REQUIRED" if required else "OPTIONAL")
+            yield "NOT_LIF", "'required' of actions is read as their requirementType"
+        for key in each.keys() - _KNOWN:
+            yield "IGNORED", f"field {key!r} is not known"
 
 
 def warning(code: str, text: str) -> Problem:

@@ -169,7 +169,7 @@ DEPARTURES = {
                 ],
             )
         ),
-        "'required' is not known",
+        "'required' of actions is read as",
     ),
     "draft version": (lif(layout(*RING), version="0.11.0"), "never published"),
     "unknown field": (lif_of(node("A", colour="red")), "'colour' is not known"),
