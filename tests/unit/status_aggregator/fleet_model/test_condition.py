@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from typing import Any
 
 import pytest
@@ -12,9 +13,9 @@ from support.fleet_examples import position, state, way
 def conclude(**fields: Any) -> tuple[Condition, str]:
     evidence: dict[str, Any] = {
         "connection": ConnectionState.ONLINE,
-        "connection_since": "08:00:00 UTC",
+        "connection_since": datetime(2026, 1, 1, 8, tzinfo=UTC),
         "state": state(),
-        "state_time": "08:00:05 UTC",
+        "state_time": datetime(2026, 1, 1, 8, 0, 5, tzinfo=UTC),
         "state_after_connection": True,
         "overdue": False,
         "silence_limit": 35.0,

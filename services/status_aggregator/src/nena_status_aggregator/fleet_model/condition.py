@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from datetime import datetime
 from enum import StrEnum
 
+from nena_shared.fleet_api.base import iso
 from nena_shared.vda5050.action import ActionState, ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
@@ -77,12 +79,12 @@ class Reason:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What the judgement rests on; times are given as text, for the sentence only."""
+    """What the judgement rests on; the times are for the sentence only."""
 
     connection: ConnectionState | None
-    connection_since: str
+    connection_since: datetime
     state: State | None
-    state_time: str
+    state_time: datetime
     state_after_connection: bool
     """Whether the last state came after the last connection message."""
     overdue: bool
@@ -111,15 +113,17 @@ def judge(evidence: Evidence) -> Judgement:
 
 
 def _away(evidence: Evidence) -> Judgement | None:
-    since: dict[str, str | float] = {"since": evidence.connection_since}
     match evidence.connection:
         case ConnectionState.OFFLINE:
-            return Condition.OFFLINE, Reason("offline", since)
+            judgement = Condition.OFFLINE, "offline"
         case ConnectionState.HIBERNATING:
-            return Condition.OFFLINE, Reason("hibernating", since)
+            judgement = Condition.OFFLINE, "hibernating"
         case ConnectionState.CONNECTION_BROKEN if not evidence.state_after_connection:
-            return Condition.BROKEN, Reason("broken", since)
-    return None
+            judgement = Condition.BROKEN, "broken"
+        case _:
+            return None
+    condition, code = judgement
+    return condition, Reason(code, {"since": clock_text(evidence.connection_since)})
 
 
 def _without_state(evidence: Evidence) -> Judgement:
@@ -131,9 +135,15 @@ def _without_state(evidence: Evidence) -> Judgement:
 
 
 def _silence_reason(evidence: Evidence) -> Reason:
+    since = clock_text(evidence.state_time)
     if not evidence.link_up:
-        return Reason("blind", {"since": evidence.state_time})
-    return Reason("silent", {"since": evidence.state_time, "limit": round(evidence.silence_limit)})
+        return Reason("blind", {"since": since})
+    return Reason("silent", {"since": since, "limit": round(evidence.silence_limit)})
+
+
+def clock_text(moment: datetime) -> str:
+    """Write a time for a sentence: UTC, to the second."""
+    return f"{iso(moment)[11:19]} UTC"
 
 
 def _held(state: State) -> Judgement | None:
@@ -177,8 +187,10 @@ def _free(state: State, remark: str | None) -> Judgement:
 
 def worst_error(state: State) -> ErrorEntry | None:
     """Give the first of the errors of the highest level."""
+    if not state.errors:
+        return None
     levels = list(ErrorLevel)
-    return max(state.errors, key=lambda each: levels.index(each.error_level), default=None)
+    return max(state.errors, key=lambda each: levels.index(each.error_level))
 
 
 def _error_reason(error: ErrorEntry) -> Reason:

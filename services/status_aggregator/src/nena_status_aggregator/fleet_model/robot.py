@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from datetime import datetime, timedelta
+from datetime import timedelta
 from math import inf
 
-from nena_shared.fleet_api.base import iso
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
@@ -126,9 +125,9 @@ class Robot:
         condition, self.reason = judge(
             Evidence(
                 connection=self.connection.connection_state if self.connection else None,
-                connection_since=clock_text(self.connection_since),
+                connection_since=self.connection_since,
                 state=self.state,
-                state_time=clock_text(self.state_at.utc),
+                state_time=self.state_at.utc,
                 state_after_connection=self.state_after_connection,
                 overdue=at.monotonic - self.state_at.monotonic > limit,
                 silence_limit=limit,
@@ -140,8 +139,3 @@ class Robot:
         if condition is not self.condition:
             self.condition = condition
             self.condition_since = at.utc
-
-
-def clock_text(moment: datetime) -> str:
-    """Write a time for a sentence: UTC, to the second."""
-    return f"{iso(moment)[11:19]} UTC"
