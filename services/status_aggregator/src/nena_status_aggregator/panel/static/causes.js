@@ -6,6 +6,7 @@ import { adviceFor, reasonOf } from "./reasons.js";
 
 const DEPTH = 6;
 const CANDIDATES = 8;
+const NEAR = 0.75; // m
 
 /**
  * Give the causes for a robot, a list of `{text, advice, foreign, link}`: `foreign` holds words of another program, in
@@ -48,11 +49,16 @@ function causesOfWaiting(robot, fleet, seen) {
   if (robot.reasonCode !== "waiting_for_release") return [];
   const place = robot.reasonValues.next;
   const others = [...fleet.store.robots.values()].filter((other) => other.id !== robot.id);
-  const there = others.find((other) => other.order?.lastNodeId === place || other.vehicle?.currentPosition === place);
+  const there = others.find((other) => other.vehicle?.currentPosition === place || isNear(other, place, fleet.plant));
   if (there) return chain(there, fleet, seen, t("why.isAt", { name: there.name, place }));
   const coming = others.find((other) => aheadOf(other).some((node) => node.nodeId === place && node.released));
   if (coming) return chain(coming, fleet, seen, t("why.goesTo", { name: coming.name, place }));
   return [{ text: t("why.notReleased", { place }) }];
+}
+
+function isNear({ position }, place, plant) {
+  const point = plant.model?.points.find((each) => each.name === place);
+  return Boolean(point && position) && Math.hypot(position.x - point.xMm / 1000, position.y - point.yMm / 1000) < NEAR;
 }
 
 function aheadOf(robot) {

@@ -30,8 +30,8 @@ export function adviceFor(robot) {
   return has(key) ? t(key) : "";
 }
 
-/** Say what to do about an error of a robot, by its type; empty: its own words have to do. */
+/** Say what to do about an error of a robot, by its type (2.x: nodeUnreachable); empty: its own words have to do. */
 export function adviceForError(error) {
-  const key = `errorAdvice.${error.errorType}`;
+  const key = `errorAdvice.${error.errorType.replace(/([a-z])([A-Z])/g, "$1_$2").toUpperCase()}`;
   return has(key) ? t(key) : "";
 }

@@ -20,7 +20,7 @@ class OrderForm extends HTMLElement {
 
   /** Begin a new order; null: none. */
   open(begin) {
-    if (begin === null) return;
+    if (begin === null) return this.replaceChildren();
     this.key = newKey();
     this.#stops = [];
     this.list = element("ol", { class: "stops" });
@@ -84,7 +84,7 @@ class OrderForm extends HTMLElement {
 function vehicles({ store, plant }) {
   const known = [...store.robots.values()].map((robot) => robot.vehicle?.name).filter(Boolean);
   const names = new Set([...(plant.model?.vehicles ?? []).map((each) => each.name), ...known]);
-  return [...names].sort(byName).map((name) => [name, name]);
+  return [...names].sort(byName).map((name) => [name, name, true]);
 }
 
 customElements.define("nena-order-form", OrderForm);

@@ -16,6 +16,7 @@ class OrderPage extends HTMLElement {
   show(fleet) {
     this.fleet = fleet;
     fleet.store.addEventListener("change", () => this.#name && this.#update());
+    fleet.plant.addEventListener("change", () => this.#name && this.#update());
     fleet.link.addEventListener("state", () => this.#name && this.#update());
   }
 
@@ -24,6 +25,7 @@ class OrderPage extends HTMLElement {
     this.#name = name;
     this.#version = null;
     if (name) this.#build();
+    else this.replaceChildren();
   }
 
   #build() {
@@ -132,14 +134,15 @@ function stop(each) {
 
 function factsOf(order) {
   const words = (text) => () => element("dd", {}, text);
+  const moment = (text) => () => verbatim("dd", dateAndTime(text));
   const vehicle = order.processingVehicle ?? order.intendedVehicle;
   return [
     ["orders.vehicle", vehicle && (() => verbatim("dd", vehicle))],
     ["form.priority", words(number(order.priority))],
     ["order.type", order.type !== "-" && (() => verbatim("dd", order.type))],
-    ["order.deadline", order.deadline && words(dateAndTime(order.deadline))],
-    ["order.created", words(dateAndTime(order.created))],
-    ["order.finished", order.finished && words(dateAndTime(order.finished))],
+    ["order.deadline", order.deadline && moment(order.deadline)],
+    ["order.created", moment(order.created)],
+    ["order.finished", order.finished && moment(order.finished)],
   ].filter(([, content]) => content);
 }
 

@@ -75,6 +75,7 @@ function update(parts, row, order, now) {
   setText(parts.reason, order.confirmed ? order.reason : "");
   setText(parts.unconfirmed, order.confirmed ? "" : t("orders.unconfirmed"));
   setText(parts.vehicle, vehicle(order));
+  setAttribute(parts.vehicle, "translate", order.processingVehicle ? "no" : null);
   updateDestinations(parts.destinations, order);
   parts.progress.box.hidden = order.progress === null;
   parts.progress.bar.value = order.progress ?? 0;

@@ -20,6 +20,7 @@ class RobotPage extends HTMLElement {
     fleet.store.addEventListener("change", (event) => {
       if (this.#id && (event.detail.robots.size || event.detail.orders.size || event.detail.parts.size)) this.#update();
     });
+    fleet.plant.addEventListener("change", () => this.#id && this.#update());
     fleet.link.addEventListener("state", () => this.#id && this.#update());
     setInterval(() => this.#id && this.#update(), TICK);
   }
@@ -28,6 +29,7 @@ class RobotPage extends HTMLElement {
   open(id) {
     this.#id = id;
     if (id) this.#build();
+    else this.replaceChildren();
   }
 
   #build() {
@@ -151,14 +153,14 @@ function factsOf(robot, now) {
     ["fact.localized", at && t(at.localized ? "form.yes" : "form.no")],
     ["fact.speed", speed === null ? null : t("unit.speed", { value: number(speed, 2) })],
     ["fact.battery", robot.battery && batteryText(robot.battery)],
-    ["fact.loads", robot.loads && loadsText(robot.loads)],
+    ["fact.loads", robot.loads && loadsText(robot.loads), Boolean(robot.loads?.length)],
     ["fact.map", at?.mapId, true],
     ["fact.maps", robot.maps?.length && robot.maps.map((map) => `${map.mapId} ${map.mapVersion} ${map.status}`).join(", "), true],
     ["fact.body", robot.body && t("fact.bodyText", { ...robot.body, length: number(robot.body.length, 2), width: number(robot.body.width, 2) })],
     ["fact.topics", `${robot.manufacturer} / ${robot.serialNumber}`, true],
     ["fact.version", robot.protocolVersion, true],
     ["fact.clock", robot.clockSkew !== null && t("robots.skew", { seconds: number(robot.clockSkew) })],
-    ["fact.since", dateAndTime(robot.conditionSince)],
+    ["fact.since", dateAndTime(robot.conditionSince), true],
   ].filter(([, text]) => text);
 }
 

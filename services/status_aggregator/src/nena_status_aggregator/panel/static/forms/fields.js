@@ -12,13 +12,13 @@ export function numberInput(attributes = {}) {
   return element("input", { type: "number", step: "any", inputmode: "decimal", ...attributes });
 }
 
-/** Make a list to choose from; `options` are `[value, text]`, or `{group, options}`. */
+/** Make a list to choose from; `options` are `[value, text, verbatim]`, or `{group, options}`. */
 export function select(options, attributes = {}) {
   return element("select", attributes, ...options.map(optionOrGroup));
 }
 
 function optionOrGroup(each) {
-  if (Array.isArray(each)) return element("option", { value: each[0] }, each[1]);
+  if (Array.isArray(each)) return element("option", { value: each[0], translate: each[2] ? "no" : null }, each[1]);
   return element("optgroup", { label: each.group }, ...each.options.map(optionOrGroup));
 }
 

@@ -32,16 +32,16 @@ export class PlaceFields {
   }
 
   #showOperations() {
-    refillSelect(this.operation, this.plant.operationsAt(this.place.value).map((name) => [name, operationName(name)]));
+    refillSelect(this.operation, this.plant.operationsAt(this.place.value).map(operation));
   }
 }
 
-function operationName(name) {
-  return ["MOVE", "PARK", "NOP"].includes(name) ? t(`operation.${name}`) : name;
+function operation(name) {
+  return ["MOVE", "PARK", "NOP"].includes(name) ? [name, t(`operation.${name}`)] : [name, name, true];
 }
 
 function placeOptions(model) {
-  const names = (things) => (things ?? []).map((each) => each.name).sort(byName).map((name) => [name, name]);
+  const names = (things) => (things ?? []).map((each) => each.name).sort(byName).map((name) => [name, name, true]);
   return [
     ["", t("form.choose")],
     { group: t("form.locations"), options: names(model?.locations) },

@@ -1,0 +1,255 @@
+"""The page for everybody: languages, screen readers, keyboard, light and dark, telephones."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+from axe_playwright_python.async_playwright import Axe  # type: ignore[import-untyped]
+from playwright.async_api import Browser, Page, Route, expect
+
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_status_aggregator.rest.app import PANEL
+from support.broker import free_port
+from support.fleet_examples import (
+    ROBOT,
+    connection,
+    factsheet,
+    position,
+    state,
+    vehicle_status,
+    way,
+)
+from support.panel import Hall, opened, picture, seconds_now
+
+pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(180)]
+
+OTHER = RobotKey("ACME", "r2")
+VIEWS = {"lists": "#/", "robot": "#/robots/ACME%2Fr1", "order": "#/orders/TO-1", "new-order": "#/orders"}
+NO_ORDER_SERVICE = ("502",)
+"""What the browser says of the address under which nobody answers."""
+
+UNMARKED = """() => {
+  const left = [];
+  const bare = (text) => {
+    let rest = text;
+    for (let before = null; before !== rest; ) [before, rest] = [rest, rest.replace(/⟦[^⟦⟧]*⟧/g, "")];
+    return rest.trim();
+  };
+  const seen = (node) => !node.closest("[translate=no], script, noscript, time, h1");
+  const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walk.nextNode()) {
+    const rest = seen(walk.currentNode.parentElement) ? bare(walk.currentNode.data) : "";
+    if (/\\p{L}/u.test(rest)) left.push(rest);
+  }
+  for (const node of document.querySelectorAll("[aria-label], [title], [placeholder]")) {
+    for (const name of ["aria-label", "title", "placeholder"]) {
+      const rest = seen(node) ? bare(node.getAttribute(name) ?? "") : "";
+      if (/\\p{L}/u.test(rest)) left.push(`${name}: ${rest}`);
+    }
+  }
+  return left;
+}"""
+"""Texts and labels of the page with letters which are not from the catalogue, whose texts stand in ⟦ ⟧."""
+
+
+def populate(hall: Hall) -> None:
+    """Have something in every part of the page."""
+    hall.publish_plant()
+    hall.send(Topic.CONNECTION, connection(), retain=True)
+    hall.send(Topic.FACTSHEET, factsheet(at=seconds_now()), retain=True)
+    error = {
+        "error_type": "NODE_UNREACHABLE",
+        "error_level": "WARNING",
+        "error_description": "no way to South 2",
+        "error_references": ({"reference_key": "nodeId", "reference_value": "South 2"},),
+    }
+    action = {"action_id": "a1", "action_type": "pick", "action_status": "WAITING"}
+    goal = {
+        "info_type": "externalGoal",
+        "info_level": "INFO",
+        "info_references": ({"reference_key": "goalId", "reference_value": "b7"},),
+    }
+    waiting = state(
+        at=seconds_now(),
+        order_id="o1",
+        last_node_id="South 1",
+        last_node_sequence_id=2,
+        mobile_robot_position=position(3, 2),
+        loads=({"load_id": "crate 7"},),
+        errors=(error,),
+        action_states=(action,),
+        information=(goal,),
+        **way("South 2", first=4, released=0),
+    )
+    hall.send(Topic.STATE, waiting)
+    here = position(9, 2, localized=False)
+    other = state(robot=OTHER, at=seconds_now(), last_node_id="South 2", mobile_robot_position=here)
+    hall.send(Topic.STATE, other, robot=OTHER)
+    vehicle = vehicle_status(transport_order="TO-1").model_dump_json(by_alias=True)
+    hall.peer.publish(hall.fleet.vehicle_status(ROBOT.serial_number), vehicle, retain=True)
+    hall.publish_order(1, TransportOrderState.BEING_PROCESSED)
+
+
+def commanded() -> tuple[str, str]:
+    """Options with which the page takes commands, though nobody carries them out."""
+    return ("--order_service.url", f"http://127.0.0.1:{free_port()}")
+
+
+async def show(page: Page, hall: Hall, view: str) -> None:
+    """Open a view, and wait until it is filled."""
+    await page.goto(hall.url + VIEWS[view])
+    await expect(page.locator("tr[data-robot='ACME/r2']")).to_have_count(1)
+    heads = {
+        "robot": "nena-robot-page .causes",
+        "order": "nena-order-page .causes",
+        "new-order": "nena-order-form form",
+    }
+    if view in heads:
+        await expect(page.locator(heads[view])).to_be_visible()
+
+
+async def test_no_text_is_outside_the_catalogue(hall: Hall, browser: Browser) -> None:
+    async def marked(route: Route) -> None:
+        source = (PANEL / "texts" / "en.js").read_text(encoding="utf-8")
+        body = re.sub(r'": +"|":\n +"', lambda found: found.group() + "⟦", source).replace('",\n', '⟧",\n')
+        await route.fulfill(body=body, content_type="text/javascript")
+
+    with hall.aggregator(*commanded()) as aggregator:
+        await aggregator.logged("broker connected")
+        populate(hall)
+        async with opened(browser, hall.url, expected=NO_ORDER_SERVICE) as page:
+            await page.route("**/texts/en.js", marked)
+            for view in VIEWS:
+                await page.goto("about:blank")
+                await show(page, hall, view)
+                if view == "robot":
+                    for name in ("Dispatch", "Set position", "Instant action"):
+                        await page.get_by_role("button", name=f"⟦{name} …⟧").click()
+                        await expect(page.locator("nena-robot-commands form")).to_be_visible()
+                        assert await page.evaluate(UNMARKED) == [], name
+                assert await page.evaluate(UNMARKED) == [], view
+
+
+@pytest.mark.parametrize(
+    ("language", "words"),
+    [
+        ("nl-NL", ("Robots", "Bezig", "Wacht bij South 1 tot de weg naar South 2 is vrijgegeven.")),
+        (
+            "de-DE",
+            ("Roboter", "Beschäftigt", "Wartet bei South 1, bis der Weg nach South 2 freigegeben ist."),
+        ),
+    ],
+)
+async def test_the_browsers_language_is_taken(
+    hall: Hall, browser: Browser, language: str, words: tuple[str, ...]
+) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        populate(hall)
+        async with opened(browser, hall.url, language=language) as page:
+            await expect(page.locator("html")).to_have_attribute("lang", language[:2])
+            title, condition, reason = words
+            await expect(page.locator("#robots-title")).to_have_text(title)
+            await expect(page.locator("tr[data-robot='ACME/r1']")).to_contain_text(condition)
+            await expect(page.locator("tr[data-robot='ACME/r1']")).to_contain_text(reason)
+            await picture(page, f"panel-{language[:2]}")
+
+
+async def test_the_language_is_switched_and_kept(hall: Hall, browser: Browser) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        populate(hall)
+        async with opened(browser, hall.url + VIEWS["robot"]) as page:
+            facts = page.locator("nena-robot-page .facts")
+            await expect(facts).to_contain_text("x 3.00 m")
+            await page.get_by_label("Language").select_option("de")
+            await expect(page.get_by_role("heading", name="Warum steht er?")).to_be_visible()
+            await expect(facts).to_contain_text("x 3,00 m")
+            await page.reload()
+            await expect(page.get_by_label("Sprache")).to_have_value("de")
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+async def test_axe_finds_nothing_serious(hall: Hall, browser: Browser, *, dark: bool) -> None:
+    with hall.aggregator(*commanded()) as aggregator:
+        await aggregator.logged("broker connected")
+        populate(hall)
+        async with opened(browser, hall.url, dark=dark, expected=NO_ORDER_SERVICE) as page:
+            for view in VIEWS:
+                await show(page, hall, view)
+                if view == "robot":
+                    await page.get_by_role("button", name="Dispatch …").click()
+                if view == "lists":
+                    await page.get_by_label("Layers").click()
+                await picture(page, f"{view}-{'dark' if dark else 'light'}")
+                assert await findings(page) == [], view
+
+
+async def findings(page: Page) -> list[str]:
+    """What axe finds in a page, serious and critical."""
+    results = await Axe().run(page)
+    return [
+        f"{each['id']}: {json.dumps([node['html'] for node in each['nodes']])}"
+        for each in results.response["violations"]
+        if each["impact"] in ("serious", "critical")
+    ]
+
+
+@pytest.mark.parametrize("language", ["en-GB", "de-DE"])
+async def test_no_view_is_wider_than_a_telephone(hall: Hall, browser: Browser, language: str) -> None:
+    with hall.aggregator(*commanded()) as aggregator:
+        await aggregator.logged("broker connected")
+        populate(hall)
+        async with opened(browser, hall.url, width=390, language=language, expected=NO_ORDER_SERVICE) as page:
+            for view in VIEWS:
+                await show(page, hall, view)
+                if view == "robot":
+                    for opener in await page.locator("nena-robot-commands [aria-expanded]").all():
+                        await opener.click()
+                        assert await page.evaluate("document.documentElement.scrollWidth") <= 390
+                await picture(page, f"{view}-telephone-{language[:2]}")
+                assert await page.evaluate("document.documentElement.scrollWidth") <= 390, view
+
+
+async def test_a_robot_is_commanded_by_keys_alone(hall: Hall, browser: Browser) -> None:
+    with hall.aggregator(*commanded()) as aggregator:
+        await aggregator.logged("broker connected")
+        populate(hall)
+        async with opened(browser, hall.url, expected=NO_ORDER_SERVICE) as page:
+            link = page.get_by_role("link", name="Vehicle-1")
+            await expect(link).to_be_visible()
+            for _ in range(40):
+                if await link.evaluate("each => each === document.activeElement"):
+                    break
+                await page.keyboard.press("Tab")
+            await expect(link).to_be_focused()
+            await page.keyboard.press("Enter")
+            await expect(page.locator("nena-robot-page h2")).to_be_focused()
+            pause = page.get_by_role("button", name="Pause")
+            for _ in range(10):
+                await page.keyboard.press("Tab")
+                if await pause.evaluate("each => each === document.activeElement"):
+                    break
+            await page.keyboard.press("Enter")
+            await expect(page.get_by_text("Refused:")).to_be_visible()
+            await expect(page.get_by_text("The order service does not answer")).to_be_visible()
+
+
+async def test_a_chain_of_causes_leads_from_one_robot_to_another(hall: Hall, browser: Browser) -> None:
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        populate(hall)
+        async with opened(browser, hall.url + VIEWS["order"]) as page:
+            causes = page.locator("nena-order-page .causes li")
+            await expect(causes).to_have_count(3)
+            await expect(causes.nth(0)).to_contain_text("A vehicle works on it.")
+            await expect(causes.nth(1)).to_contain_text(
+                "Busy: Waits at South 1 until the way to South 2 is released."
+            )
+            await expect(causes.nth(2)).to_contain_text("Blocked: It does not know where it is")
+            await expect(causes.nth(2)).to_contain_text("Use Set position")
+            await causes.nth(2).get_by_role("link").click()
+            await expect(page.locator("nena-robot-page h2")).to_have_text("r2")
