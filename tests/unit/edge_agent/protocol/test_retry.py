@@ -117,6 +117,8 @@ def test_it_ends_with_its_edge() -> None:
 
     assert bench.status("a") == "FAILED"
     assert bench.idle
+    (failure,) = bench.state.errors
+    assert "retry" not in (failure.error_hint or "")
 
 
 @pytest.mark.clause("6.2.3/retry")
@@ -126,7 +128,9 @@ def test_it_may_still_be_tried_again_after_a_restart() -> None:
         memory=Memory.model_validate_json(bench.core.memory().model_dump_json()), rules=RULES["3.0.0"]
     )
     assert again.status("a") == "RETRIABLE"
+    assert again.errors == ["ACTION_FAILED"]
 
     again.instant(action("r", "NONE", "retry", actionId="a"))
 
     assert again.status("a") == "INITIALIZING"
+    assert not again.errors

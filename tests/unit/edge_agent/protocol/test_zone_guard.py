@@ -357,6 +357,25 @@ def test_a_node_in_pass_through_is_not_passed_into_a_closed_gate() -> None:
     assert robot.nodes == ["n1", "n2"]
 
 
+@pytest.mark.clause("6.4/BLOCKED", "6.6.5.4")
+@pytest.mark.parametrize("place", [4.0, 14.0], ids=["on the way to it", "inside"])
+def test_what_a_zone_hinders_is_over_with_the_last_zone(place: float) -> None:
+    robot = bench()
+    robot.send(order("n0", "n1", "n2"))
+    robot.arrive()
+    robot.do(at(place))
+    slow = zone("slow", "SPEED_LIMIT", 0, 17, maximum_speed=0.2)
+    enable(robot, zone("wall", "BLOCKED", 13, 17), slow, zone_set_id="s2")
+    robot.do(Halted())
+    assert "NODE_UNREACHABLE" in robot.errors
+
+    enable(robot, zone_set_id="empty")
+
+    assert not robot.errors
+    assert robot.effects_of(LimitSpeed)[-1].speed is None
+    assert len(robot.goals) == 3
+
+
 class TestLeasesAndRefusals:
     """What must not let a robot out of its duty to say that it is in a zone, nor leave it standing."""
 

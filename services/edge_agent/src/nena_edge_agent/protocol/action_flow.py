@@ -132,8 +132,8 @@ class ActionFlow:
         for states in (self._parts.actions, self._parts.instants):
             for record in [each for each in states if each.active]:
                 if record.status is ActionStatus.RETRIABLE:
-                    continue
-                if record.action.action_type not in PREDEFINED:  # the core's own go on by themselves
+                    self._parts.errors.show(self.failure(record), Until.ORDER_OVER)
+                elif record.action.action_type not in PREDEFINED:  # the core's own go on by themselves
                     self._take_up(record)
 
     def _take_up(self, record: ActionRecord) -> None:
@@ -158,6 +158,7 @@ class ActionFlow:
         parts, action_id = self._parts, record.action.action_id
         if record.status is ActionStatus.RETRIABLE:
             self.end(record, ActionStatus.FAILED, record.result)
+            parts.errors.show(self.failure(record), Until.ORDER_OVER)  # it can be tried again no more
             return
         if record.active and not self._declares(record, "cancel_allowed"):
             return

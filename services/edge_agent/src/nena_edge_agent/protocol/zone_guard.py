@@ -27,6 +27,7 @@ class ZoneGuard:
 
     def __init__(self, parts: RobotParts) -> None:
         self._parts = parts
+        self._concerned = False
 
     def barred(self, start: Pose | NodePosition, end: NodePosition) -> EnabledZone | None:
         """Give the first zone on the straight way to ``end`` that the robot must not drive in now."""
@@ -64,8 +65,10 @@ class ZoneGuard:
     def advance(self) -> None:
         """Ask for what is wanted, take back what is not, and show what is wrong."""
         parts = self._parts
-        if not parts.zone_sets.enabled and not parts.zone_access.requests and parts.speed_limit is None:
-            return
+        concerned = bool(parts.zone_sets.enabled or parts.zone_access.requests)
+        if not concerned and not self._concerned:
+            return  # but once more behind the last zone, to take back what it meant
+        self._concerned = concerned
         inside = self._inside()
         self._keep_requests(inside)
         self._limit_speed()
