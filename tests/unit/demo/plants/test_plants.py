@@ -32,8 +32,8 @@ def test_its_robots_are_named_as_their_topics_are() -> None:
         for each in sample().vehicles
     ]
     assert robots == [
-        ("Robot-01", "uagv", "NeNa", "robot-01", "2.1.0"),
-        ("Robot-02", "uagv", "NeNa", "robot-02", "2.1.0"),
+        ("Robot-01", None, "NeNa", "robot-01", "2.1.0"),
+        ("Robot-02", None, "NeNa", "robot-02", "2.1.0"),
     ]
     assert {(each.map_id, each.deviation_xy_m) for each in sample().vehicles} == {("sample-hall", 0.5)}
 
