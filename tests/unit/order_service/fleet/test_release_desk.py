@@ -18,6 +18,7 @@ from nena_shared.vda5050.request import (
     ZoneRequest,
     ZoneRequestType,
 )
+from nena_shared.vda5050.state import EdgeState
 from nena_shared.vda5050.topics import RobotKey
 from support.honest_robot import HonestRobot
 
@@ -33,11 +34,15 @@ class Desk:
         self.now = 100.0
         self.away: set[RobotKey] = set()
 
-    def ask(self, robot: RobotKey, *requests: ZoneRequest | EdgeRequest) -> None:
+    def ask(
+        self, robot: RobotKey, *requests: ZoneRequest | EdgeRequest, edges: tuple[EdgeState, ...] = ()
+    ) -> None:
         state = HonestRobot(key=robot, version="3.0.0").state()
         zones = tuple(each for each in requests if isinstance(each, ZoneRequest))
-        edges = tuple(each for each in requests if isinstance(each, EdgeRequest))
-        asking = state.model_copy(update={"zone_requests": zones, "edge_requests": edges})
+        asked = tuple(each for each in requests if isinstance(each, EdgeRequest))
+        asking = state.model_copy(
+            update={"edge_states": edges, "zone_requests": zones, "edge_requests": asked}
+        )
         self.desk.on_state(robot, asking)
 
     def answers(self, *, all_known: bool = True) -> dict[str, str]:
@@ -54,6 +59,16 @@ def gate(request_id: str, status: str = "REQUESTED", zone_id: str = "gate") -> Z
         zone_id=zone_id,
         zone_set_id="s1",
         request_status=RequestStatus(status),
+    )
+
+
+def corridor(request_id: str) -> EdgeRequest:
+    return EdgeRequest(
+        request_id=request_id,
+        request_type=EdgeRequestType.CORRIDOR,
+        edge_id="A-B",
+        sequence_id=1,
+        request_status=RequestStatus.REQUESTED,
     )
 
 
@@ -213,18 +228,21 @@ def test_a_policy_may_let_in_all_or_nobody(policy: ReleasePolicy, grant: str) ->
 def test_a_corridor_is_given_to_one_robot_as_well() -> None:
     desk = Desk()
     for robot, request_id in ((ONE, "a"), (TWO, "b")):
-        desk.ask(
-            robot,
-            EdgeRequest(
-                request_id=request_id,
-                request_type=EdgeRequestType.CORRIDOR,
-                edge_id="A-B",
-                sequence_id=1,
-                request_status=RequestStatus.REQUESTED,
-            ),
-        )
+        desk.ask(robot, corridor(request_id))
 
     assert desk.answers() == {"a": "GRANTED", "b": "QUEUED"}
+
+
+@pytest.mark.clause("6.6.10")
+@pytest.mark.parametrize("policy", ReleasePolicy)
+def test_a_corridor_of_the_horizon_is_not_given_before_its_edge_is_released(policy: ReleasePolicy) -> None:
+    desk = Desk(release_policy=policy)
+
+    desk.ask(ONE, corridor("a"), edges=(EdgeState(edge_id="A-B", sequence_id=1, released=False),))
+    assert desk.answers() == {}
+
+    desk.ask(ONE, corridor("a"), edges=(EdgeState(edge_id="A-B", sequence_id=1, released=True),))
+    assert desk.answers() == {"a": "REJECTED" if policy is ReleasePolicy.NONE else "GRANTED"}
 
 
 @pytest.mark.clause("6.9/restart")

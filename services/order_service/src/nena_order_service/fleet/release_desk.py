@@ -128,8 +128,10 @@ class ReleaseDesk:
 
 
 def _requests(state: State) -> Iterator[Request]:
+    """Give what is to be answered; a corridor of the horizon is not, before its edge is released."""
+    horizon = {each.sequence_id for each in state.edge_states if not each.released}
     yield from state.zone_requests or ()
-    yield from state.edge_requests or ()
+    yield from (each for each in state.edge_requests or () if each.sequence_id not in horizon)
 
 
 def _place(request: Request) -> Place:
