@@ -87,6 +87,13 @@ class PlantModel(PlantRecord):
         """The directed edges by their ids."""
         return {edge.id: edge for edge in self.edges()}
 
+    @cached_property
+    def vehicle_types(self) -> frozenset[str]:
+        """The vehicle types that the plant tells apart; empty where it tells none."""
+        at_points = (use.vehicle_type_id for point in self.points for use in point.vehicle_types)
+        on_paths = (use.vehicle_type_id for path in self.paths for use in path.vehicle_types)
+        return frozenset((*at_points, *on_paths))
+
     def point(self, name: str) -> Point:
         """Return the point of this name; raises UnknownObjectError."""
         return _known(self.points_by_name, ObjectKind.POINT, name)

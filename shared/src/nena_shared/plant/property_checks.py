@@ -1,6 +1,6 @@
 """Suspicious properties: misspelt keys, no value, text where a number is needed, names that lead nowhere."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from difflib import get_close_matches
 from math import isnan
 from types import MappingProxyType
@@ -41,13 +41,14 @@ _KNOWN: Final = _NUMBERS | _TEXTS | frozenset(_COSTS)
 _FOLDED: Final = MappingProxyType({key.casefold(): key for key in _KNOWN})
 _SIMILARITY: Final = 0.9
 
-_References = Mapping[str, Callable[[PlantModel], Mapping[str, object]]]
+_References = Mapping[str, Callable[[PlantModel], Container[str]]]
 _REFERENCES: Final[_References] = MappingProxyType(
     {
         keys.PREFERRED_PARKING_POSITION: lambda model: model.points_by_name,
         keys.ASSIGNED_PARKING_POSITION: lambda model: model.points_by_name,
         keys.PREFERRED_RECHARGE_LOCATION: lambda model: model.locations_by_name,
         keys.ASSIGNED_RECHARGE_LOCATION: lambda model: model.locations_by_name,
+        keys.VEHICLE_TYPE: lambda model: model.vehicle_types,
     }
 )
 
@@ -88,8 +89,14 @@ def _findings(model: PlantModel, key: str, value: str) -> Iterator[tuple[str, st
         yield "EMPTY_PROPERTY", f"property {key!r} has no value"
     elif (key in _NUMBERS or key.startswith(_COSTS)) and not _is_number(value):
         yield "PROPERTY_NOT_A_NUMBER", f"property {key!r} is {value!r}, it must be a number, 0 or more"
-    elif key in _REFERENCES and value not in _REFERENCES[key](model):
+    elif _names_nothing(model, key, value):
         yield "PROPERTY_NAMES_NOTHING", f"property {key!r} names {value!r}, which is not there"
+
+
+def _names_nothing(model: PlantModel, key: str, value: str) -> bool:
+    if key == keys.VEHICLE_TYPE and not model.vehicle_types:
+        return False
+    return key in _REFERENCES and value not in _REFERENCES[key](model)
 
 
 def _meant(key: str) -> str | None:

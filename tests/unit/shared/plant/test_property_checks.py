@@ -2,6 +2,7 @@ import pytest
 
 from nena_shared.plant import Location, LocationType, PlantModel, Vehicle
 from nena_shared.plant.property_checks import find_property_warnings
+from nena_shared.plant.vehicle_type import VehicleTypeAtPoint
 from support.plants import path, plant, point
 
 CHARGER = LocationType(name="Charger", allowed_operations=("Charge",))
@@ -71,3 +72,21 @@ def test_a_charging_place_is_missed_where_there_are_vehicles() -> None:
     assert found.code == "NO_RECHARGE_OPERATION"
     assert "'CHARGE' is another operation" in found.text
     assert list(find_property_warnings(plant(location_types=(loading,)))) == []
+
+
+@pytest.mark.parametrize(
+    ("known", "own", "found"),
+    [((), "t", []), (("t",), "t", []), (("u",), "t", ["PROPERTY_NAMES_NOTHING"])],
+)
+def test_a_vehicle_type_is_one_that_the_plant_knows_where_it_knows_any(
+    known: tuple[str, ...], own: str, found: list[str]
+) -> None:
+    uses = tuple(VehicleTypeAtPoint(vehicle_type_id=each) for each in known)
+    vehicle = Vehicle(name="V", properties={"nena:vehicleType": own})
+    model = PlantModel(
+        name="m",
+        points=(point("A", vehicle_types=uses),),
+        vehicles=(vehicle,),
+        location_types=(CHARGER,),
+    )
+    assert [problem.code for problem in find_property_warnings(model)] == found

@@ -40,10 +40,3 @@ class Access:
         maps = self._profile.allowed_maps
         on_map = maps is None or point.map_id is None or point.map_id in maps
         return on_map and all(map(point.is_open_to, self._profile.vehicle_types))
-
-
-def vehicle_types(plant: PlantModel) -> frozenset[str]:
-    """Return the vehicle types that a plant tells apart."""
-    at_points = (use.vehicle_type_id for point in plant.points for use in point.vehicle_types)
-    on_paths = (use.vehicle_type_id for path in plant.paths for use in path.vehicle_types)
-    return frozenset((*at_points, *on_paths))

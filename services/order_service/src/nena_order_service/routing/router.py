@@ -4,7 +4,6 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import chain, pairwise
 from typing import NamedTuple
 
-from nena_order_service.routing.access import vehicle_types
 from nena_order_service.routing.costs import CostEvaluator, distance
 from nena_order_service.routing.errors import NoRouteError
 from nena_order_service.routing.graph import RoutingGraph
@@ -22,7 +21,6 @@ class Router:
     def __init__(self, plant: PlantModel, costs: Sequence[CostEvaluator] = (distance,)) -> None:
         self._plant = plant
         self._costs = tuple(costs)
-        self._types = vehicle_types(plant)
         # As many as there are kinds of vehicle.
         self._graphs: dict[RoutingProfile, RoutingGraph] = {}
 
@@ -81,7 +79,7 @@ class Router:
         return self._graph(vehicle, (), loaded=loaded).costs_from(source, self._plant.points_by_name)
 
     def _graph(self, vehicle: Vehicle | None, avoid: Collection[str], *, loaded: bool | None) -> RoutingGraph:
-        profile = RoutingProfile.of(vehicle, self._types, loaded=loaded)
+        profile = RoutingProfile.of(vehicle, self._plant.vehicle_types, loaded=loaded)
         if profile not in self._graphs:
             self._graphs[profile] = RoutingGraph(self._plant, self._costs, profile)
         graph = self._graphs[profile]
