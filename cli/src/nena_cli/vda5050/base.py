@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import chain
 
 from nena_shared.vda5050.action import Action
-from nena_shared.vda5050.order import Node, Order
+from nena_shared.vda5050.order import Edge, Node, Order
 
 OrderKey = tuple[str, int]
 """orderId and orderUpdateId."""
@@ -52,9 +52,15 @@ def extended(before: SentOrder | None, order: Order) -> SentOrder:
     actions = {action.action_id: action for action in actions_of(order)}
     complete = order.nodes[0].sequence_id == 0
     if before and before.last.order_id == order.order_id:
-        kept = {action.action_id: action for node in before.nodes.values() for action in node.actions}
+        horizon = {action.action_id for action in _horizon_actions(before.last)}
+        kept = {name: action for name, action in before.actions.items() if name not in horizon}
         nodes, actions, complete = before.nodes | nodes, kept | actions, before.complete
     return SentOrder(order, nodes, actions, complete)
+
+
+def _horizon_actions(order: Order) -> Iterator[Action]:
+    parts: Iterator[Node | Edge] = chain(order.nodes, order.edges)
+    return chain.from_iterable(part.actions for part in parts if not part.released)
 
 
 def actions_of(order: Order) -> Iterator[Action]:

@@ -24,14 +24,19 @@ def new_order_problems(order: Order) -> Iterator[Problem]:
         yield Rule.FIRST_SEQUENCE_ID, Severity.ERROR, text
 
 
-def situation_problems(order: Order, state: State | None) -> Iterator[Problem]:
-    """Check whether an order comes at a time when the robot, by its last state, may take it."""
+def situation_problems(order: Order, state: State | None, held: SentOrder | None) -> Iterator[Problem]:
+    """Check whether an order comes at a time when the robot, by its last state, may take it.
+
+    ``held`` is the order that the state echoes, as far as it is known.
+    """
     if state is None:
         return
     if not state.operating_mode.takes_orders:
         text = f"order '{order.order_id}' is sent to a robot in the mode {state.operating_mode}"
         yield Rule.MODE, Severity.ERROR, text
-    if state.order_id != order.order_id and (state.node_states or state.edge_states):
+    open_actions = {each.action_id for each in state.action_states if not each.action_status.ended}
+    acts = held is not None and not open_actions.isdisjoint(held.actions)
+    if state.order_id != order.order_id and (state.node_states or state.edge_states or acts):
         text = f"order '{order.order_id}' is sent while '{state.order_id}' is not ended"
         yield Rule.OTHER_ORDER, Severity.ERROR, text
 

@@ -41,7 +41,7 @@ class OrderConversation:
     ) -> Iterator[Problem]:
         """Check an order or update; ``state`` is the robot's last one."""
         before = self._before(order)
-        yield from situation_problems(order, state)
+        yield from situation_problems(order, state, self._taken)
         if before:
             yield from update_problems(order, before, cancelled=cancelled)
         elif state is None or state.order_id != order.order_id:

@@ -17,6 +17,7 @@ def progress_problems(
     ``ends_early``: something ends the order, so that nodes may vanish that were not reached.
     """
     yield from _content_problems(now, order)
+    yield from _last_node_problems(now, order)
     same = before is not None and before.order_id == now.order_id
     if not now.node_states:
         if (
@@ -47,6 +48,13 @@ def _content_problems(now: State, order: SentOrder) -> Iterator[Problem]:
             yield _error(f"{name} is told with released {each.released}, the order has {released}")
     yield from _not_rising([each.sequence_id for each in now.node_states], "nodeStates")
     yield from _not_rising([each.sequence_id for each in now.edge_states], "edgeStates")
+
+
+def _last_node_problems(now: State, order: SentOrder) -> Iterator[Problem]:
+    """Look for a robot that has driven into the horizon."""
+    number = now.last_node_sequence_id
+    if order.released().get(number) == (now.last_node_id, False):
+        yield _error(f"the robot has come to node '{now.last_node_id}' ({number}), which is not released")
 
 
 def _not_rising(numbers: Sequence[int], what: str) -> Iterator[Problem]:

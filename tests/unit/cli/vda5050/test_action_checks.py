@@ -112,3 +112,11 @@ def test_beside_some_actions_the_robot_stands(blocking: str, rules: list[Rule]) 
 
     assert talk.rules == rules
     assert {each.severity for each in talk.findings} <= {Severity.WARNING}
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_actions_of_edges_of_the_base_are_not_lost_by_an_update(version: str) -> None:
+    talk = Talk(version).order("n0", "n1", edge_actions={"n0-n1": [action("a")]})
+    talk.state("n0", "n1", action_states=doing(("a", "RUNNING"))).order("n1", "n2", first=2, update=1)
+
+    assert talk.state("n0", "n1", "n2", update=1).rules == [Rule.ACTION_LOST]

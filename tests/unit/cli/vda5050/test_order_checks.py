@@ -109,3 +109,20 @@ def test_the_order_after_a_cancelled_one_gets_updates() -> None:
     talk.order("n0", "n1", order_id="o2").order("n1", "n2", order_id="o2", first=2, update=1)
 
     assert talk.rules == []
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_an_order_whose_actions_run_is_not_ended(version: str) -> None:
+    talk = Talk(version).order("n0", node_actions={"n0": [action("a")]})
+    running = talk.state("n0", action_states=doing(("a", "RUNNING")))
+
+    assert running.order("n0", "n1", order_id="o2").rules == [Rule.OTHER_ORDER]
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_instant_actions_that_run_keep_no_robot_from_an_order(version: str) -> None:
+    talk = (
+        Talk(version).order("n0").act(action("i")).state("n0", instant_action_states=doing(("i", "RUNNING")))
+    )
+
+    assert talk.order("n0", "n1", order_id="o2").rules == []

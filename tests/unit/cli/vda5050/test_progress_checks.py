@@ -111,3 +111,15 @@ def test_what_was_not_heard_from_the_beginning_is_not_judged() -> None:
     talk = Talk().state("n1", "n2", of="o1").order("n2", "n3", first=4, update=1).state("n1", "n9", update=1)
 
     assert talk.rules == []
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("left", [(), ("n3",)])
+def test_no_robot_drives_into_the_horizon(version: str, left: tuple[str, ...]) -> None:
+    horizon = tuple({"node_id": each, "sequence_id": 2 * int(each[1:]), "released": False} for each in left)
+    talk = Talk(version).order("n0", "n1", "n2", *left, released=2)
+
+    talk.state("n2", node_states=horizon)
+
+    assert Rule.PROGRESS in talk.rules
+    assert "'n2' (4), which is not released" in talk.texts
