@@ -27,7 +27,13 @@ from support.panel import Hall, opened, picture, seconds_now
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(180)]
 
 OTHER = RobotKey("ACME", "r2")
-VIEWS = {"lists": "#/", "robot": "#/robots/ACME%2Fr1", "order": "#/orders/TO-1", "new-order": "#/orders"}
+VIEWS = {
+    "lists": "#/",
+    "robot": "#/robots/ACME%2Fr1",
+    "order": "#/orders/TO-1",
+    "new-order": "#/orders",
+    "past": "#/history",
+}
 NO_ORDER_SERVICE = ("502",)
 """What the browser says of the address under which nobody answers."""
 

@@ -24,7 +24,7 @@ ENTRY = re.compile(r'^  "([\w.:]+)":\s+"((?:[^"\\]|\\.)*)",$', re.MULTILINE)
 KEY = re.compile(
     r'"((?:page|summary|theme|link|map|layer|robots?|condition|battery|progress|age|orders?|destination|state|messages|'
     r"language|filter|goal|fact|unit|connection|session|mode|reason|advice|errorAdvice|level|action|why|command|dispatch|"
-    r'position|form|operation|orderForm|drive|event|happening)\.[\w.]+)"'
+    r'position|form|operation|orderForm|drive|event|happening|history)\.[\w.]+)"'
 )
 MADE = re.compile(r"`([\w.]+\.)\$\{")
 

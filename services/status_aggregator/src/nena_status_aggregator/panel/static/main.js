@@ -8,6 +8,7 @@ import { PlantStore } from "./plant_store.js";
 import { address, followView } from "./router.js";
 import "./components/fleet_map.js";
 import "./components/fleet_summary.js";
+import "./components/history_page.js";
 import "./components/language_select.js";
 import "./components/link_banner.js";
 import "./components/message_health.js";
@@ -27,7 +28,7 @@ const plant = new PlantStore(store);
 const link = new EventLink(store, "api/v1/events");
 const fleet = { store, plant, link, enabled: await commandsEnabled() };
 const map = part("fleet-map");
-const views = { robots: part("robot-page"), orders: part("order-page"), newOrder: part("order-form") };
+const views = { robots: part("robot-page"), orders: part("order-page"), newOrder: part("order-form"), history: part("history-page") };
 
 for (const name of ["fleet-summary", "message-health", "order-table", "robot-table"]) part(name).show(store);
 part("link-banner").show(store, link);
@@ -36,12 +37,13 @@ for (const view of Object.values(views)) view.show(fleet);
 
 map.addEventListener("select", (event) => event.detail && (location.hash = address("robots", event.detail)));
 views.robots.addEventListener("reveal", (event) => map.reveal(event.detail));
+views.history.addEventListener("replay", (event) => map.replay(event.detail));
 document.addEventListener("poseshow", (event) => map.showPose(event.detail));
 document.addEventListener("posepick", (event) => map.pickPose(event.detail));
 
 let begun = false;
 followView(([name, id]) => {
-  const chosen = name === "orders" && !id ? "newOrder" : id && name;
+  const chosen = id || name === "history" ? name : { orders: "newOrder" }[name];
   const view = views[chosen] ?? null;
   document.getElementById("lists").hidden = view !== null;
   map.showPose(null);

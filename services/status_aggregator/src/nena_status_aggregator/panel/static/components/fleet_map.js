@@ -60,6 +60,14 @@ class FleetMap extends HTMLElement {
     this.#draw();
   }
 
+  /** Show `{robots, time}` of the history; null: what is now. */
+  replay(shown) {
+    this.replayed = shown;
+    this.past.hidden = !shown;
+    setText(this.past, shown ? t("map.past", { time: shown.time }) : "");
+    this.#draw();
+  }
+
   /** Let a person press a place and drag a heading: `take(pose)` at each step, `done()` at the end. */
   pickPose({ take, done }) {
     this.closest("section").scrollIntoView({ block: "nearest" });
@@ -87,6 +95,8 @@ class FleetMap extends HTMLElement {
     this.painter = new Painter(this.canvas);
     this.hint = element("div", { class: "hint pick", role: "status" }, t("map.pick"));
     this.hint.hidden = true;
+    this.past = element("div", { class: "hint past" });
+    this.past.hidden = true;
     this.gestures = new Gestures(this.canvas, this.view, {
       moved: (byHand) => (byHand ? this.follow(false) : this.#draw()),
       picked: (x, y) => this.#pick(x, y),
@@ -99,7 +109,7 @@ class FleetMap extends HTMLElement {
     this.layers = element("nena-map-layers");
     this.layers.addEventListener("layers", () => this.#draw());
     const legend = element("div", { class: "legend" }, this.bar, this.readout);
-    this.replaceChildren(this.canvas, this.note, this.hint, this.#tools(this.gestures), legend);
+    this.replaceChildren(this.canvas, this.note, this.hint, this.past, this.#tools(this.gestures), legend);
   }
 
   #tools(gestures) {
@@ -139,6 +149,7 @@ class FleetMap extends HTMLElement {
   }
 
   #robots() {
+    if (this.replayed) return this.replayed.robots;
     return [...this.store.robots.values()].filter((robot) => robot.position);
   }
 
@@ -183,7 +194,7 @@ class FleetMap extends HTMLElement {
 
   #paint() {
     const { selected, colours, pose } = this;
-    const followed = this.following && this.store.robots.get(selected)?.position;
+    const followed = this.following && this.#robots().find((robot) => robot.id === selected)?.position;
     if (followed) this.view.centre(followed.x, followed.y);
     const scene = { plan: this.#plan, robots: this.#robots(), selected, colours, layers: this.layers.chosen, pose };
     this.#places = this.painter.paint(this.view, scene);

@@ -1,0 +1,81 @@
+"""The history: a slider over the time moves the map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import httpx
+import pytest
+from playwright.async_api import Browser, expect
+
+from nena_shared.vda5050.topics import Topic
+from support.fleet_examples import connection, position, state
+from support.order_service_fleet import awaited
+from support.panel import Hall, becomes, opened, picture, seconds_now
+
+pytestmark = [pytest.mark.e2e, pytest.mark.broker]
+
+SHOWN = """() => document.querySelector("nena-fleet-map").replayed?.robots.map(
+  (robot) => [robot.id, Math.round(robot.position.x), robot.condition]
+)"""
+"""The robots that the map shows of the history."""
+
+SLIDE = """(time) => {
+  const slider = document.querySelector("nena-history-page .slider");
+  slider.value = time;
+  slider.dispatchEvent(new Event("input"));
+}"""
+
+
+async def positions(hall: Hall) -> list[str]:
+    """Give the times of the positions in the history, oldest first."""
+    async with httpx.AsyncClient(base_url=hall.url) as client:
+        found = (await client.get("/api/v1/history?code=position")).json()["entries"]
+    return [entry["time"] for entry in reversed(found)]
+
+
+async def test_the_slider_shows_where_a_robot_was(hall: Hall, browser: Browser, tmp_path: Path) -> None:
+    with hall.aggregator("--history.url", f"sqlite:///{tmp_path}/history.db") as aggregator:
+        await aggregator.logged("broker connected")
+        hall.publish_plant()
+        hall.send(Topic.CONNECTION, connection(), retain=True)
+        for number, x in enumerate((3, 9, 15), start=1):
+            here = position(x, 2)
+            told = state(number, at=seconds_now(), driving=number < 3, mobile_robot_position=here)
+            hall.send(Topic.STATE, told)
+            await awaited(
+                lambda: positions(hall),
+                lambda times, number=number: len(times) == number,  # type: ignore[misc]
+                seconds=10,
+                what=f"position {number} is in the history",
+            )
+        times = await positions(hall)
+        async with opened(browser, hall.url) as page:
+            await page.get_by_role("link", name="History").click()
+            await becomes(page, SHOWN, None, lambda shown: shown == [["ACME/r1", 15, "IDLE"]])
+            events = page.locator("nena-history-page .history li")
+            await expect(events.first).to_contain_text("r1")
+            await page.evaluate(f"({SLIDE})(Date.parse('{times[0]}') - 500)")
+            await becomes(page, SHOWN, None, lambda shown: shown == [["ACME/r1", 3, "SILENT"]])
+            await page.evaluate(f"({SLIDE})(Date.parse('{times[0]}') + 200)")
+            await becomes(page, SHOWN, None, lambda shown: 3 <= shown[0][1] < 9 and shown[0][2] == "BUSY")
+            await expect(page.get_by_text("Replay:")).to_be_visible()
+            await picture(page, "history")
+            await page.get_by_label("Speed").select_option("10")
+            await page.get_by_role("button", name="Play").click()
+            await becomes(page, SHOWN, None, lambda shown: shown[0][1] >= 9)
+            async with page.expect_download() as download:
+                await page.get_by_role("link", name="As CSV").click()
+            csv = (await (await download.value).path()).read_text(encoding="utf-8")
+            assert csv.count(",position,") == 3
+            await page.get_by_role("link", name="All robots and orders").click()
+            await expect(page.get_by_text("Replay:")).to_be_hidden()
+            assert await page.evaluate(SHOWN) is None
+
+
+async def test_without_a_history_the_page_says_so(hall: Hall, browser: Browser) -> None:
+    with hall.aggregator("--history.url", "none") as aggregator:
+        await aggregator.logged("broker connected")
+        async with opened(browser, f"{hall.url}#/history", expected=("404",)) as page:
+            await expect(page.get_by_text("There is no history")).to_be_visible()
+            await expect(page.get_by_role("button", name="Play")).to_be_disabled()
