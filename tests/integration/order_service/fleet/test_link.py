@@ -288,15 +288,16 @@ async def test_a_new_process_speaks_the_robots_version_from_its_first_word(
     broker: Broker, interface_name: str, version: str
 ) -> None:
     mission = make_mission("m", "A", "B")
+    patient = FleetSettings(tick_interval=0.02, resend_after=0.1)
     with MqttPeer(
         broker, *(f"{interface_name}/+/+/+/{each}" for each in ("order", "instantActions"))
     ) as peer:
         wired = WiredRobot(broker, interface_name, HonestRobot(version=version), version)
         wired.tells_factsheet = False
         async with wired.connected():
-            async with WiredFleet(broker, interface_name).connected() as first:
+            async with WiredFleet(broker, interface_name, patient).connected() as first:
                 await until(lambda: first.fleet.view(ROBOT).link is LinkStatus.ONLINE, what="the robot")
-            second = WiredFleet(broker, interface_name)
+            second = WiredFleet(broker, interface_name, patient)
             second.fleet.adopt_mission(ROBOT, mission, accepted=False)
             async with second.connected():
                 wired.report()
