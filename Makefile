@@ -55,7 +55,7 @@ soak: $(STAMP) ## the tests that guard the cores, with many more examples: about
 IMAGES ?=
 compose-test: $(STAMP) ## build every image, start the stack by docker-compose, have a robot in it do orders
 	$(IMAGES)
-	NENA_COMPOSE_TEST=1 $(BIN)/pytest tests/deploy/test_compose.py
+	NENA_COMPOSE_TEST=1 $(BIN)/pytest tests/deploy/test_compose.py tests/deploy/test_image_on_ros.py
 
 colcon-test: $(STAMP) broker ## build the edge agent as a ROS package by colcon, and start what that installs
 	@[ -x $(VENV)/colcon/bin/colcon ] || { $(BIN)/python -m venv $(VENV)/colcon && \

@@ -117,6 +117,23 @@ async def test_panel_and_prometheus_see_the_robots(healthy: Compose) -> None:
     )
 
 
+async def test_prometheus_has_the_rules(healthy: Compose) -> None:
+    def groups() -> list[dict[str, Any]]:
+        found = read(f"{healthy.url('PROMETHEUS_PORT')}/api/v1/rules")
+        return found["data"]["groups"] if found else []
+
+    rules = [rule for group in await until(groups) for rule in group["rules"]]
+
+    assert {rule["type"] for rule in rules} == {"alerting", "recording"}
+
+
+async def test_the_doctor_finds_a_robot_well(healthy: Compose) -> None:
+    done = healthy.execute("robot-01", "nena-edge-agent", "doctor", "--config", "/etc/nena/agent.toml")
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.endswith("No link is missing.\n")
+
+
 def test_the_page_is_served(compose: Compose) -> None:
     page = httpx.get(f"{compose.url('PANEL_PORT')}/", timeout=10.0)
 

@@ -25,12 +25,12 @@ def skip_without_docker() -> None:
     """Skip the test, and say what to do, where images cannot be built and run."""
     if "NENA_COMPOSE_TEST" not in os.environ:
         pytest.skip("builds every image, which takes minutes: `make compose-test` runs it")
-    if not shutil.which("docker") or _docker("info").returncode:
+    if not shutil.which("docker") or docker("info").returncode:
         pytest.skip("no Docker Engine answers: install docker.io and start it")
     if not _compose_command():
         pytest.skip("docker-compose is not installed: apt-get install docker-compose")
     for image in BASES:
-        if not _there(image):
+        if not image_is_there(image):
             pytest.skip(f"there is no image {image}, and no registry gives it")
 
 
@@ -48,7 +48,7 @@ class Compose:
             "NENA_VERSION": "compose-test",
             "POSTGRES_PASSWORD": self.password,
             "HISTORY_URL": "postgresql+psycopg://nena@postgres/nena",
-            "PROMETHEUS_IMAGE": next(filter(_there, PROMETHEUS), PROMETHEUS[0]),
+            "PROMETHEUS_IMAGE": next(filter(image_is_there, PROMETHEUS), PROMETHEUS[0]),
         }
 
     def run(self, *arguments: str, timeout: float = 120.0) -> str:
@@ -73,8 +73,8 @@ class Compose:
     def containers(self) -> dict[str, dict[str, Any]]:
         """Give what Docker knows of each container, by the service's name."""
         label = f"label=com.docker.compose.project={self.name}"
-        found = _docker("ps", "--all", "--quiet", "--filter", label).stdout.split()
-        details = json.loads(_docker("inspect", *found).stdout) if found else []
+        found = docker("ps", "--all", "--quiet", "--filter", label).stdout.split()
+        details = json.loads(docker("inspect", *found).stdout) if found else []
         return {each["Config"]["Labels"]["com.docker.compose.service"]: each for each in details}
 
     def health(self) -> dict[str, str]:
@@ -86,7 +86,7 @@ class Compose:
 
     def execute(self, service: str, *command: str) -> subprocess.CompletedProcess[str]:
         """Run a command in a container."""
-        return _docker("exec", self.containers()[service]["Id"], *command)
+        return docker("exec", self.containers()[service]["Id"], *command)
 
     def logs(self) -> str:
         """Give what all of them logged of late."""
@@ -98,18 +98,21 @@ class Compose:
 
 
 def _compose_command() -> list[str]:
-    if _docker("compose", "version").returncode == 0:
+    if docker("compose", "version").returncode == 0:
         return ["docker", "compose"]
     return ["docker-compose"] if shutil.which("docker-compose") else []
 
 
-def _there(image: str) -> bool:
+def image_is_there(image: str) -> bool:
     """Tell whether an image is here or comes when it is asked for."""
-    if _docker("image", "inspect", image).returncode == 0:
+    if docker("image", "inspect", image).returncode == 0:
         return True
-    return _docker("pull", "--quiet", image, timeout=300).returncode == 0
+    return docker("pull", "--quiet", image, timeout=300).returncode == 0
 
 
-def _docker(*arguments: str, timeout: float = 60.0) -> subprocess.CompletedProcess[str]:
+def docker(*arguments: str, timeout: float = 60.0, text: str = "") -> subprocess.CompletedProcess[str]:
+    """Run a command of Docker's in the project's root; ``text`` is what it reads."""
     command = ["docker", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
+    return subprocess.run(
+        command, cwd=ROOT, input=text, capture_output=True, text=True, timeout=timeout, check=False
+    )
