@@ -22,6 +22,7 @@ from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.mqtt import Inbound, MqttLink
 from nena_shared.settings import MqttSettings
+from nena_shared.vda5050.rules import RULES
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.versions import codec_for, topics_for
 from nena_shared.vda5050.visualization import Visualization
@@ -165,7 +166,7 @@ def _map_ids(part: object) -> list[str]:
 
 def _topics_read(settings: EdgeAgentSettings) -> tuple[Topic, ...]:
     first = (Topic.ORDER, Topic.INSTANT_ACTIONS)
-    return first if settings.version.startswith("2.") else (*first, Topic.ZONE_SET, Topic.RESPONSES)
+    return (*first, Topic.ZONE_SET, Topic.RESPONSES) if RULES[settings.version].zones else first
 
 
 def _not_let_in(mqtt: MqttSettings, problem: str) -> Finding:
