@@ -438,3 +438,20 @@ class TestLeasesAndRefusals:
 
         assert requests(robot) == [("gate", "zone-1", "REQUESTED")]
         assert len(robot.effects) == before
+
+    @pytest.mark.parametrize("behavior", [ZoneReleaseLossBehavior.CONTINUE, ZoneReleaseLossBehavior.EVACUATE])
+    def test_only_a_robot_in_the_zone_goes_on_without_a_release(
+        self, behavior: ZoneReleaseLossBehavior
+    ) -> None:
+        robot = bench(zone("gate", "RELEASE", 13, 17, release_loss_behavior=behavior))
+        robot.send(order("n0", "n1", "n2"))
+        robot.arrive()
+        answer(robot, "GRANTED")
+        robot.do(at(10.5, localized=False), Halted())
+        answer(robot, "REVOKED")  # nobody knows whether the robot is in the gate
+        given = len(robot.goals)
+
+        robot.do(at(10.5))
+
+        assert len(robot.goals) == given
+        assert requests(robot) == [("gate", "zone-2", "REQUESTED")]

@@ -149,7 +149,7 @@ class ZoneGuard:
             return True
         status = self._parts.zone_access.status(zone.key)
         if status in LOST:
-            return self._goes_on(zone)
+            return self._goes_on(zone) and zone.key in self._keys(self._inside())
         return status is RequestStatus.GRANTED
 
     def _goes_on(self, zone: EnabledZone) -> bool:
