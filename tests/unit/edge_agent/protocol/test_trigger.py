@@ -82,3 +82,12 @@ def test_2_x_has_no_trigger_of_fleet_control() -> None:
     bench.instant(action("t", "NONE", "trigger"))
 
     assert (bench.status("t"), bench.status("w")) == ("FAILED", "RUNNING")
+
+
+@pytest.mark.clause("6.2.3/waitForTrigger", "6.1.4.3")
+@pytest.mark.parametrize("version", list(RULES))
+def test_what_nothing_could_release_is_refused(version: str) -> None:
+    bench = waiting(version=version)
+
+    assert bench.errors == ["INVALID_ORDER_ACTION"]
+    assert not bench.state.order_id

@@ -23,8 +23,8 @@ class Parameter:
     description: str = ""
 
     def problem(self, value: JsonValue) -> str | None:
-        """Say what is wrong with ``value`` (None: not given); None if nothing is."""
-        if value is None:
+        """Say what is wrong with ``value`` (None: not given); None if nothing is. An empty list says nothing."""
+        if value is None or (value == [] and self.data_type is ValueDataType.ARRAY):
             return f"parameter '{self.key}' is missing" if self.required else None
         if not _fits(value, self.data_type):
             return f"parameter '{self.key}' must be of type {self.data_type}"
