@@ -161,7 +161,8 @@ async def test_the_browsers_language_is_taken(
             await expect(page.locator("#robots-title")).to_have_text(title)
             await expect(page.locator("tr[data-robot='ACME/r1']")).to_contain_text(condition)
             await expect(page.locator("tr[data-robot='ACME/r1']")).to_contain_text(reason)
-            await picture(page, f"panel-{language[:2]}")
+            if language == "de-DE":
+                await picture(page, "german")
 
 
 async def test_the_language_is_switched_and_kept(hall: Hall, browser: Browser) -> None:
@@ -190,7 +191,8 @@ async def test_axe_finds_nothing_serious(hall: Hall, browser: Browser, *, dark: 
                     await page.get_by_role("button", name="Dispatch …").click()
                 if view == "lists":
                     await page.get_by_label("Layers").click()
-                await picture(page, f"{view}-{'dark' if dark else 'light'}")
+                if dark and view == "robot":
+                    await picture(page, "dark")
                 assert await findings(page) == [], view
 
 
@@ -216,7 +218,8 @@ async def test_no_view_is_wider_than_a_telephone(hall: Hall, browser: Browser, l
                     for opener in await page.locator("nena-robot-commands [aria-expanded]").all():
                         await opener.click()
                         assert await page.evaluate("document.documentElement.scrollWidth") <= 390
-                await picture(page, f"{view}-telephone-{language[:2]}")
+                if language == "en-GB" and view == "robot":
+                    await picture(page, "telephone")
                 assert await page.evaluate("document.documentElement.scrollWidth") <= 390, view
 
 

@@ -19,7 +19,7 @@ from support.fleet_examples import (
     vehicle_status,
     way,
 )
-from support.panel import Hall, opened, picture, seconds_now
+from support.panel import Hall, opened, seconds_now
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -117,7 +117,6 @@ async def test_on_a_telephone_a_name_leads_to_the_robot_and_to_the_map(hall: Hal
             await expect(title).not_to_be_in_viewport()
             await name.click()
             await expect(page.locator("nena-robot-page h2")).to_be_in_viewport()
-            await picture(page, "robot-telephone")
             await page.get_by_role("button", name="Show on the map").click()
             await expect(title).to_be_in_viewport()
 

@@ -47,5 +47,6 @@ function show(result, level, text, words = "", errors = []) {
 
 /** Say what came of an instant action, as {@link commandForm} wants it. */
 export function outcome(answer) {
-  return [`command.${answer.status}`, {}, [answer.reason, answer.result].filter(Boolean).join(" – ")];
+  const reason = answer.status === "FINISHED" ? "" : answer.reason; // that it is done is said already
+  return [`command.${answer.status}`, {}, [reason, answer.result].filter(Boolean).join(" – ")];
 }
