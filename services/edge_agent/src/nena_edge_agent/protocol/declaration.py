@@ -23,7 +23,7 @@ class Parameter:
     description: str = ""
 
     def problem(self, value: JsonValue) -> str | None:
-        """Say what is wrong with ``value`` (None: not given); None if nothing is. An empty list says nothing."""
+        """Say what is wrong with ``value`` (None: not given); None if nothing is. An empty list is none."""
         if value is None or (value == [] and self.data_type is ValueDataType.ARRAY):
             return f"parameter '{self.key}' is missing" if self.required else None
         if not _fits(value, self.data_type):
