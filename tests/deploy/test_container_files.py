@@ -85,3 +85,12 @@ def test_no_password_stands_in_the_file() -> None:
     text = (ROOT / "docker-compose.yml").read_text()
 
     assert set(re.findall(r"PASSWORD: (.*)", text)) == {"${POSTGRES_PASSWORD:-}"}
+
+
+def test_each_base_image_can_be_pinned() -> None:
+    used = set(re.findall(r"\$\{([A-Z]+_IMAGE):-", (ROOT / "docker-compose.yml").read_text()))
+    lines = (ROOT / "deploy" / "containers" / "pinned.env").read_text().splitlines()
+    pinned = dict(line.split("=", 1) for line in lines if not line.startswith("#"))
+
+    assert set(pinned) == used
+    assert all(re.search(r":v?\d+\.\d+", image) for image in pinned.values())

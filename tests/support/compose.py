@@ -15,8 +15,7 @@ import pytest
 from support.broker import free_port
 
 ROOT = Path(__file__).parents[2]
-BASES = ("python:3.13-slim", "eclipse-mosquitto:2", "postgres:17")
-PROMETHEUS = ("prom/prometheus:v3.5.0", "prom/prometheus:latest")
+BASES = ("python:3.13-slim", "eclipse-mosquitto:2", "postgres:17", "prom/prometheus")
 PORTS = ("MQTT_PORT", "REST_PORT", "PANEL_PORT", "PROMETHEUS_PORT")
 BUILD_SECONDS = 1500.0
 
@@ -48,7 +47,6 @@ class Compose:
             "NENA_VERSION": "compose-test",
             "POSTGRES_PASSWORD": self.password,
             "HISTORY_URL": "postgresql+psycopg://nena@postgres/nena",
-            "PROMETHEUS_IMAGE": next(filter(image_is_there, PROMETHEUS), PROMETHEUS[0]),
         }
 
     def run(self, *arguments: str, timeout: float = 120.0) -> str:
