@@ -11,6 +11,7 @@ import pytest
 from playwright.async_api import Browser, CDPSession, Page, expect
 
 from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.topics import RobotKey, Topic
 from support.fleet_examples import ROBOT, connection, factsheet, position, state, way
 from support.panel import Hall, becomes, opened, picture, seconds_now
@@ -87,6 +88,24 @@ async def test_what_is_ahead_of_a_robot_is_drawn_and_layers_are_switched(
             await page.get_by_label("Layers").click()
             await expect(page.get_by_role("checkbox", name="Goals")).not_to_be_checked()
             await expect(page.get_by_role("checkbox", name="Blocks")).to_be_checked()
+
+
+async def test_a_footprint_of_the_factsheet_is_drawn_as_it_is(hall: Hall, browser: Browser) -> None:
+    corners = [{"x": x, "y": y} for x, y in ((0.0, -0.5), (2.5, -0.5), (2.5, 0.5), (0.0, 0.5))]
+    geometry = {"envelopes2d": ({"envelope2dId": "all", "vertices": corners},)}
+    sheet = factsheet(at=seconds_now()).model_dump(by_alias=True)
+    with hall.aggregator() as aggregator:
+        await aggregator.logged("broker connected")
+        hall.publish_plant()
+        hall.send(
+            Topic.FACTSHEET,
+            Factsheet.model_validate({**sheet, "mobileRobotGeometry": geometry}, strict=False),
+        )
+        hall.send(Topic.STATE, state(at=seconds_now(), mobile_robot_position=position(12, 4.5, pi / 2)))
+        async with opened(browser, hall.url) as page:
+            await expect(page.locator("tr[data-robot='ACME/r1']")).to_be_visible()
+            await becomes(page, COLOUR_NEAR, [12, 6, "idle"], lambda found: found > 20)
+            assert await near(page, 12, 4, "idle") == 0
 
 
 async def test_the_map_follows_a_robot_until_it_is_moved_by_hand(hall: Hall, browser: Browser) -> None:

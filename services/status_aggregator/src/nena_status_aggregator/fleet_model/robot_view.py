@@ -5,6 +5,7 @@ from __future__ import annotations
 from nena_shared.fleet_api.base import iso
 from nena_shared.vda5050.action import ActionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorReference
+from nena_shared.vda5050.factsheet import MobileRobotGeometry
 from nena_shared.vda5050.state import Information, NodeState, State
 from nena_status_aggregator.fleet_model.robot import Robot
 from nena_status_aggregator.fleet_model.session import session_of
@@ -68,6 +69,7 @@ def view_robot(robot: Robot, *, silence_limit: float, skew_limit: float) -> Robo
         "velocity": _velocity(robot),
         "battery": _battery(state) if state else None,
         "maps": _maps(state) if state else None,
+        "plan": _plan(state) if state else None,
         "loads": _loads(state) if state else None,
         "errors": [_error(each) for each in state.errors[:LIST_LIMIT]] if state else [],
         "information": [_information(each) for each in (state.information or ())[:LIST_LIMIT]]
@@ -117,6 +119,11 @@ def _maps(state: State) -> list[MapView] | None:
         {"mapId": each.map_id, "mapVersion": each.map_version, "status": each.map_status.value}
         for each in state.maps[:LIST_LIMIT]
     ]
+
+
+def _plan(state: State) -> list[tuple[float, float]] | None:
+    path = state.intermediate_path
+    return [(round(each.x, 2), round(each.y, 2)) for each in path.polyline[:LIST_LIMIT]] if path else None
 
 
 def _loads(state: State) -> list[LoadView] | None:
@@ -210,7 +217,14 @@ def _body(robot: Robot) -> BodyView | None:
         "length": sheet.physical_parameters.length,
         "width": sheet.physical_parameters.width,
         "maximumSpeed": sheet.physical_parameters.maximum_speed,
+        "outline": _outline(sheet.mobile_robot_geometry),
     }
+
+
+def _outline(geometry: MobileRobotGeometry) -> list[tuple[float, float]] | None:
+    """Give the first footprint that the factsheet has."""
+    envelopes = geometry.envelopes2d
+    return [(each.x, each.y) for each in envelopes[0].vertices[:LIST_LIMIT]] if envelopes else None
 
 
 def _vehicle(robot: Robot) -> VehicleView | None:

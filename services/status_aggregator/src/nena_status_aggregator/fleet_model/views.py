@@ -108,6 +108,8 @@ class BodyView(TypedDict):
     length: float
     width: float
     maximumSpeed: float
+    outline: list[tuple[float, float]] | None
+    """Corners of the footprint in the robot's frame; None: the factsheet has none."""
 
 
 class VehicleView(TypedDict):
@@ -147,6 +149,8 @@ class RobotView(TypedDict):
     velocity: VelocityView | None
     battery: BatteryView | None
     maps: list[MapView] | None
+    plan: list[tuple[float, float]] | None
+    """The way that it means to drive next; m, in the frame of its map."""
     loads: list[LoadView] | None
     errors: list[ErrorView]
     information: list[InformationView]

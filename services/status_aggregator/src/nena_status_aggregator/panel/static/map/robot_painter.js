@@ -13,6 +13,7 @@ export function paintRobots(context, view, places, scene) {
   for (const { robot, at } of places) {
     const ahead = aheadOf(robot, at, view, scene.plan);
     if (layers.ahead) paintAhead(context, ahead, colourOf(robot, colours));
+    if (layers.plans && robot.plan) paintPlan(context, view, robot.plan, colourOf(robot, colours));
     if (layers.goals && ahead.length) paintGoal(context, ahead.at(-1), colourOf(robot, colours));
   }
   if (!layers.robots) return;
@@ -61,6 +62,16 @@ function paintAhead(context, steps, colour) {
   context.globalAlpha = 1;
 }
 
+function paintPlan(context, view, plan, colour) {
+  context.strokeStyle = colour;
+  context.lineWidth = 1.5;
+  context.setLineDash([2, 3]);
+  context.beginPath();
+  for (const [x, y] of plan) context.lineTo(...view.toScreen(x, y));
+  context.stroke();
+  context.setLineDash([]);
+}
+
 function paintGoal(context, { line, released }, colour) {
   const [x, y] = line.at(-1);
   context.strokeStyle = context.fillStyle = colour;
@@ -92,8 +103,10 @@ function paintRobot(context, view, robot, [x, y], { selected, colours }) {
   if (robot.id === selected) paintHalo(context, radiusOf(view, robot) + 5, colours.accent);
   context.rotate(-robot.position.theta);
   context.globalAlpha = ABSENT.includes(robot.condition) || !robot.position.localized ? 0.55 : 1;
+  const outline = Math.max(length, width) > LEAST_ROBOT && robot.body?.outline; // else too small to be seen
   context.beginPath();
-  context.roundRect(-length / 2, -width / 2, length, width, Math.min(length, width) / 4);
+  if (outline) traceOutline(context, outline, view.scale);
+  else context.roundRect(-length / 2, -width / 2, length, width, Math.min(length, width) / 4);
   context.fillStyle = colourOf(robot, colours);
   context.fill();
   context.strokeStyle = colours.surface;
@@ -101,6 +114,12 @@ function paintRobot(context, view, robot, [x, y], { selected, colours }) {
   context.stroke();
   paintNose(context, length, width, colours.surface);
   context.restore();
+}
+
+// Its y goes to the left of the robot, the screen's goes down.
+function traceOutline(context, outline, scale) {
+  for (const [x, y] of outline) context.lineTo(x * scale, -y * scale);
+  context.closePath();
 }
 
 function paintNose(context, length, width, colour) {

@@ -42,6 +42,7 @@ export const TEXTS = {
   "layer.names": "Namen",
   "layer.ahead": "Fahrten voraus",
   "layer.goals": "Ziele",
+  "layer.plans": "Pläne von Nav2",
   "layer.robots": "Roboter",
   "layer.robotNames": "Namen der Roboter",
 

@@ -42,6 +42,7 @@ export const TEXTS = {
   "layer.names": "Names",
   "layer.ahead": "Ways ahead",
   "layer.goals": "Goals",
+  "layer.plans": "Plans of Nav2",
   "layer.robots": "Robots",
   "layer.robotNames": "Names of robots",
 

@@ -42,6 +42,7 @@ export const TEXTS = {
   "layer.names": "Namen",
   "layer.ahead": "Komende wegen",
   "layer.goals": "Doelen",
+  "layer.plans": "Plannen van Nav2",
   "layer.robots": "Robots",
   "layer.robotNames": "Namen van robots",
 
