@@ -5,6 +5,7 @@ import json
 import pytest
 
 from nena_edge_agent.inbox import Inbox, InboxCounts
+from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import Event, InstantActionsReceived, MessageRefused, OrderReceived
 from nena_shared.clock import ManualClock
 from nena_shared.mqtt import Inbound
@@ -104,3 +105,16 @@ def test_a_message_for_another_robot_is_refused() -> None:
 
     assert desk.refusal == {"topic": "order", "headerId": "7"}
     assert desk.inbox.counts.misdirected == 1
+
+
+@pytest.mark.clause("6.2.1/refused")
+def test_the_refusal_of_instant_actions_ends_with_the_next_ones_and_not_with_an_order() -> None:
+    desk = Desk()
+
+    desk.inbox.take_instant_actions(Inbound("x", b"{}", retained=False))
+    desk.order(b"{}")
+
+    assert [event.until for event in desk.events if isinstance(event, MessageRefused)] == [
+        Until.INSTANT_ACTION_ACCEPTED,
+        Until.ORDER_ACCEPTED,
+    ]

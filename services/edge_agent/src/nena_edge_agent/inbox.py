@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
+from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import (
     Event,
     InstantActionsReceived,
@@ -28,6 +29,13 @@ from nena_shared.vda5050.zone_set import ZoneSetTransfer
 
 log = get_logger(__name__)
 M = TypeVar("M", Order, InstantActions, ZoneSetTransfer, Responses)
+
+
+_UNTIL = {
+    Topic.INSTANT_ACTIONS: Until.INSTANT_ACTION_ACCEPTED,
+    Topic.ZONE_SET: Until.ZONE_SET_TAKEN,
+}
+"""What ends the report of a message that was refused, where it is not the next order."""
 
 
 @dataclass(slots=True)
@@ -99,7 +107,8 @@ class Inbox:
 
     def _refuse(self, problem: str, topic: Topic, references: dict[str, str]) -> None:
         self._log.warning("message refused", topic=topic.value, problem=problem, **references)
-        self._put(MessageRefused(_refusal(problem, topic, references)))
+        until = _UNTIL.get(topic, Until.ORDER_ACCEPTED)
+        self._put(MessageRefused(_refusal(problem, topic, references), until))
 
 
 def _refusal(problem: str, topic: Topic, references: dict[str, str]) -> ErrorEntry:

@@ -200,3 +200,16 @@ def test_an_order_may_clear_them_as_well() -> None:
 
     assert bench.state.instant_action_states == ()
     assert bench.statuses() == {"c": "FINISHED"}
+
+
+@pytest.mark.clause("6.6.5.4")
+def test_a_failed_instant_action_names_no_order_and_is_shown_until_the_next_one() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.instant(action("i1"))
+    bench.fails("i1")
+
+    (entry,) = bench.state.errors
+    assert {each.reference_key for each in entry.error_references} == {"actionId"}
+    bench.instant(action("i2", "NONE", "stateRequest"))
+    assert bench.errors == []

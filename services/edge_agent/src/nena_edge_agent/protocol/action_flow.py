@@ -60,7 +60,9 @@ class ActionFlow:
             parts.queue.remove(report.action_id)
         if record and states is parts.actions:
             self._keep_held(record)
-        if record and report.status is ActionStatus.FAILED and not parts.clearing:
+        if record and report.status is ActionStatus.FAILED and states is parts.instants:
+            parts.errors.show(_instant_failure(record), Until.INSTANT_ACTION_ACCEPTED)
+        elif record and report.status is ActionStatus.FAILED and not parts.clearing:
             parts.errors.show(self.failure(record), Until.ORDER_OVER)
 
     def begin_anew(self, record: ActionRecord) -> None:
@@ -185,6 +187,17 @@ class ActionFlow:
             order_id=self._parts.progress.order_id or None,
         )
         return entry.model_copy(update={"error_level": ErrorLevel.WARNING})
+
+
+def _instant_failure(record: ActionRecord) -> ErrorEntry:
+    """Make the failure of an instant action a warning; no order has to do with it."""
+    entry = error(
+        ErrorType.ACTION_FAILED,
+        f"action '{record.action.action_type}' failed: {record.result or 'no reason given'}",
+        hint="remove the cause, and send it again under another actionId",
+        action_id=record.action.action_id,
+    )
+    return entry.model_copy(update={"error_level": ErrorLevel.WARNING})
 
 
 def _is_waiting(record: ActionRecord) -> bool:

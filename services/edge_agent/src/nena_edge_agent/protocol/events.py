@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from nena_edge_agent.driver.port import DriverEvent
+from nena_edge_agent.protocol.errors import Until
 from nena_shared.vda5050.action import ActionStatus, InstantActions
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.order import Order
@@ -59,9 +60,13 @@ class MapsReport:
 
 @dataclass(frozen=True, slots=True)
 class MessageRefused:
-    """A message that could not be read, or was not meant for this robot; ``error`` says so in the state."""
+    """A message that could not be read, or was not meant for this robot.
+
+    ``error`` says so in the state, ``until`` the next message of its kind is taken.
+    """
 
     error: ErrorEntry
+    until: Until = Until.ORDER_ACCEPTED
 
 
 @dataclass(frozen=True, slots=True)

@@ -213,7 +213,7 @@ class RobotCore:
             ZoneSetReceived: lambda event: self._zone_keeping.take(event.message.zone_set),
             ResponsesReceived: lambda event: self._zones.answered(event.message, event.utc),
             MapsReport: self._maps_reported,
-            MessageRefused: lambda event: self._parts.errors.show(event.error, Until.ORDER_ACCEPTED),
+            MessageRefused: lambda event: self._parts.errors.show(event.error, event.until),
             ActionReport: self._action_reported,
             JournalReport: self._journal_reported,
             LinkReport: self._link_reported,
