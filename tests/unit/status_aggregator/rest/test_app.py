@@ -7,6 +7,9 @@ import pytest
 
 from nena_shared.clock import ManualClock
 from nena_shared.plant.model import PlantModel
+from nena_shared.vda5050 import v2_0, v2_1, v3_0
+from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.factsheet import Factsheet
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.rest.app import make_app
 from nena_status_aggregator.settings import AggregatorSettings, EventSettings
@@ -62,16 +65,36 @@ async def test_one_robot(client: httpx.AsyncClient, aggregator: Aggregator) -> N
     assert (robot["serialNumber"], robot["condition"], robot["stateAge"]) == ("r1", "IDLE", 0)
 
 
-async def test_a_factsheet_in_the_names_of_version_3(
-    client: httpx.AsyncClient, aggregator: Aggregator
+@pytest.mark.parametrize("codec", [v2_0.CODEC, v2_1.CODEC, v3_0.CODEC], ids=["2.0", "2.1", "3.0"])
+async def test_the_actions_of_a_robot_in_the_same_names_for_each_version(
+    client: httpx.AsyncClient, aggregator: Aggregator, codec: Codec
 ) -> None:
     populate(aggregator)
-    missing = await client.get("/api/v1/robots/ACME/r1/factsheet")
+    missing = await client.get("/api/v1/robots/ACME/r1/actions")
     assert (missing.status_code, "asked for it" in missing.json()["detail"]) == (404, True)
-    aggregator.model.on_factsheet(ROBOT, factsheet(), aggregator.now())
-    sheet = (await client.get("/api/v1/robots/ACME/r1/factsheet")).json()
-    assert sheet["typeSpecification"]["mobileRobotClass"] == "CARRIER"
-    assert sheet["protocolFeatures"]["mobileRobotActions"] == []
+    beep = {
+        "actionType": "beep",
+        "actionDescription": "makes itself heard",
+        "actionScopes": ("INSTANT", "NODE"),
+        "actionParameters": ({"key": "times", "valueDataType": "INTEGER"},),
+        "pauseAllowed": False,
+        "cancelAllowed": False,
+    }
+    features = {"optionalParameters": (), "mobileRobotActions": (beep,)}
+    content = {**factsheet().model_dump(by_alias=True), "protocolFeatures": features}
+    sheet = Factsheet.model_validate(content, strict=False)
+    received = codec.decode(Factsheet, codec.encode(sheet))
+    aggregator.model.on_factsheet(ROBOT, received, aggregator.now())
+    assert (await client.get("/api/v1/robots/ACME/r1/actions")).json() == [
+        {
+            "actionType": "beep",
+            "description": "makes itself heard",
+            "actionScopes": ["INSTANT", "NODE"],
+            "actionParameters": [
+                {"key": "times", "valueDataType": "INTEGER", "description": None, "isOptional": False}
+            ],
+        }
+    ]
 
 
 async def test_orders(client: httpx.AsyncClient, aggregator: Aggregator) -> None:
@@ -174,7 +197,7 @@ async def test_the_interface_is_described(client: httpx.AsyncClient) -> None:
     assert {
         "/api/v1/fleet",
         "/api/v1/robots/{manufacturer}/{serial}",
-        "/api/v1/robots/{manufacturer}/{serial}/factsheet",
+        "/api/v1/robots/{manufacturer}/{serial}/actions",
         "/api/v1/orders",
         "/api/v1/plant",
         "/api/v1/control",

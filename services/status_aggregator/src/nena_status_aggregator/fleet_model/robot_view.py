@@ -5,7 +5,7 @@ from __future__ import annotations
 from nena_shared.fleet_api.base import iso
 from nena_shared.vda5050.action import ActionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorReference
-from nena_shared.vda5050.factsheet import MobileRobotGeometry
+from nena_shared.vda5050.factsheet import Factsheet, MobileRobotGeometry
 from nena_shared.vda5050.state import Information, NodeState, State
 from nena_status_aggregator.fleet_model.robot import Robot
 from nena_status_aggregator.fleet_model.session import session_of
@@ -16,6 +16,7 @@ from nena_status_aggregator.fleet_model.views import (
     BodyView,
     ErrorView,
     InformationView,
+    KnownActionView,
     LoadView,
     MapView,
     PositionView,
@@ -219,6 +220,27 @@ def _body(robot: Robot) -> BodyView | None:
         "maximumSpeed": sheet.physical_parameters.maximum_speed,
         "outline": _outline(sheet.mobile_robot_geometry),
     }
+
+
+def view_known_actions(sheet: Factsheet) -> list[KnownActionView]:
+    """Tell which actions a robot can do, in the same names for each version of VDA 5050."""
+    return [
+        {
+            "actionType": each.action_type,
+            "description": short(each.action_description),
+            "actionScopes": [scope.value for scope in each.action_scopes],
+            "actionParameters": [
+                {
+                    "key": parameter.key,
+                    "valueDataType": parameter.value_data_type.value,
+                    "description": short(parameter.description),
+                    "isOptional": bool(parameter.is_optional),
+                }
+                for parameter in (each.action_parameters or ())[:LIST_LIMIT]
+            ],
+        }
+        for each in sheet.protocol_features.mobile_robot_actions[:LIST_LIMIT]
+    ]
 
 
 def _outline(geometry: MobileRobotGeometry) -> list[tuple[float, float]] | None:

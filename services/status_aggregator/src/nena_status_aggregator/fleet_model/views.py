@@ -77,6 +77,24 @@ class ActionView(TypedDict):
     result: str | None
 
 
+class ActionParameterView(TypedDict):
+    """A parameter of an action; `valueDataType` as in the factsheet of VDA 5050."""
+
+    key: str
+    valueDataType: str
+    description: str | None
+    isOptional: bool
+
+
+class KnownActionView(TypedDict):
+    """An action that the robot's factsheet lists."""
+
+    actionType: str
+    description: str | None
+    actionScopes: list[str]
+    actionParameters: list[ActionParameterView]
+
+
 class AheadView(TypedDict):
     """A node that is still to be reached; m, None where the robot does not say."""
 

@@ -10,10 +10,11 @@ from pydantic_core import to_json
 from typing_extensions import TypedDict
 
 from nena_shared.fleet_api.base import iso
-from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.aggregator import Aggregator
+from nena_status_aggregator.fleet_model.robot_view import view_known_actions
 from nena_status_aggregator.fleet_model.views import (
+    KnownActionView,
     LinkView,
     MalformedView,
     OrderView,
@@ -71,16 +72,16 @@ def make_router(aggregator: Aggregator) -> APIRouter:
             raise ProblemError(HTTPStatus.NOT_FOUND, detail)
         return _json(with_age(view))
 
-    @router.get("/robots/{manufacturer}/{serial}/factsheet", responses={200: {"model": Factsheet}})
-    async def factsheet(manufacturer: str, serial: str) -> Response:
-        """What one robot says of itself, in the names of VDA 5050 3.0, whichever version it speaks."""
+    @router.get("/robots/{manufacturer}/{serial}/actions", responses={200: {"model": list[KnownActionView]}})
+    async def actions(manufacturer: str, serial: str) -> Response:
+        """The actions that one robot's factsheet lists, with their parameters."""
         found = model.robots.get(RobotKey(manufacturer, serial))
         if found is None or found.factsheet is None:
             detail = (
                 f"No factsheet of {manufacturer}/{serial} has come; the robot sends it when asked for it."
             )
             raise ProblemError(HTTPStatus.NOT_FOUND, detail)
-        return Response(found.factsheet.model_dump_json(by_alias=True), media_type="application/json")
+        return _json(view_known_actions(found.factsheet))
 
     @router.get("/orders", responses={200: {"model": list[OrderView]}})
     async def orders() -> Response:

@@ -12,15 +12,15 @@ const STANDARD = ["factsheetRequest", "stateRequest", "startPause", "stopPause",
 const ELSEWHERE = "initializePosition";
 
 export async function actionForm(vehicle, robot) {
-  const sheet = await factsheet(robot);
-  const actions = instantActions(sheet);
+  const known = await knownActions(robot);
+  const actions = instantActions(known ?? []);
   const kind = select(actions.map((each) => [each.actionType, each.actionType]), { name: "action", translate: "no" });
   const details = element("div", { class: "fields" });
   let inputs = [];
   const choose = () => {
     const action = actions.find((each) => each.actionType === kind.value);
     inputs = (action.actionParameters ?? []).map(parameter);
-    const words = action.actionDescription ? [foreign("p", action.actionDescription, { class: "hint" })] : [];
+    const words = action.description ? [foreign("p", action.description, { class: "hint" })] : [];
     details.replaceChildren(...words, ...inputs.map((each) => each.element));
   };
   kind.addEventListener("change", choose);
@@ -29,7 +29,7 @@ export async function actionForm(vehicle, robot) {
     label: t("action.title"),
     submit: t("action.send"),
     fields: [
-      element("p", { class: "hint" }, t(sheet ? "action.hint" : "action.noFactsheet")),
+      element("p", { class: "hint" }, t(known ? "action.hint" : "action.noFactsheet")),
       field(t("action.type"), kind),
       details,
     ],
@@ -40,15 +40,15 @@ export async function actionForm(vehicle, robot) {
   });
 }
 
-async function factsheet(robot) {
-  const path = [robot.manufacturer, robot.serialNumber, "factsheet"].map(encodeURIComponent).join("/");
+async function knownActions(robot) {
+  const path = [robot.manufacturer, robot.serialNumber, "actions"].map(encodeURIComponent).join("/");
   if (!robot.body) return null; // no factsheet has come
   const answer = await fetch(`api/v1/robots/${path}`);
   return answer.ok ? answer.json() : null;
 }
 
-function instantActions(sheet) {
-  const listed = (sheet?.protocolFeatures.mobileRobotActions ?? []).filter(
+function instantActions(known) {
+  const listed = known.filter(
     (each) => each.actionScopes.includes("INSTANT") && each.actionType !== ELSEWHERE,
   );
   const missing = STANDARD.filter((name) => !listed.some((each) => each.actionType === name));

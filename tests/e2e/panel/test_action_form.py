@@ -1,0 +1,76 @@
+"""The form for instant actions: made from a factsheet; what is typed is sent as its type."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from playwright.async_api import Browser, Route, expect
+
+from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.topics import Topic
+from support.broker import free_port
+from support.fleet_examples import ROBOT, factsheet, state, vehicle_status
+from support.panel import Hall, opened, seconds_now
+
+pytestmark = [pytest.mark.e2e, pytest.mark.broker]
+
+BEEP = {
+    "actionType": "beep",
+    "actionDescription": "makes itself heard",
+    "actionScopes": ("INSTANT",),
+    "actionParameters": (
+        {"key": "times", "valueDataType": "INTEGER"},
+        {"key": "loud", "valueDataType": "BOOL", "isOptional": True},
+        {"key": "tune", "valueDataType": "OBJECT", "isOptional": True},
+        {"key": "name", "valueDataType": "STRING", "isOptional": True},
+    ),
+    "pauseAllowed": False,
+    "cancelAllowed": False,
+}
+AT_NODES_ONLY = {**BEEP, "actionType": "pick", "actionScopes": ("NODE",)}
+
+
+def sheet() -> Factsheet:
+    content = factsheet(at=seconds_now()).model_dump(by_alias=True)
+    features = {"optionalParameters": (), "mobileRobotActions": (BEEP, AT_NODES_ONLY)}
+    return Factsheet.model_validate({**content, "protocolFeatures": features}, strict=False)
+
+
+async def test_the_form_is_made_from_the_factsheet(hall: Hall, browser: Browser) -> None:
+    sent: list[Any] = []
+
+    async def order_service(route: Route) -> None:
+        sent.append(json.loads(route.request.post_data or ""))
+        done = {"actionId": "1", "actionType": "beep", "status": "FAILED", "reason": "no horn"}
+        await route.fulfill(json=done)
+
+    with hall.aggregator("--order_service.url", f"http://127.0.0.1:{free_port()}") as aggregator:
+        await aggregator.logged("broker connected")
+        hall.send(Topic.FACTSHEET, sheet(), retain=True)
+        hall.send(Topic.STATE, state(at=seconds_now()))
+        vehicle = vehicle_status().model_dump_json(by_alias=True)
+        hall.peer.publish(hall.fleet.vehicle_status(ROBOT.serial_number), vehicle, retain=True)
+        async with opened(browser, f"{hall.url}#/robots/ACME%2Fr1") as page:
+            await page.route("**/vehicles/Vehicle-1/instantActions", order_service)
+            await expect(page.locator(".facts")).to_contain_text("Carrier 100")
+            await page.get_by_role("button", name="Instant action …").click()
+            form = page.get_by_role("form", name="Instant action")
+            await expect(form.get_by_text("makes itself heard")).to_be_visible()
+            assert "pick" not in await form.locator("option").all_inner_texts()
+            send = form.get_by_role("button", name="Do it now")
+            await send.click()  # the one that has to be filled in is empty
+            assert sent == []
+            await form.get_by_label("times").fill("3")
+            await form.get_by_label("loud").select_option("true")
+            await form.get_by_label("tune").fill("{broken")
+            await form.get_by_label("name").fill("3")
+            await send.click()
+            assert sent == []
+            await form.get_by_label("tune").fill('{"notes": [1, 2]}')
+            await send.click()
+            await expect(form).to_contain_text("The robot could not do it: no horn")
+    parameters = {each["key"]: each["value"] for each in sent[0]["parameters"]}
+    assert sent[0]["actionType"] == "beep"
+    assert parameters == {"times": 3, "loud": True, "tune": {"notes": [1, 2]}, "name": "3"}
