@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from uuid import uuid4
 
 import pytest
+import structlog
 from hypothesis import HealthCheck, settings
 
 from support.broker import Broker
@@ -29,6 +31,20 @@ def schemas_kept(publications: Publications) -> Iterator[None]:
     publications.take()
     yield
     assert publications.take() == []
+
+
+@pytest.fixture(autouse=True)
+def own_logging() -> Iterator[None]:
+    """Let each test configure logging; what was set before comes back after it.
+
+    Programs configure it for their process: in a test, for a stream that is closed when the test has ended.
+    """
+    root = logging.getLogger()
+    handlers, level, config = root.handlers[:], root.level, structlog.get_config()
+    yield
+    root.handlers[:] = handlers
+    root.setLevel(level)
+    structlog.configure(**config)
 
 
 @pytest.fixture(scope="session")

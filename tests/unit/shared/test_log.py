@@ -9,8 +9,6 @@ import pytest
 from nena_shared import log
 from nena_shared.settings import LogSettings
 
-pytestmark = pytest.mark.usefixtures("own_logging")
-
 
 def lines(out: io.StringIO) -> list[dict[str, str]]:
     return [json.loads(line) for line in out.getvalue().splitlines()]

@@ -14,8 +14,6 @@ from nena_shared.program import EXIT_FAILED, EXIT_MISCONFIGURED, StartError, run
 from nena_shared.settings import ConfigurationError, ServiceSettings
 from nena_shared.tasks import Supervisor
 
-pytestmark = pytest.mark.usefixtures("own_logging")
-
 PROGRAM = """
 import asyncio, sys
 from nena_shared.program import run

@@ -24,7 +24,6 @@ async def write(folder: Path, *, keep: int = 20) -> ActionReport:
     return await until(lambda: next((each for each in reports if each.status.ended), None))
 
 
-@pytest.mark.usefixtures("own_logging")
 async def test_the_file_that_the_result_names_holds_the_newest_lines(tmp_path: Path) -> None:
     log.configure(LogSettings())
     log.get_logger("nena.example").warning("stopped", robot="r1")
