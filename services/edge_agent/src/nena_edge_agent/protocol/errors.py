@@ -79,6 +79,8 @@ class ActiveErrors:
 
     def condition(self, kind: ErrorType | str, error: ErrorEntry | None) -> None:
         """Show ``error`` as the only one of its ``kind`` for as long as its cause lasts, None: it is gone."""
+        if error is None and not self._active:
+            return
         if error is None or self._other_than(error):
             old = [key for key in self._conditions if key[0] == kind]
             for key in old:

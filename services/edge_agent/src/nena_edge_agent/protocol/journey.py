@@ -84,14 +84,14 @@ class Journey:
     @property
     def to_end(self) -> Way | None:
         """The way of the order over its base, None: nothing is left of it."""
-        parts, pose = self._parts, self._parts.senses.trusted_pose
-        places = [node.node_position for node in parts.progress.nodes if node.released]
-        base = [(place.x, place.y) for place in places if place]
-        if pose is None or not base:
+        progress, pose = self._parts.progress, self._parts.senses.trusted_pose
+        node = progress.next_node
+        place = node.node_position if node else None
+        if node is None or place is None or pose is None:
             return None
         goal = self.to_goal
-        first = goal.left if goal else dist((pose.x, pose.y), base[0])
-        return Way(self._in_order, first + sum(dist(start, end) for start, end in pairwise(base)))
+        first = goal.left if goal else dist((pose.x, pose.y), (place.x, place.y))
+        return Way(self._in_order, first + progress.base_way.length_from(node.sequence_id))
 
     @property
     def plan(self) -> PlanReport | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime, timedelta
+from functools import lru_cache
 from itertools import pairwise
 from math import dist
 
@@ -51,6 +52,11 @@ def intermediate_path(journey: Journey, start: datetime, speed: float) -> Interm
 
 def _references(name: str, way: Way) -> tuple[ErrorReference, ErrorReference]:
     return (
-        ErrorReference(reference_key=f"{name}DistanceLeft", reference_value=f"{way.left:.2f}"),
-        ErrorReference(reference_key=f"{name}Percent", reference_value=str(way.percent)),
+        _reference(f"{name}DistanceLeft", f"{way.left:.2f}"),
+        _reference(f"{name}Percent", str(way.percent)),
     )
+
+
+@lru_cache(maxsize=1024)
+def _reference(key: str, value: str) -> ErrorReference:
+    return ErrorReference(reference_key=key, reference_value=value)

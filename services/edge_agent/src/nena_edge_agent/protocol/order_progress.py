@@ -6,9 +6,9 @@ from collections import deque
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from nena_edge_agent.protocol.base_way import BaseWay
 from nena_edge_agent.protocol.memory import ProgressMemory
 from nena_edge_agent.protocol.order_content import HeldContent, OrderContent
-from nena_edge_agent.protocol.planned_path import planned_path
 from nena_shared.vda5050.order import Edge, Node, Order
 from nena_shared.vda5050.state import EdgeState, NodeState, PlannedPath
 
@@ -45,6 +45,7 @@ class OrderProgress:
         self.content: HeldContent | None = None
         self.nodes: deque[Node] = deque()
         self.edges: deque[Edge] = deque()
+        self.base_way = BaseWay()
         self.revision = 0
         self._ahead: Ahead | None = None
         self._node_states: dict[int, NodeState] = {}
@@ -57,6 +58,7 @@ class OrderProgress:
         for name in ProgressMemory.model_fields:
             setattr(progress, name, getattr(memory, name))
         progress.nodes, progress.edges = deque(memory.nodes), deque(memory.edges)
+        progress.base_way = BaseWay(memory.nodes)
         return progress
 
     def begin(self, order: Order) -> None:
@@ -136,7 +138,7 @@ class OrderProgress:
             self._ahead = Ahead(
                 tuple(nodes.get(node.sequence_id) or self._show_node(node) for node in self.nodes),
                 tuple(edges.get(edge.sequence_id) or self._show_edge(edge) for edge in self.edges),
-                planned_path(self.last_node, self.nodes),
+                self.base_way.path(self.last_node, self.nodes[0].sequence_id) if self.nodes else None,
             )
         return self._ahead
 
@@ -153,6 +155,7 @@ class OrderProgress:
         self._edge_states.clear()
         self.nodes.extend(order.nodes[1:])
         self.edges.extend(order.edges)
+        self.base_way = BaseWay(self.nodes)
         self.decision_point = _decision_point(order.nodes)
         self.content = OrderContent(order)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_edge_agent.protocol.planned_path import planned_path
+from nena_edge_agent.protocol.base_way import BaseWay
 from nena_edge_agent.protocol.rules import RULES
 from support.robot_core import Bench, order
 
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.clause("6.6.2/path")
 def test_it_leads_over_the_nodes_of_the_base() -> None:
     nodes = order("n0", "n1", "n2", "n3", released=3).nodes
 
-    path = planned_path(nodes[0], nodes[1:])
+    path = BaseWay(nodes[1:]).path(nodes[0], 2)
 
     assert path is not None
     assert [point.x for point in path.trajectory.control_points] == [0.0, 10.0, 20.0]
@@ -26,8 +26,8 @@ def test_it_leads_over_the_nodes_of_the_base() -> None:
 def test_without_a_base_ahead_there_is_none() -> None:
     nodes = order("n0", "n1", released=1).nodes
 
-    assert planned_path(nodes[0], nodes[1:]) is None
-    assert planned_path(None, ()) is None
+    assert BaseWay(nodes[1:]).path(nodes[0], 2) is None
+    assert BaseWay().path(None, 0) is None
 
 
 def test_it_becomes_shorter_as_the_robot_drives() -> None:
@@ -40,3 +40,9 @@ def test_it_becomes_shorter_as_the_robot_drives() -> None:
     assert path.traversed_nodes == ("n2",)
     bench.arrive()
     assert bench.state.planned_path is None
+
+
+def test_the_way_that_is_left_is_measured_from_each_node() -> None:
+    way = BaseWay(order("n0", "n1", "n2", "n3", released=3).nodes[1:])
+
+    assert [way.length_from(number) for number in (2, 4, 6, 99)] == [10.0, 0.0, 0.0, 0.0]
