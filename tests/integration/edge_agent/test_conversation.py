@@ -106,7 +106,10 @@ async def test_a_malformed_order_is_answered_and_the_robot_lives_on(fleet: Fleet
     fleet.send(order("n0", "n1"))
 
     state = await fleet.state(ended("o1"))
-    assert not state["errors"]
+    about = {each["referenceValue"] for error in state["errors"] for each in error["errorReferences"]}
+    assert about == {"instantActions"}, "an order ends what was said of orders"
+    fleet.instant(action("s", "NONE", "stateRequest"))
+    await fleet.state(lambda state: state["orderId"] == "o1" and not state["errors"])
 
 
 @pytest.mark.clause("7.2")
