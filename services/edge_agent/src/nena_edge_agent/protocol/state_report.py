@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
-from nena_edge_agent.driver.port import GoalReport, GoalTable
+from nena_edge_agent.driver.port import BatteryReport, GoalReport, GoalTable
+from nena_edge_agent.protocol.events import SafetyReport
 from nena_edge_agent.protocol.journey import Journey
 from nena_edge_agent.protocol.journey_report import intermediate_path, progress_information
 from nena_edge_agent.protocol.parts import RobotParts, Senses
@@ -54,14 +56,11 @@ def make_state(
         new_base_request=new_base_request,
         action_states=parts.actions.states,
         instant_action_states=parts.instants.states,
-        power_supply=_power_supply(parts),
+        power_supply=_power_supply(parts.senses.battery, charging=parts.charging),
         operating_mode=parts.operating_mode,
         errors=parts.errors.entries,
         information=(*progress_information(journey), *_information(parts.senses.goals)),
-        safety_state=SafetyState(
-            active_emergency_stop=parts.senses.safety.emergency_stop,
-            field_violation=parts.senses.safety.field_violation,
-        ),
+        safety_state=_safety_state(parts.senses.safety),
     )
 
 
@@ -106,15 +105,20 @@ def velocity(senses: Senses) -> Velocity | None:
     return Velocity(vx=senses.pose.vx, vy=0.0, omega=senses.pose.omega)
 
 
-def _power_supply(parts: RobotParts) -> PowerSupply:
-    battery = parts.senses.battery
+@lru_cache(maxsize=64)
+def _safety_state(safety: SafetyReport) -> SafetyState:
+    return SafetyState(active_emergency_stop=safety.emergency_stop, field_violation=safety.field_violation)
+
+
+@lru_cache(maxsize=1024)
+def _power_supply(battery: BatteryReport | None, *, charging: bool) -> PowerSupply:
     if battery is None:
-        return PowerSupply(state_of_charge=PERMANENTLY_FED, charging=parts.charging)
+        return PowerSupply(state_of_charge=PERMANENTLY_FED, charging=charging)
     return PowerSupply(
         state_of_charge=battery.state_of_charge,
         battery_voltage=battery.voltage,
         battery_current=battery.current,
-        charging=battery.charging or parts.charging,
+        charging=battery.charging or charging,
     )
 
 
