@@ -96,19 +96,22 @@ class OrderProgress:
     def enter_edge(self) -> Edge:
         """Begin the next edge."""
         self.edge_entered = True
-        self._changed()
+        self.revision += 1
         return self.edges[0]
 
     def leave_node(self) -> None:
         """Note that the robot moves away from its last node."""
         if self.on_last_node:
             self.on_last_node = False
-            self._changed()
+            self.revision += 1
 
     def traverse(self) -> tuple[Node, Edge]:
         """Count the next node as traversed; gives it, and the edge that led there."""
         node, edge = self.nodes.popleft(), self.edges.popleft()
+        before = self._ahead
         self._reach(node)
+        if before:
+            self._ahead = Ahead(before.node_states[1:], before.edge_states[1:], self._planned_path())
         return node, edge
 
     def clear(self, *, cancelled: bool) -> None:
@@ -138,7 +141,7 @@ class OrderProgress:
             self._ahead = Ahead(
                 tuple(nodes.get(node.sequence_id) or self._show_node(node) for node in self.nodes),
                 tuple(edges.get(edge.sequence_id) or self._show_edge(edge) for edge in self.edges),
-                self.base_way.path(self.last_node, self.nodes[0].sequence_id) if self.nodes else None,
+                self._planned_path(),
             )
         return self._ahead
 
@@ -149,6 +152,9 @@ class OrderProgress:
     def _show_edge(self, edge: Edge) -> EdgeState:
         self._edge_states[edge.sequence_id] = shown = _edge_state(edge)
         return shown
+
+    def _planned_path(self) -> PlannedPath | None:
+        return self.base_way.path(self.last_node, self.nodes[0].sequence_id) if self.nodes else None
 
     def _append(self, order: Order) -> None:
         self._node_states.clear()
