@@ -54,7 +54,7 @@ def _apply(document: Any, operation: dict[str, Any]) -> None:
             parent[key] = old_parent.pop(old_key)
         case other:
             message = f"the corrections use {other!r}, which is not written here"
-            raise NotImplementedError(message)
+            raise ValueError(message)
 
 
 def _locate(document: Any, pointer: str) -> tuple[Any, str]:

@@ -9,6 +9,7 @@ from nena_edge_agent.protocol.action_flow import OwnAction
 from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.effects import SendFactsheet, StartAction
 from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.instant_refusal import refuse
 from nena_edge_agent.protocol.order_cancel import OrderCancel
 from nena_edge_agent.protocol.parts import RobotParts
 from nena_edge_agent.protocol.pause import Pause
@@ -131,17 +132,8 @@ class InstantActionFlow:
             parts.effects.append(StartAction(action, parts.loads))
 
     def _refuse(self, action: Action, problem: str, message: InstantActions) -> None:
-        parts = self._parts
-        parts.instants.change(action.action_id, ActionStatus.FAILED, problem)
-        entry = error(
-            ErrorType.INVALID_INSTANT_ACTION,
-            problem,
-            hint="the factsheet lists the robot's actions",
-            topic="instantActions",
-            header_id=message.header_id,
-            action_id=action.action_id,
-        )
-        parts.errors.show(entry, Until.INSTANT_ACTION_ACCEPTED)
+        hint = "the factsheet lists the robot's actions"
+        refuse(self._parts, action, problem, hint=hint, header_id=message.header_id)
 
     def _show_excess(self, message: InstantActions) -> None:
         entry = error(

@@ -5,9 +5,9 @@ from __future__ import annotations
 from nena_edge_agent.protocol.action_flow import ActionFlow
 from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.instant_refusal import refuse
 from nena_edge_agent.protocol.parts import RobotParts
 from nena_shared.vda5050.action import Action, ActionStatus
-from nena_shared.vda5050.error import ErrorType, error
 
 
 class Retry:
@@ -50,13 +50,5 @@ class Retry:
         return None
 
     def _refuse(self, action: Action, problem: str) -> None:
-        parts = self._parts
-        parts.instants.change(action.action_id, ActionStatus.FAILED, problem)
-        entry = error(
-            ErrorType.INVALID_INSTANT_ACTION,
-            problem,
-            hint="the robot's state shows which actions are RETRIABLE",
-            topic="instantActions",
-            action_id=action.action_id,
-        )
-        parts.errors.show(entry, Until.INSTANT_ACTION_ACCEPTED)
+        hint = "the robot's state shows which actions are RETRIABLE"
+        refuse(self._parts, action, problem, hint=hint)

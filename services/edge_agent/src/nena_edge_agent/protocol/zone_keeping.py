@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.parts import RobotParts
 from nena_edge_agent.protocol.zone_sets import (
@@ -38,19 +40,19 @@ class ZoneKeeping:
 
     def enable(self, action: Action) -> tuple[ActionStatus, str | None]:
         """Enable the set that ``action`` names; gives how the action ends."""
-        try:
-            self._parts.zone_sets.enable(str(action.parameter(ZONE_SET_ID)))
-        except ZoneSetRefusedError as problem:
-            return ActionStatus.FAILED, str(problem)
-        return ActionStatus.FINISHED, None
+        return _end(self._parts.zone_sets.enable, action)
 
     def delete(self, action: Action) -> tuple[ActionStatus, str | None]:
         """Delete the set that ``action`` names; gives how the action ends."""
-        try:
-            self._parts.zone_sets.delete(str(action.parameter(ZONE_SET_ID)))
-        except ZoneSetRefusedError as problem:
-            return ActionStatus.FAILED, str(problem)
-        return ActionStatus.FINISHED, None
+        return _end(self._parts.zone_sets.delete, action)
+
+
+def _end(change: Callable[[str], None], action: Action) -> tuple[ActionStatus, str | None]:
+    try:
+        change(str(action.parameter(ZONE_SET_ID)))
+    except ZoneSetRefusedError as problem:
+        return ActionStatus.FAILED, str(problem)
+    return ActionStatus.FINISHED, None
 
 
 def _entry(zone_set_id: str, problem: ZoneSetRefusedError) -> ErrorEntry:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from http import HTTPStatus
-from typing import Any
+from typing import Any, TypeVar
 
 from fastapi import APIRouter, Response
 from pydantic_core import to_json
@@ -42,6 +42,9 @@ class FleetResource(TypedDict):
     malformed: MalformedView
 
 
+T = TypeVar("T")
+
+
 def make_router(aggregator: Aggregator) -> APIRouter:
     """Make the routes over ``aggregator``."""
     router = APIRouter(prefix="/api/v1", tags=["fleet"])
@@ -65,23 +68,15 @@ def make_router(aggregator: Aggregator) -> APIRouter:
         """One robot."""
         aggregator.publish_changes()
         view = model.robot_view(RobotKey(manufacturer, serial))
-        if view is None:
-            detail = (
-                f"No robot {manufacturer}/{serial} has been heard of. /api/v1/fleet lists those that have."
-            )
-            raise ProblemError(HTTPStatus.NOT_FOUND, detail)
-        return _json(with_age(view))
+        unheard = f"No robot {manufacturer}/{serial} has been heard of. /api/v1/fleet lists those that have."
+        return _json(with_age(_found(view, unheard)))
 
     @router.get("/robots/{manufacturer}/{serial}/actions", responses={200: {"model": list[KnownActionView]}})
     async def actions(manufacturer: str, serial: str) -> Response:
         """The actions that one robot's factsheet lists, with their parameters."""
-        found = model.robots.get(RobotKey(manufacturer, serial))
-        if found is None or found.factsheet is None:
-            detail = (
-                f"No factsheet of {manufacturer}/{serial} has come; the robot sends it when asked for it."
-            )
-            raise ProblemError(HTTPStatus.NOT_FOUND, detail)
-        return _json(view_known_actions(found.factsheet))
+        known = model.robots.get(RobotKey(manufacturer, serial))
+        missing = f"No factsheet of {manufacturer}/{serial} has come; the robot sends it when asked for it."
+        return _json(view_known_actions(_found(known.factsheet if known else None, missing)))
 
     @router.get("/orders", responses={200: {"model": list[OrderView]}})
     async def orders() -> Response:
@@ -92,14 +87,17 @@ def make_router(aggregator: Aggregator) -> APIRouter:
     @router.get("/plant")
     async def plant() -> Response:
         """The plant model, as the order service publishes it."""
-        if model.plant is None:
-            detail = (
-                "There is no plant model. Start the order service with one, on the same broker and prefix."
-            )
-            raise ProblemError(HTTPStatus.NOT_FOUND, detail)
-        return Response(model.plant.to_json(), media_type="application/json")
+        missing = "There is no plant model. Start the order service with one, on the same broker and prefix."
+        return Response(_found(model.plant, missing).to_json(), media_type="application/json")
 
     return router
+
+
+def _found(thing: T | None, detail: str) -> T:
+    """Give ``thing``; where there is none, the answer is 404 with ``detail``."""
+    if thing is None:
+        raise ProblemError(HTTPStatus.NOT_FOUND, detail)
+    return thing
 
 
 def _json(content: Any) -> Response:  # noqa: ANN401 - any of the views
