@@ -9,6 +9,9 @@ PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
 DISTRIBUTIONS := shared services/edge_agent services/order_service services/status_aggregator services/robot_simulator demo cli
 # Processes that run tests side by side; ROS, brokers and ports are their own in each test.
 WORKERS ?= 2
+# What failed side by side has one more try, alone (docs/decisions/0015). Nothing failed but the coverage: no try.
+AGAIN = { echo "== once more, alone: what failed above" >&2; \
+	$(BIN)/pytest --last-failed --last-failed-no-failures none --maxfail 1 && $(BIN)/coverage report --format=total --fail-under=85; }
 # Tests of which more examples find more.
 SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/order_service/traffic/test_simulation.py
 STAMP := $(VENV)/.set-up
@@ -43,7 +46,7 @@ lint: $(STAMP) ## style, types, import rules
 	$(BIN)/lint-imports
 
 test: $(STAMP) broker browser ## every test, with branch coverage; TESTS=path for a part of them
-	$(BIN)/pytest $(if $(TESTS),$(TESTS),-n $(WORKERS) --cov --cov-report=term --cov-report=xml --cov-fail-under=85)
+	$(BIN)/pytest $(if $(TESTS),$(TESTS),-n $(WORKERS) --cov --cov-report=xml --cov-fail-under=85 || $(AGAIN))
 
 conformance: $(STAMP) ## write docs/vda5050.md anew: how the standard is kept, and which tests show it
 	PYTHONPATH=tests $(BIN)/python -m conformance.table
