@@ -42,10 +42,10 @@ def make_factsheet(
         protocol_limits=_limits(settings, capabilities.maximum_nodes),
         protocol_features=ProtocolFeatures(
             optional_parameters=supported(capabilities),
-            mobile_robot_actions=tuple(_action(each) for each in capabilities.actions.values()),
+            mobile_robot_actions=tuple(_action(each) for each in _offered(capabilities)),
         ),
         mobile_robot_geometry=_geometry(settings),
-        load_specification=_loads(settings),
+        load_specification=_loads(capabilities),
     )
 
 
@@ -97,6 +97,10 @@ def _limits(settings: EdgeAgentSettings, maximum_nodes: int) -> ProtocolLimits:
     )
 
 
+def _offered(capabilities: Capabilities) -> list[ActionDeclaration]:
+    return [each for each in capabilities.actions.values() if not each.unavailable]
+
+
 def _action(declaration: ActionDeclaration) -> MobileRobotAction:
     only_instant = declaration.scopes == (ActionScope.INSTANT,)
     return MobileRobotAction(
@@ -104,6 +108,7 @@ def _action(declaration: ActionDeclaration) -> MobileRobotAction:
         action_description=declaration.description or None,
         action_scopes=declaration.scopes,
         action_parameters=tuple(_parameter(each) for each in declaration.parameters),
+        action_result=declaration.result or None,
         blocking_types=(BlockingType.NONE,) if only_instant else declaration.blocking_types,
         pause_allowed=declaration.pause_allowed,
         cancel_allowed=declaration.cancel_allowed,
@@ -114,7 +119,7 @@ def _parameter(parameter: Parameter) -> ActionParameterDescription:
     return ActionParameterDescription(
         key=parameter.key,
         value_data_type=parameter.data_type,
-        description=parameter.description or None,
+        description=parameter.words or None,
         is_optional=not parameter.required,
     )
 
@@ -126,6 +131,6 @@ def _geometry(settings: EdgeAgentSettings) -> MobileRobotGeometry:
     return MobileRobotGeometry(envelopes2d=(Envelope2d(envelope2d_id="footprint", vertices=vertices),))
 
 
-def _loads(settings: EdgeAgentSettings) -> LoadSpecification:
-    carries = any(operation.load for operation in settings.operations)
+def _loads(capabilities: Capabilities) -> LoadSpecification:
+    carries = any(each.load for each in _offered(capabilities))
     return LoadSpecification(load_positions=("platform",) if carries else ())

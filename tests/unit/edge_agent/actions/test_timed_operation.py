@@ -1,28 +1,27 @@
 from __future__ import annotations
 
+from typing import Literal
+
 import pytest
 
 from nena_edge_agent.actions.settings import OperationSettings
 from nena_edge_agent.actions.timed_operation import TimedOperation
+from nena_edge_agent.protocol.declaration import LoadChange
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import ActionStatus
-from nena_shared.vda5050.state import Load
 from support.robot_core import action
 from support.waiting import until
-
-BOX = (Load(load_id="box"),)
 
 
 class Trial:
     """One operation, and what it reports."""
 
-    def __init__(self, loads: tuple[Load, ...] = (), **settings: object) -> None:
+    def __init__(self, **settings: object) -> None:
         operation = TimedOperation(
             OperationSettings.model_validate({"action_type": "op", "seconds": 0.02, **settings})
         )
         self.reports: list[ActionReport] = []
-        made = action("a", "HARD", "op", loadId="box", loadType="EPAL")
-        self.running = operation.start(made, loads, self.reports.append)
+        self.running = operation.start(action("a", "HARD", "op"), (), self.reports.append)
 
     @property
     def statuses(self) -> list[ActionStatus]:
@@ -41,20 +40,12 @@ async def test_it_runs_and_is_finished_after_its_time() -> None:
     assert (end.status, end.loads, end.charging) == (ActionStatus.FINISHED, None, None)
 
 
-@pytest.mark.clause("6.2.3/pick", "7.8/loads")
-async def test_taking_loads_the_robot_and_giving_unloads_it() -> None:
-    assert (await Trial(load="take").ends()).loads == (Load(load_id="box", load_type="EPAL"),)
-    assert (await Trial(BOX, load="give").ends()).loads == ()
-
-
 @pytest.mark.clause("6.2.3/pick")
-@pytest.mark.parametrize(("load", "loads"), [("take", BOX), ("give", ())])
-async def test_a_load_that_does_not_fit_fails_at_once(load: str, loads: tuple[Load, ...]) -> None:
-    trial = Trial(loads, load=load)
-
-    (report,) = trial.reports
-    assert report.status is ActionStatus.FAILED
-    assert report.result
+@pytest.mark.parametrize(
+    ("load", "change"), [("take", LoadChange.TAKE), ("give", LoadChange.GIVE), ("", None)]
+)
+def test_it_declares_what_it_does_to_the_load(load: Literal["take", "give", ""], change: LoadChange) -> None:
+    assert TimedOperation(OperationSettings(action_type="op", load=load)).declaration.load is change
 
 
 @pytest.mark.clause("6.2.3/startCharging")

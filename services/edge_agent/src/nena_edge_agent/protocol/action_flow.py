@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from nena_edge_agent.protocol.action_states import ActionRecord
+from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_edge_agent.protocol.effects import CancelAction, PauseAction, ResumeAction, StartAction
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import ActionReport
+from nena_edge_agent.protocol.load_handling import loads_after
 from nena_edge_agent.protocol.parts import RobotParts
 from nena_edge_agent.protocol.predefined import PREDEFINED, WAIT_FOR_TRIGGER
 from nena_shared.vda5050.action import Action, ActionStatus
@@ -35,11 +37,8 @@ class ActionFlow:
     def schedule(self) -> None:
         """Start every queued action whose turn it is."""
         parts = self._parts
-        if parts.held or parts.clearing:
-            return
-        for action_id in parts.queue.runnable():
-            record = parts.actions.get(action_id)
-            if record and record.status is ActionStatus.WAITING:
+        while not parts.held and not parts.clearing and (waiting := self._startable()):
+            for action_id in waiting:  # one that ends at once may be what others have waited for
                 parts.actions.change(action_id, ActionStatus.INITIALIZING)
                 self._start(action_id)
 
@@ -50,12 +49,15 @@ class ActionFlow:
         status = ActionStatus.RETRIABLE if self._may_be_retried(report) else report.status
         if not states.change(report.action_id, status, report.result):
             return
-        parts.loads = parts.loads if report.loads is None else report.loads
+        record = states.get(report.action_id)
+        if report.loads is not None:
+            parts.loads = report.loads
+        elif record and report.status is ActionStatus.FINISHED:
+            parts.loads = loads_after(record.action, self._declaration(record), parts.loads)
         parts.charging = parts.charging if report.charging is None else report.charging
         parts.maps = parts.maps if report.maps is None else report.maps
         if report.error:
             parts.errors.show(report.error, Until.INSTANT_ACTION_ACCEPTED)
-        record = states.get(report.action_id)
         if record and status.ended:
             parts.queue.remove(report.action_id)
         if record and states is parts.actions:
@@ -75,6 +77,10 @@ class ActionFlow:
         """End an action of the order that no plug-in will end."""
         self._parts.actions.change(record.action.action_id, status, result)
         self._parts.queue.remove(record.action.action_id)
+
+    def _startable(self) -> list[str]:
+        records = [self._parts.actions.get(each) for each in self._parts.queue.runnable()]
+        return [each.action.action_id for each in records if each and each.status is ActionStatus.WAITING]
 
     def _may_be_retried(self, report: ActionReport) -> bool:
         """Tell whether a failure is one that fleet control may have tried again (section 6.6.9)."""
@@ -153,8 +159,15 @@ class ActionFlow:
         if record and record.scope is not ActionScope.INSTANT and record.action.action_type in self.own:
             status, result = self.own[record.action.action_type](record.action)
             self.report(ActionReport(action_id, status, result))
+        elif record and (problem := self._load_problem(record)):
+            self.report(ActionReport(action_id, ActionStatus.FAILED, problem))
         elif record:
             parts.effects.append(StartAction(record.action, parts.loads))
+
+    def _load_problem(self, record: ActionRecord) -> str | None:
+        """Look at the load once more: an action before this one may have failed."""
+        declaration = self._declaration(record)
+        return declaration.load_problem(loaded=bool(self._parts.loads)) if declaration else None
 
     def _end_edge_action(self, record: ActionRecord) -> None:
         parts, action_id = self._parts, record.action.action_id
@@ -171,8 +184,10 @@ class ActionFlow:
         self.report(ActionReport(action_id, status, None if good else "the edge ended before the action"))
 
     def _declares(self, record: ActionRecord, trait: str) -> bool:
-        declaration = self._parts.capabilities.actions.get(record.action.action_type)
-        return declaration is not None and bool(getattr(declaration, trait))
+        return bool(getattr(self._declaration(record), trait, False))
+
+    def _declaration(self, record: ActionRecord) -> ActionDeclaration | None:
+        return self._parts.capabilities.actions.get(record.action.action_type)
 
     def failure(self, record: ActionRecord) -> ErrorEntry:
         """Make the failure a warning: the robot goes on, what becomes of the order is not its to say."""

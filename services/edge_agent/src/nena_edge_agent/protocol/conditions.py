@@ -13,6 +13,7 @@ DRIVE_RETRIED = "DRIVE_RETRIED"
 EXTERNAL_GOAL = "EXTERNAL_GOAL"
 JOURNAL_NOT_WRITTEN = "JOURNAL_NOT_WRITTEN"
 SUBSCRIPTION_REFUSED = "SUBSCRIPTION_REFUSED"
+ACTION_PLUGIN_UNUSABLE = "ACTION_PLUGIN_UNUSABLE"
 
 
 def check_conditions(parts: RobotParts) -> None:
@@ -24,6 +25,7 @@ def check_conditions(parts: RobotParts) -> None:
     parts.errors.condition(EXTERNAL_GOAL, _external_goal(parts))
     parts.errors.condition(JOURNAL_NOT_WRITTEN, _journal(parts))
     parts.errors.condition(SUBSCRIPTION_REFUSED, _subscriptions(parts))
+    parts.errors.condition(ACTION_PLUGIN_UNUSABLE, _plugins(parts))
     parts.errors.condition(ErrorType.INSTANT_ACTION_STATES_FULL, _instant_states(parts))
     if parts.coming_mode.takes_orders and parts.errors.worst_reported is not ErrorLevel.FATAL:
         parts.errors.end(Until.AVAILABLE)
@@ -132,6 +134,17 @@ def _subscriptions(parts: RobotParts) -> ErrorEntry | None:
         error_level=ErrorLevel.URGENT,
         error_description=f"the broker does not let the robot hear {', '.join(parts.refused_topics)}",
         error_hint="let the robot subscribe to its own topics in the broker's access list",
+    )
+
+
+def _plugins(parts: RobotParts) -> ErrorEntry | None:
+    if not parts.plugin_problems:
+        return None
+    return ErrorEntry(
+        error_type=ACTION_PLUGIN_UNUSABLE,
+        error_level=ErrorLevel.WARNING,
+        error_description=f"actions are missing: {'; '.join(parts.plugin_problems)}",
+        error_hint="put the plug-in right, or name those that are wanted in actions.plugins, and start anew",
     )
 
 

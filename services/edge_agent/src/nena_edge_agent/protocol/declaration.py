@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from enum import StrEnum
 from sys import float_info
 
 from pydantic import JsonValue
@@ -12,15 +14,30 @@ from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
 
 ALL_BLOCKING_TYPES = tuple(BlockingType)
 
+Check = Callable[[Action], str | None]
+"""Says why an action cannot be done, None if it can; asked before the robot drives, so it returns at once."""
+
+
+class LoadChange(StrEnum):
+    """What an action does to the load."""
+
+    TAKE = "take"
+    """Loads the robot, which must be empty."""
+    GIVE = "give"
+    """Unloads the robot, which must be loaded."""
+
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter that an action takes."""
+    """A parameter that an action takes; ``choices``, if there are any, are all values that it may have."""
 
     key: str
     data_type: ValueDataType
     required: bool = True
     description: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[JsonValue, ...] = ()
 
     def problem(self, value: JsonValue) -> str | None:
         """Say what is wrong with ``value`` (None: not given); None if nothing is. An empty list is none."""
@@ -28,7 +45,32 @@ class Parameter:
             return f"parameter '{self.key}' is missing" if self.required else None
         if not _fits(value, self.data_type):
             return f"parameter '{self.key}' must be of type {self.data_type}"
-        return None
+        if self.choices and value not in self.choices:
+            return f"parameter '{self.key}' must be one of {self._listed}"
+        return self._range_problem(value)
+
+    @property
+    def words(self) -> str:
+        """The description for people, with the values that are allowed."""
+        limits = [self.description, self._range, f"one of {self._listed}" if self.choices else ""]
+        return ", ".join(each for each in limits if each)
+
+    @property
+    def _listed(self) -> str:
+        return ", ".join(map(str, self.choices))
+
+    @property
+    def _range(self) -> str:
+        least = "" if self.minimum is None else f"at least {self.minimum:g}"
+        most = "" if self.maximum is None else f"at most {self.maximum:g}"
+        return " and ".join(each for each in (least, most) if each)
+
+    def _range_problem(self, value: JsonValue) -> str | None:
+        if not isinstance(value, int | float):
+            return None
+        low = self.minimum is not None and value < self.minimum
+        high = self.maximum is not None and value > self.maximum
+        return f"parameter '{self.key}' must be {self._range}" if low or high else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +78,10 @@ class ActionDeclaration:
     """One action type (section 7.10, mobileRobotActions).
 
     ``open_ended``: it has no goal of its own, like a lamp, and has succeeded when its edge ends.
-    ``restartable``: it may be begun anew after the agent was interrupted in it.
+    ``restartable``: it may be begun anew after the agent was interrupted in it. ``result``: what its result
+    says, for people. ``load``: what it does to the load when it finishes, and that it needs. ``check``: what
+    else stands against an action, by its parameters. ``unavailable``: why this robot never does it, empty if
+    it does. ``timeout``: seconds that it runs at most, pauses not counted, None: as long as it takes.
     """
 
     action_type: str
@@ -48,9 +93,16 @@ class ActionDeclaration:
     open_ended: bool = False
     restartable: bool = False
     description: str = ""
+    result: str = ""
+    load: LoadChange | None = None
+    check: Check | None = None
+    unavailable: str = ""
+    timeout: float | None = None
 
     def problem(self, action: Action, scope: ActionScope) -> str | None:
         """Say why ``action`` cannot be done in ``scope``; None if it can."""
+        if self.unavailable:
+            return f"action '{self.action_type}' is not possible: {self.unavailable}"
         if scope not in self.scopes:
             allowed = ", ".join(self.scopes)
             return f"action '{self.action_type}' is not possible with scope {scope}, only {allowed}"
@@ -58,7 +110,17 @@ class ActionDeclaration:
             return f"action '{self.action_type}' cannot have the blocking type {action.blocking_type}"
         problems = (each.problem(action.parameter(each.key)) for each in self.parameters)
         found = next((each for each in problems if each), None)
+        if found is None and self.check is not None:
+            found = self.check(action)
         return found and f"action '{self.action_type}': {found}"
+
+    def load_problem(self, *, loaded: bool) -> str | None:
+        """Say why the action cannot be done by a robot that is loaded, or is not; None if it can."""
+        if self.load is LoadChange.TAKE and loaded:
+            return f"action '{self.action_type}' takes a load, and the robot is loaded already"
+        if self.load is LoadChange.GIVE and not loaded:
+            return f"action '{self.action_type}' gives a load away, and the robot carries nothing"
+        return None
 
 
 _PYTHON_TYPES: dict[ValueDataType, tuple[type, ...]] = {

@@ -130,6 +130,20 @@ class LocalTrigger:
 
 
 @dataclass(frozen=True, slots=True)
+class LoadSensed:
+    """Whether the robot carries something, by its sensor."""
+
+    loaded: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PluginsReport:
+    """What is wrong with plug-ins for actions that are installed and cannot be used; a sentence for each."""
+
+    problems: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class JournalReport:
     """Whether the last record went to disk; ``problem`` is empty when it did."""
 
@@ -169,6 +183,8 @@ Event = (
     | PauseButton
     | ErrorSwitched
     | LocalTrigger
+    | LoadSensed
+    | PluginsReport
     | JournalReport
     | SubscriptionsReport
     | LinkReport

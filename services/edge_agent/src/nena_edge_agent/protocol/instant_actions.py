@@ -110,7 +110,8 @@ class InstantActionFlow:
             return f"the robot knows no action '{action.action_type}'"
         if action.action_type not in self._own and under_way(self._parts) > STATES_KEPT:
             return f"{STATES_KEPT} instant actions are under way already"
-        return declaration.problem(action, ActionScope.INSTANT)
+        loaded = bool(self._parts.loads)
+        return declaration.problem(action, ActionScope.INSTANT) or declaration.load_problem(loaded=loaded)
 
     def _mode_problem(self, action: Action) -> str | None:
         """Say if fleet control may not ask for this while a person has the robot (section 6.6.6)."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.order_checks import (
     general_fault,
+    load_fault,
     map_fault,
     refusal,
     repeated_action_fault,
@@ -58,9 +59,10 @@ def judge(order: Order, situation: Situation, capabilities: Capabilities) -> Ver
         fault = _new_order_fault(order, situation, capabilities)
         return Rejected(fault) if fault else NewOrder()
     fault = update_fault(order, situation, capabilities)
-    if fault is not None:
-        return Rejected(fault)
-    return Duplicate() if repeats(order, situation) else Update()
+    if fault is None and repeats(order, situation):
+        return Duplicate()
+    fault = fault or load_fault(order, situation, capabilities, skip=1)
+    return Rejected(fault) if fault else Update()
 
 
 def _identity_fault(order: Order) -> ErrorEntry | None:
@@ -87,6 +89,7 @@ def _new_order_fault(order: Order, situation: Situation, capabilities: Capabilit
         or map_fault(order, situation)
         or _start_fault(order.nodes[0], order, situation, capabilities)
         or route_fault(order, situation, capabilities)
+        or load_fault(order, situation, capabilities)
     )
 
 

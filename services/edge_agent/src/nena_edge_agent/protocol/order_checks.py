@@ -7,6 +7,7 @@ from itertools import chain, pairwise
 
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.ground import Footprint, first_closed, zones_in
+from nena_edge_agent.protocol.load_handling import first_load_problem
 from nena_edge_agent.protocol.optional_parameters import unsupported
 from nena_edge_agent.protocol.situation import Situation
 from nena_edge_agent.protocol.tolerance import distance, in_place, radius
@@ -101,6 +102,24 @@ def _action_fault(order: Order, capabilities: Capabilities) -> ErrorEntry | None
                 action_id=action.action_id,
             )
     return None
+
+
+def load_fault(
+    order: Order, situation: Situation, capabilities: Capabilities, *, skip: int = 0
+) -> ErrorEntry | None:
+    """Check that each action which takes or gives a load will find the robot so that it can.
+
+    The robot's actions are done one after the other in driving order; the first ``skip`` nodes do not count.
+    """
+    placed = [(node.sequence_id, node.actions) for node in order.nodes[skip:]]
+    placed += [(edge.sequence_id, edge.actions) for edge in order.edges]
+    in_order = chain.from_iterable(actions for _, actions in sorted(placed, key=lambda each: each[0]))
+    found = first_load_problem(in_order, capabilities.actions, loaded=situation.loaded)
+    if found is None:
+        return None
+    action, problem = found
+    hint = "the state's loads say what the robot carries; order the actions so that they fit it"
+    return refusal(ErrorType.INVALID_ORDER_ACTION, order, problem, hint=hint, action_id=action.action_id)
 
 
 def map_fault(order: Order, situation: Situation) -> ErrorEntry | None:

@@ -8,6 +8,7 @@ from nena_edge_agent.protocol.action_flow import ActionFlow
 from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.ground import CLOSED
+from nena_edge_agent.protocol.load_handling import loaded_after
 from nena_edge_agent.protocol.order_acceptance import NewOrder, Rejected, Update, Verdict, judge
 from nena_edge_agent.protocol.parts import RobotParts
 from nena_edge_agent.protocol.situation import Situation
@@ -59,7 +60,17 @@ class OrderIntake:
             base_action_ids=frozenset(
                 record.action.action_id for record in parts.actions if not self._in_horizon(record)
             ),
+            loaded=self._loaded_at_the_end(),
         )
+
+    def _loaded_at_the_end(self) -> bool:
+        parts = self._parts
+        to_do = (
+            record.action
+            for record in parts.actions
+            if not record.status.ended and not self._in_horizon(record)
+        )
+        return loaded_after(to_do, parts.capabilities.actions, loaded=bool(parts.loads))
 
     def _begin(self, order: Order) -> None:
         parts = self._parts

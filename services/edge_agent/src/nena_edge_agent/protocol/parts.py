@@ -88,6 +88,7 @@ class RobotParts:
     clearing: bool = False
     journal_problem: str = ""
     refused_topics: tuple[str, ...] = ()
+    plugin_problems: tuple[str, ...] = ()
     zone_access: ZoneAccess = field(default_factory=ZoneAccess)
     speed_limit: float | None = None
     utc: tuple[datetime, float] | None = None

@@ -34,12 +34,14 @@ from nena_edge_agent.protocol.events import (
     InstantActionsReceived,
     JournalReport,
     LinkReport,
+    LoadSensed,
     LocalTrigger,
     MapsReport,
     MessageRefused,
     OperatingModeSwitched,
     OrderReceived,
     PauseButton,
+    PluginsReport,
     ResponsesReceived,
     SafetyReport,
     Started,
@@ -49,6 +51,7 @@ from nena_edge_agent.protocol.events import (
 )
 from nena_edge_agent.protocol.instant_actions import InstantActionFlow
 from nena_edge_agent.protocol.journey import Journey
+from nena_edge_agent.protocol.load_handling import sensed
 from nena_edge_agent.protocol.memory import Memory
 from nena_edge_agent.protocol.mode_switch import ModeSwitch
 from nena_edge_agent.protocol.order_cancel import OrderCancel
@@ -215,6 +218,8 @@ class RobotCore:
             MapsReport: self._maps_reported,
             MessageRefused: lambda event: self._parts.errors.show(event.error, event.until),
             ActionReport: self._action_reported,
+            LoadSensed: self._load_sensed,
+            PluginsReport: self._plugins_reported,
             JournalReport: self._journal_reported,
             LinkReport: self._link_reported,
             SubscriptionsReport: self._subscriptions_reported,
@@ -253,6 +258,12 @@ class RobotCore:
             event = ActionReport(event.action_id, ActionStatus.FAILED, problem)
         self._flow.report(event)
         self._flow.schedule()
+
+    def _load_sensed(self, event: LoadSensed) -> None:
+        self._parts.loads = sensed(self._parts.loads, loaded=event.loaded)
+
+    def _plugins_reported(self, event: PluginsReport) -> None:
+        self._parts.plugin_problems = event.problems
 
     def _journal_reported(self, event: JournalReport) -> None:
         self._parts.journal_problem = event.problem

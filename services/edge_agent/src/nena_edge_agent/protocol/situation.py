@@ -18,7 +18,8 @@ class Situation:
     was cancelled, or is being ended; ``cleared``: it was ended before its end, perhaps far from its base.
     ``pose`` is None unless it can be trusted, ``no_route`` are the areas that navigation knows no way into.
     ``maps`` are the areas that the robot has a map of, ``closed`` the zones that it must not drive in.
-    ``stands_on`` is the node that the robot has reached and not left, or empty.
+    ``stands_on`` is the node that the robot has reached and not left, or empty. ``loaded``: whether it will
+    carry something when all that was released to it is done.
     """
 
     operating_mode: OperatingMode
@@ -37,3 +38,4 @@ class Situation:
     stands_on: str
     instant_action_ids: frozenset[str]
     base_action_ids: frozenset[str]
+    loaded: bool = False
