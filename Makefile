@@ -17,12 +17,12 @@ SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/order_se
 STAMP := $(VENV)/.set-up
 
 .DEFAULT_GOAL := help
-.PHONY: help setup lock format lint test soak compose-test colcon-test smoke demo bench conversations hooks clean broker browser
+.PHONY: help setup action-types lock format lint test soak compose-test colcon-test smoke demo bench conversations hooks clean broker browser
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
 
-setup: $(STAMP) ## prepare .venv with every service in it
+setup: $(STAMP) action-types ## prepare .venv with every service in it
 
 $(STAMP): requirements/dev.txt $(DISTRIBUTIONS:%=%/pyproject.toml)
 	@[ -n "$(PYTHON)" ] || { echo "NeNa needs CPython 3.11, 3.12 or 3.13 with venv. On Debian or Ubuntu: apt-get install python3 python3-venv. Or name one: make PYTHON=/path/to/python3.12 setup" >&2; exit 1; }
@@ -30,6 +30,10 @@ $(STAMP): requirements/dev.txt $(DISTRIBUTIONS:%=%/pyproject.toml)
 	$(BIN)/python -m pip install --quiet --require-hashes -r requirements/dev.txt
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation $(DISTRIBUTIONS:%=-e %)
 	@touch $@
+
+# For the simulator and the tests alone: robots have the real ones. Looks in no time whether they are there.
+action-types: $(STAMP) ## make Nav2's action types in .venv, which needs a compiler; without them: topics only
+	@$(BIN)/python -m nena_robot_simulator.interfaces
 
 lock: $(STAMP) ## pin requirements/dev.in with hashes again
 	$(BIN)/uv pip compile requirements/dev.in --universal --python-version 3.11 --generate-hashes \
@@ -45,7 +49,7 @@ lint: $(STAMP) ## style, types, import rules
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-test: $(STAMP) broker browser ## every test, with branch coverage; TESTS=path for a part of them
+test: $(STAMP) action-types broker browser ## every test, with branch coverage; TESTS=path for a part of them
 	$(BIN)/pytest $(if $(TESTS),$(TESTS),-n $(WORKERS) --cov --cov-report=xml --cov-fail-under=85 || $(AGAIN))
 
 conformance: $(STAMP) ## write docs/vda5050.md anew: how the standard is kept, and which tests show it
@@ -65,13 +69,13 @@ colcon-test: $(STAMP) broker ## build the edge agent as a ROS package by colcon,
 		$(VENV)/colcon/bin/pip install --quiet --require-hashes -r requirements/colcon.txt; }
 	COLCON=$(abspath $(VENV))/colcon/bin/colcon $(BIN)/pytest tests/deploy/test_ros_package.py
 
-smoke: $(STAMP) broker ## the demo without a person: two robots, two orders, then the end state is checked
+smoke: $(STAMP) action-types broker ## the demo without a person: two robots, two orders, then the end state is checked
 	$(BIN)/nena-demo smoke
 
-demo: $(STAMP) broker ## start everything on this machine, run the main job, and keep it running until Ctrl-C
+demo: $(STAMP) action-types broker ## start everything on this machine, run the main job, and keep it running until Ctrl-C
 	$(BIN)/nena-demo run
 
-bench: $(STAMP) broker ## measure latencies, CPU per message and memory; writes bench.json
+bench: $(STAMP) action-types broker ## measure latencies, CPU per message and memory; writes bench.json
 	PYTHONPATH=tests $(BIN)/python -m bench.run --output bench.json
 
 conversations: $(STAMP) broker ## record the conversations in tests/fixtures anew, from real agents

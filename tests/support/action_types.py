@@ -1,0 +1,11 @@
+"""Nav2's action types, which a machine without a compiler does not have."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+import pytest
+
+HERE = find_spec("nav2_msgs") is not None
+WHY_NOT = "Nav2's action types are not made here: `make action-types` tells why"
+needs_action_types = pytest.mark.skipif(not HERE, reason=WHY_NOT)
