@@ -11,18 +11,9 @@ from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from rclpy.qos import qos_profile_system_default
 
-from nena_edge_agent.driver.port import (
-    Arrived,
-    DriveFailed,
-    DriveGoal,
-    DriverEvent,
-    GoalReport,
-    GoalTable,
-    Halted,
-    NavigationReport,
-    Pose,
-)
-from nena_edge_agent.driver.port import PoseReport as PoseTold
+from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapPose
+from nena_edge_agent.driver.port import Arrived, DriveFailed, GoalReport, GoalTable, Halted, NavigationReport
+from nena_edge_agent.driver.map_port import MapPoseReport as PoseTold
 from nena_edge_agent.ros.driver import Nav2Driver
 from nena_edge_agent.ros.settings import GoalSettings, RosSettings
 from nena_robot_simulator.messages import pose_message, stamp_of
@@ -31,7 +22,7 @@ from nena_shared.clock import SystemClock
 from support.ros import LATCHED, Inbox, RosPeer
 from support.waiting import until
 
-Told = DriverEvent | GoalReport
+Told = MapDriverEvent | GoalReport
 E = TypeVar("E", bound=Told)
 
 MAP = "hall"
@@ -39,8 +30,8 @@ QUICK = GoalSettings(confirmation_time=0.5, settle_time=0.3, pose_wait=1.0, canc
 """Patience for tests on one machine, where nothing is lost on the way."""
 
 
-def goal_at(generation: int, x: float, y: float = 0.0, *, theta: float = 0.0, xy: float = 0.5) -> DriveGoal:
-    return DriveGoal(generation, Pose(x, y, theta, MAP), deviation_xy=xy)
+def goal_at(generation: int, x: float, y: float = 0.0, *, theta: float = 0.0, xy: float = 0.5) -> MapGoal:
+    return MapGoal(generation, MapPose(x, y, theta, MAP), deviation_xy=xy)
 
 
 class DrivenRobot:
@@ -60,7 +51,7 @@ class DrivenRobot:
     async def __aexit__(self, *_: object) -> None:
         await self.driver.stop()
 
-    def _hear(self, event: DriverEvent) -> None:
+    def _hear(self, event: MapDriverEvent) -> None:
         """Keep what is told; of a table of goals also each row that is new or has changed."""
         self.events.append(event)
         if isinstance(event, GoalTable):
@@ -68,7 +59,7 @@ class DrivenRobot:
             self._goals = {goal.goal_id: goal for goal in event.goals}
 
     @property
-    def ends(self) -> list[DriverEvent]:
+    def ends(self) -> list[MapDriverEvent]:
         """What was told of drives and halts, without information on the way."""
         return [event for event in self.events if isinstance(event, Arrived | DriveFailed | Halted)]
 
@@ -89,7 +80,7 @@ class DrivenRobot:
         await self.hears(NavigationReport, lambda report: report.available)
         return self
 
-    async def driving(self, goal: DriveGoal) -> GoalReport:
+    async def driving(self, goal: MapGoal) -> GoalReport:
         """Give a goal and wait until navigation has it."""
         before = len(self.all(GoalReport))
         self.driver.go_to(goal)

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 
 from nena_edge_agent.actions.log_report import LogReport
+from nena_edge_agent.actions.map_transforms import MapTransforms
 from nena_edge_agent.actions.plugin import ActionPlugin
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.timed_operation import TimedOperation
@@ -99,6 +100,8 @@ def make_registry(settings: EdgeAgentSettings, bench: Bench, store: MapStore | N
     ]
     if store:
         plugins.extend(map_actions(store, settings.download))
+    if settings.driver == "nav2" and settings.map_transforms:
+        plugins.append(MapTransforms(settings.map_transforms))
     if settings.driver == "loopback":
         plugins = [ChargingWatch(each, bench.set_charging) for each in plugins]
         if settings.loopback.rehearsal:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from nena_edge_agent.agent import DriverMaker
+from nena_edge_agent.driver.map_port import MapDriver, MapEmit
+from nena_edge_agent.driver.plant_frame import PlantFrame, PlantFrameDriver
 from nena_edge_agent.driver.port import Driver, Emit, Pose
 from nena_edge_agent.loopback.bench import Bench
 from nena_edge_agent.loopback.driver import LoopbackDriver
@@ -46,6 +48,9 @@ def _nav2(settings: EdgeAgentSettings, clock: Clock) -> DriverMaker:
         raise StartError(message) from error
 
     def make(emit: Emit, _: Pose | None) -> Driver:
-        return make_driver(settings.ros, settings.map_id, emit, clock)
+        def make_on_map(emit_on_map: MapEmit) -> MapDriver:
+            return make_driver(settings.ros, settings.map_id, emit_on_map, clock)
+
+        return PlantFrameDriver(make_on_map, PlantFrame.of(settings.map_transforms), emit)
 
     return make

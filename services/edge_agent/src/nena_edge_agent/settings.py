@@ -16,6 +16,7 @@ from nena_edge_agent.protocol.capabilities import DriveStrategy, ExternalGoals
 from nena_edge_agent.protocol.link_loss import LinkLossPolicy
 from nena_edge_agent.protocol.optional_parameters import TOLERABLE
 from nena_edge_agent.ros.settings import RosSettings
+from nena_shared.plant.map_transforms import parse_transform
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
 from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_for
 
@@ -41,6 +42,12 @@ def _spoken(version: str) -> str:
         raise ValueError(str(error)) from None
 
 
+def _transform(text: str) -> str:
+    parse_transform(text)
+    return text
+
+
+TransformText = Annotated[str, AfterValidator(_transform)]
 SpokenVersion = Annotated[str, AfterValidator(_spoken)]
 OptionalField = Annotated[str, AfterValidator(_optional_field)]
 TopicLevel = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_topic_level)]
@@ -148,6 +155,12 @@ class EdgeAgentSettings(ServiceSettings):
     )
     map_id: str = Field("map", min_length=1, max_length=200, description="Map that the robot drives on.")
     map_version: str = Field("1", description="Version of that map, for the state.")
+    map_transforms: dict[str, TransformText] = Field(
+        default_factory=dict,
+        description="How the plant lies on maps of the robot, by their ids, where it lies elsewhere: "
+        "'scale=1 rotation=90 x=5 y=-1' (degrees counter-clockwise, metres of the map). The robot speaks in "
+        "the plant's frame, and fleet control must not transform; that of NeNa does not.",
+    )
     driver: Literal["nav2", "loopback"] = Field(
         "nav2", description="nav2: a robot with ROS 2 and Nav2; loopback: a robot that only exists here."
     )

@@ -17,7 +17,7 @@ from nena_shared.plant.path import (
     PeripheralOperation,
 )
 from nena_shared.plant.point import Point, PointType
-from nena_shared.plant.transform import MapTransform, Pose
+from nena_shared.plant.transform import MapPlace, MapPose, MapTransform, PlantPlace, PlantPose
 from nena_shared.plant.vehicle import EnergyThresholds, Vehicle
 from nena_shared.plant.visual_layout import Layer, LayerGroup, VisualLayout
 
@@ -41,6 +41,8 @@ __all__ = [
     "Location",
     "LocationLayout",
     "LocationType",
+    "MapPlace",
+    "MapPose",
     "MapTransform",
     "ObjectKind",
     "Orientation",
@@ -49,9 +51,10 @@ __all__ = [
     "PeripheralOperation",
     "PlantModel",
     "PlantModelError",
+    "PlantPlace",
+    "PlantPose",
     "Point",
     "PointType",
-    "Pose",
     "Problem",
     "UnknownObjectError",
     "Vehicle",

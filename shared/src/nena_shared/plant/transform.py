@@ -3,6 +3,9 @@
 Plant models and maps are made by different people with different tools: a drawing may be 1:10, turned, and
 have its origin in another corner. A position p of the plant, in metres, lies at `scale * R(rotation) * p +
 offset` on the map. Headings turn with the rotation; lengths, such as allowed deviations, grow with the scale.
+
+What is in the one frame and what is in the other have types of their own, so that nothing is transformed
+twice or not at all: from a plant's place only :meth:`MapTransform.to_map` leads to a map's place.
 """
 
 from dataclasses import dataclass
@@ -10,8 +13,33 @@ from math import cos, isfinite, pi, remainder, sin
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
-    """A position in metres and a heading in radians, -pi to pi, counter-clockwise from +x."""
+class PlantPlace:
+    """A position in metres of the plant's frame."""
+
+    x_m: float
+    y_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class MapPlace:
+    """A position in metres of a map's frame."""
+
+    x_m: float
+    y_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class PlantPose:
+    """A position in metres and a heading in radians, -pi to pi, counter-clockwise from +x of the plant."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class MapPose:
+    """A position in metres and a heading in radians, -pi to pi, counter-clockwise from +x of a map."""
 
     x_m: float
     y_m: float
@@ -36,19 +64,19 @@ class MapTransform:
             msg = f"a map transform needs finite numbers and a scale above 0, not {self}"
             raise ValueError(msg)
 
-    def to_map(self, x_m: float, y_m: float) -> tuple[float, float]:
-        """Return where a position of the plant lies on the map, in metres."""
+    def to_map(self, place: PlantPlace | PlantPose) -> MapPlace:
+        """Return where a position of the plant lies on the map."""
         c, s = cos(self.rotation_rad), sin(self.rotation_rad)
-        return (
-            self.scale * (c * x_m - s * y_m) + self.offset_x_m,
-            self.scale * (s * x_m + c * y_m) + self.offset_y_m,
+        return MapPlace(
+            self.scale * (c * place.x_m - s * place.y_m) + self.offset_x_m,
+            self.scale * (s * place.x_m + c * place.y_m) + self.offset_y_m,
         )
 
-    def to_plant(self, x_m: float, y_m: float) -> tuple[float, float]:
-        """Return where a position on the map lies in the plant, in metres."""
+    def to_plant(self, place: MapPlace | MapPose) -> PlantPlace:
+        """Return where a position on the map lies in the plant."""
         c, s = cos(self.rotation_rad), sin(self.rotation_rad)
-        dx, dy = (x_m - self.offset_x_m) / self.scale, (y_m - self.offset_y_m) / self.scale
-        return c * dx + s * dy, c * dy - s * dx
+        dx, dy = (place.x_m - self.offset_x_m) / self.scale, (place.y_m - self.offset_y_m) / self.scale
+        return PlantPlace(c * dx + s * dy, c * dy - s * dx)
 
     def heading_to_map(self, heading_rad: float) -> float:
         """Return a heading of the plant as the map has it, -pi to pi."""
@@ -58,13 +86,15 @@ class MapTransform:
         """Return a heading on the map as the plant has it, -pi to pi."""
         return normalized(heading_rad - self.rotation_rad)
 
-    def pose_to_map(self, pose: Pose) -> Pose:
+    def pose_to_map(self, pose: PlantPose) -> MapPose:
         """Return a pose of the plant as the map has it."""
-        return Pose(*self.to_map(pose.x_m, pose.y_m), self.heading_to_map(pose.heading_rad))
+        place = self.to_map(pose)
+        return MapPose(place.x_m, place.y_m, self.heading_to_map(pose.heading_rad))
 
-    def pose_to_plant(self, pose: Pose) -> Pose:
+    def pose_to_plant(self, pose: MapPose) -> PlantPose:
         """Return a pose on the map as the plant has it."""
-        return Pose(*self.to_plant(pose.x_m, pose.y_m), self.heading_to_plant(pose.heading_rad))
+        place = self.to_plant(pose)
+        return PlantPose(place.x_m, place.y_m, self.heading_to_plant(pose.heading_rad))
 
     def length_to_map(self, length_m: float) -> float:
         """Return a length of the plant as the map has it, in metres."""

@@ -13,18 +13,15 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
+from nena_edge_agent.driver.map_port import MapGoal, MapPlanReport, MapPose, MapPoseReport
 from nena_edge_agent.driver.port import (
     Arrived,
     BatteryReport,
     DriveFailed,
     DriveFailure,
-    DriveGoal,
     GoalReport,
     Halted,
     NavigationReport,
-    PlanReport,
-    Pose,
-    PoseReport,
     PositionInitialized,
 )
 from nena_edge_agent.ros.settings import LocalisationSettings
@@ -62,7 +59,7 @@ async def robot(domain_id: int) -> AsyncIterator[DrivenRobot]:
 async def test_drives_and_arrives_where_it_was_told(robot: DrivenRobot) -> None:
     robot.driver.go_to(goal_at(1, 4.0, 2.0))
     assert await robot.hears(Arrived) == Arrived(1)
-    pose = robot.all(PoseReport)[-1].pose
+    pose = robot.all(MapPoseReport)[-1].pose
     assert (pose.x, pose.y) == pytest.approx((4.0, 2.0), abs=0.5)
     assert pose.map_id == MAP
     assert robot.ends == [Arrived(1)]
@@ -78,7 +75,7 @@ async def test_drive_aborted_halfway(robot: DrivenRobot, peer: RosPeer) -> None:
     with fault(peer, '{"kind": "abort_halfway"}'):
         robot.driver.go_to(goal_at(1, 4.0))
         assert (await robot.hears(DriveFailed)).failure is DriveFailure.ABORTED
-    assert 1.0 < robot.all(PoseReport)[-1].pose.x < 3.5
+    assert 1.0 < robot.all(MapPoseReport)[-1].pose.x < 3.5
 
 
 async def test_drive_cancelled_by_somebody_else(robot: DrivenRobot, peer: RosPeer) -> None:
@@ -123,10 +120,10 @@ async def test_external_goal_takes_the_robot_over(robot: DrivenRobot, peer: RosP
 async def test_next_goal_replaces_the_one_under_way_without_a_stop(robot: DrivenRobot, peer: RosPeer) -> None:
     odometry = peer.subscribe(Odometry, "odom", BEST_EFFORT)
     await robot.driving(goal_at(1, 10.0))
-    await robot.hears(PoseReport, lambda report: report.pose.x > 5.0)
+    await robot.hears(MapPoseReport, lambda report: report.pose.x > 5.0)
     odometry.clear()
     await robot.driving(goal_at(2, 20.0))
-    await robot.hears(PoseReport, lambda report: report.pose.x > 15.0)
+    await robot.hears(MapPoseReport, lambda report: report.pose.x > 15.0)
     speeds = [message.twist.twist.linear.x for message in odometry.messages]
     assert await robot.hears(Arrived) == Arrived(2)
     assert robot.ends == [Arrived(2)]
@@ -136,18 +133,18 @@ async def test_next_goal_replaces_the_one_under_way_without_a_stop(robot: Driven
 async def test_plan_of_our_own_drive_is_told_and_no_other(robot: DrivenRobot, peer: RosPeer) -> None:
     with fault(peer, '{"kind": "foreign_goal", "x": 2.0, "y": 2.0}'):
         await robot.hears(GoalReport, lambda report: report.ended)
-    assert robot.all(PlanReport) == []
+    assert robot.all(MapPlanReport) == []
     await robot.driving(goal_at(1, 15.0))
-    plan = await robot.hears(PlanReport)
+    plan = await robot.hears(MapPlanReport)
     assert plan.points[-1] == pytest.approx((15.0, 0.0), abs=0.75)
 
 
 async def test_halt_in_mid_drive(robot: DrivenRobot, peer: RosPeer) -> None:
     await robot.driving(goal_at(1, 30.0))
-    await robot.hears(PoseReport, lambda report: (report.vx or 0.0) > 3.0)
+    await robot.hears(MapPoseReport, lambda report: (report.vx or 0.0) > 3.0)
     robot.driver.halt()
     await robot.hears(Halted)
-    assert robot.all(PoseReport)[-1].vx == 0.0
+    assert robot.all(MapPoseReport)[-1].vx == 0.0
     assert statuses(peer) == [5]
     assert robot.ends == [Halted()]
     robot.driver.go_to(goal_at(2, 8.0))
@@ -169,11 +166,14 @@ async def test_stop_in_mid_drive_leaves_the_robot_standing(domain_id: int, peer:
 
 @pytest.mark.parametrize(
     ("place", "reason"),
-    [(Pose(3.0, 0.0, 0.0, "attic"), "map 'attic'"), (Pose(math.nan, 0.0, 0.0, MAP), "no place to drive to")],
+    [
+        (MapPose(3.0, 0.0, 0.0, "attic"), "map 'attic'"),
+        (MapPose(math.nan, 0.0, 0.0, MAP), "no place to drive to"),
+    ],
 )
-async def test_place_that_cannot_be_driven_to(robot: DrivenRobot, place: Pose, reason: str) -> None:
+async def test_place_that_cannot_be_driven_to(robot: DrivenRobot, place: MapPose, reason: str) -> None:
     await robot.driving(goal_at(1, 30.0))
-    robot.driver.go_to(DriveGoal(2, place, deviation_xy=0.5))
+    robot.driver.go_to(MapGoal(2, place, deviation_xy=0.5))
     failed = await robot.hears(DriveFailed)
     assert failed.generation == 2
     assert reason in failed.description
@@ -182,7 +182,7 @@ async def test_place_that_cannot_be_driven_to(robot: DrivenRobot, place: Pose, r
 
 
 async def test_position_that_is_none_is_not_given_to_the_localisation(robot: DrivenRobot) -> None:
-    robot.driver.initialize_position(Pose(math.inf, 0.0, 0.0, MAP))
+    robot.driver.initialize_position(MapPose(math.inf, 0.0, 0.0, MAP))
     assert not (await robot.hears(PositionInitialized)).succeeded
 
 
@@ -191,10 +191,10 @@ async def test_robot_that_does_not_know_where_it_is_is_told(domain_id: int) -> N
         async with DrivenRobot(domain_id) as robot:
             missing = await robot.hears(NavigationReport, lambda report: "amcl_pose" in report.reason)
             assert not missing.available
-            robot.driver.initialize_position(Pose(2.0, 1.0, -2.5, MAP))
+            robot.driver.initialize_position(MapPose(2.0, 1.0, -2.5, MAP))
             assert (await robot.hears(PositionInitialized)).succeeded
             await robot.ready()
-            report = robot.all(PoseReport)[-1]
+            report = robot.all(MapPoseReport)[-1]
     assert (report.pose.x, report.pose.y) == pytest.approx((2.0, 1.0), abs=0.2)
     assert report.pose.theta == pytest.approx(-2.5, abs=0.1)
     assert report.localized
@@ -206,7 +206,7 @@ async def test_initial_position_that_nobody_confirms(domain_id: int, peer: RosPe
         async with DrivenRobot(domain_id, localisation=patience) as robot:
             await robot.ready()
             with fault(peer, '{"kind": "amcl_silent"}'):
-                robot.driver.initialize_position(Pose(2.0, 1.0, 0.0, MAP))
+                robot.driver.initialize_position(MapPose(2.0, 1.0, 0.0, MAP))
                 answer = await robot.hears(PositionInitialized)
     assert not answer.succeeded
     assert "after 2 initial positions" in answer.description

@@ -9,14 +9,8 @@ from pathlib import Path
 import pytest
 from std_msgs.msg import String
 
-from nena_edge_agent.driver.port import (
-    Arrived,
-    DriveFailed,
-    DriveFailure,
-    GoalReport,
-    NavigationReport,
-    PoseReport,
-)
+from nena_edge_agent.driver.map_port import MapPoseReport
+from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure, GoalReport, NavigationReport
 from nena_edge_agent.ros.settings import GoalSettings
 from support.nav2_driver import QUICK, DrivenRobot, goal_at
 from support.ros import RosPeer
@@ -130,7 +124,7 @@ async def test_twenty_starts_and_stops_leave_nothing_behind(domain_id: int) -> N
 
     async def live_to_hear_a_pose() -> None:
         async with DrivenRobot(domain_id) as robot:
-            await robot.hears(PoseReport)
+            await robot.hears(MapPoseReport)
 
     with simulated_robot(domain_id):
         await live_to_hear_a_pose()  # what is loaded once stays

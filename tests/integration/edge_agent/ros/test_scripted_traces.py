@@ -6,15 +6,8 @@ from collections.abc import AsyncIterator
 
 import pytest
 
-from nena_edge_agent.driver.port import (
-    Arrived,
-    DriveFailed,
-    DriveFailure,
-    DriverEvent,
-    GoalReport,
-    Halted,
-    PoseReport,
-)
+from nena_edge_agent.driver.map_port import MapDriverEvent, MapPoseReport
+from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure, GoalReport, Halted
 from support.nav2_driver import DrivenRobot, ScriptedNav2, goal_at, uuid_of
 from support.ros import RosPeer
 from support.waiting import until
@@ -59,10 +52,10 @@ async def give(number: int, nav2: ScriptedNav2, robot: DrivenRobot) -> None:
 
 async def be_at(number: int, nav2: ScriptedNav2, robot: DrivenRobot) -> None:
     nav2.pose(10.0 * number)
-    await robot.hears(PoseReport, lambda report: report.pose.x == 10.0 * number)
+    await robot.hears(MapPoseReport, lambda report: report.pose.x == 10.0 * number)
 
 
-def outline(event: DriverEvent) -> str:
+def outline(event: MapDriverEvent) -> str:
     match event:
         case Arrived(generation):
             return f"arrived {generation}"

@@ -9,13 +9,8 @@ from typing import Any
 import pytest
 from std_msgs.msg import String
 
-from nena_edge_agent.driver.port import (
-    Arrived,
-    DriveFailed,
-    DriveFailure,
-    NavigationReport,
-    PoseReport,
-)
+from nena_edge_agent.driver.map_port import MapPoseReport
+from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure, NavigationReport
 from support.nav2_driver import DrivenRobot, goal_at
 from support.ros import RosPeer
 from support.simulator import publisher_to, simulated_robot
@@ -61,7 +56,7 @@ async def test_nav2_that_is_restarted_in_mid_drive_has_lost_the_goal(robot: Driv
         assert (await robot.hears(DriveFailed)).failure is DriveFailure.NAVIGATION_GONE
         await until(lambda: not robot.all(NavigationReport)[-1].available, what="word that it is gone")
     await until(lambda: robot.all(NavigationReport)[-1].available, what="Nav2 again")
-    robot.driver.go_to(goal_at(2, robot.all(PoseReport)[-1].pose.x + 2.0))
+    robot.driver.go_to(goal_at(2, robot.all(MapPoseReport)[-1].pose.x + 2.0))
     assert await robot.hears(Arrived) == Arrived(2)
 
 
@@ -75,4 +70,4 @@ async def test_a_pose_without_numbers_is_passed_over(robot: DrivenRobot, faults:
     with fault(faults, "nan_pose"):
         robot.driver.go_to(goal_at(1, 6.0))
         assert (await robot.hears(DriveFailed)).failure is DriveFailure.OUTSIDE_TOLERANCE
-    assert all(abs(report.pose.x) < 30.0 for report in robot.all(PoseReport))
+    assert all(abs(report.pose.x) < 30.0 for report in robot.all(MapPoseReport))

@@ -4,18 +4,15 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapOwnGoals, MapPose
 from nena_edge_agent.driver.port import (
     Arrived,
     DriveFailed,
     DriveFailure,
-    DriveGoal,
-    DriverEvent,
     GoalReport,
     GoalTable,
     Halted,
     NavigationReport,
-    OwnGoals,
-    Pose,
 )
 from nena_edge_agent.ros.commands import CancelGoal, Command, PublishGoal, Report, RequestPose
 from nena_edge_agent.ros.goal_status import GoalEntry, GoalStatus
@@ -25,8 +22,8 @@ from nena_edge_agent.ros.settings import GoalSettings
 READY = NavigationReport(available=True, reason="")
 
 
-def goal(generation: int, x: float = 5.0, *, xy: float = 0.5, theta: float | None = None) -> DriveGoal:
-    return DriveGoal(generation, Pose(x, 0.0, 0.0, "hall"), deviation_xy=xy, deviation_theta=theta)
+def goal(generation: int, x: float = 5.0, *, xy: float = 0.5, theta: float | None = None) -> MapGoal:
+    return MapGoal(generation, MapPose(x, 0.0, 0.0, "hall"), deviation_xy=xy, deviation_theta=theta)
 
 
 @dataclass
@@ -45,7 +42,7 @@ class Conversation:
         self.later(2.05)
         return self
 
-    def go_to(self, wanted: DriveGoal) -> None:
+    def go_to(self, wanted: MapGoal) -> None:
         self.said += self.tracker.go_to(wanted, self.now)
 
     def halt(self) -> None:
@@ -60,7 +57,7 @@ class Conversation:
         self.said += self.tracker.on_statuses(entries, self.now)
 
     def at(self, x: float, *, theta: float = 0.0) -> None:
-        self.said += self.tracker.on_pose(Pose(x, 0.0, theta, "hall"), self.now)
+        self.said += self.tracker.on_pose(MapPose(x, 0.0, theta, "hall"), self.now)
 
     def later(self, seconds: float) -> None:
         for _ in range(round(seconds / 0.05)):
@@ -68,7 +65,7 @@ class Conversation:
             self.said += self.tracker.tick(self.now)
 
     @property
-    def events(self) -> list[DriverEvent]:
+    def events(self) -> list[MapDriverEvent]:
         """What was reported, goals for information left out."""
         reports = [command.event for command in self.said if isinstance(command, Report)]
         return [event for event in reports if not isinstance(event, GoalTable)]
@@ -624,7 +621,7 @@ class TestRestartOfTheAgent:
     def after_restart(x: float = 5.0, *ids: str) -> Conversation:
         """Give a tracker that knows of the goals of an earlier run, the last one at ``x``."""
         talk = Conversation()
-        talk.tracker.reclaim(OwnGoals(ids or ("A",), Pose(x, 0.0, 0.0, "hall")))
+        talk.tracker.reclaim(MapOwnGoals(ids or ("A",), MapPose(x, 0.0, 0.0, "hall")))
         return talk
 
     def test_a_goal_that_leads_to_the_same_place_goes_on(self) -> None:

@@ -13,16 +13,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from nena_edge_agent.driver.port import (
-    Arrived,
-    DriveFailed,
-    DriveGoal,
-    DriverEvent,
-    GoalTable,
-    Halted,
-    NavigationReport,
-    Pose,
-)
+from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapPose
+from nena_edge_agent.driver.port import Arrived, DriveFailed, GoalTable, Halted, NavigationReport
 from nena_edge_agent.ros.commands import CancelGoal, Command, PublishGoal, Report, RequestPose
 from nena_edge_agent.ros.goal_status import GoalEntry, GoalStatus
 from nena_edge_agent.ros.goal_tracker import GoalTracker
@@ -133,7 +125,7 @@ class TrackedRobot(RuleBasedStateMachine):
     def go_to(self) -> None:
         self.generation += 1
         self.wanted = self.generation
-        goal = DriveGoal(self.generation, Pose(10.0 * self.generation, 0.0, 0.0, "hall"), deviation_xy=0.5)
+        goal = MapGoal(self.generation, MapPose(10.0 * self.generation, 0.0, 0.0, "hall"), deviation_xy=0.5)
         self._do(self.tracker.go_to(goal, self.now))
 
     @rule()
@@ -239,11 +231,11 @@ class TrackedRobot(RuleBasedStateMachine):
                 case CancelGoal(goal_id):
                     self._cancel(goal_id)
                 case RequestPose():
-                    self._do(self.tracker.on_pose(Pose(self.place, 0.0, 0.0, "hall"), self.now))
+                    self._do(self.tracker.on_pose(MapPose(self.place, 0.0, 0.0, "hall"), self.now))
                 case Report(event):
                     self._check(event)
 
-    def _give(self, goal: DriveGoal) -> None:
+    def _give(self, goal: MapGoal) -> None:
         assert goal.generation == self.wanted, "a goal that nobody wants any more is given"
         assert not self.halting, "a goal is given while another is stopped"
         if self.goals_to_lose:
@@ -257,7 +249,7 @@ class TrackedRobot(RuleBasedStateMachine):
         self.cancels_to_lose = 0
         self._do(self.tracker.on_cancel_answer(goal_id, code, self.now))
 
-    def _check(self, event: DriverEvent) -> None:
+    def _check(self, event: MapDriverEvent) -> None:
         match event:
             case Arrived(generation) | DriveFailed(generation=generation):
                 assert generation == self.wanted, "an end for a goal that is not wanted, or a second end"

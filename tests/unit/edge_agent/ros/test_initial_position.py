@@ -2,13 +2,14 @@ from __future__ import annotations
 
 import pytest
 
-from nena_edge_agent.driver.port import Pose, PositionInitialized
+from nena_edge_agent.driver.map_port import MapPose
+from nena_edge_agent.driver.port import PositionInitialized
 from nena_edge_agent.ros.commands import Report
 from nena_edge_agent.ros.initial_position import InitialPosition, PublishInitialPose
 from nena_edge_agent.ros.settings import LocalisationSettings
 
-WANTED = Pose(2.0, 1.0, 3.1, "hall")
-ELSEWHERE = Pose(9.0, 1.0, 3.1, "hall")
+WANTED = MapPose(2.0, 1.0, 3.1, "hall")
+ELSEWHERE = MapPose(9.0, 1.0, 3.1, "hall")
 DONE = Report(PositionInitialized(succeeded=True, description=""))
 
 
@@ -20,13 +21,13 @@ def initial_position() -> InitialPosition:
 def test_is_given_and_confirmed_by_a_pose_near_it(initial_position: InitialPosition) -> None:
     assert initial_position.ask(WANTED, 0.0) == [PublishInitialPose(WANTED)]
     assert initial_position.on_pose(ELSEWHERE) == []
-    assert initial_position.on_pose(Pose(2.3, 1.2, -3.1, "hall")) == [DONE]
+    assert initial_position.on_pose(MapPose(2.3, 1.2, -3.1, "hall")) == [DONE]
     assert not initial_position.busy
 
 
 def test_wrong_heading_confirms_nothing(initial_position: InitialPosition) -> None:
     initial_position.ask(WANTED, 0.0)
-    assert initial_position.on_pose(Pose(2.0, 1.0, 0.0, "hall")) == []
+    assert initial_position.on_pose(MapPose(2.0, 1.0, 0.0, "hall")) == []
     assert initial_position.busy
 
 

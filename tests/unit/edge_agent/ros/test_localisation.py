@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from structlog.testing import capture_logs
 
-from nena_edge_agent.driver.port import Pose, PoseReport
+from nena_edge_agent.driver.map_port import MapPose, MapPoseReport
 from nena_edge_agent.ros.localisation import Localisation
 from nena_edge_agent.ros.pose import PoseReading
 from nena_edge_agent.ros.settings import RosSettings
@@ -26,10 +26,12 @@ def test_nothing_is_known_before_the_first_pose() -> None:
 
 def test_pose_is_told_with_the_newest_velocity() -> None:
     known = localisation()
-    assert known.on_reading(READING) == Pose(1.0, 2.0, 0.5, "hall")
-    assert known.report() == PoseReport(Pose(1.0, 2.0, 0.5, "hall"), localized=True, vx=None, omega=None)
+    assert known.on_reading(READING) == MapPose(1.0, 2.0, 0.5, "hall")
+    assert known.report() == MapPoseReport(
+        MapPose(1.0, 2.0, 0.5, "hall"), localized=True, vx=None, omega=None
+    )
     known.on_velocity((0.7, 0.1))
-    assert known.report() == PoseReport(Pose(1.0, 2.0, 0.5, "hall"), localized=True, vx=0.7, omega=0.1)
+    assert known.report() == MapPoseReport(MapPose(1.0, 2.0, 0.5, "hall"), localized=True, vx=0.7, omega=0.1)
 
 
 def test_pose_that_came_already_or_late_is_no_news() -> None:

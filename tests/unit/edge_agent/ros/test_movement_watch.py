@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import math
 
-from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.driver.map_port import MapPose
 from nena_edge_agent.ros.movement_watch import MovementWatch
 
 
@@ -39,8 +39,8 @@ def test_turning_on_the_spot_is_movement_and_trembling_is_none() -> None:
 def test_without_odometry_the_poses_tell() -> None:
     watch = MovementWatch(10.0)
     watch.blocked(driving=True, now=0.0)
-    watch.on_pose(Pose(1.0, 0.0, 0.0, "hall"), 5.0)
-    watch.on_pose(Pose(1.02, 0.0, 0.0, "hall"), 9.0)
+    watch.on_pose(MapPose(1.0, 0.0, 0.0, "hall"), 5.0)
+    watch.on_pose(MapPose(1.02, 0.0, 0.0, "hall"), 9.0)
     assert not watch.blocked(driving=True, now=14.9)
     assert watch.blocked(driving=True, now=15.0)
 

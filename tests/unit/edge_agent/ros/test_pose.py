@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_edge_agent.driver.port import DriveGoal, Pose
+from nena_edge_agent.driver.map_port import MapGoal, MapPose
 from nena_edge_agent.ros.pose import PoseReading, agrees, localized, quaternion_of, wrap, yaw_of
 from nena_edge_agent.ros.settings import LocalisationSettings
 
@@ -69,12 +69,12 @@ def test_sureness_by_spread(variances: tuple[float, float, float], *, sure: bool
 @pytest.mark.parametrize(
     ("pose", "deviation_theta", "there"),
     [
-        (Pose(5.4, 0.0, 3.0, "hall"), None, True),
-        (Pose(5.6, 0.0, 0.0, "hall"), None, False),
-        (Pose(5.0, 0.0, -math.pi + 0.05, "hall"), 0.2, True),
-        (Pose(5.0, 0.0, math.pi - 0.4, "hall"), 0.2, False),
+        (MapPose(5.4, 0.0, 3.0, "hall"), None, True),
+        (MapPose(5.6, 0.0, 0.0, "hall"), None, False),
+        (MapPose(5.0, 0.0, -math.pi + 0.05, "hall"), 0.2, True),
+        (MapPose(5.0, 0.0, math.pi - 0.4, "hall"), 0.2, False),
     ],
 )
-def test_agreement_with_a_goal(pose: Pose, deviation_theta: float | None, *, there: bool) -> None:
-    goal = DriveGoal(1, Pose(5.0, 0.0, math.pi - 0.05, "hall"), 0.5, deviation_theta)
+def test_agreement_with_a_goal(pose: MapPose, deviation_theta: float | None, *, there: bool) -> None:
+    goal = MapGoal(1, MapPose(5.0, 0.0, math.pi - 0.05, "hall"), 0.5, deviation_theta)
     assert agrees(pose, goal) is there

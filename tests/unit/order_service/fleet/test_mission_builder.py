@@ -154,7 +154,10 @@ def test_the_start_is_wide_enough_for_a_robot_that_must_drive_exactly() -> None:
 @pytest.mark.clause("6.3/frame")
 def test_poses_and_lengths_are_those_of_the_map() -> None:
     profile = RobotProfile(
-        map_id="hall", deviation_xy=0.4, transform=MapTransform(2.0, pi / 2, offset_x_m=10.0)
+        map_id="hall",
+        deviation_xy=0.4,
+        transforms={"hall": MapTransform(2.0, pi / 2, offset_x_m=10.0)},
+        transforms_itself=False,
     )
     start = locate(PLANT, state(mobile_robot_position=pose(10.0, 0.0)), profile)
     assert start == Standing("A", on_point=True, pose=pose(10.0, 0.0))
@@ -221,7 +224,7 @@ def test_a_profile_takes_what_the_vehicle_says() -> None:
             "vda5050:version": "2.0.0",
         },
     )
-    profile = RobotProfile.of(vehicle, default_map_id="hall")
+    profile = RobotProfile.of(vehicle, default_map_id="hall", transforms={})
     assert (profile.map_id, profile.deviation_xy) == ("cellar", 0.1)
     assert profile.deviation_theta == pytest.approx(pi / 2)
-    assert RobotProfile.of(Vehicle(name="v"), default_map_id="hall") == PROFILE
+    assert RobotProfile.of(Vehicle(name="v"), default_map_id="hall", transforms={}) == PROFILE

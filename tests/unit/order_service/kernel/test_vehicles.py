@@ -89,7 +89,12 @@ def view(**fields: Any) -> RobotView:
 
 def status(robot: RobotView, *, order: str | None = None) -> VehicleStatus:
     turned = MapTransform(scale=2.0, offset_x_m=1.0)
-    vehicle = FleetVehicle("Tug", robot.key, RobotProfile("hall", transform=turned), PLANT.vehicle("Tug"))
+    vehicle = FleetVehicle(
+        "Tug",
+        robot.key,
+        RobotProfile("hall", transforms={"hall": turned}, transforms_itself=False),
+        PLANT.vehicle("Tug"),
+    )
     return vehicle_status(
         vehicle, robot, plant=PLANT, transport_order=order, reason="because", last_state=None
     )

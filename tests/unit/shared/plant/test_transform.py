@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_shared.plant import MapTransform, Pose
+from nena_shared.plant import MapPlace, MapTransform, PlantPlace, PlantPose
 from nena_shared.plant.transform import normalized
 
 METRES = st.floats(-1000, 1000)
@@ -16,20 +16,27 @@ TRANSFORMS = st.builds(
 
 def test_scale_then_rotation_then_offset() -> None:
     transform = MapTransform(scale=0.1, rotation_rad=pi / 2, offset_x_m=5.0, offset_y_m=-1.0)
-    assert transform.to_map(10.0, 20.0) == pytest.approx((3.0, 0.0))
+    place = transform.to_map(PlantPlace(10.0, 20.0))
+    assert (place.x_m, place.y_m) == pytest.approx((3.0, 0.0))
     assert transform.heading_to_map(pi) == pytest.approx(-pi / 2)
     assert transform.length_to_map(10.0) == pytest.approx(1.0)
 
 
 def test_without_numbers_nothing_is_changed() -> None:
-    pose = Pose(1.5, -2.5, 0.5)
-    assert MapTransform().pose_to_map(pose) == pose
+    there = MapTransform().pose_to_map(PlantPose(1.5, -2.5, 0.5))
+    assert (there.x_m, there.y_m, there.heading_rad) == (1.5, -2.5, 0.5)
+
+
+def test_a_place_of_the_plant_is_none_of_a_map_though_the_numbers_are_the_same() -> None:
+    place: object = PlantPlace(1.0, 2.0)
+    assert MapTransform().to_map(PlantPlace(1.0, 2.0)) == MapPlace(1.0, 2.0)
+    assert MapPlace(1.0, 2.0) != place
 
 
 @pytest.mark.clause("6.3/frame")
 @given(TRANSFORMS, METRES, METRES, st.floats(-pi, pi))
 def test_there_and_back(transform: MapTransform, x_m: float, y_m: float, heading_rad: float) -> None:
-    back = transform.pose_to_plant(transform.pose_to_map(Pose(x_m, y_m, heading_rad)))
+    back = transform.pose_to_plant(transform.pose_to_map(PlantPose(x_m, y_m, heading_rad)))
     assert (back.x_m, back.y_m) == pytest.approx((x_m, y_m), abs=1e-6)
     assert cos(back.heading_rad - heading_rad) == pytest.approx(1.0)
     assert transform.length_to_plant(transform.length_to_map(x_m)) == pytest.approx(x_m)
@@ -39,9 +46,9 @@ def test_there_and_back(transform: MapTransform, x_m: float, y_m: float, heading
 def test_distances_grow_with_the_scale(
     transform: MapTransform, ax: float, ay: float, bx: float, by: float
 ) -> None:
-    (map_ax, map_ay), (map_bx, map_by) = transform.to_map(ax, ay), transform.to_map(bx, by)
+    a, b = transform.to_map(PlantPlace(ax, ay)), transform.to_map(PlantPlace(bx, by))
     expected = transform.length_to_map(hypot(ax - bx, ay - by))
-    assert hypot(map_ax - map_bx, map_ay - map_by) == pytest.approx(expected, abs=1e-6)
+    assert hypot(a.x_m - b.x_m, a.y_m - b.y_m) == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.clause("6.3/frame")
@@ -49,11 +56,11 @@ def test_distances_grow_with_the_scale(
 def test_the_heading_turns_as_the_way_ahead_does(
     transform: MapTransform, x_m: float, y_m: float, heading_rad: float, ahead_m: float
 ) -> None:
-    ahead = transform.to_map(x_m + ahead_m * cos(heading_rad), y_m + ahead_m * sin(heading_rad))
-    here = transform.to_map(x_m, y_m)
+    way = PlantPlace(x_m + ahead_m * cos(heading_rad), y_m + ahead_m * sin(heading_rad))
+    ahead, here = transform.to_map(way), transform.to_map(PlantPlace(x_m, y_m))
     map_heading, length = transform.heading_to_map(heading_rad), transform.length_to_map(ahead_m)
-    expected = (here[0] + length * cos(map_heading), here[1] + length * sin(map_heading))
-    assert ahead == pytest.approx(expected, abs=1e-6)
+    expected = (here.x_m + length * cos(map_heading), here.y_m + length * sin(map_heading))
+    assert (ahead.x_m, ahead.y_m) == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.clause("6.3/frame")

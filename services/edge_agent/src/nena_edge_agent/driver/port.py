@@ -2,7 +2,8 @@
 
 Commands go in as method calls that return at once; everything that happens comes out as events, through the
 callback that a driver is made with, in the event loop's thread. Poses are in the plant's frame: m, rad,
-anti-clockwise, with the id of the map.
+anti-clockwise, with the id of the map. A driver whose robot has a map of its own works behind
+:mod:`nena_edge_agent.driver.map_port`, where the same things are in the frame of that map.
 """
 
 from __future__ import annotations
@@ -11,7 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from math import dist
-from typing import Protocol
+from typing import Generic, Protocol, TypeVar
+
+P = TypeVar("P")
+"""A kind of pose; it says the frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +42,7 @@ class Circle:
 
 
 @dataclass(frozen=True, slots=True)
-class DriveGoal:
+class GoalAt(Generic[P]):
     """Where to drive next.
 
     ``generation`` rises with each goal that the core gives; events of a goal carry it, so that a late result
@@ -47,10 +51,16 @@ class DriveGoal:
     """
 
     generation: int
-    pose: Pose
+    pose: P
     deviation_xy: float
     deviation_theta: float | None = None
     maximum_speed: float | None = None
+
+
+class DriveGoal(GoalAt[Pose]):
+    """One in the plant's frame."""
+
+    __slots__ = ()
 
 
 class DriveFailure(StrEnum):
@@ -92,17 +102,23 @@ class Halted:
 
 
 @dataclass(frozen=True, slots=True)
-class PoseReport:
+class PoseReportAt(Generic[P]):
     """Where the robot is; velocity in its own frame (m/s, rad/s), None where it is not known.
 
     ``problem`` says in words why the place is not to be trusted, where it is not.
     """
 
-    pose: Pose
+    pose: P
     localized: bool
     vx: float | None = None
     omega: float | None = None
     problem: str = ""
+
+
+class PoseReport(PoseReportAt[Pose]):
+    """One in the plant's frame."""
+
+    __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,11 +140,17 @@ class NavigationReport:
 
 
 @dataclass(frozen=True, slots=True)
-class OwnGoals:
+class OwnGoalsAt(Generic[P]):
     """Goals of an earlier run of the program that had not ended; the last one leads to ``pose``."""
 
     goal_ids: tuple[str, ...]
-    pose: Pose
+    pose: P
+
+
+class OwnGoals(OwnGoalsAt[Pose]):
+    """Those in the plant's frame."""
+
+    __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,24 +210,24 @@ class GoalTable:
         return tuple(goal for goal in self.goals if goal.external and not goal.ended)
 
 
-DriverEvent = (
+FramelessEvent = (
     Arrived
     | DriveFailed
     | Halted
-    | PoseReport
     | BatteryReport
     | NavigationReport
     | BlockedReport
-    | PlanReport
-    | NoRouteReport
     | PositionInitialized
     | GoalTable
 )
+"""What is the same in each frame."""
+
+DriverEvent = FramelessEvent | PoseReport | PlanReport | NoRouteReport
 Emit = Callable[[DriverEvent], None]
 
 
-class Driver(Protocol):
-    """What moves a robot."""
+class Mover(Protocol):
+    """What of a driver is the same in each frame."""
 
     async def start(self) -> None:
         """Begin to work; events may come from now on.
@@ -220,17 +242,6 @@ class Driver(Protocol):
         """End in order: cancel what is driven, give everything back. Bounded in time."""
         ...
 
-    def reclaim(self, goals: OwnGoals) -> None:
-        """Take ``goals`` for this robot's own, should navigation still drive to them; asked before the start.
-
-        A goal that leads to the same place goes on; others are replaced, or cancelled where none is wanted.
-        """
-        ...
-
-    def go_to(self, goal: DriveGoal) -> None:
-        """Drive to ``goal``; a goal still driven is replaced without a stop and without an event."""
-        ...
-
     def halt(self) -> None:
         """Stop as soon as possible and drop the goal; answered by :class:`Halted`, always."""
         ...
@@ -240,6 +251,21 @@ class Driver(Protocol):
 
         Asked only of a driver that can do so.
         """
+        ...
+
+
+class Driver(Mover, Protocol):
+    """What moves a robot."""
+
+    def reclaim(self, goals: OwnGoals) -> None:
+        """Take ``goals`` for this robot's own, should navigation still drive to them; asked before the start.
+
+        A goal that leads to the same place goes on; others are replaced, or cancelled where none is wanted.
+        """
+        ...
+
+    def go_to(self, goal: DriveGoal) -> None:
+        """Drive to ``goal``; a goal still driven is replaced without a stop and without an event."""
         ...
 
     def initialize_position(self, pose: Pose) -> None:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from nena_edge_agent.driver.port import DriveGoal, DriverEvent
+from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal
 
 
 @dataclass(frozen=True, slots=True)
 class PublishGoal:
     """Publish the goal on the topic; it may be lost on the way."""
 
-    goal: DriveGoal
+    goal: MapGoal
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class RequestPose:
 class Report:
     """Tell the protocol core."""
 
-    event: DriverEvent
+    event: MapDriverEvent
 
 
 Command = PublishGoal | CancelGoal | RequestPose | Report

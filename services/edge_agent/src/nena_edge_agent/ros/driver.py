@@ -13,19 +13,21 @@ from contextlib import AsyncExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from nena_edge_agent.driver.map_port import (
+    MapDriver,
+    MapDriverEvent,
+    MapEmit,
+    MapGoal,
+    MapOwnGoals,
+    MapPlanReport,
+    MapPose,
+)
 from nena_edge_agent.driver.port import (
     BlockedReport,
     DriveFailed,
     DriveFailure,
-    DriveGoal,
-    Driver,
-    DriverEvent,
-    Emit,
     Halted,
     NavigationReport,
-    OwnGoals,
-    PlanReport,
-    Pose,
     PositionInitialized,
 )
 from nena_edge_agent.ros import presence
@@ -53,7 +55,7 @@ TICK = 0.05
 """Seconds between two looks at the time while something is waited for."""
 
 
-def make_driver(settings: RosSettings, map_id: str, emit: Emit, clock: Clock) -> Driver:
+def make_driver(settings: RosSettings, map_id: str, emit: MapEmit, clock: Clock) -> MapDriver:
     """Make the driver of the robot that ``settings`` name; its poses are on the map ``map_id``."""
     return Nav2Driver(settings, map_id, emit, clock)
 
@@ -61,7 +63,7 @@ def make_driver(settings: RosSettings, map_id: str, emit: Emit, clock: Clock) ->
 class Nav2Driver:
     """One robot with Nav2. Events are told from the loop itself, never from within a call of a method."""
 
-    def __init__(self, settings: RosSettings, map_id: str, emit: Emit, clock: Clock) -> None:
+    def __init__(self, settings: RosSettings, map_id: str, emit: MapEmit, clock: Clock) -> None:
         self._settings = settings
         self._map_id = map_id
         self._emit = emit
@@ -121,11 +123,11 @@ class Nav2Driver:
             node, self._node = self._node, None
             await node.stop()
 
-    def reclaim(self, goals: OwnGoals) -> None:
+    def reclaim(self, goals: MapOwnGoals) -> None:
         """Go on with a goal of an earlier run, where Nav2 still drives to it."""
         self._tracker.reclaim(goals)
 
-    def go_to(self, goal: DriveGoal) -> None:
+    def go_to(self, goal: MapGoal) -> None:
         """Drive to ``goal``; while another one is driven, it is replaced without a stop."""
         now = self._clock.monotonic()
         problem = self._impossible(goal.pose)
@@ -143,7 +145,7 @@ class Nav2Driver:
     def limit_speed(self, speed: float | None) -> None:
         """Do nothing: Nav2 takes no limit by its topics, and the factsheet says so."""
 
-    def initialize_position(self, pose: Pose) -> None:
+    def initialize_position(self, pose: MapPose) -> None:
         """Tell the localisation where the robot is.
 
         Answered by ``PositionInitialized``; a newer call replaces an older one, and one answer is for both.
@@ -247,7 +249,7 @@ class Nav2Driver:
         frame, points = plan
         ours = frame.removeprefix("/") == self._settings.frame
         if ours and len(points) > 1 and self._tracker.wants(points[-1]):
-            self._tell(PlanReport(points))
+            self._tell(MapPlanReport(points, self._map_id))
 
     def _report_pose(self) -> None:
         report = self._localisation.report()
@@ -301,12 +303,12 @@ class Nav2Driver:
         self._apply(self._initial_position.tick(now))
         self._apply(self._tracker.tick(now))
 
-    def _tell(self, event: DriverEvent) -> None:
+    def _tell(self, event: MapDriverEvent) -> None:
         if isinstance(event, Halted):
             self._halted.set()
         self._loop.call_soon(self._emit, event)
 
-    def _impossible(self, pose: Pose) -> str | None:
+    def _impossible(self, pose: MapPose) -> str | None:
         if pose.map_id != self._map_id:
             return f"the place is on map '{pose.map_id}', and the robot on '{self._map_id}'"
         if not all(map(math.isfinite, (pose.x, pose.y, pose.theta))):

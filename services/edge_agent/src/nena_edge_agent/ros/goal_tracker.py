@@ -11,17 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import dist
 
+from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapOwnGoals, MapPose
 from nena_edge_agent.driver.port import (
     Arrived,
     DriveFailed,
     DriveFailure,
-    DriveGoal,
-    DriverEvent,
     GoalTable,
     Halted,
     NavigationReport,
-    OwnGoals,
-    Pose,
 )
 from nena_edge_agent.ros.commands import CancelGoal, Command, PublishGoal, Report, RequestPose
 from nena_edge_agent.ros.goal_ledger import GoalLedger
@@ -52,7 +49,7 @@ RECLAIM_TIME = 10.0
 class _Drive:
     """The goal that the protocol core wants driven."""
 
-    goal: DriveGoal
+    goal: MapGoal
     times_given: int = 0
     preempts: bool = False
     """Whether it was given while a goal of ours was driven."""
@@ -83,10 +80,10 @@ class GoalTracker:
         self._drive: _Drive | None = None
         self._halt: _Halt | None = None
         self._cancels: dict[str, float] = {}
-        self._pose: Pose | None = None
+        self._pose: MapPose | None = None
         self._pose_at = -float("inf")
         self._table = GoalTable()
-        self._reclaimed: OwnGoals | None = None
+        self._reclaimed: MapOwnGoals | None = None
         self._reclaimed_until: float | None = None
         self._out: list[Command] = []
 
@@ -110,12 +107,12 @@ class GoalTracker:
             return False
         return dist(place, (drive.goal.pose.x, drive.goal.pose.y)) <= PLAN_TOLERANCE
 
-    def reclaim(self, goals: OwnGoals) -> None:
+    def reclaim(self, goals: MapOwnGoals) -> None:
         """Take the goals of an earlier run for ours; to be called before anything else."""
         self._ledger.reclaim(goals.goal_ids)
         self._reclaimed = goals
 
-    def go_to(self, goal: DriveGoal, now: float) -> list[Command]:
+    def go_to(self, goal: MapGoal, now: float) -> list[Command]:
         """Drive to ``goal``; one that is driven is replaced, and not stopped for it."""
         self._drive = _Drive(goal)
         return self._advance(now)
@@ -151,7 +148,7 @@ class GoalTracker:
             log.warning("no answer to the cancelling of a goal", goal=goal_id)
         return self._advance(now)
 
-    def on_pose(self, pose: Pose, now: float) -> list[Command]:
+    def on_pose(self, pose: MapPose, now: float) -> list[Command]:
         """Take a pose that the localisation has sent."""
         self._pose, self._pose_at = pose, now
         return self._advance(now)
@@ -267,12 +264,12 @@ class GoalTracker:
             drive.pose_asked_at = now
             self._out.append(RequestPose())
 
-    def _may_agree(self, goal: DriveGoal) -> bool:
+    def _may_agree(self, goal: MapGoal) -> bool:
         """Whether a pose from before the stop can belong to a robot at the goal."""
         pose = self._pose
         return pose is not None and agrees(pose, goal, xy_slack=STALE_XY, theta_slack=STALE_THETA)
 
-    def _disagreement(self, goal: DriveGoal) -> str:
+    def _disagreement(self, goal: MapGoal) -> str:
         if self._pose is None:
             return "Nav2 reports the goal as reached, but the robot's pose is not known"
         return (
@@ -368,10 +365,10 @@ class GoalTracker:
             self._table = table
             self._report(table)
 
-    def _report(self, event: DriverEvent) -> None:
+    def _report(self, event: MapDriverEvent) -> None:
         self._out.append(Report(event))
 
 
-def _same_place(pose: Pose, goal: DriveGoal) -> bool:
+def _same_place(pose: MapPose, goal: MapGoal) -> bool:
     theta = None if goal.deviation_theta is None else SAME
     return pose.map_id == goal.pose.map_id and near(pose, goal.pose, xy=SAME, theta=theta)

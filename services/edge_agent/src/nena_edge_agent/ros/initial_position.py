@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from nena_edge_agent.driver.port import Pose, PositionInitialized
+from nena_edge_agent.driver.map_port import MapPose
+from nena_edge_agent.driver.port import PositionInitialized
 from nena_edge_agent.ros.commands import Report
 from nena_edge_agent.ros.pose import near
 from nena_edge_agent.ros.settings import LocalisationSettings
@@ -18,12 +19,12 @@ from nena_edge_agent.ros.settings import LocalisationSettings
 class PublishInitialPose:
     """Publish the pose for the localisation; it may be lost on the way."""
 
-    pose: Pose
+    pose: MapPose
 
 
 @dataclass(slots=True)
 class _Attempt:
-    pose: Pose
+    pose: MapPose
     given: int
     again_at: float
 
@@ -34,20 +35,20 @@ class InitialPosition:
     def __init__(self, settings: LocalisationSettings) -> None:
         self._settings = settings
         self._attempt: _Attempt | None = None
-        self._latest: Pose | None = None
+        self._latest: MapPose | None = None
 
     @property
     def busy(self) -> bool:
         """Whether an answer is owed."""
         return self._attempt is not None
 
-    def ask(self, pose: Pose, now: float) -> list[PublishInitialPose | Report]:
+    def ask(self, pose: MapPose, now: float) -> list[PublishInitialPose | Report]:
         """Begin; poses that came before do not count, however near they are."""
         self._latest = None
         self._attempt = _Attempt(pose, 1, now + self._settings.initial_wait)
         return [PublishInitialPose(pose)]
 
-    def on_pose(self, pose: Pose) -> list[PublishInitialPose | Report]:
+    def on_pose(self, pose: MapPose) -> list[PublishInitialPose | Report]:
         """Take a pose of the localisation, newer by its stamp than every one before."""
         attempt = self._attempt
         self._latest = pose

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from nena_edge_agent.driver.port import Pose, PoseReport
+from nena_edge_agent.driver.map_port import MapPose, MapPoseReport
 from nena_edge_agent.ros.pose import PoseReading, localized
 from nena_edge_agent.ros.settings import RosSettings
 from nena_edge_agent.ros.standstill import STANDING
@@ -31,7 +31,7 @@ class Localisation:
         """Whether a pose has come."""
         return self._reading is not None
 
-    def on_reading(self, reading: PoseReading) -> Pose | None:
+    def on_reading(self, reading: PoseReading) -> MapPose | None:
         """Take a pose; gives it in the plant's frame where it is new, and in the frame of the settings."""
         if reading.frame.removeprefix("/") != self._settings.frame:
             self._tell_frame(reading.frame)
@@ -46,17 +46,17 @@ class Localisation:
         before, self._velocity = self._velocity, velocity
         return before is None or _moves(before) is not _moves(velocity)
 
-    def report(self) -> PoseReport | None:
+    def report(self) -> MapPoseReport | None:
         """Give the newest pose with the newest velocity; none before the first pose."""
         if self._reading is None:
             return None
         vx, omega = self._velocity or (None, None)
         sure = localized(self._reading, self._settings.localisation)
         problem = "" if sure else _spread(self._reading)
-        return PoseReport(self._pose(self._reading), localized=sure, vx=vx, omega=omega, problem=problem)
+        return MapPoseReport(self._pose(self._reading), localized=sure, vx=vx, omega=omega, problem=problem)
 
-    def _pose(self, reading: PoseReading) -> Pose:
-        return Pose(reading.x, reading.y, reading.yaw, self._map_id)
+    def _pose(self, reading: PoseReading) -> MapPose:
+        return MapPose(reading.x, reading.y, reading.yaw, self._map_id)
 
     def _tell_frame(self, frame: str) -> None:
         if frame != self._frame_told:

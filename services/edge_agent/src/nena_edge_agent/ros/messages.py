@@ -10,10 +10,10 @@ import math
 from typing import Any, SupportsFloat
 
 from action_msgs.srv import CancelGoal
-from geometry_msgs.msg import Pose as PoseMessage
+from geometry_msgs.msg import MapPose as PoseMessage
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 
-from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.driver.map_port import MapPose
 from nena_edge_agent.ros.pose import quaternion_of
 
 X_VARIANCE, Y_VARIANCE, YAW_VARIANCE = 0, 7, 35
@@ -28,7 +28,7 @@ class NotFiniteError(ValueError):
         self.number = number
 
 
-def goal_message(pose: Pose, frame: str) -> Any:  # noqa: ANN401 - rclpy carries no types
+def goal_message(pose: MapPose, frame: str) -> Any:  # noqa: ANN401 - rclpy carries no types
     """Make the geometry_msgs/PoseStamped of a goal; stamp zero means: by the newest transforms.
 
     Raises:
@@ -41,7 +41,7 @@ def goal_message(pose: Pose, frame: str) -> Any:  # noqa: ANN401 - rclpy carries
     return message
 
 
-def initial_pose_message(pose: Pose, frame: str, *, xy_variance: float, theta_variance: float) -> Any:  # noqa: ANN401
+def initial_pose_message(pose: MapPose, frame: str, *, xy_variance: float, theta_variance: float) -> Any:  # noqa: ANN401
     """Make the geometry_msgs/PoseWithCovarianceStamped that tells the localisation where the robot is.
 
     Raises:
@@ -64,7 +64,7 @@ def cancel_request(goal_id: str) -> Any:  # noqa: ANN401
     return request
 
 
-def _pose(pose: Pose) -> PoseMessage:
+def _pose(pose: MapPose) -> PoseMessage:
     message = PoseMessage()
     message.position.x = _number(pose.x)
     message.position.y = _number(pose.y)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.driver.map_port import MapPose
 from nena_edge_agent.ros.pose import near
 
 REACH = 0.1
@@ -21,7 +21,7 @@ class MovementWatch:
         self._moved_at: float | None = None
         self._heard_at = -math.inf
         self._way = self._turn = 0.0
-        self._anchor: Pose | None = None
+        self._anchor: MapPose | None = None
 
     def on_velocity(self, speed: float, omega: float, now: float) -> None:
         """Take a velocity in m/s and rad/s."""
@@ -34,7 +34,7 @@ class MovementWatch:
             self._way, self._turn = 0.0, 0.0
             self._moved_at = now
 
-    def on_pose(self, pose: Pose, now: float) -> None:
+    def on_pose(self, pose: MapPose, now: float) -> None:
         """Take a pose of the localisation."""
         if self._anchor is None or not near(pose, self._anchor, xy=REACH, theta=REACH):
             self._anchor, self._moved_at = pose, now

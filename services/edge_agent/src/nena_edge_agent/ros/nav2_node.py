@@ -18,7 +18,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import BatteryState
 from std_srvs.srv import Empty, Trigger
 
-from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.driver.map_port import MapPose
 from nena_edge_agent.ros import messages, readings
 from nena_edge_agent.ros.battery import BatteryReading
 from nena_edge_agent.ros.goal_status import GoalEntry
@@ -74,11 +74,11 @@ class Nav2Node:
         """Leave the ROS graph in order."""
         await self._session.stop()
 
-    def publish_goal(self, pose: Pose) -> None:
+    def publish_goal(self, pose: MapPose) -> None:
         """Give a goal; whether it is taken shows in the status array."""
         self._goals.publish(messages.goal_message(pose, self._settings.frame))
 
-    def publish_initial_pose(self, pose: Pose) -> None:
+    def publish_initial_pose(self, pose: MapPose) -> None:
         """Tell the localisation where the robot is."""
         spread = self._settings.localisation
         message = messages.initial_pose_message(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from nena_edge_agent.driver.port import DriveGoal, Pose
+from nena_edge_agent.driver.map_port import MapGoal, MapPose
 from nena_edge_agent.ros.settings import LocalisationSettings
 
 NORM_TOLERANCE = 0.01
@@ -55,14 +55,14 @@ def localized(reading: PoseReading, settings: LocalisationSettings) -> bool:
     )
 
 
-def near(pose: Pose, place: Pose, *, xy: float, theta: float | None) -> bool:
+def near(pose: MapPose, place: MapPose, *, xy: float, theta: float | None) -> bool:
     """Whether ``pose`` is within ``xy`` m and ``theta`` rad (None: any heading) of ``place``."""
     if math.hypot(pose.x - place.x, pose.y - place.y) > xy:
         return False
     return theta is None or abs(wrap(pose.theta - place.theta)) <= theta
 
 
-def agrees(pose: Pose, goal: DriveGoal, *, xy_slack: float = 0.0, theta_slack: float = 0.0) -> bool:
+def agrees(pose: MapPose, goal: MapGoal, *, xy_slack: float = 0.0, theta_slack: float = 0.0) -> bool:
     """Whether the robot at ``pose`` has reached ``goal``; the slacks (m, rad) widen what is allowed."""
     theta = None if goal.deviation_theta is None else goal.deviation_theta + theta_slack
     return near(pose, goal.pose, xy=goal.deviation_xy + xy_slack, theta=theta)

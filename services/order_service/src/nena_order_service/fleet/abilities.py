@@ -8,6 +8,7 @@ from typing import Final
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.factsheet import ActionParameterDescription, Factsheet, MobileRobotAction, Support
+from nena_shared.vda5050.own_actions import transforms_itself
 from nena_shared.vda5050.versions import nearest_codec
 
 ORDER_PREFIX: Final = "order."
@@ -45,6 +46,11 @@ class Abilities:
     def codec(self) -> Codec | None:
         """What writes messages for this robot; None for a version that is not spoken here."""
         return nearest_codec(self.factsheet.version)
+
+    @cached_property
+    def transforms_itself(self) -> bool:
+        """Whether the robot speaks in the plant's frame, whatever its map's is."""
+        return transforms_itself(self.factsheet)
 
     @property
     def lists_actions(self) -> bool:

@@ -11,7 +11,7 @@ from nena_order_service.fleet.profile import DEFAULT_DEVIATION_XY, RobotProfile
 from nena_order_service.fleet.standing import Standing
 from nena_order_service.routing import Route
 from nena_shared.fleet_api.transport_order import Coordinate
-from nena_shared.plant import PlantModel
+from nena_shared.plant import MapPlace, PlantModel, PlantPlace
 from nena_shared.plant.transform import normalized
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.order import AllowedDeviationXY, Edge, Node, NodePosition
@@ -29,11 +29,11 @@ def mission_id(order_name: str, drive_order_index: int, attempt: int = 0) -> str
 
 @dataclass(frozen=True, slots=True)
 class _Stop:
-    """A node in the making: m and rad of the robot's map."""
+    """A node in the making: m and rad of the map ``map_id``."""
 
     node_id: str
-    x: float
-    y: float
+    place: MapPlace
+    map_id: str
     theta: float | None = None
     edge_id: str | None = None
     """Of the edge that leads here, where the plant has a name for it."""
@@ -67,7 +67,7 @@ def build_mission(
         raise ValueError(message)
     stops = list(_way(name, plant, standing, profile, route))
     if coordinate is not None:
-        stops.append(_goal(name, profile, coordinate))
+        stops.append(_goal(name, profile, coordinate, stops[-1].map_id))
     elif len(stops) > 1:
         stops[-1] = replace(stops[-1], theta=_heading(plant, profile, stops[-1].node_id))
     return Mission(
@@ -99,7 +99,7 @@ def _start(
         return None
     if standing.on_point and not (route and not route.steps and _must_turn(plant, profile, standing)):
         return None
-    return _Stop(START_PREFIX + name, pose.x, pose.y)
+    return _Stop(START_PREFIX + name, MapPlace(pose.x, pose.y), pose.map_id)
 
 
 def _must_turn(plant: PlantModel, profile: RobotProfile, standing: Standing) -> bool:
@@ -111,18 +111,22 @@ def _must_turn(plant: PlantModel, profile: RobotProfile, standing: Standing) -> 
 
 def _at(plant: PlantModel, profile: RobotProfile, point_name: str, edge_id: str | None = None) -> _Stop:
     point = plant.point(point_name)
-    return _Stop(point_name, *profile.transform.to_map(point.x_m, point.y_m), edge_id=edge_id)
+    map_id = point.map_id or profile.map_id
+    place = profile.on(map_id).to_map(PlantPlace(point.x_m, point.y_m))
+    return _Stop(point_name, place, map_id, edge_id=edge_id)
 
 
 def _heading(plant: PlantModel, profile: RobotProfile, point_name: str) -> float | None:
-    heading = plant.point(point_name).heading_rad
-    return None if heading is None else profile.transform.heading_to_map(heading)
+    point = plant.point(point_name)
+    transform = profile.on(point.map_id or profile.map_id)
+    return None if point.heading_rad is None else transform.heading_to_map(point.heading_rad)
 
 
-def _goal(name: str, profile: RobotProfile, coordinate: Coordinate) -> _Stop:
-    x, y = profile.transform.to_map(coordinate.x, coordinate.y)
-    theta = None if coordinate.theta is None else profile.transform.heading_to_map(coordinate.theta)
-    return _Stop(GOAL_PREFIX + name, x, y, theta)
+def _goal(name: str, profile: RobotProfile, coordinate: Coordinate, map_id: str) -> _Stop:
+    """Give the coordinate, on the map where the way to it ends."""
+    place = profile.on(map_id).to_map(PlantPlace(coordinate.x, coordinate.y))
+    theta = None if coordinate.theta is None else profile.on(map_id).heading_to_map(coordinate.theta)
+    return _Stop(GOAL_PREFIX + name, place, map_id, theta)
 
 
 def _nodes(stops: list[_Stop], profile: RobotProfile, actions: tuple[Action, ...]) -> Iterator[Node]:
@@ -140,12 +144,12 @@ def _nodes(stops: list[_Stop], profile: RobotProfile, actions: tuple[Action, ...
 def _position(stop: _Stop, profile: RobotProfile, *, starts: bool) -> NodePosition:
     """Give the place of a node; where the robot starts, a wide deviation is what lets it (section 6.6.2)."""
     deviation = max(profile.deviation_xy, DEFAULT_DEVIATION_XY) if starts else profile.deviation_xy
-    radius = profile.transform.length_to_map(deviation)
+    radius = profile.on(stop.map_id).length_to_map(deviation)
     return NodePosition(
-        x=stop.x,
-        y=stop.y,
+        x=stop.place.x_m,
+        y=stop.place.y_m,
         theta=stop.theta,
-        map_id=profile.map_id,
+        map_id=stop.map_id,
         allowed_deviation_xy=AllowedDeviationXY(a=radius, b=radius),
         allowed_deviation_theta=None if stop.theta is None else profile.deviation_theta,
     )

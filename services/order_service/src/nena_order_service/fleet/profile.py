@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Final, Self
 
 from nena_shared.plant import MapTransform, Vehicle
@@ -26,16 +27,26 @@ class RobotProfile:
     """m of the plant: how far from a node the robot may pass or stop."""
     deviation_theta: float = DEFAULT_DEVIATION_THETA
     """rad: how far from the wanted heading the robot may stop."""
-    transform: MapTransform = IDENTITY
-    """From the plant's frame to that of the robot's map."""
+    transforms: Mapping[str, MapTransform] = field(default_factory=dict, hash=False)
+    """How the plant lies on maps, by their ids, for robots that do not transform themselves."""
+    transforms_itself: bool | None = None
+    """Whether the robot speaks in the plant's frame; None: its factsheet, which says so, has not come."""
 
     @classmethod
-    def of(cls, vehicle: Vehicle, *, default_map_id: str, transform: MapTransform | None = None) -> Self:
+    def of(cls, vehicle: Vehicle, *, default_map_id: str, transforms: Mapping[str, MapTransform]) -> Self:
         """Take from the vehicle's properties what they say, and defaults for the rest."""
         deviation_xy, deviation_theta = vehicle.deviation_xy_m, vehicle.deviation_theta_rad
         return cls(
             map_id=vehicle.map_id or default_map_id,
             deviation_xy=DEFAULT_DEVIATION_XY if deviation_xy is None else deviation_xy,
             deviation_theta=DEFAULT_DEVIATION_THETA if deviation_theta is None else deviation_theta,
-            transform=transform or IDENTITY,
+            transforms=transforms,
         )
+
+    def on(self, map_id: str) -> MapTransform:
+        """Give what leads from the plant's frame to that in which messages to and from the robot are."""
+        return IDENTITY if self.transforms_itself else self.transforms.get(map_id, IDENTITY)
+
+    def knows_frame(self, map_id: str) -> bool:
+        """Tell whether it is certain who transforms: this side or, as its factsheet says, the robot."""
+        return self.transforms_itself is not None or map_id not in self.transforms

@@ -257,7 +257,9 @@ class RobotControl:
         """Give what makes a change worth telling: not its place on the map, speeds, parts of a percent."""
         state, run = self.robot.state, self._run
         mission = (run.mission.mission_id, run.phase, self._mission_note(now)) if run else None
-        common = (self.robot.link(now), self._availability(now), mission)
+        abilities = self.robot.abilities
+        transforms = abilities and abilities.transforms_itself
+        common = (self.robot.link(now), self._availability(now), mission, transforms)
         if state is None:
             return common
         power, position = state.power_supply, state.mobile_robot_position

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import hypot
 
 from nena_order_service.fleet.profile import RobotProfile
-from nena_shared.plant import PlantModel, Point
+from nena_shared.plant import MapPlace, PlantModel, PlantPlace, Point
 from nena_shared.vda5050.state import MobileRobotPosition, State
 
 
@@ -48,18 +48,25 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
         if last is None:
             raise NotLocatedError("it reports neither a trusted pose nor a known point: set its initial pose")
         return Standing(last.name, on_point=True, pose=None)
-    if pose.map_id != profile.map_id:
-        reason = f"it is on map {pose.map_id!r}, orders for it are on map {profile.map_id!r}"
+    if not profile.knows_frame(pose.map_id):
+        reason = "whether it tells its place in the plant's frame is not known until its factsheet has come"
         raise NotLocatedError(reason)
-    if last and _distance(last, pose, profile) <= profile.deviation_xy:
+    here = profile.on(pose.map_id).to_plant(MapPlace(pose.x, pose.y))
+    if last and _on(last, pose, profile) and _distance(last, here) <= profile.deviation_xy:
         return Standing(last.name, on_point=True, pose=pose)
-    nearest = min(plant.points, key=lambda point: _distance(point, pose, profile), default=None)
+    points = (point for point in plant.points if _on(point, pose, profile))
+    nearest = min(points, key=lambda point: _distance(point, here), default=None)
     if nearest is None:
-        raise NotLocatedError("the plant model has no points")
-    return Standing(nearest.name, _distance(nearest, pose, profile) <= profile.deviation_xy, pose)
+        reason = f"it is on map {pose.map_id!r}, orders for it are on map {profile.map_id!r}"
+        raise NotLocatedError(reason if plant.points else "the plant model has no points")
+    return Standing(nearest.name, _distance(nearest, here) <= profile.deviation_xy, pose)
 
 
-def _distance(point: Point, pose: MobileRobotPosition, profile: RobotProfile) -> float:
+def _on(point: Point, pose: MobileRobotPosition, profile: RobotProfile) -> bool:
+    """Tell whether the point is on the map that the robot is on."""
+    return (point.map_id or profile.map_id) == pose.map_id
+
+
+def _distance(point: Point, here: PlantPlace) -> float:
     """Give the distance in metres of the plant."""
-    x, y = profile.transform.to_plant(pose.x, pose.y)
-    return hypot(point.x_m - x, point.y_m - y)
+    return hypot(point.x_m - here.x_m, point.y_m - here.y_m)

@@ -27,7 +27,7 @@ from nena_order_service.orders.validation import check_request
 from nena_order_service.store.database import OrderFilter
 from nena_shared.fleet_api.transport_order import TransportOrderRequest, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
-from nena_shared.plant import Point, Pose
+from nena_shared.plant import MapPose, PlantPose, Point
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 
 NAME_PREFIX = "TOrder"
@@ -37,7 +37,7 @@ NAME_PREFIX = "TOrder"
 class RobotPose:
     """A pose on a robot's map, and the point of the plant that is there, empty for none."""
 
-    pose: Pose
+    pose: MapPose
     map_id: str
     point: str
 
@@ -133,13 +133,16 @@ class HostRequests:
         seconds = self._settings.instant_action_timeout
         return action, await self._kernel.instant_actions.wait(action.action_id, end, seconds)
 
-    def robot_pose(self, name: str, pose: Pose) -> RobotPose:
-        """Give a pose of the plant in the words of a vehicle's robot."""
-        vehicle = self._vehicle(name)
-        profile = vehicle.profile
-        nearest = min(self._kernel.plant.points, key=lambda point: _distance(point, pose))
-        near = _distance(nearest, pose) <= profile.deviation_xy
-        return RobotPose(profile.transform.pose_to_map(pose), profile.map_id, nearest.name if near else "")
+    def robot_pose(self, name: str, pose: PlantPose, map_id: str | None = None) -> RobotPose:
+        """Give a pose of the plant in the words of a vehicle's robot; without a map, on its own."""
+        profile = self._vehicle(name).profile
+        map_id = map_id or profile.map_id
+        if not profile.knows_frame(map_id):
+            raise VehicleNotReachedError(name, "its factsheet, which says who transforms poses, has not come")
+        points = [each for each in self._kernel.plant.points if (each.map_id or profile.map_id) == map_id]
+        near = [each for each in points if _distance(each, pose) <= profile.deviation_xy]
+        point = min(near, key=lambda each: _distance(each, pose)).name if near else ""
+        return RobotPose(profile.on(map_id).pose_to_map(pose), map_id, point)
 
     async def _find(self, name: str | None, key: str | None) -> TransportOrder | None:
         """Give the order of this key, else of this name; from the store where it is not at hand."""
@@ -174,7 +177,7 @@ class HostRequests:
             raise StoreNotReadyError("it has not answered in time") from None
 
 
-def _distance(point: Point, pose: Pose) -> float:
+def _distance(point: Point, pose: PlantPose) -> float:
     """Give the distance in m."""
     return hypot(point.x_m - pose.x_m, point.y_m - pose.y_m)
 

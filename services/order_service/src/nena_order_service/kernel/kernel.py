@@ -52,6 +52,7 @@ from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
 from nena_shared.plant import PlantModel, UnknownObjectError
 from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.own_actions import transforms_itself
 from nena_shared.vda5050.topics import RobotKey
 
 log = get_logger(__name__)
@@ -225,7 +226,9 @@ class Kernel:
         vehicle = self.registry.discover(robot)
         view = self.view(vehicle)
         if view.state and view.state.mobile_robot_position:
-            self.registry.learn_map(vehicle, view.state.mobile_robot_position.map_id)
+            vehicle = self.registry.learn_map(vehicle, view.state.mobile_robot_position.map_id)
+        if view.factsheet:
+            self.registry.learn_frame(vehicle, transforms_itself=transforms_itself(view.factsheet))
         self._ask_for_state(view)
         self.steps.vehicle_changed(vehicle.name)
         if self._missions.order_number(robot) is None:

@@ -7,7 +7,7 @@ from datetime import datetime
 from nena_order_service.fleet import NotLocatedError, RobotView, locate
 from nena_order_service.kernel.vehicles import FleetVehicle
 from nena_shared.fleet_api.vehicle import PrecisePosition, ProcessingState, VehicleStatus
-from nena_shared.plant import PlantModel, Pose
+from nena_shared.plant import MapPose, PlantModel
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.state import State
 
@@ -53,9 +53,10 @@ def _current_position(vehicle: FleetVehicle, state: State, plant: PlantModel) ->
 
 def _precise_position(vehicle: FleetVehicle, state: State) -> PrecisePosition | None:
     position = state.mobile_robot_position
-    if position is None or not position.localized:
+    profile = vehicle.profile
+    if position is None or not position.localized or not profile.knows_frame(position.map_id):
         return None
-    pose = vehicle.profile.transform.pose_to_plant(Pose(position.x, position.y, position.theta))
+    pose = profile.on(position.map_id).pose_to_plant(MapPose(position.x, position.y, position.theta))
     return PrecisePosition(x=pose.x_m, y=pose.y_m, theta=pose.heading_rad, map_id=position.map_id)
 
 

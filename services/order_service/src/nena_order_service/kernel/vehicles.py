@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from nena_order_service.fleet import RobotProfile
 from nena_shared.plant import PlantModel, Vehicle
+from nena_shared.plant.map_transforms import map_transforms
 from nena_shared.vda5050.topics import RobotKey
 
 
@@ -35,8 +36,9 @@ class VehicleRegistry:
         self._adopt_unknown = adopt_unknown
         self._by_name: dict[str, FleetVehicle] = {}
         self._by_key: dict[RobotKey, FleetVehicle] = {}
+        self._transforms = map_transforms(plant)
         for vehicle in plant.vehicles:
-            self._add(_of_plant(vehicle, default_map_id))
+            self._add(self._of_plant(vehicle))
 
     def __iter__(self) -> Iterator[FleetVehicle]:
         """Yield all vehicles, those of the plant model first."""
@@ -60,13 +62,24 @@ class VehicleRegistry:
         if known:
             return known
         obstacle = "" if self._adopt_unknown else "is not in the plant model"
-        profile = RobotProfile(map_id=self._default_map_id)
+        profile = RobotProfile(map_id=self._default_map_id, transforms=self._transforms)
         return self._add(FleetVehicle(self._free_name(key), key, profile, None, obstacle))
 
-    def learn_map(self, vehicle: FleetVehicle, map_id: str) -> None:
+    def learn_map(self, vehicle: FleetVehicle, map_id: str) -> FleetVehicle:
         """Let a vehicle whose map nobody has named be on the one that the robot reports."""
-        if not vehicle.profile.map_id:
-            self._add(replace(vehicle, profile=replace(vehicle.profile, map_id=map_id)))
+        if vehicle.profile.map_id:
+            return vehicle
+        return self._add(replace(vehicle, profile=replace(vehicle.profile, map_id=map_id)))
+
+    def learn_frame(self, vehicle: FleetVehicle, *, transforms_itself: bool) -> None:
+        """Let a robot say by its factsheet whether it speaks in the plant's frame."""
+        if vehicle.profile.transforms_itself is not transforms_itself:
+            self._add(replace(vehicle, profile=replace(vehicle.profile, transforms_itself=transforms_itself)))
+
+    def _of_plant(self, vehicle: Vehicle) -> FleetVehicle:
+        key = RobotKey(vehicle.manufacturer or DEFAULT_MANUFACTURER, vehicle.serial_number or vehicle.name)
+        profile = RobotProfile.of(vehicle, default_map_id=self._default_map_id, transforms=self._transforms)
+        return FleetVehicle(vehicle.name, key, profile, vehicle)
 
     def _add(self, vehicle: FleetVehicle) -> FleetVehicle:
         self._by_name[vehicle.name] = vehicle
@@ -79,8 +92,3 @@ class VehicleRegistry:
 
 
 DEFAULT_MANUFACTURER = "NeNa"
-
-
-def _of_plant(vehicle: Vehicle, default_map_id: str) -> FleetVehicle:
-    key = RobotKey(vehicle.manufacturer or DEFAULT_MANUFACTURER, vehicle.serial_number or vehicle.name)
-    return FleetVehicle(vehicle.name, key, RobotProfile.of(vehicle, default_map_id=default_map_id), vehicle)

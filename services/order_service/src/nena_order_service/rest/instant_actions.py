@@ -5,7 +5,7 @@ from __future__ import annotations
 from nena_order_service.fleet import InstantActionEnded
 from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.rest.bodies import InitialPose, InstantActionAnswer, InstantActionRequest
-from nena_shared.plant import Pose
+from nena_shared.plant import PlantPose
 from nena_shared.vda5050.action import Action, ActionParameter
 
 TYPES = {"pause": "startPause", "resume": "stopPause"}
@@ -25,12 +25,12 @@ def parameters_of(
 
 
 def _pose(pose: InitialPose, requests: HostRequests, vehicle: str) -> tuple[ActionParameter, ...]:
-    robot = requests.robot_pose(vehicle, Pose(pose.x, pose.y, pose.theta))
+    robot = requests.robot_pose(vehicle, PlantPose(pose.x, pose.y, pose.theta), pose.map_id)
     return (
         ActionParameter(key="x", value=robot.pose.x_m),
         ActionParameter(key="y", value=robot.pose.y_m),
         ActionParameter(key="theta", value=robot.pose.heading_rad),
-        ActionParameter(key="mapId", value=pose.map_id or robot.map_id),
+        ActionParameter(key="mapId", value=robot.map_id),
         ActionParameter(key="lastNodeId", value=robot.point),
     )
 

@@ -1,0 +1,70 @@
+"""The port of drivers whose robot has a map of its own: everything is in the frame of that map.
+
+The types differ from those of the plant's frame (:mod:`nena_edge_agent.driver.port`) although they hold the
+same numbers, so that neither can be taken for the other. Only :mod:`nena_edge_agent.driver.plant_frame` leads
+from one to the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from nena_edge_agent.driver.port import FramelessEvent, GoalAt, Mover, OwnGoalsAt, PoseReportAt
+
+
+@dataclass(frozen=True, slots=True)
+class MapPose:
+    """A place and heading: m and rad in the frame of the robot's own map ``map_id``."""
+
+    x: float
+    y: float
+    theta: float
+    map_id: str
+
+
+class MapGoal(GoalAt[MapPose]):
+    """Where to drive next, on the robot's map; the deviation is in metres of it."""
+
+    __slots__ = ()
+
+
+class MapPoseReport(PoseReportAt[MapPose]):
+    """Where the robot is on its map."""
+
+    __slots__ = ()
+
+
+class MapOwnGoals(OwnGoalsAt[MapPose]):
+    """Goals of an earlier run, on the robot's map."""
+
+    __slots__ = ()
+
+
+@dataclass(frozen=True, slots=True)
+class MapPlanReport:
+    """The way that navigation means to drive: m of the map ``map_id``, two points or more."""
+
+    points: tuple[tuple[float, float], ...]
+    map_id: str
+
+
+MapDriverEvent = FramelessEvent | MapPoseReport | MapPlanReport
+MapEmit = Callable[[MapDriverEvent], None]
+
+
+class MapDriver(Mover, Protocol):
+    """What moves a robot on its own map; all else as in :class:`nena_edge_agent.driver.port.Driver`."""
+
+    def reclaim(self, goals: MapOwnGoals) -> None:
+        """Take ``goals`` for this robot's own, should navigation still drive to them."""
+        ...
+
+    def go_to(self, goal: MapGoal) -> None:
+        """Drive to ``goal``; a goal still driven is replaced without a stop and without an event."""
+        ...
+
+    def initialize_position(self, pose: MapPose) -> None:
+        """Tell the localisation where the robot is."""
+        ...

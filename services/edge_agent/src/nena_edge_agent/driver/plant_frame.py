@@ -1,0 +1,103 @@
+"""Puts a driver that works on the robot's own map into the plant's frame: the one place where that is done.
+
+The core, and with it all that goes over MQTT, knows the plant's frame only; the driver behind knows its map
+only. Speeds are the robot's own, in metres of the world, and are the same in both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Self
+
+from nena_edge_agent.driver.map_port import (
+    MapDriver,
+    MapDriverEvent,
+    MapEmit,
+    MapGoal,
+    MapOwnGoals,
+    MapPlanReport,
+    MapPose,
+    MapPoseReport,
+)
+from nena_edge_agent.driver.port import DriveGoal, DriverEvent, Emit, OwnGoals, PlanReport, Pose, PoseReport
+from nena_shared.plant import transform
+from nena_shared.plant.map_transforms import parse_transform
+from nena_shared.plant.transform import MapTransform
+
+SAME = MapTransform()
+"""Plant and map have the same frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlantFrame:
+    """How the plant lies on each of the robot's maps, by their ids; on others both are the same."""
+
+    transforms: Mapping[str, MapTransform]
+
+    @classmethod
+    def of(cls, texts: Mapping[str, str]) -> Self:
+        """Read transforms as the settings have them; raises ValueError."""
+        return cls({map_id: parse_transform(text) for map_id, text in texts.items()})
+
+    def on(self, map_id: str) -> MapTransform:
+        """Give how the plant lies on a map."""
+        return self.transforms.get(map_id, SAME)
+
+    def to_map(self, pose: Pose) -> MapPose:
+        """Give a pose of the plant as the robot's map has it."""
+        found = self.on(pose.map_id).pose_to_map(transform.PlantPose(pose.x, pose.y, pose.theta))
+        return MapPose(found.x_m, found.y_m, found.heading_rad, pose.map_id)
+
+    def to_plant(self, pose: MapPose) -> Pose:
+        """Give a pose of the robot's map as the plant has it."""
+        found = self.on(pose.map_id).pose_to_plant(transform.MapPose(pose.x, pose.y, pose.theta))
+        return Pose(found.x_m, found.y_m, found.heading_rad, pose.map_id)
+
+    def goal(self, goal: DriveGoal) -> MapGoal:
+        """Give a goal as the robot's map has it."""
+        return MapGoal(
+            goal.generation,
+            self.to_map(goal.pose),
+            deviation_xy=self.on(goal.pose.map_id).length_to_map(goal.deviation_xy),
+            deviation_theta=goal.deviation_theta,
+            maximum_speed=goal.maximum_speed,
+        )
+
+    def event(self, event: MapDriverEvent) -> DriverEvent:
+        """Give what a driver tells as the plant has it."""
+        match event:
+            case MapPoseReport(pose):
+                rest = (event.localized, event.vx, event.omega, event.problem)
+                return PoseReport(self.to_plant(pose), *rest)
+            case MapPlanReport(points, map_id):
+                to_plant = self.on(map_id).to_plant
+                places = (to_plant(transform.MapPlace(x, y)) for x, y in points)
+                return PlanReport(tuple((place.x_m, place.y_m) for place in places))
+            case _:
+                return event
+
+
+class PlantFrameDriver:
+    """A driver in the plant's frame, made of one on the robot's map."""
+
+    def __init__(self, make: Callable[[MapEmit], MapDriver], frame: PlantFrame, emit: Emit) -> None:
+        """Make the driver behind; ``emit`` is told its events in the plant's frame."""
+        self._frame = frame
+        self._driver = make(lambda event: emit(frame.event(event)))
+        self.start = self._driver.start
+        self.stop = self._driver.stop
+        self.halt = self._driver.halt
+        self.limit_speed = self._driver.limit_speed
+
+    def reclaim(self, goals: OwnGoals) -> None:
+        """Hand on goals of an earlier run."""
+        self._driver.reclaim(MapOwnGoals(goals.goal_ids, self._frame.to_map(goals.pose)))
+
+    def go_to(self, goal: DriveGoal) -> None:
+        """Hand on a goal."""
+        self._driver.go_to(self._frame.goal(goal))
+
+    def initialize_position(self, pose: Pose) -> None:
+        """Hand on where the robot is."""
+        self._driver.initialize_position(self._frame.to_map(pose))

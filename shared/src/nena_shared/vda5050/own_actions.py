@@ -1,0 +1,26 @@
+"""Action types of NeNa's own; a robot that has them lists them in its factsheet."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from nena_shared.vda5050.factsheet import Factsheet
+
+START_ROS_SESSION: Final = "nena:startRosSession"
+STOP_ROS_SESSION: Final = "nena:stopRosSession"
+CONFIGURE_ROS_SESSION: Final = "nena:configureRosSession"
+
+SHOW_MAP_TRANSFORMS: Final = "nena:showMapTransforms"
+"""Tells how the plant lies on the robot's maps.
+
+A robot that lists it speaks in the plant's frame and transforms poses itself; so fleet control must not.
+"""
+
+ROS_SESSION: Final = "rosSession"
+"""Type of the information by which a state tells of the robot's ROS session."""
+
+
+def transforms_itself(factsheet: Factsheet) -> bool:
+    """Tell whether the robot turns the plant's coordinates into those of its map and back."""
+    actions = factsheet.protocol_features.mobile_robot_actions
+    return any(each.action_type == SHOW_MAP_TRANSFORMS for each in actions)
