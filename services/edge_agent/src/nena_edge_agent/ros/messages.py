@@ -10,7 +10,7 @@ import math
 from typing import Any, SupportsFloat
 
 from action_msgs.srv import CancelGoal
-from geometry_msgs.msg import MapPose as PoseMessage
+from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 
 from nena_edge_agent.driver.map_port import MapPose
