@@ -1,17 +1,47 @@
+"""Stores: a file of SQLite, and a real PostgreSQL."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from sqlalchemy import text
 
 from nena_order_service.store.database import open_database
+from nena_order_service.store.engine import make_engine
 from nena_order_service.store.store import Store
+from support.postgres import Postgres
+
+
+@pytest.fixture(scope="session")
+def server() -> Iterator[Postgres]:
+    made = Postgres()
+    yield made
+    made.close()
 
 
 @pytest.fixture
-def url(tmp_path: Path) -> str:
+def postgres(server: Postgres) -> Postgres:
+    """Give an empty PostgreSQL."""
+    engine = make_engine(server.url, pooled=False)
+    with engine.begin() as connection:
+        connection.execute(text("DROP SCHEMA public CASCADE"))
+        connection.execute(text("CREATE SCHEMA public"))
+    return server
+
+
+@pytest.fixture
+def sqlite_url(tmp_path: Path) -> str:
     return f"sqlite:///{tmp_path}/orders.db"
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def url(request: pytest.FixtureRequest) -> str:
+    if request.param == "sqlite":
+        return str(request.getfixturevalue("sqlite_url"))
+    server: Postgres = request.getfixturevalue("postgres")
+    return server.url
 
 
 @pytest.fixture

@@ -4,17 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from nena_order_service.store.database import StoreError
+from nena_order_service.store.errors import StoreError
 from nena_order_service.store.instance_lock import InstanceLock
 
 
-def test_second_owner_is_refused_until_the_first_lets_go(url: str) -> None:
-    first = InstanceLock.take(url)
+def test_second_owner_is_refused_until_the_first_lets_go(sqlite_url: str) -> None:
+    first = InstanceLock.take(sqlite_url)
     assert first is not None
     with pytest.raises(StoreError, match="another order service"):
-        InstanceLock.take(url)
+        InstanceLock.take(sqlite_url)
     first.release()
-    second = InstanceLock.take(url)
+    second = InstanceLock.take(sqlite_url)
     assert second is not None
     second.release()
 

@@ -10,6 +10,7 @@ import pytest
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import store as store_module
 from nena_order_service.store.changes import Changes
+from nena_order_service.store.database import open_database
 from nena_order_service.store.store import Store
 from support.order_service import NOW, dispatchable_order
 from support.waiting import until
@@ -84,12 +85,10 @@ async def test_listener_that_fails_keeps_no_other_from_being_told(make_store: Ca
             await told.wait()
 
 
-async def test_locked_database_is_waited_for(
-    make_store: Callable[[], Store], url: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_locked_database_is_waited_for(sqlite_url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(store_module, "RETRY_PAUSE", 0.01)
-    store = make_store()
-    blocker = sqlite3.connect(url.removeprefix("sqlite:///"), isolation_level=None)
+    store = Store(open_database(sqlite_url))
+    blocker = sqlite3.connect(sqlite_url.removeprefix("sqlite:///"), isolation_level=None)
     blocker.execute("BEGIN IMMEDIATE")
     async with running(store):
         told = asyncio.Event()
@@ -104,6 +103,7 @@ async def test_locked_database_is_waited_for(
             await told.wait()
         await until(lambda: store.ready)
         assert await store.order(name="T-1") == dispatchable_order()
+    store.close()
 
 
 async def test_drain_tells_when_the_store_takes_nothing(make_store: Callable[[], Store]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from nena_order_service.orders.transport_order import TransportOrder
 
@@ -14,6 +14,8 @@ class OrderChange:
     order: TransportOrder
     new: bool
     unchanged_history: int
+    change_number: int = 0
+    """Counts the changes of all orders; the store gives it."""
 
 
 @dataclass(slots=True)
@@ -24,9 +26,13 @@ class Changes:
     """By the orders' numbers."""
     missions: dict[int, str | None] = field(default_factory=dict)
     """Mission documents by the orders' numbers; None: it is at its end."""
+    vehicles: dict[str, str] = field(default_factory=dict)
+    """Documents of vehicles by their robots' keys."""
+    path_locks: dict[str, bool] = field(default_factory=dict)
+    """Whether a path is locked, by its name."""
 
     def __bool__(self) -> bool:
-        return bool(self.orders or self.missions)
+        return bool(self.orders or self.missions or self.vehicles or self.path_locks)
 
     def put_order(self, order: TransportOrder, before: TransportOrder | None) -> None:
         """Add an order's new version; ``before`` is the last one, None for an order that is new."""
@@ -42,15 +48,28 @@ class Changes:
         """Add what is sent for an order, or None where nothing is any more."""
         self.missions[order_number] = document
 
+    def put_vehicle(self, robot: str, document: str) -> None:
+        """Add what is known of a vehicle."""
+        self.vehicles[robot] = document
+
     def merge(self, later: Changes) -> None:
         """Take in changes that were made after these."""
         for number, change in later.orders.items():
             earlier = self.orders.get(number)
             if earlier:
                 unchanged = min(earlier.unchanged_history, change.unchanged_history)
-                change = OrderChange(change.order, earlier.new, unchanged)  # noqa: PLW2901 - merged
+                change = replace(change, new=earlier.new, unchanged_history=unchanged)  # noqa: PLW2901 - merged
             self.orders[number] = change
         self.missions.update(later.missions)
+        self.vehicles.update(later.vehicles)
+        self.path_locks.update(later.path_locks)
+
+    def numbered(self, last: int) -> int:
+        """Give each order's change a number, from the one behind ``last`` on; gives the last one then."""
+        for number, change in self.orders.items():
+            last += 1
+            self.orders[number] = replace(change, change_number=last)
+        return last
 
 
 def _equal_entries(order: TransportOrder, before: TransportOrder) -> int:

@@ -3,34 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from pydantic import ValidationError
-from sqlalchemy import Connection, Engine, create_engine, delete, event, func, insert, select, update
-from sqlalchemy.engine import Row, make_url
-from sqlalchemy.engine.interfaces import DBAPIConnection
-from sqlalchemy.exc import ArgumentError, SQLAlchemyError
-from sqlalchemy.pool import ConnectionPoolEntry
+from sqlalchemy import Connection, Engine, func, select
+from sqlalchemy.engine import Row
+from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import schema
 from nena_order_service.store.changes import Changes, OrderChange
+from nena_order_service.store.engine import make_engine, reason_of, unusable
+from nena_order_service.store.errors import StoreError
+from nena_order_service.store.leadership import Fence
+from nena_order_service.store.migration import migrate
+from nena_order_service.store.statements import DatabaseRow, Statements, execute, statements
+from nena_order_service.store.vehicles import read_vehicles, write_vehicles
 from nena_shared.fleet_api.transport_order import (
     HistoryEntry,
     TransportOrderState,
     TransportOrderStatus,
 )
-from nena_shared.program import StartError
 
 NUMBERS_PER_QUERY = 500
 """Databases bound the parameters of a statement."""
 
 FINAL_STATES = tuple(state.value for state in TransportOrderState if state.final)
-
-
-class StoreError(StartError):
-    """The store cannot be used; the text says why, and what to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,89 +51,80 @@ class Unfinished:
     """Mission documents by the orders' numbers."""
     last_number: int
     """The greatest number that an order has; 0 for none."""
+    vehicles: dict[str, str] = field(default_factory=dict)
+    """Documents of vehicles by their robots' keys."""
+    last_change: int = 0
+    """The number of the last change of any order; 0 for none."""
+    path_locks: dict[str, bool] = field(default_factory=dict)
+    """Whether hosts have locked or unlocked a path, by its name."""
 
 
 def open_database(url: str) -> Engine:
-    """Open the database and make its tables where there are none.
+    """Open the database and bring its tables to what this program needs.
 
     Raises:
-        StoreError: there is no such database, it cannot be written, or its tables are of another version.
+        StoreError: there is no such database, it cannot be written, or its tables are of another release.
 
     """
+    engine = make_engine(url)
     try:
-        engine = create_engine(make_url(url))
-        if engine.dialect.name == "sqlite":
-            event.listen(engine, "connect", _make_sqlite_durable)
-        with engine.begin() as connection:
-            _prepare(connection)
-    except (ArgumentError, ImportError, SQLAlchemyError) as error:
-        # The URL may hold a password, so it is not repeated.
-        reason = str(getattr(error, "orig", None) or error)
-        message = f"store.url cannot be used: {reason}. Name a file that can be written: sqlite:///orders.db"
-        raise StoreError(message) from error
+        migrate(engine)
+    except SQLAlchemyError as error:
+        engine.dispose()
+        raise unusable(reason_of(error) if isinstance(error, DBAPIError) else str(error)) from error
     return engine
 
 
-def _make_sqlite_durable(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> None:
-    cursor = connection.cursor()
-    for setting in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=5000"):
-        cursor.execute(f"PRAGMA {setting}")
-    cursor.close()
+def write(engine: Engine, changes: Changes, fence: Fence | None = None) -> None:
+    """Commit all changes together; with a fence each commit is made once, however often it is tried.
 
+    Raises:
+        FencedError: another order service has taken the store over.
 
-def _prepare(connection: Connection) -> None:
-    schema.metadata.create_all(connection)
-    version = connection.execute(select(schema.schema_version.c.version)).scalar()
-    if version is None:
-        connection.execute(insert(schema.schema_version).values(version=schema.SCHEMA_VERSION))
-    elif version != schema.SCHEMA_VERSION:
-        message = (
-            f"the store has tables of version {version}, this program needs {schema.SCHEMA_VERSION}: "
-            "use the release that made the store, or another store.url"
-        )
-        raise StoreError(message)
-
-
-def write(engine: Engine, changes: Changes) -> None:
-    """Commit all changes together."""
+    """
+    texts = statements(engine)
     with engine.begin() as connection:
-        _write_orders(connection, changes.orders.values())
-        _write_missions(connection, changes.missions)
+        if fence is None or fence.lets_pass(connection):
+            _write_orders(connection, texts, changes.orders.values())
+            _write_missions(connection, texts, changes.missions)
+            write_vehicles(connection, texts, changes.vehicles)
+            locks: list[DatabaseRow] = [
+                {"path": path, "locked": locked} for path, locked in changes.path_locks.items()
+            ]
+            execute(connection, texts.put_path_lock, locks)
+    if fence:
+        fence.passed()
 
 
-def _write_orders(connection: Connection, changes: Iterable[OrderChange]) -> None:
-    orders, history = schema.transport_orders, schema.history
-    new = [_order_row(change.order) for change in changes if change.new]
-    if new:
-        connection.execute(insert(orders), new)
-    entries = []
+def _write_orders(connection: Connection, texts: Statements, changes: Iterable[OrderChange]) -> None:
+    new: list[DatabaseRow] = []
+    changed: list[DatabaseRow] = []
+    replaced: list[DatabaseRow] = []
+    entries: list[DatabaseRow] = []
     for change in changes:
-        number = change.order.number
+        (new if change.new else changed).append(_order_row(change))
         if not change.new:
-            row = _order_row(change.order)
-            connection.execute(update(orders).where(orders.c.number == number).values(row))
-            replaced = history.c.entry >= change.unchanged_history
-            connection.execute(delete(history).where(history.c.order_number == number, replaced))
+            replaced.append({"order_number": change.order.number, "entry": change.unchanged_history})
         entries.extend(_history_rows(change))
-    if entries:
-        connection.execute(insert(history), entries)
+    execute(connection, texts.insert_order, new)
+    execute(connection, texts.update_order, changed)
+    execute(connection, texts.forget_history, replaced)
+    execute(connection, texts.insert_history, entries)
 
 
-def _write_missions(connection: Connection, documents: dict[int, str | None]) -> None:
-    if not documents:
-        return
-    missions = schema.missions
-    connection.execute(delete(missions).where(missions.c.order_number.in_(documents)))
-    rows = [
+def _write_missions(connection: Connection, texts: Statements, documents: dict[int, str | None]) -> None:
+    rows: list[DatabaseRow] = [
         {"order_number": number, "document": document}
         for number, document in documents.items()
         if document is not None
     ]
-    if rows:
-        connection.execute(insert(missions), rows)
+    execute(connection, texts.put_mission, rows)
+    ended: list[DatabaseRow] = [{"order_number": n} for n, document in documents.items() if document is None]
+    execute(connection, texts.forget_mission, ended)
 
 
-def _order_row(order: TransportOrder) -> dict[str, object]:
+def _order_row(change: OrderChange) -> DatabaseRow:
+    order = change.order
     return {
         "number": order.number,
         "name": order.name,
@@ -142,10 +132,11 @@ def _order_row(order: TransportOrder) -> dict[str, object]:
         "state": order.state.value,
         "intended_vehicle": order.status.intended_vehicle,
         "document": order.status.model_dump_json(by_alias=True, exclude={"history"}),
+        "change_number": change.change_number,
     }
 
 
-def _history_rows(change: OrderChange) -> list[dict[str, object]]:
+def _history_rows(change: OrderChange) -> list[DatabaseRow]:
     entries = change.order.status.history
     return [
         {
@@ -180,8 +171,10 @@ def _read_unfinished(engine: Engine) -> Unfinished:
         query = select(orders).where(orders.c.state.not_in(FINAL_STATES)).order_by(orders.c.number)
         found = _read_orders(connection, connection.execute(query).all())
         documents = {row.order_number: row.document for row in connection.execute(select(missions))}
+        locks = {row.path: row.locked for row in connection.execute(select(schema.path_locks))}
         last = connection.execute(select(func.max(orders.c.number))).scalar() or 0
-    return Unfinished(found, documents, last)
+        last_change = connection.execute(select(func.max(orders.c.change_number))).scalar() or 0
+        return Unfinished(found, documents, last, read_vehicles(connection), last_change, locks)
 
 
 def read_order(
@@ -210,6 +203,19 @@ def read_orders(engine: Engine, wanted: OrderFilter) -> tuple[TransportOrder, ..
         query = query.where(orders.c.number < wanted.before)
     with engine.connect() as connection:
         return _read_orders(connection, connection.execute(query).all())
+
+
+def read_changes(engine: Engine, after: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:
+    """Read each order that has changed since change number ``after``, with the number of its last change.
+
+    The change that is longest ago comes first. An order that has changed several times comes once, as it is.
+    """
+    orders = schema.transport_orders
+    query = select(orders).where(orders.c.change_number > after).order_by(orders.c.change_number).limit(limit)
+    with engine.connect() as connection:
+        rows = connection.execute(query).all()
+        found = _read_orders(connection, rows)
+    return tuple((row.change_number, order) for row, order in zip(rows, found, strict=True))
 
 
 def _read_orders(connection: Connection, rows: Sequence[Row[Any]]) -> tuple[TransportOrder, ...]:

@@ -6,10 +6,8 @@ import fcntl
 from pathlib import Path
 from typing import Self
 
-from sqlalchemy.engine import make_url
-from sqlalchemy.exc import ArgumentError
-
-from nena_order_service.store.database import StoreError
+from nena_order_service.store.engine import parse_url
+from nena_order_service.store.errors import StoreError
 
 
 class InstanceLock:
@@ -31,11 +29,7 @@ class InstanceLock:
             StoreError: another process has it, the lock file cannot be made, or the URL names no file.
 
         """
-        try:
-            parsed = make_url(url)
-        except ArgumentError as error:
-            message = f"store.url is no database URL: {error}. Name a file: sqlite:///orders.db"
-            raise StoreError(message) from error
+        parsed = parse_url(url)
         if parsed.get_backend_name() != "sqlite":
             return None
         if parsed.database in (None, "", ":memory:"):

@@ -1,15 +1,21 @@
-"""Tables of the store, in SQL that SQLite and PostgreSQL both speak."""
+"""Tables of the store, in SQL that SQLite and PostgreSQL both speak; ``migrations`` makes them."""
 
 from __future__ import annotations
 
-from sqlalchemy import BigInteger, Column, ForeignKey, Index, Integer, MetaData, String, Table, Text
-
-SCHEMA_VERSION = 1
-"""One more with each change of the tables; a store of another version is refused."""
+from sqlalchemy import (
+    BigInteger,
+    Boolean,
+    Column,
+    ForeignKey,
+    Index,
+    Integer,
+    MetaData,
+    String,
+    Table,
+    Text,
+)
 
 metadata = MetaData()
-
-schema_version = Table("schema_version", metadata, Column("version", Integer, primary_key=True))
 
 transport_orders = Table(
     "transport_orders",
@@ -20,10 +26,13 @@ transport_orders = Table(
     Column("state", String(20), nullable=False),
     Column("intended_vehicle", String(200)),
     Column("document", Text, nullable=False),
+    Column("change_number", BigInteger, nullable=False, server_default="0"),
     Index("transport_orders_by_state", "state", "number"),
     Index("transport_orders_by_vehicle", "intended_vehicle", "number"),
+    Index("transport_orders_by_change", "change_number"),
 )
-"""``document`` is the order as JSON, without its history."""
+"""``document`` is the order as JSON, without its history; ``change_number`` counts the changes of all orders
+and is that of this order's last one: who followed the orders up to some number has missed those above it."""
 
 history = Table(
     "history",
@@ -40,3 +49,32 @@ missions = Table(
     Column("document", Text, nullable=False),
 )
 """What was last sent to a robot for each order that is not at its end."""
+
+vehicles = Table(
+    "vehicles",
+    metadata,
+    Column("robot", String(400), primary_key=True),
+    Column("document", Text, nullable=False),
+)
+"""Where each robot was at last, and what it does without an order."""
+
+path_locks = Table(
+    "path_locks",
+    metadata,
+    Column("path", Text, primary_key=True),
+    Column("locked", Boolean, nullable=False),
+)
+"""Paths that hosts have locked or unlocked; it counts more than the plant model."""
+
+leadership = Table(
+    "leadership",
+    metadata,
+    Column("id", Integer, primary_key=True, autoincrement=False),
+    Column("epoch", BigInteger, nullable=False),
+    Column("commits", BigInteger, nullable=False),
+    Column("url", Text, nullable=False),
+)
+"""One row. ``epoch`` counts the takings-over of a store that several order services share, ``commits`` the
+commits of the one that is active, ``url`` is where hosts find it."""
+
+LEADERSHIP_ID = 1

@@ -8,13 +8,16 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
 from sqlalchemy import Engine
-from sqlalchemy.exc import InterfaceError, OperationalError
 
+from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import database
+from nena_order_service.store.change_numbers import ChangeNumbers
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import OrderFilter, Unfinished
+from nena_order_service.store.engine import PASSING, reason_of
 from nena_order_service.store.instance_lock import InstanceLock
+from nena_order_service.store.leadership import Fence
 from nena_shared.log import get_logger
 
 log = get_logger(__name__)
@@ -35,9 +38,20 @@ class Store:
     the changes is told to anybody. Every method is for the event loop's thread.
     """
 
-    def __init__(self, engine: Engine, lock: InstanceLock | None = None) -> None:
+    def __init__(
+        self, engine: Engine, lock: InstanceLock | None = None, *, fence: Fence | None = None
+    ) -> None:
+        """Use an open database.
+
+        Args:
+            engine: the database.
+            lock: what keeps others from a file; let go of by :meth:`close`.
+            fence: what keeps this program from writing to a store that another one has taken over.
+
+        """
         self._engine = engine
         self._lock = lock
+        self._fence = fence
         self._writer = ThreadPoolExecutor(1, thread_name_prefix="store writer")
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="store reader")
         self._changes = Changes()
@@ -46,12 +60,21 @@ class Store:
         self._writing = False
         self.problem = ""
         """Why the last try to write failed; empty when it did not."""
+        self.lead_problem = ""
+        """Why it is not sure that this program may write to a shared store; empty when it is."""
         self.commits = 0
+        self.numbers = ChangeNumbers()
+
+    @property
+    def why_not_ready(self) -> str:
+        """Why new orders may not be taken; empty when they may."""
+        full = "too much waits to be written" if len(self._then) >= WAITING_LIMIT else ""
+        return self.problem or self.lead_problem or full
 
     @property
     def ready(self) -> bool:
         """Whether new orders may be taken."""
-        return not self.problem and len(self._then) < WAITING_LIMIT
+        return not self.why_not_ready
 
     def commit(self, changes: Changes, then: Callable[[], None]) -> None:
         """Call ``then`` once ``changes`` and all that came before them are committed.
@@ -61,6 +84,7 @@ class Store:
         if not changes and not self._writing and not self._then:
             then()
             return
+        self.numbers.give(changes)
         self._changes.merge(changes)
         self._then.append(then)
         self._wake.set()
@@ -70,6 +94,7 @@ class Store:
 
         Raises:
             SQLAlchemyError: the database refuses the changes as such; going on would lose them.
+            FencedError: another order service has taken the store over.
 
         """
         while True:
@@ -97,7 +122,9 @@ class Store:
 
     async def unfinished(self) -> Unfinished:
         """Read all that a restart takes up."""
-        return await self._read(lambda: database.read_unfinished(self._engine))
+        found = await self._read(lambda: database.read_unfinished(self._engine))
+        self.numbers.last = found.last_change
+        return found
 
     async def order(
         self, *, name: str | None = None, idempotency_key: str | None = None
@@ -111,8 +138,15 @@ class Store:
         """Read a page of orders, newest first."""
         return await self._read(lambda: database.read_orders(self._engine, wanted))
 
+    async def changes_after(self, number: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:
+        """Read the orders that have changed since this change, each with the number of its last one."""
+        return await self._read(lambda: database.read_changes(self._engine, number, limit))
+
     async def _read(self, work: Callable[[], T]) -> T:
-        return await asyncio.get_running_loop().run_in_executor(self._reader, work)
+        try:
+            return await asyncio.get_running_loop().run_in_executor(self._reader, _twice(work))
+        except PASSING as error:
+            raise StoreNotReadyError(reason_of(error)) from error
 
     async def _write_waiting(self) -> None:
         changes, then = self._changes, self._then
@@ -131,9 +165,9 @@ class Store:
         loop = asyncio.get_running_loop()
         while True:
             try:
-                await loop.run_in_executor(self._writer, database.write, self._engine, changes)
-            except (OperationalError, InterfaceError) as error:
-                self._set_problem(str(error.orig))
+                await loop.run_in_executor(self._writer, database.write, self._engine, changes, self._fence)
+            except PASSING as error:
+                self._set_problem(reason_of(error))
                 await asyncio.sleep(RETRY_PAUSE)
             else:
                 self.commits += 1
@@ -153,3 +187,17 @@ class Store:
             then()
         except Exception:
             log.exception("a committed change was not told")
+
+
+def _twice(work: Callable[[], T]) -> Callable[[], T]:
+    """Let ``work`` be tried once more where the connection has ended since it was used last."""
+
+    def tried() -> T:
+        try:
+            return work()
+        except PASSING as error:
+            if not error.connection_invalidated:
+                raise
+        return work()
+
+    return tried

@@ -1,0 +1,19 @@
+"""Why a store cannot be used."""
+
+from __future__ import annotations
+
+from nena_shared.program import StartError
+
+
+class StoreError(StartError):
+    """The store cannot be used; the text says why, and what to do."""
+
+
+class FencedError(StoreError):
+    """Another order service has taken the store over; this one must not write any more."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "another order service is the active one on this store now, so this one has ended. "
+            "Start it again: it stands by then"
+        )

@@ -1,0 +1,162 @@
+"""Which of several order services that share one PostgreSQL is the active one.
+
+A lock of the database, held by a connection of its own, says who may be active: it is free the moment the
+connection ends, however that comes. That alone is no fence, for a program learns late that its connection
+has ended. So each takeover counts up an epoch in the store, and each commit of the active one begins with a
+look at it: whoever is not of this epoch commits nothing any more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sqlalchemy import Connection, Engine, bindparam, select, text, update
+from sqlalchemy.exc import DBAPIError
+
+from nena_order_service.store import schema
+from nena_order_service.store.engine import make_engine
+from nena_order_service.store.errors import FencedError
+
+LOCK_CLASS = 5_050_022
+"""Of advisory locks: the first of their two numbers; the second one stands for the schema."""
+
+HANG_SECONDS = 3
+"""A holder that says nothing for so long, because it or its network hangs, loses the lock."""
+
+_TAKE = text("SELECT pg_try_advisory_lock(:lock_class, hashtext(current_schema()))")
+_SETTINGS = (f"SET idle_session_timeout = '{HANG_SECONDS}s'", "SET statement_timeout = '2s'")
+
+_leadership = schema.leadership.c
+_ROW = _leadership.id == schema.LEADERSHIP_ID
+_TAKE_OVER = (
+    update(schema.leadership)
+    .where(_ROW)
+    .values(epoch=_leadership.epoch + 1, commits=0, url=bindparam("active_url"))
+    .returning(_leadership.epoch)
+)
+_PASS = (
+    update(schema.leadership)
+    .where(_ROW, _leadership.epoch == bindparam("own_epoch"))
+    .values(commits=bindparam("next_commit"))
+)
+
+
+class LeaderLock:
+    """The lock and its connection; every method blocks, and only one thread may use it at a time."""
+
+    def __init__(self, url: str) -> None:
+        """Prepare it; nothing is opened yet.
+
+        Raises:
+            StoreError: the URL names no PostgreSQL, or its driver is not installed.
+
+        """
+        self._engine = make_engine(url, pooled=False)
+        self._connection: Connection | None = None
+        self.fresh = False
+        """Whether the connection was made by the last try."""
+
+    def take(self) -> bool:
+        """Try to take the lock; tell whether this program has it.
+
+        Raises:
+            DBAPIError: the database does not answer.
+
+        """
+        try:
+            connection = self._connect()
+            taken: bool = connection.execute(_TAKE, {"lock_class": LOCK_CLASS}).scalar_one()
+        except DBAPIError:
+            self.release()
+            raise
+        return taken
+
+    def keep(self) -> bool:
+        """Tell whether the lock is still held, which also keeps it.
+
+        It is not when the connection has ended; :meth:`take` makes a new one then.
+        """
+        if self._connection is None:
+            return False
+        try:
+            self._connection.execute(text("SELECT 1"))
+        except DBAPIError:
+            self.release()
+            return False
+        return True
+
+    def active_url(self) -> str:
+        """Read where the active order service is found; empty where nobody has said it.
+
+        Raises:
+            DBAPIError: the database does not answer.
+
+        """
+        try:
+            connection = self._connect()
+            if connection.execute(text("SELECT to_regclass('leadership')")).scalar() is None:
+                return ""
+            return str(connection.execute(select(_leadership.url).where(_ROW)).scalar() or "")
+        except DBAPIError:
+            self.release()
+            raise
+
+    def release(self) -> None:
+        """Let go of the lock and its connection."""
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            connection.invalidate()  # closes it whatever state it is in
+            connection.close()
+
+    def _connect(self) -> Connection:
+        self.fresh = self._connection is None
+        if self._connection is None:
+            made = self._engine.connect().execution_options(isolation_level="AUTOCOMMIT")
+            for setting in _SETTINGS:
+                made.exec_driver_sql(setting)
+            self._connection = made
+        return self._connection
+
+
+@dataclass(slots=True)
+class Fence:
+    """Lets pass the commits of one epoch, each of them once; for the writer's thread alone."""
+
+    epoch: int
+    commits: int = 0
+
+    @classmethod
+    def raise_for(cls, engine: Engine, active_url: str) -> Fence:
+        """Take the store over: whoever wrote before commits nothing from now on.
+
+        Waits for a commit that is under way. Raises DBAPIError where the database does not answer.
+        """
+        with engine.begin() as connection:
+            return cls(connection.execute(_TAKE_OVER, {"active_url": active_url}).scalar_one())
+
+    def lets_pass(self, connection: Connection) -> bool:
+        """Look whether a commit may be made; False: it was made already, only the answer was lost.
+
+        To be asked first within the commit's transaction, which it keeps others from overtaking.
+
+        Raises:
+            FencedError: another order service has taken the store over.
+
+        """
+        row = connection.execute(select(schema.leadership).where(_ROW).with_for_update()).one()
+        if row.epoch != self.epoch:
+            raise FencedError
+        if row.commits > self.commits:
+            return False
+        connection.execute(_PASS, {"own_epoch": self.epoch, "next_commit": self.commits + 1})
+        return True
+
+    def passed(self) -> None:
+        """Note that the commit is made."""
+        self.commits += 1
+
+    def is_up(self, engine: Engine) -> bool:
+        """Tell whether this epoch is still the present one; DBAPIError where the database does not answer."""
+        with engine.connect() as connection:
+            present = connection.execute(select(_leadership.epoch).where(_ROW)).scalar_one()
+        return bool(present == self.epoch)

@@ -1,0 +1,51 @@
+"""Brings the tables of a store to what this program needs, whatever release has made them."""
+
+from __future__ import annotations
+
+from alembic import command
+from alembic.config import Config
+from alembic.util import CommandError
+from sqlalchemy import Connection, Engine, inspect, text
+
+from nena_order_service.store.errors import StoreError
+
+FIRST = "0001"
+"""The tables of stores that were made before there were migrations; they say version 1."""
+
+
+def migrate(engine: Engine) -> None:
+    """Make or change the tables in one transaction: all of it or nothing.
+
+    Raises:
+        StoreError: the tables are of a newer release.
+        SQLAlchemyError: the database takes no change.
+
+    """
+    with engine.begin() as connection:
+        config = Config()
+        config.set_main_option("script_location", "nena_order_service.store:migrations")
+        config.attributes["connection"] = connection
+        try:
+            if _is_from_before_migrations(connection):
+                command.stamp(config, FIRST)
+            command.upgrade(config, "head")
+        except CommandError as error:
+            message = (
+                f"the tables of the store are of another release ({error}): "
+                "use the release that made the store, or another store.url"
+            )
+            raise StoreError(message) from error
+
+
+def _is_from_before_migrations(connection: Connection) -> bool:
+    tables = inspect(connection).get_table_names()
+    if "alembic_version" in tables or "schema_version" not in tables:
+        return False
+    version = connection.execute(text("SELECT version FROM schema_version")).scalar()
+    if version == 1:
+        return True
+    message = (
+        f"the store has tables of version {version}, which no release has made: "
+        "go back to a copy of it, or name another store.url"
+    )
+    raise StoreError(message)

@@ -1,0 +1,1 @@
+"""Alembic: what brings the tables of a store from release to release."""

@@ -1,0 +1,15 @@
+"""Run by Alembic: brings the tables of the connection that it was given to the wanted revision."""
+
+from __future__ import annotations
+
+from alembic import context
+
+from nena_order_service.store import schema
+
+context.configure(
+    connection=context.config.attributes["connection"],
+    target_metadata=schema.metadata,
+    transactional_ddl=True,
+)
+with context.begin_transaction():
+    context.run_migrations()

@@ -1,0 +1,98 @@
+"""Stores of older releases are brought up to date with all that is in them."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.runtime.migration import MigrationContext
+from sqlalchemy import text
+from sqlalchemy.exc import SQLAlchemyError
+
+from nena_order_service.kernel.mission_record import MissionRecord
+from nena_order_service.store import schema
+from nena_order_service.store.database import (
+    OrderFilter,
+    open_database,
+    read_changes,
+    read_order,
+    read_orders,
+    read_unfinished,
+    write,
+)
+from nena_order_service.store.engine import make_engine
+from nena_order_service.store.errors import StoreError
+from nena_order_service.store.migration import migrate
+from support.order_service import dispatchable_order
+from support.stores import changes, first_store
+
+
+def test_new_tables_are_those_that_the_program_knows(url: str) -> None:
+    with open_database(url).connect() as connection:
+        context = MigrationContext.configure(connection, opts={"compare_type": True})
+        assert compare_metadata(context, schema.metadata) == []
+
+
+def test_store_of_the_first_release_keeps_all_that_is_in_it(sqlite_url: str) -> None:
+    first_store(sqlite_url)
+    engine = open_database(sqlite_url)
+    assert {order.name: order.state.value for order in read_orders(engine, OrderFilter())} == {
+        "done-1": "FINISHED",
+        "withdrawn-2": "FAILED",
+        "unroutable-3": "UNROUTABLE",
+        "running-4": "BEING_PROCESSED",
+        "waiting-5": "DISPATCHABLE",
+    }
+    found = read_unfinished(engine)
+    assert [order.name for order in found.orders] == ["running-4", "waiting-5"]
+    assert [MissionRecord.model_validate_json(text).mission.mission_id for text in found.missions.values()]
+    done = read_order(engine, idempotency_key="key-done-1")
+    assert done is not None
+    assert [entry.event_code for entry in done.status.history][-1] == "nena:finalStateReached"
+    assert (found.last_number, found.last_change) == (5, 5)
+    write(engine, changes((dispatchable_order(number=6), None)))
+    assert [number for number, _ in read_changes(engine, 3, 10)] == [4, 5]
+
+
+def test_migrating_again_changes_nothing(url: str) -> None:
+    engine = open_database(url)
+    order = dispatchable_order()
+    write(engine, changes((order, None)))
+    migrate(engine)
+    assert read_order(engine, name=order.name) == order
+
+
+def test_migration_that_fails_half_way_leaves_the_store_as_it_was(sqlite_url: str) -> None:
+    file = first_store(sqlite_url)
+    with sqlite3.connect(file) as store:
+        store.execute("CREATE TABLE leadership (other INTEGER)")
+        before = list(store.iterdump())
+    with pytest.raises(StoreError, match="leadership already exists"):
+        open_database(sqlite_url)
+    with sqlite3.connect(file) as store:
+        assert list(store.iterdump()) == before
+
+
+def test_store_of_a_newer_release_is_refused(url: str) -> None:
+    engine = open_database(url)
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+    with pytest.raises(StoreError, match=r"another release .*9999"):
+        open_database(url)
+
+
+def test_first_tables_of_an_unknown_version_are_refused(sqlite_url: str) -> None:
+    file = first_store(sqlite_url)
+    with sqlite3.connect(file) as store:
+        store.execute("UPDATE schema_version SET version = 99")
+    with pytest.raises(StoreError, match="version 99"):
+        open_database(sqlite_url)
+
+
+def test_database_that_takes_no_change_is_an_error_of_the_database(tmp_path: Path) -> None:
+    file = tmp_path / "orders.db"
+    file.touch()
+    with pytest.raises(SQLAlchemyError, match="readonly"):
+        migrate(make_engine(f"sqlite:///file:{file}?mode=ro&uri=true"))
