@@ -52,6 +52,24 @@ class SettingsGroup(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+class MqttTlsSettings(SettingsGroup):
+    """How the connection to the broker is protected."""
+
+    enabled: bool = Field(
+        default=False, description="Encrypt, and believe the broker by the system's certificates."
+    )
+    ca: Path | None = Field(
+        None, description="PEM file with the certificates of who may vouch for the broker; encrypts."
+    )
+    certificate: Path | None = Field(None, description="PEM file with our own certificate, where asked for.")
+    key: Path | None = Field(None, description="PEM file with the key of our own certificate.")
+
+    @property
+    def wanted(self) -> bool:
+        """Whether the connection is encrypted."""
+        return self.enabled or self.ca is not None or self.certificate is not None
+
+
 class MqttSettings(SettingsGroup):
     """Where the broker is, and how much may wait on the way to it."""
 
@@ -60,6 +78,7 @@ class MqttSettings(SettingsGroup):
     username: str | None = Field(None, description="User name for the broker; none: anonymous.")
     password: SecretStr | None = Field(None, description="Password for the broker. Better by environment.")
     password_file: Path | None = Field(None, description="File that holds the password for the broker.")
+    tls: MqttTlsSettings = Field(default_factory=MqttTlsSettings, description="Protection of the connection.")
     client_id: str | None = Field(None, description="MQTT client id; none: made from the program's role.")
     keep_alive: int = Field(15, ge=2, le=600, description="Seconds between signs of life to the broker.")
     reconnect_min: float = Field(

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from nena_cli.vda5050.recording import read_file
-from support.broker import Broker, MqttPeer
+from support.broker import Broker, MqttPeer, free_port
+from support.certificates import Authority
 from support.conversations import FOLDER, recorder
 from support.waiting import until
 
@@ -192,3 +193,23 @@ def test_what_cannot_be_done_is_one_clear_line_and_status_2(arguments: tuple[str
     assert done.returncode == 2
     assert said in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_recording_is_replayed_over_tls(tmp_path: Path) -> None:
+    authority, port = Authority(tmp_path), free_port()
+    server = authority.sign("broker")
+    door = f"listener {port} 127.0.0.1\ncertfile {server.certificate}\nkeyfile {server.key}\n"
+    broker = Broker(more=door)
+    address = f"mqtts://127.0.0.1:{port}"
+    try:
+        with MqttPeer(broker, "fleet/#") as peer:
+            ours = ("--ca", str(authority.ca))
+            done = nena(*ours, "replay", str(FILE), address, "--speed", "1000", "--messages", "2")
+            assert done.returncode == 0, done.stderr
+            assert len(peer.received()) == 2
+        unknown = nena("replay", str(FILE), address, "--messages", "2")
+    finally:
+        broker.close()
+
+    assert unknown.returncode == 2
+    assert "CERTIFICATE_VERIFY_FAILED" in unknown.stderr

@@ -16,7 +16,7 @@ from pydantic import SecretStr
 from nena_cli.vda5050.recording import Entry
 from nena_cli.vda5050.replay import FreshHeaders, is_kept, paced
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
-from nena_shared.settings import MqttSettings
+from nena_shared.settings import MqttSettings, MqttTlsSettings
 from nena_shared.tasks import Supervisor
 from nena_shared.vda5050.topics import Topic
 
@@ -40,14 +40,20 @@ class Place:
     topic_filters: tuple[str, ...]
 
 
+def is_broker(source: str) -> bool:
+    """Tell a broker's address from a file's name."""
+    return source.startswith(("mqtt://", "mqtts://"))
+
+
 def place(
     url: str,
     *,
     username: str | None = None,
     password_file: Path | None = None,
+    tls: MqttTlsSettings | None = None,
     filters: tuple[str, ...] = (),
 ) -> Place:
-    """Read ``mqtt://[user[:password]@]host[:port][/topic filter]``.
+    """Read ``mqtt[s]://[user[:password]@]host[:port][/topic filter]``; ``mqtts`` or ``tls`` encrypts.
 
     Raises:
         BrokerError: it is none.
@@ -55,12 +61,13 @@ def place(
     """
     try:
         parts = urlsplit(url)
-        port = parts.port or 1883
+        tls = (tls or MqttTlsSettings()).model_copy(update={"enabled": parts.scheme == "mqtts"})
+        port = parts.port or (8883 if tls.wanted else 1883)
     except ValueError as error:
         message = f"'{url}' is no broker: {error}"
         raise BrokerError(message) from error
-    if parts.scheme != "mqtt" or not parts.hostname:
-        message = f"'{url}' is no broker: write mqtt://host:port"
+    if not is_broker(url) or not parts.hostname:
+        message = f"'{url}' is no broker: write mqtt://host:port, or mqtts://host:port"
         raise BrokerError(message)
     inline = unquote(parts.path.lstrip("/") + ("#" if url.endswith("#") else ""))
     settings = MqttSettings(
@@ -69,6 +76,7 @@ def place(
         username=username or (unquote(parts.username) if parts.username else None),
         password=SecretStr(unquote(parts.password)) if parts.password else None,
         password_file=password_file,
+        tls=tls,
     )
     return Place(settings, filters or ((inline,) if inline else robot_filters()))
 

@@ -22,7 +22,7 @@ from nena_cli.vda5050.recording import Entry, RecordingError, append, new_file, 
 from nena_cli.vda5050.replay import Choice
 from nena_cli.vda5050.said import Speaker
 from nena_cli.vda5050.show import show as show_conversation
-from nena_shared.settings import ConfigurationError
+from nena_shared.settings import ConfigurationError, MqttTlsSettings
 from nena_shared.tasks import TaskFailedError, stop_on_signals
 
 app = typer.Typer(help="Conversations of VDA 5050 robots and fleet controls.", no_args_is_help=True)
@@ -34,7 +34,9 @@ FOUND: Final = 1
 WRONG: Final = 2
 """Exit status of a command that could not do its work."""
 
-Broker = Annotated[str, typer.Argument(help="mqtt://host:port, with /topic/filter where not all is wanted.")]
+Broker = Annotated[
+    str, typer.Argument(help="mqtt[s]://host:port, with /topic/filter where not all is wanted.")
+]
 User = Annotated[str | None, typer.Option("--username", help="User name at the broker.")]
 Password = Annotated[Path | None, typer.Option("--password-file", help="File with the password.")]
 Filters = Annotated[
@@ -48,8 +50,21 @@ Seconds = Annotated[float | None, typer.Option(min=0, help="Stop after so many s
 Messages = Annotated[int | None, typer.Option(min=1, help="Stop after so many messages.")]
 
 
+@app.callback()
+def protected(
+    ctx: typer.Context,
+    *,
+    ca: Annotated[Path | None, typer.Option(help="PEM file: who vouches for the broker. Encrypts.")] = None,
+    certificate: Annotated[Path | None, typer.Option(help="PEM file: our own certificate.")] = None,
+    key: Annotated[Path | None, typer.Option(help="PEM file: the key of our own certificate.")] = None,
+) -> None:
+    """Conversations of VDA 5050 robots and fleet controls."""
+    ctx.obj = MqttTlsSettings(ca=ca, certificate=certificate, key=key)
+
+
 @app.command()
 def record(
+    ctx: typer.Context,
     where: Broker,
     file: Annotated[Path, typer.Argument(help="File to write: JSON lines.")],
     *,
@@ -64,7 +79,9 @@ def record(
     """Record what goes over a broker, until Ctrl-C or the given end."""
     with _faults_told():
         filters = _filters(topic, interface, robot)
-        chosen = broker.place(where, username=username, password_file=password_file, filters=filters)
+        chosen = broker.place(
+            where, username=username, password_file=password_file, tls=ctx.obj, filters=filters
+        )
         with new_file(file) as out:
             count = _listen(chosen, lambda entry: append(entry, out), seconds, messages)
     _say(f"{count} messages recorded in {file}")
@@ -72,6 +89,7 @@ def record(
 
 @app.command()
 def replay(
+    ctx: typer.Context,
     file: Annotated[Path, typer.Argument(help="A recording.")],
     where: Broker,
     *,
@@ -90,7 +108,7 @@ def replay(
 ) -> None:
     """Publish a recording to a broker, until its end, Ctrl-C or the given end."""
     with _faults_told():
-        chosen = broker.place(where, username=username, password_file=password_file)
+        chosen = broker.place(where, username=username, password_file=password_file, tls=ctx.obj)
         choice = Choice(only, _filters(topic, interface, robot))
         entries = [each for each in read_file(file) if choice.takes(each)][:messages]
         client_id = f"nena-replay-{getpid()}"
@@ -121,7 +139,8 @@ def show(
 
 @app.command()
 def check(
-    source: Annotated[str, typer.Argument(help="A recording, - for standard input, or mqtt://host:port.")],
+    ctx: typer.Context,
+    source: Annotated[str, typer.Argument(help="A recording, - for standard input, or mqtt[s]://host:port.")],
     *,
     username: User = None,
     password_file: Password = None,
@@ -144,8 +163,10 @@ def check(
 
     with _faults_told():
         filters = _filters(topic, interface, robot)
-        if source.startswith("mqtt:"):
-            chosen = broker.place(source, username=username, password_file=password_file, filters=filters)
+        if broker.is_broker(source):
+            chosen = broker.place(
+                source, username=username, password_file=password_file, tls=ctx.obj, filters=filters
+            )
             _listen(chosen, lambda entry: take(checker.take(entry)), seconds, messages)
         else:
             choice = Choice(topic_filters=filters)

@@ -15,6 +15,7 @@ import aiomqtt
 from nena_shared.log import get_logger
 from nena_shared.mqtt.client import Client
 from nena_shared.mqtt.message import Inbound, Outbound
+from nena_shared.mqtt.tls import tls_context
 from nena_shared.mqtt.topic_filter import matches
 from nena_shared.settings import ConfigurationError, MqttSettings
 
@@ -94,10 +95,11 @@ class MqttLink:
             on_lost: is told when a connection that stood has gone.
 
         Raises:
-            ConfigurationError: the password file cannot be read.
+            ConfigurationError: the password file or a file for TLS cannot be read.
 
         """
         settings.secret()
+        tls_context(settings.tls)
         self._settings = settings
         self._client_id = settings.client_id or client_id
         self._will = will
@@ -175,6 +177,7 @@ class MqttLink:
             self._settings.port,
             username=self._settings.username,
             password=self._settings.secret(),
+            tls_context=tls_context(self._settings.tls),
             identifier=self._client_id,
             keepalive=self._settings.keep_alive,
             clean_session=True,

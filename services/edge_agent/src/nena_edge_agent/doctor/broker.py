@@ -21,6 +21,7 @@ from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.mqtt import Inbound, MqttLink
+from nena_shared.mqtt.tls import tls_context
 from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.rules import RULES
 from nena_shared.vda5050.topics import RobotKey, Topic
@@ -172,6 +173,10 @@ def _topics_read(settings: EdgeAgentSettings) -> tuple[Topic, ...]:
 def _not_let_in(mqtt: MqttSettings, problem: str) -> Finding:
     who = f"user '{mqtt.username}'" if mqtt.username else "a client without a user name"
     remedy = "see mqtt.username and mqtt.password_file, and whether the broker knows this user"
+    if mqtt.tls.wanted:
+        remedy += (
+            "; for a certificate that is not believed, mqtt.tls.ca, mqtt.tls.certificate and both clocks"
+        )
     return missing(Link.LOGIN, f"{who} is not let in: {problem}", remedy)
 
 
@@ -214,6 +219,8 @@ def _ask_to_write(settings: EdgeAgentSettings) -> str:
         CallbackAPIVersion.VERSION2, client_id=f"{client_id(settings)}-5", protocol=MQTTProtocolVersion.MQTTv5
     )
     client.username_pw_set(mqtt.username, mqtt.secret())
+    if (tls := tls_context(mqtt.tls)) is not None:
+        client.tls_set_context(tls)
     client.on_connect, client.on_publish = on_connect, on_publish
     try:
         client.connect(mqtt.host, mqtt.port)
