@@ -25,7 +25,8 @@ from nena_demo.broker import start_broker
 from nena_demo.ports import free_port
 from nena_demo.processes import Processes, console_script
 from nena_shared.clock import SystemClock
-from nena_shared.vda5050.state import State
+from nena_shared.vda5050.brief.reader import read_brief
+from nena_shared.vda5050.brief.state import StateBrief
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.v2_1 import CODEC
 from nena_status_aggregator.aggregator import Aggregator
@@ -199,7 +200,7 @@ def _scrape_in_process() -> Figures:
     now = aggregator.now()
     for number in range(ROBOTS):
         key = RobotKey("Bench", f"bench-{number:03d}")
-        aggregator.model.on_state(key, CODEC.decode(State, payload(number, 1)), now)
+        aggregator.model.on_state(key, read_brief(StateBrief, CODEC, payload(number, 1)), now)
     aggregator.model.advance(now)
     exposition = Exposition(aggregator)
     best, longest = float("inf"), float("inf")

@@ -17,18 +17,19 @@ from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink
 from nena_shared.plant.model import PlantModel
 from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.brief.reader import B, read_brief
+from nena_shared.vda5050.brief.state import StateBrief, VisualizationBrief
+from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.malformed import MalformedMessageError, problems_of
 from nena_shared.vda5050.robot_sources import RobotSources
-from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
-from nena_shared.vda5050.visualization import Visualization
 from nena_status_aggregator import protocol
 from nena_status_aggregator.fleet_model.instant import Instant
 from nena_status_aggregator.fleet_model.message_kind import MessageKind
 from nena_status_aggregator.fleet_model.model import FleetModel
-from nena_status_aggregator.reader import MessageReader
+from nena_status_aggregator.reader import Decode, MessageReader
 from nena_status_aggregator.settings import AggregatorSettings
 
 log = get_logger(__name__)
@@ -47,7 +48,8 @@ KEPT_AT_THE_BROKER = (MessageKind.CONNECTION, MessageKind.FACTSHEET)
 KEY_LENGTH = 200
 """Characters of manufacturer and serial number together."""
 
-M = TypeVar("M", bound=Header)
+H = TypeVar("H", bound=Header)
+M = TypeVar("M", Connection, StateBrief, VisualizationBrief, Factsheet)
 Take = Callable[[RobotKey, M, Instant, Inbound], None]
 """Hands a robot's message to the model; the last is what it was read from."""
 
@@ -90,16 +92,12 @@ class FleetLink:
                 log.error("too many interface names, some robots are not seen", limit=SCHEMES_LIMIT)
                 return
             self._schemes.add(scheme)
-            self._hear(scheme, Topic.CONNECTION, MessageKind.CONNECTION, Connection, self._take_connection)
-            self._hear(scheme, Topic.STATE, MessageKind.STATE, State, self._take_state)
+            self._hear(scheme, MessageKind.CONNECTION, _in_full(Connection), self._take_connection)
+            self._hear(scheme, MessageKind.STATE, _in_brief(StateBrief), self._take_state)
             self._hear(
-                scheme,
-                Topic.VISUALIZATION,
-                MessageKind.VISUALIZATION,
-                Visualization,
-                self._take_visualization,
+                scheme, MessageKind.VISUALIZATION, _in_brief(VisualizationBrief), self._take_visualization
             )
-            self._hear(scheme, Topic.FACTSHEET, MessageKind.FACTSHEET, Factsheet, self._take_factsheet)
+            self._hear(scheme, MessageKind.FACTSHEET, _in_full(Factsheet), self._take_factsheet)
 
     def _follow_orders(self) -> None:
         fleet = self._fleet_topics
@@ -110,9 +108,7 @@ class FleetLink:
         ):
             self.mqtt.subscribe(topic_filter, partial(self._on_fleet_message, kind, take))
 
-    def _hear(
-        self, scheme: TopicScheme, topic: Topic, kind: MessageKind, form: type[M], take: Take[M]
-    ) -> None:
+    def _hear(self, scheme: TopicScheme, kind: MessageKind, decode: Decode[M], take: Take[M]) -> None:
         """Subscribe to a topic of all robots; ``take`` gets what is well-formed and says something new."""
 
         def handle(inbound: Inbound) -> None:
@@ -124,14 +120,14 @@ class FleetLink:
                 self._malformed(kind, inbound.topic, f"a robot's name is longer than {KEY_LENGTH}", at, None)
                 return
             try:
-                message = self._reader.read(form, inbound.topic, inbound.payload, scheme.major_version)
+                message = self._reader.read(decode, inbound.topic, inbound.payload, scheme.major_version)
             except MalformedMessageError as error:
                 self._malformed(kind, inbound.topic, _summary(error.problems), at, key)
                 return
             if self._sources.accepts(key, scheme, message, retained=inbound.retained):
                 take(key, message, at, inbound)
 
-        self.mqtt.subscribe(scheme.for_all(topic), handle)
+        self.mqtt.subscribe(scheme.for_all(Topic(kind)), handle)
 
     def _lost(self) -> None:
         self._model.on_link(connected=False, at=Instant.of(self._clock))
@@ -148,10 +144,12 @@ class FleetLink:
     def _take_connection(self, key: RobotKey, message: Connection, at: Instant, _: Inbound) -> None:
         self._model.on_connection(key, message, at)
 
-    def _take_state(self, key: RobotKey, message: State, at: Instant, inbound: Inbound) -> None:
+    def _take_state(self, key: RobotKey, message: StateBrief, at: Instant, inbound: Inbound) -> None:
         self._model.on_state(key, message, at, retained=inbound.retained)
 
-    def _take_visualization(self, key: RobotKey, message: Visualization, at: Instant, _: Inbound) -> None:
+    def _take_visualization(
+        self, key: RobotKey, message: VisualizationBrief, at: Instant, _: Inbound
+    ) -> None:
         self._model.on_visualization(key, message, at)
 
     def _take_factsheet(self, key: RobotKey, message: Factsheet, at: Instant, _: Inbound) -> None:
@@ -184,6 +182,17 @@ class FleetLink:
             self._problems.clear()
         self._problems[topic] = problem
         log.warning("message not understood", topic=topic, robot=str(key) if key else None, problem=problem)
+
+
+def _in_full(kind: type[H]) -> Decode[H]:
+    def decode(codec: Codec, payload: bytes) -> H:
+        return codec.decode(kind, payload)
+
+    return decode
+
+
+def _in_brief(kind: type[B]) -> Decode[B]:
+    return partial(read_brief, kind)
 
 
 def _summary(problems: Sequence[str]) -> str:

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
+from collections.abc import Callable
+from typing import Protocol, TypeVar
 
-from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.versions import reader_of
 
 TOPICS_REMEMBERED = 20_000
 
-M = TypeVar("M", bound=Header)
+
+class Versioned(Protocol):
+    """A message that says in which version it is written."""
+
+    @property
+    def version(self) -> str:
+        """Major, minor and patch number."""
+
+
+M = TypeVar("M", bound=Versioned)
+Decode = Callable[[Codec, bytes], M]
+"""Reads a message of a codec's version; raises MalformedMessageError."""
 
 
 class MessageReader:
@@ -21,8 +32,8 @@ class MessageReader:
         self._known: dict[str, tuple[str, Codec]] = {}
         """The version as the last message wrote it, and its codec, by topic."""
 
-    def read(self, form: type[M], topic: str, payload: bytes, major_version: str) -> M:
-        """Read a message of ``form``.
+    def read(self, decode: Decode[M], topic: str, payload: bytes, major_version: str) -> M:
+        """Read a message.
 
         Raises:
             MalformedMessageError: it is none, in the version that it names.
@@ -32,17 +43,17 @@ class MessageReader:
         if known is not None:
             version, codec = known
             try:
-                message = codec.decode(form, payload)
+                message = decode(codec, payload)
             except MalformedMessageError:
                 del self._known[topic]  # perhaps it speaks another version now
             else:
                 if message.version == version:
                     return message
-        return self._read_anew(form, topic, payload, major_version)
+        return self._read_anew(decode, topic, payload, major_version)
 
-    def _read_anew(self, form: type[M], topic: str, payload: bytes, major_version: str) -> M:
+    def _read_anew(self, decode: Decode[M], topic: str, payload: bytes, major_version: str) -> M:
         codec = reader_of(payload, major_version)
-        message = codec.decode(form, payload)
+        message = decode(codec, payload)
         if len(self._known) >= TOPICS_REMEMBERED:
             self._known.clear()
         self._known[topic] = message.version, codec

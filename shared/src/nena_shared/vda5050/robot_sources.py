@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Final
+from typing import Final, Protocol
 
-from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.topics import RobotKey, TopicScheme
 
 FAREWELLS: Final = frozenset({ConnectionState.OFFLINE, ConnectionState.CONNECTION_BROKEN})
 """What ends a connection. The broker may tell the will of an old one when the new one stands long since."""
+
+
+class Dated(Protocol):
+    """A message that says when it was sent."""
+
+    @property
+    def timestamp(self) -> datetime:
+        """In UTC."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +43,7 @@ class RobotSources:
         """Know where a robot speaks before it has done so."""
         self._sources[robot] = _Source(scheme, None)
 
-    def accepts(self, robot: RobotKey, scheme: TopicScheme, message: Header, *, retained: bool) -> bool:
+    def accepts(self, robot: RobotKey, scheme: TopicScheme, message: Dated, *, retained: bool) -> bool:
         """Tell whether a message says something of the robot now; later ones are compared with it."""
         known = self._sources.get(robot)
         of_another_time = retained or _is_farewell(message)
@@ -49,5 +56,5 @@ class RobotSources:
         return True
 
 
-def _is_farewell(message: Header) -> bool:
+def _is_farewell(message: Dated) -> bool:
     return isinstance(message, Connection) and message.connection_state in FAREWELLS

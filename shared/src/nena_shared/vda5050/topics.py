@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 LEVELS_BEHIND_INTERFACE = 4
 
@@ -21,8 +21,7 @@ class Topic(StrEnum):
     RESPONSES = "responses"
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class RobotKey:
+class RobotKey(NamedTuple):
     """Which robot a topic is about."""
 
     manufacturer: str
@@ -32,8 +31,7 @@ class RobotKey:
         return f"{self.manufacturer}/{self.serial_number}"
 
 
-@dataclass(frozen=True, slots=True)
-class TopicScheme:
+class TopicScheme(NamedTuple):
     """Builds and reads the topics of one interface and major version; the interface name may have levels."""
 
     interface_name: str

@@ -10,7 +10,8 @@ from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet_model.happening import Code, Happening, Outcome
 from nena_status_aggregator.fleet_model.instant import Instant
 from nena_status_aggregator.fleet_model.model import FleetModel, ModelLimits
-from support.fleet_examples import ROBOT, START, connection, order_status, state, vehicle_status, way
+from support.fleet_briefs import state
+from support.fleet_examples import ROBOT, START, connection, order_status, vehicle_status, way
 
 
 def at(seconds: float) -> Instant:

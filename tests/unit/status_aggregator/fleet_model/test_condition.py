@@ -7,7 +7,8 @@ import pytest
 
 from nena_shared.vda5050.connection import ConnectionState
 from nena_status_aggregator.fleet_model.condition import TEXTS, Condition, Evidence, judge
-from support.fleet_examples import position, state, way
+from support.fleet_briefs import state
+from support.fleet_examples import position, way
 
 
 def conclude(**fields: Any) -> tuple[Condition, str]:

@@ -15,6 +15,7 @@ from nena_status_aggregator.fleet_model.instant import Instant
 from nena_status_aggregator.fleet_model.message_kind import MessageKind
 from nena_status_aggregator.fleet_model.model import FleetModel, ModelLimits
 from nena_status_aggregator.fleet_model.views import RobotView
+from support.fleet_briefs import state, visualization
 from support.fleet_examples import (
     ROBOT,
     START,
@@ -22,9 +23,7 @@ from support.fleet_examples import (
     factsheet,
     order_status,
     position,
-    state,
     vehicle_status,
-    visualization,
     way,
 )
 

@@ -2,15 +2,12 @@ from __future__ import annotations
 
 import pytest
 
-from nena_shared.vda5050.state import MobileRobotPosition
+from nena_shared.vda5050.brief.state import PositionBrief
 from nena_status_aggregator.fleet_model.odometer import Odometer
+from support.fleet_briefs import place as at
 
 
-def at(x: float, y: float, *, map_id: str = "hall", localized: bool = True) -> MobileRobotPosition:
-    return MobileRobotPosition(x=x, y=y, theta=0.0, map_id=map_id, localized=localized)
-
-
-def driven(*positions: MobileRobotPosition | None) -> float:
+def driven(*positions: PositionBrief | None) -> float:
     odometer = Odometer()
     for each in positions:
         odometer.follow(each)
@@ -29,6 +26,6 @@ def test_a_standing_robot_with_noise_does_not_drive_and_a_slow_one_does() -> Non
 @pytest.mark.parametrize(
     "jump", [at(100, 0), at(3, 0, map_id="yard"), at(3, 0, localized=False), None], ids=repr
 )
-def test_what_is_no_drive_does_not_count(jump: MobileRobotPosition | None) -> None:
+def test_what_is_no_drive_does_not_count(jump: PositionBrief | None) -> None:
     assert driven(at(0, 0), at(1, 0), jump) == 1
     assert driven(at(0, 0), jump, at(1, 0), at(2, 0)) in (1, 2)

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nena_status_aggregator.fleet_model.order_progress import OrderProgress
-from support.fleet_examples import state, way
+from support.fleet_briefs import state
+from support.fleet_examples import way
 
 
 def follow(progress: OrderProgress, **fields: Any) -> float:

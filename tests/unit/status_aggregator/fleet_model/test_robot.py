@@ -8,7 +8,8 @@ from nena_shared.fleet_api.base import iso
 from nena_status_aggregator.fleet_model.condition import Condition
 from nena_status_aggregator.fleet_model.instant import Instant
 from nena_status_aggregator.fleet_model.robot import Robot
-from support.fleet_examples import ROBOT, START, connection, factsheet, state, visualization
+from support.fleet_briefs import state, visualization
+from support.fleet_examples import ROBOT, START, connection, factsheet
 
 
 def at(seconds: float) -> Instant:

@@ -9,7 +9,8 @@ from nena_status_aggregator.fleet_model.instant import Instant
 from nena_status_aggregator.fleet_model.robot import Robot
 from nena_status_aggregator.fleet_model.robot_view import LIST_LIMIT, view_robot
 from nena_status_aggregator.fleet_model.views import RobotView
-from support.fleet_examples import ROBOT, START, factsheet, state
+from support.fleet_briefs import state
+from support.fleet_examples import ROBOT, START, factsheet
 
 
 def shown(**fields: Any) -> RobotView:

@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import pytest
 
-from nena_shared.vda5050.state import State
+from nena_shared.vda5050.brief.state import StateBrief
 from nena_status_aggregator.fleet_model.condition import Condition
 from nena_status_aggregator.fleet_model.session import session_of
-from support.fleet_examples import state
+from support.fleet_briefs import state
 
 BLIND = state(errors=({"error_type": "NAVIGATION_NOT_AVAILABLE", "error_level": "WARNING"},))
 
@@ -22,5 +22,5 @@ BLIND = state(errors=({"error_type": "NAVIGATION_NOT_AVAILABLE", "error_level": 
         (Condition.IDLE, BLIND, "FAILED"),
     ],
 )
-def test_the_state_of_a_node(condition: Condition, last: State | None, session: str) -> None:
+def test_the_state_of_a_node(condition: Condition, last: StateBrief | None, session: str) -> None:
     assert session_of(condition, last).value == session

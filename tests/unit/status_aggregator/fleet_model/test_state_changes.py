@@ -3,15 +3,17 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
-from nena_shared.vda5050.state import State
+from nena_shared.vda5050.brief.state import StateBrief
 from nena_status_aggregator.fleet_model.state_changes import changes
-from support.fleet_examples import position, state, way
+from support.fleet_briefs import state
+from support.fleet_examples import position, way
 
 ERROR = {"error_type": "orderError", "error_level": "CRITICAL", "error_description": "No way."}
 
 
-def told(before: State | None, now: State) -> dict[str, Any]:
+def told(before: StateBrief | None, now: StateBrief) -> dict[str, Any]:
     """Give what is told, by its code."""
     return {change.code.value: change.values for change in changes(before, now)}
 
@@ -22,7 +24,7 @@ def action(status: str, name: str = "a1") -> dict[str, Any]:
 
 def test_nothing_happens_between_equal_states() -> None:
     same = state(order_id="o1", errors=(ERROR,), action_states=(action("RUNNING"),), **way("B"))
-    assert told(same, same.model_copy(update={"header_id": 9, "driving": True})) == {}
+    assert told(same, replace(same, header_id=9, driving=True)) == {}
 
 
 def test_of_a_first_state_only_errors_are_news() -> None:
@@ -35,7 +37,7 @@ def test_of_a_first_state_only_errors_are_news() -> None:
 def test_an_order_from_its_taking_to_its_end() -> None:
     free = state(last_node_id="A", last_node_sequence_id=0)
     taken = state(order_id="o1", last_node_id="A", **way("B", "C"))
-    updated = taken.model_copy(update={"order_update_id": 1})
+    updated = replace(taken, order_update_id=1)
     under_way = state(
         order_id="o1", order_update_id=1, last_node_id="B", last_node_sequence_id=2, **way("C", first=4)
     )
@@ -67,7 +69,7 @@ def test_an_order_from_its_taking_to_its_end() -> None:
         (state(order_id="o2", last_node_id="B", **way("D")), "unseen"),
     ],
 )
-def test_how_an_order_ended(end: State, outcome: str) -> None:
+def test_how_an_order_ended(end: StateBrief, outcome: str) -> None:
     before = state(order_id="o1", last_node_id="A", action_states=(action("RUNNING"),), **way("B"))
     assert told(before, end)["orderEnded"] == {"orderId": "o1", "outcome": outcome}
 

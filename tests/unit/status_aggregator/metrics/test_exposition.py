@@ -18,7 +18,8 @@ from nena_status_aggregator.fleet_model.message_kind import MessageKind
 from nena_status_aggregator.metrics.exposition import Exposition
 from nena_status_aggregator.metrics.robot_series import OF_ROBOT, OF_STATE
 from nena_status_aggregator.settings import AggregatorSettings
-from support.fleet_examples import ROBOT, START, connection, order_status, position, state
+from support.fleet_briefs import state
+from support.fleet_examples import ROBOT, START, connection, order_status, position
 from support.reference import PROJECT
 
 ROW = re.compile(r"^\| `(?P<name>nena_\w+)` \| (?P<type>\w+) \|(?P<labels>[^|]*)\|", re.MULTILINE)

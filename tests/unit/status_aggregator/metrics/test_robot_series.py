@@ -8,7 +8,8 @@ from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet_model.instant import Instant
 from nena_status_aggregator.fleet_model.robot import Robot
 from nena_status_aggregator.metrics.robot_series import RobotSeries
-from support.fleet_examples import ROBOT, START, connection, position, state, way
+from support.fleet_briefs import state
+from support.fleet_examples import ROBOT, START, connection, position, way
 
 CLOCK = ManualClock(start=START)
 

@@ -13,7 +13,8 @@ from nena_shared.vda5050.factsheet import Factsheet
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.rest.app import make_app
 from nena_status_aggregator.settings import AggregatorSettings, EventSettings
-from support.fleet_examples import ROBOT, START, factsheet, order_status, sample_plant, state
+from support.fleet_briefs import state
+from support.fleet_examples import ROBOT, START, factsheet, order_status, sample_plant
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from math import hypot
 
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
-from nena_shared.vda5050.state import MobileRobotPosition, State
+from nena_shared.vda5050.brief.state import PositionBrief, StateBrief
 from nena_status_aggregator.fleet_model.condition import Condition, Reason
 from nena_status_aggregator.fleet_model.happening import Code, Happening, Values
 from nena_status_aggregator.fleet_model.instant import Instant
@@ -30,7 +30,7 @@ class Chronicle:
         self._tell = tell
         self._track_distance = track_distance
 
-    def state(self, robot: Robot, before: State | None, now: State, at: Instant) -> None:
+    def state(self, robot: Robot, before: StateBrief | None, now: StateBrief, at: Instant) -> None:
         """Tell what has happened between two states."""
         for change in changes(before, now):
             self._statistics.count_change(change.code, change.values)
@@ -92,7 +92,7 @@ class Chronicle:
         self._tell(Happening(at.utc, code, text, robot.id, _order_of(robot), values))
 
 
-def _way(start: MobileRobotPosition, end: MobileRobotPosition) -> float:
+def _way(start: PositionBrief, end: PositionBrief) -> float:
     return hypot(end.x - start.x, end.y - start.y)
 
 

@@ -7,10 +7,11 @@ from datetime import datetime
 from enum import StrEnum
 
 from nena_shared.fleet_api.base import iso
-from nena_shared.vda5050.action import ActionState, ActionStatus
+from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.brief.state import ActionBrief, ErrorBrief, StateBrief
 from nena_shared.vda5050.connection import ConnectionState
-from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
-from nena_shared.vda5050.state import EmergencyStop, OperatingMode, State
+from nena_shared.vda5050.error import ErrorLevel
+from nena_shared.vda5050.state import EmergencyStop, OperatingMode
 
 
 class Condition(StrEnum):
@@ -83,7 +84,7 @@ class Evidence:
 
     connection: ConnectionState | None
     connection_since: datetime
-    state: State | None
+    state: StateBrief | None
     state_time: datetime
     state_after_connection: bool
     """Whether the last state came after the last connection message."""
@@ -146,7 +147,7 @@ def clock_text(moment: datetime) -> str:
     return f"{iso(moment)[11:19]} UTC"
 
 
-def _held(state: State) -> Judgement | None:
+def _held(state: StateBrief) -> Judgement | None:
     if state.operating_mode not in (OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC):
         return Condition.MANUAL, Reason("mode", {"mode": state.operating_mode.value})
     error = worst_error(state)
@@ -155,7 +156,7 @@ def _held(state: State) -> Judgement | None:
     return _blocked(state)
 
 
-def _blocked(state: State) -> Judgement | None:
+def _blocked(state: StateBrief) -> Judgement | None:
     if state.safety_state.active_emergency_stop is not EmergencyStop.NONE:
         by_hand = state.safety_state.active_emergency_stop is EmergencyStop.MANUAL
         return Condition.BLOCKED, Reason("emergency_stop", {"how": "at the robot" if by_hand else "remotely"})
@@ -168,7 +169,7 @@ def _blocked(state: State) -> Judgement | None:
     return None
 
 
-def _working(state: State) -> Judgement | None:
+def _working(state: StateBrief) -> Judgement | None:
     action = _open_action(state.action_states) or _open_action(state.instant_action_states)
     if state.node_states or state.edge_states:
         return Condition.BUSY, _way_reason(state, action)
@@ -179,13 +180,13 @@ def _working(state: State) -> Judgement | None:
     return None
 
 
-def _free(state: State, remark: str | None) -> Judgement:
+def _free(state: StateBrief, remark: str | None) -> Judgement:
     if state.power_supply.charging:
         return Condition.CHARGING, Reason("charging", {"charge": round(state.power_supply.state_of_charge)})
     return Condition.IDLE, Reason("idle_why", {"why": remark}) if remark else Reason("idle")
 
 
-def worst_error(state: State) -> ErrorEntry | None:
+def worst_error(state: StateBrief) -> ErrorBrief | None:
     """Give the first of the errors of the highest level."""
     if not state.errors:
         return None
@@ -193,13 +194,13 @@ def worst_error(state: State) -> ErrorEntry | None:
     return max(state.errors, key=lambda each: levels.index(each.error_level))
 
 
-def _error_reason(error: ErrorEntry) -> Reason:
+def _error_reason(error: ErrorBrief) -> Reason:
     sentences = [text for text in (error.error_description, error.error_hint) if text]
     described = " ".join(sentences) or f"the robot gives no description (level {error.error_level})."
     return Reason("error", {"type": error.error_type, "description": described})
 
 
-def _way_reason(state: State, action: ActionState | None) -> Reason:
+def _way_reason(state: StateBrief, action: ActionBrief | None) -> Reason:
     upcoming = state.node_states[0] if state.node_states else None
     target: dict[str, str | float] = {
         "place": state.last_node_id or "?",
@@ -214,7 +215,7 @@ def _way_reason(state: State, action: ActionState | None) -> Reason:
     return Reason("standing", target)
 
 
-def _action_reason(state: State, action: ActionState) -> Reason:
+def _action_reason(state: StateBrief, action: ActionBrief) -> Reason:
     waiting = action.action_status is ActionStatus.WAITING
     name = action.action_type or action.action_id
     return Reason(
@@ -222,7 +223,7 @@ def _action_reason(state: State, action: ActionState) -> Reason:
     )
 
 
-def _open_action(actions: tuple[ActionState, ...]) -> ActionState | None:
+def _open_action(actions: tuple[ActionBrief, ...]) -> ActionBrief | None:
     """Give the action that is being done, else the first that waits."""
     still_open = [each for each in actions if not each.action_status.ended]
     begun = (each for each in still_open if each.action_status is not ActionStatus.WAITING)

@@ -9,11 +9,10 @@ from nena_shared.fleet_api.base import iso
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant.model import PlantModel
+from nena_shared.vda5050.brief.state import StateBrief, VisualizationBrief
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
-from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
-from nena_shared.vda5050.visualization import Visualization
 from nena_status_aggregator.fleet_model.chronicle import Chronicle, Tell
 from nena_status_aggregator.fleet_model.delta import Delta
 from nena_status_aggregator.fleet_model.instant import Instant
@@ -73,7 +72,7 @@ class FleetModel:
             robot.on_connection(message, at)
             self._chronicle.connection(robot, before, at)
 
-    def on_state(self, key: RobotKey, message: State, at: Instant, *, retained: bool = False) -> None:
+    def on_state(self, key: RobotKey, message: StateBrief, at: Instant, *, retained: bool = False) -> None:
         """Take in a state; ``retained``: the broker had kept it."""
         robot = self._meet(key, MessageKind.STATE, at)
         if robot is None or not self._is_news(robot, MessageKind.STATE, message):
@@ -84,7 +83,7 @@ class FleetModel:
         self._chronicle.position(robot, at)
         self._touch_order_of(robot)
 
-    def on_visualization(self, key: RobotKey, message: Visualization, at: Instant) -> None:
+    def on_visualization(self, key: RobotKey, message: VisualizationBrief, at: Instant) -> None:
         """Take in where a robot is between two states."""
         robot = self._meet(key, MessageKind.VISUALIZATION, at)
         if robot is not None and self._is_news(robot, MessageKind.VISUALIZATION, message):
@@ -229,7 +228,9 @@ class FleetModel:
             self._touch(key)
         return robot
 
-    def _is_news(self, robot: Robot, kind: MessageKind, message: State | Visualization | Factsheet) -> bool:
+    def _is_news(
+        self, robot: Robot, kind: MessageKind, message: StateBrief | VisualizationBrief | Factsheet
+    ) -> bool:
         sequence = robot.sequences[kind]
         missed, restarts = sequence.missed, sequence.restarts
         verdict = sequence.judge(message.header_id, message.timestamp)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import hypot
 
-from nena_shared.vda5050.state import MobileRobotPosition
+from nena_shared.vda5050.brief.state import PositionBrief
 
 LONGEST_STEP = 20.0
 """m between two reports; more is a new localisation, or a robot that was carried."""
@@ -20,9 +20,9 @@ class Odometer:
 
     def __init__(self) -> None:
         self.meters = 0.0
-        self._last: MobileRobotPosition | None = None
+        self._last: PositionBrief | None = None
 
-    def follow(self, position: MobileRobotPosition | None) -> None:
+    def follow(self, position: PositionBrief | None) -> None:
         """Take in where the robot is; where it is not localized, the way there is not known."""
         last = self._last
         if position is None or not position.localized:

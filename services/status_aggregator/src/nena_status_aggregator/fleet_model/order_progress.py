@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from nena_shared.vda5050.state import State
+from nena_shared.vda5050.brief.state import StateBrief
 
 
 @dataclass(slots=True)
@@ -21,7 +21,7 @@ class OrderProgress:
     """Nodes to reach in the whole order, without the first."""
     nodes_left: int = 0
 
-    def follow(self, state: State) -> None:
+    def follow(self, state: StateBrief) -> None:
         """Take in a state."""
         if state.order_id != self.order_id:
             self.order_id = state.order_id

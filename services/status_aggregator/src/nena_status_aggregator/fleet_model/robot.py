@@ -6,11 +6,10 @@ from datetime import timedelta
 from math import inf
 
 from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.vda5050.brief.state import PositionBrief, StateBrief, VelocityBrief, VisualizationBrief
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
-from nena_shared.vda5050.state import MobileRobotPosition, State, Velocity
 from nena_shared.vda5050.topics import RobotKey
-from nena_shared.vda5050.visualization import Visualization
 from nena_status_aggregator.fleet_model.clock_skew import ClockSkew
 from nena_status_aggregator.fleet_model.condition import Condition, Evidence, Reason, judge
 from nena_status_aggregator.fleet_model.instant import Instant
@@ -35,17 +34,17 @@ class Robot:
         """When any message came last, s."""
         self.connection: Connection | None = None
         self.connection_since = seen.utc
-        self.state: State | None = None
+        self.state: StateBrief | None = None
         self.state_at = seen
         """When the last state came, or the robot was first seen."""
         self.state_after_connection = False
-        self.position: MobileRobotPosition | None = None
-        self.velocity: Velocity | None = None
+        self.position: PositionBrief | None = None
+        self.velocity: VelocityBrief | None = None
         self.factsheet: Factsheet | None = None
         self.vehicle: VehicleStatus | None = None
         self.progress = OrderProgress()
         self.odometer = Odometer()
-        self.tracked: MobileRobotPosition | None = None
+        self.tracked: PositionBrief | None = None
         """The position that was told last, for the track."""
         self.skew = ClockSkew()
         self.sequences = {
@@ -75,7 +74,7 @@ class Robot:
             self.connection_since = at.utc
         self.connection = message
 
-    def on_state(self, message: State, at: Instant, *, retained: bool) -> None:
+    def on_state(self, message: StateBrief, at: Instant, *, retained: bool) -> None:
         """Take in a state; one that the broker had kept is as old as its own timestamp says."""
         age = max(0.0, (at.utc - message.timestamp).total_seconds()) if retained else 0.0
         self.state = message
@@ -90,7 +89,7 @@ class Robot:
         if not retained:
             self.skew.measure(message.timestamp, at.utc)
 
-    def on_visualization(self, message: Visualization) -> None:
+    def on_visualization(self, message: VisualizationBrief) -> None:
         """Take in a visualization: where it is now, between two states."""
         self.position = message.mobile_robot_position or self.position
         self.odometer.follow(self.position)

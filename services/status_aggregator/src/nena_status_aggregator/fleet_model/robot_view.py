@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from nena_shared.fleet_api.base import iso
-from nena_shared.vda5050.action import ActionState
-from nena_shared.vda5050.error import ErrorEntry, ErrorReference
+from nena_shared.vda5050.brief.state import (
+    ActionBrief,
+    ErrorBrief,
+    InformationBrief,
+    NodeBrief,
+    ReferenceBrief,
+    StateBrief,
+)
 from nena_shared.vda5050.factsheet import Factsheet, MobileRobotGeometry
-from nena_shared.vda5050.state import Information, NodeState, State
 from nena_status_aggregator.fleet_model.robot import Robot
 from nena_status_aggregator.fleet_model.session import session_of
 from nena_status_aggregator.fleet_model.views import (
@@ -103,7 +108,7 @@ def _velocity(robot: Robot) -> VelocityView | None:
     return {"vx": speed.vx, "vy": speed.vy, "omega": speed.omega} if speed else None
 
 
-def _battery(state: State) -> BatteryView:
+def _battery(state: StateBrief) -> BatteryView:
     power = state.power_supply
     return {
         "charge": power.state_of_charge,
@@ -113,7 +118,7 @@ def _battery(state: State) -> BatteryView:
     }
 
 
-def _maps(state: State) -> list[MapView] | None:
+def _maps(state: StateBrief) -> list[MapView] | None:
     if state.maps is None:
         return None
     return [
@@ -122,12 +127,12 @@ def _maps(state: State) -> list[MapView] | None:
     ]
 
 
-def _plan(state: State) -> list[tuple[float, float]] | None:
+def _plan(state: StateBrief) -> list[tuple[float, float]] | None:
     path = state.intermediate_path
     return [(round(each.x, 2), round(each.y, 2)) for each in path.polyline[:LIST_LIMIT]] if path else None
 
 
-def _loads(state: State) -> list[LoadView] | None:
+def _loads(state: StateBrief) -> list[LoadView] | None:
     if state.loads is None:
         return None
     return [
@@ -141,7 +146,7 @@ def _loads(state: State) -> list[LoadView] | None:
     ]
 
 
-def _error(entry: ErrorEntry) -> ErrorView:
+def _error(entry: ErrorBrief) -> ErrorView:
     return {
         "errorType": short(entry.error_type) or "",
         "errorLevel": entry.error_level.value,
@@ -151,7 +156,7 @@ def _error(entry: ErrorEntry) -> ErrorView:
     }
 
 
-def _information(entry: Information) -> InformationView:
+def _information(entry: InformationBrief) -> InformationView:
     return {
         "infoType": short(entry.info_type) or "",
         "infoLevel": entry.info_level.value,
@@ -160,15 +165,15 @@ def _information(entry: Information) -> InformationView:
     }
 
 
-def _references(references: tuple[ErrorReference, ...]) -> dict[str, str]:
+def _references(references: tuple[ReferenceBrief, ...]) -> dict[str, str]:
     return {each.reference_key: short(each.reference_value) or "" for each in references[:LIST_LIMIT]}
 
 
-def _all_actions(state: State) -> tuple[ActionState, ...]:
+def _all_actions(state: StateBrief) -> tuple[ActionBrief, ...]:
     return (*state.action_states, *state.instant_action_states)
 
 
-def _action(action: ActionState) -> ActionView:
+def _action(action: ActionBrief) -> ActionView:
     return {
         "actionId": action.action_id,
         "actionType": action.action_type,
@@ -177,7 +182,7 @@ def _action(action: ActionState) -> ActionView:
     }
 
 
-def _order(robot: Robot, state: State) -> RobotOrderView:
+def _order(robot: Robot, state: StateBrief) -> RobotOrderView:
     return {
         "orderId": state.order_id,
         "orderUpdateId": state.order_update_id,
@@ -190,14 +195,14 @@ def _order(robot: Robot, state: State) -> RobotOrderView:
     }
 
 
-def is_active(state: State) -> bool:
+def is_active(state: StateBrief) -> bool:
     """Tell whether the robot still has to do with its order (the reverse of idle, 3.0 section 6.6.8)."""
     return bool(state.node_states or state.edge_states) or not all(
         each.action_status.ended for each in state.action_states
     )
 
 
-def _ahead(node: NodeState) -> AheadView:
+def _ahead(node: NodeBrief) -> AheadView:
     at = node.node_position
     return {
         "nodeId": node.node_id,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from enum import StrEnum
 
+from nena_shared.vda5050.brief.state import StateBrief
 from nena_shared.vda5050.error import ErrorType
-from nena_shared.vda5050.state import State
 from nena_status_aggregator.fleet_model.condition import Condition
 
 
@@ -22,7 +22,7 @@ class SessionState(StrEnum):
     """It went without a word, or says that its navigation is not there."""
 
 
-def session_of(condition: Condition, state: State | None) -> SessionState:
+def session_of(condition: Condition, state: StateBrief | None) -> SessionState:
     """Tell the state of a robot's node from its condition and its last state."""
     if condition is Condition.OFFLINE:
         return SessionState.NOT_ACTIVE

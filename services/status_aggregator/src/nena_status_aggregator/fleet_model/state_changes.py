@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from nena_shared.vda5050.action import ActionState, ActionStatus
-from nena_shared.vda5050.error import ErrorEntry, ErrorReference
-from nena_shared.vda5050.state import State
+from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.brief.state import ActionBrief, ErrorBrief, StateBrief
 from nena_status_aggregator.fleet_model.happening import Code, Outcome, Values
 from nena_status_aggregator.fleet_model.robot_view import LIST_LIMIT, is_active, short
 
@@ -20,7 +19,7 @@ class Change(NamedTuple):
     values: Values
 
 
-def changes(before: State | None, now: State) -> Iterator[Change]:
+def changes(before: StateBrief | None, now: StateBrief) -> Iterator[Change]:
     """Tell what changed; of a first state only its errors, for nobody knows how old the rest is."""
     yield from _errors(before.errors if before else (), now.errors)
     if before is None:
@@ -33,7 +32,7 @@ def changes(before: State | None, now: State) -> Iterator[Change]:
     yield from _body(before, now)
 
 
-def _errors(before: tuple[ErrorEntry, ...], now: tuple[ErrorEntry, ...]) -> Iterator[Change]:
+def _errors(before: tuple[ErrorBrief, ...], now: tuple[ErrorBrief, ...]) -> Iterator[Change]:
     if not before and not now:
         return
     old, new = _by_identity(before), _by_identity(now)
@@ -47,16 +46,21 @@ def _errors(before: tuple[ErrorEntry, ...], now: tuple[ErrorEntry, ...]) -> Iter
 
 
 def _by_identity(
-    errors: tuple[ErrorEntry, ...],
-) -> dict[tuple[str, tuple[ErrorReference, ...]], ErrorEntry]:
-    return {(each.error_type, each.error_references): each for each in errors[:LIST_LIMIT]}
+    errors: tuple[ErrorBrief, ...],
+) -> dict[tuple[str, *tuple[str, ...]], ErrorBrief]:
+    return {(each.error_type, *_references(each)): each for each in errors[:LIST_LIMIT]}
 
 
-def _error_values(entry: ErrorEntry) -> Values:
+def _references(error: ErrorBrief) -> Iterator[str]:
+    for each in error.error_references:
+        yield from (each.reference_key, each.reference_value)
+
+
+def _error_values(entry: ErrorBrief) -> Values:
     return {"errorType": short(entry.error_type), "errorLevel": entry.error_level.value}
 
 
-def _order(before: State, now: State) -> Iterator[Change]:
+def _order(before: StateBrief, now: StateBrief) -> Iterator[Change]:
     another = now.order_id != before.order_id
     if is_active(before) and (another or not is_active(now)):
         outcome = _outcome(before, now)
@@ -72,14 +76,14 @@ def _order(before: State, now: State) -> Iterator[Change]:
         yield from _node(before, now)
 
 
-def _node(before: State, now: State) -> Iterator[Change]:
+def _node(before: StateBrief, now: StateBrief) -> Iterator[Change]:
     """Tell of a node, unless it is only the first one of a new order, where the robot stands already."""
     if now.last_node_id != before.last_node_id or now.order_id == before.order_id:
         values: Values = {"nodeId": now.last_node_id, "sequenceId": now.last_node_sequence_id}
         yield Change(Code.NODE_REACHED, f"Reached {now.last_node_id}.", values)
 
 
-def _outcome(before: State, now: State) -> Outcome:
+def _outcome(before: StateBrief, now: StateBrief) -> Outcome:
     if now.order_id != before.order_id:
         return Outcome.UNSEEN
     last = before.node_states[-1].sequence_id if before.node_states else 0
@@ -88,7 +92,7 @@ def _outcome(before: State, now: State) -> Outcome:
     return Outcome.COMPLETED if completed else Outcome.ABANDONED
 
 
-def _actions(before: State, now: State) -> Iterator[Change]:
+def _actions(before: StateBrief, now: StateBrief) -> Iterator[Change]:
     if not (now.action_states or now.instant_action_states):
         return
     known = {
@@ -100,7 +104,7 @@ def _actions(before: State, now: State) -> Iterator[Change]:
             yield _action_ended(action)
 
 
-def _action_ended(action: ActionState) -> Change:
+def _action_ended(action: ActionBrief) -> Change:
     status, name = action.action_status.value, action.action_type or action.action_id
     result = short(action.action_result)
     values: Values = {
@@ -112,7 +116,7 @@ def _action_ended(action: ActionState) -> Change:
     return Change(Code.ACTION_ENDED, f"Action {name}: {status}." + (f" {result}" if result else ""), values)
 
 
-def _body(before: State, now: State) -> Iterator[Change]:
+def _body(before: StateBrief, now: StateBrief) -> Iterator[Change]:
     power = now.power_supply
     if power.charging is not before.power_supply.charging:
         text = "Began to charge." if power.charging else "Ended charging."

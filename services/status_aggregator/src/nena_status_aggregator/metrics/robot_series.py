@@ -7,15 +7,16 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Generic, TypeVar
 
+from nena_shared.vda5050.brief.state import StateBrief
 from nena_shared.vda5050.connection import ConnectionState
-from nena_shared.vda5050.state import EmergencyStop, State
+from nena_shared.vda5050.state import EmergencyStop
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet_model.instant import Instant
 from nena_status_aggregator.fleet_model.robot import Robot
 from nena_status_aggregator.fleet_model.robot_view import is_active
 from nena_status_aggregator.metrics.text_format import head, labels_text
 
-S = TypeVar("S", Robot, State)
+S = TypeVar("S", Robot, StateBrief)
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +29,7 @@ class Series(Generic[S]):
     value: Callable[[S, Instant], float | None]
 
 
-def of_state(name: str, text: str, value: Callable[[State], float | None]) -> Series[State]:
+def of_state(name: str, text: str, value: Callable[[StateBrief], float | None]) -> Series[StateBrief]:
     """Make a gauge that is read from a robot's last state."""
     return Series(name, "gauge", text, lambda state, _: value(state))
 
@@ -38,7 +39,7 @@ def _speed(robot: Robot, _: Instant) -> float | None:
     return None if speed is None else hypot(speed.vx or 0.0, speed.vy or 0.0)
 
 
-def _localized(state: State) -> float | None:
+def _localized(state: StateBrief) -> float | None:
     at = state.mobile_robot_position
     return None if at is None else int(at.localized)
 
@@ -84,7 +85,7 @@ OF_ROBOT: tuple[Series[Robot], ...] = (
     ),
 )
 
-OF_STATE: tuple[Series[State], ...] = (
+OF_STATE: tuple[Series[StateBrief], ...] = (
     of_state(
         "nena_robot_battery_ratio",
         "State of charge, 0 to 1.",

@@ -1,0 +1,24 @@
+from __future__ import annotations
+
+from nena_shared.vda5050.brief.reader import read_brief
+from nena_shared.vda5050.brief.state import StateBrief
+from nena_shared.vda5050.state import OperatingMode
+from nena_shared.vda5050.v2_1 import CODEC
+from support.fleet_examples import state
+
+
+def test_parameters_have_their_neutral_names() -> None:
+    reference = {"reference_key": "parameter", "reference_value": "order.edges.maximumSpeed"}
+    error = {"error_type": "orderError", "error_level": "WARNING", "error_references": (reference,)}
+    payload = CODEC.encode(state(errors=(error,)))
+    assert b"order.edges.maxSpeed" in payload
+    (entry,) = read_brief(StateBrief, CODEC, payload).errors
+    assert entry.error_references[0].reference_value == "order.edges.maximumSpeed"
+
+
+def test_what_2_1_spells_otherwise_is_read_as_the_codec_reads_it() -> None:
+    payload = CODEC.encode(state(operating_mode="TEACH_IN")).replace(b'"NONE"', b'"AUTOACK"')
+    assert b'"TEACHIN"' in payload
+    brief = read_brief(StateBrief, CODEC, payload)
+    assert brief.operating_mode is OperatingMode.TEACH_IN
+    assert brief.safety_state.field_violation
