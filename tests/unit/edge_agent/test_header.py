@@ -4,7 +4,7 @@ from datetime import timedelta
 
 import pytest
 
-from nena_edge_agent.header import WRAP, HeaderMaker
+from nena_edge_agent.header import RESERVE, WRAP, HeaderMaker
 from nena_shared.clock import ManualClock
 from nena_shared.vda5050.topics import RobotKey, Topic
 
@@ -32,3 +32,35 @@ def test_the_count_stays_within_32_bits() -> None:
 
     assert maker.make(Topic.STATE)["header_id"] == WRAP - 1
     assert maker.make(Topic.STATE)["header_id"] == 0
+
+
+@pytest.mark.clause("7.2/headerId", "6.6/restart")
+def test_after_a_restart_the_count_goes_on_behind_all_that_may_have_been_used() -> None:
+    clock = ManualClock()
+    maker = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=clock)
+    used = 0
+    for _ in range(3 * RESERVE):
+        reserved = maker.reserve()
+        used = maker.make(Topic.STATE)["header_id"]
+
+    again = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=clock, reserved=reserved)
+
+    assert used < again.make(Topic.STATE)["header_id"] <= used + RESERVE
+    assert again.make(Topic.CONNECTION)["header_id"] == RESERVE
+
+
+def test_ids_are_set_apart_seldom() -> None:
+    maker = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=ManualClock())
+    reserved = set()
+    for _ in range(3 * RESERVE):
+        reserved.add(maker.reserve())
+        maker.make(Topic.STATE)
+
+    assert len(reserved) <= 3 * RESERVE // (RESERVE // 2)
+
+
+def test_ids_are_set_apart_over_the_end_of_the_count() -> None:
+    reserved = ((Topic.STATE, WRAP - 2),)
+    maker = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=ManualClock(), reserved=reserved)
+
+    assert dict(maker.reserve())[Topic.STATE] == RESERVE - 2

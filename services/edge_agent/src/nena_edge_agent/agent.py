@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import ParamSpec
 
 from nena_edge_agent.actions.registry import ActionRegistry
@@ -86,6 +87,8 @@ class RobotAgent:
         registry: ActionRegistry,
         clock: Clock,
         maps: tuple[Map, ...] = (),
+        make_link: Callable[..., MqttLink] = MqttLink,
+        make_journal: Callable[[Path, RobotKey], Journal] = Journal,
     ) -> None:
         self._settings = settings
         self._clock = clock
@@ -94,11 +97,17 @@ class RobotAgent:
         self._log = log.bind(robot=str(self.robot))
         self._codec = codec_for(settings.version)
         self._topics = topics_for(settings.version, settings.interface_name)
-        self._headers = HeaderMaker(self.robot, version=settings.version, clock=clock)
         self._registry = registry
         self._capabilities = make_capabilities(settings, registry)
-        self._journal = Journal(settings.journal.folder, self.robot) if settings.journal.enabled else None
+        journal = settings.journal
+        self._journal = make_journal(journal.folder, self.robot) if journal.enabled else None
         self._core = RobotCore(self._capabilities, self._journal.read() if self._journal else None)
+        self._headers = HeaderMaker(
+            self.robot,
+            version=settings.version,
+            clock=clock,
+            reserved=self._core.header_ids,
+        )
         self._durable_version = self._core.durable_version
         self._record: asyncio.Task[None] | None = None
         self._mailbox = Mailbox()
@@ -114,7 +123,7 @@ class RobotAgent:
             interval=settings.interval.visualization, now=clock.monotonic()
         )
         self._greeting = False
-        self._link = self._make_link()
+        self._link = self._connect(make_link)
 
     async def run(self, stop: asyncio.Event) -> None:
         """Serve until ``stop`` is set, then leave in order.
@@ -127,6 +136,7 @@ class RobotAgent:
         if self._maps:
             self._mailbox.put(MapsReport(self._maps))
         self._mailbox.put(Started(self._clock.now()))  # before all that the driver tells
+        await self._keep()  # the ids of the first messages
         await self._driver.start()
         try:
             async with Supervisor() as supervisor:
@@ -171,6 +181,7 @@ class RobotAgent:
 
     async def _keep(self) -> None:
         """Make durable what has changed; a disk that fails or hangs is told, and the robot goes on."""
+        self._core.header_ids = self._headers.reserve()
         version = self._core.durable_version
         if self._journal is None or version == self._durable_version:
             return
@@ -278,8 +289,8 @@ class RobotAgent:
         payload = self._codec.encode(message)
         return Outbound(self._topics.of(self.robot, topic), payload, qos=qos, retain=retain, keep=keep)
 
-    def _make_link(self) -> MqttLink:
-        link = MqttLink(
+    def _connect(self, make_link: Callable[..., MqttLink]) -> MqttLink:
+        link = make_link(
             self._settings.mqtt,
             client_id=f"nena-edge-agent-{self.robot.manufacturer}-{self.robot.serial_number}",
             will=lambda: self._connection(ConnectionState.CONNECTION_BROKEN),

@@ -9,16 +9,36 @@ from nena_shared.clock import Clock
 from nena_shared.vda5050.topics import RobotKey, Topic
 
 WRAP = 2**32
+RESERVE = 100
+"""Ids of a topic that are set apart at once: at most so many are left out by a restart."""
+TOPICS = (Topic.STATE, Topic.VISUALIZATION, Topic.CONNECTION, Topic.FACTSHEET)
+"""What a robot sends."""
+
+Reserved = tuple[tuple[Topic, int], ...]
+"""For each topic the first id that is not set apart."""
 
 
 class HeaderMaker:
-    """Counts the messages of each topic, from 0."""
+    """Counts the messages of each topic, from 0 or from where an earlier run of the program may have been.
 
-    def __init__(self, robot: RobotKey, *, version: str, clock: Clock) -> None:
+    Ids are used after they have been reserved on disk, so that none comes twice. A robot that cannot write
+    goes on counting: fleet control must take ids that begin anew.
+    """
+
+    def __init__(self, robot: RobotKey, *, version: str, clock: Clock, reserved: Reserved = ()) -> None:
         self._robot = robot
         self._version = version
         self._clock = clock
-        self._counts: Counter[Topic] = Counter()
+        self._counts: Counter[Topic] = Counter(dict(reserved))
+        self._reserved: dict[Topic, int] = {}
+
+    def reserve(self) -> Reserved:
+        """Give the first id of each topic that is not set apart; raised when half of those are used."""
+        for topic in TOPICS:
+            left = (self._reserved.get(topic, 0) - self._counts[topic]) % WRAP
+            if not RESERVE // 2 <= left <= RESERVE:
+                self._reserved[topic] = (self._counts[topic] + RESERVE) % WRAP
+        return tuple(self._reserved.items())
 
     def make(self, topic: Topic) -> dict[str, Any]:
         """Give the header of the next message under ``topic``, by its neutral names."""

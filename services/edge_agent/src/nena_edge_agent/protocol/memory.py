@@ -11,6 +11,7 @@ from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import Edge, Node
 from nena_shared.vda5050.request import RequestStatus
 from nena_shared.vda5050.state import Load, OperatingMode
+from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.zone_set import ZoneSet
 
 
@@ -117,3 +118,5 @@ class Memory(BaseModel):
     zone_requests: tuple[AccessMemory, ...] = ()
     last_zone_request: int = 0
     own_goals: OwnGoalsMemory | None = None
+    header_ids: tuple[tuple[Topic, int], ...] = ()
+    """The headerId of each topic from which the next run of the program counts on."""

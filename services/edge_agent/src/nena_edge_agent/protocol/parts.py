@@ -14,6 +14,7 @@ from nena_edge_agent.driver.port import (
     PlanReport,
     Pose,
     PoseReport,
+    SessionReport,
 )
 from nena_edge_agent.protocol.action_queue import ActionQueue
 from nena_edge_agent.protocol.action_states import ActionStates
@@ -28,6 +29,7 @@ from nena_edge_agent.protocol.zone_access import ZoneAccess
 from nena_edge_agent.protocol.zone_sets import ZoneSets
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.state import EmergencyStop, Load, Map, MapStatus, OperatingMode
+from nena_shared.vda5050.topics import Topic
 
 SAFE = SafetyReport()
 NO_GOALS = GoalTable()
@@ -47,6 +49,7 @@ class Senses:
     plan: PlanReport | None = None
     safety: SafetyReport = SAFE
     pause_button: bool = False
+    session: SessionReport | None = None
 
     @property
     def unsafe(self) -> bool:
@@ -68,6 +71,7 @@ class RobotParts:
     ended before its end. ``wanted_mode`` is the mode that a person has switched to and the state does not
     show yet. ``utc`` is a time of day with the monotonic time in s at which it was, None: nobody has told.
     ``speed_limit`` in m/s is what the zones ask of the driver. ``maps`` are those that the robot holds.
+    ``header_ids`` are those from which the next run of the program counts on.
     """
 
     capabilities: Capabilities
@@ -87,6 +91,7 @@ class RobotParts:
     holding: bool = False
     clearing: bool = False
     journal_problem: str = ""
+    header_ids: tuple[tuple[Topic, int], ...] = ()
     refused_topics: tuple[str, ...] = ()
     plugin_problems: tuple[str, ...] = ()
     zone_access: ZoneAccess = field(default_factory=ZoneAccess)

@@ -36,6 +36,7 @@ def recall(parts: RobotParts) -> Memory:
         zone_requests=tuple(AccessMemory.model_validate(each) for each in parts.zone_access.requests),
         last_zone_request=parts.zone_access.last_number,
         own_goals=OwnGoalsMemory.model_validate(parts.goal.own) if parts.goal.own else None,
+        header_ids=parts.header_ids,
     )
 
 
@@ -52,6 +53,7 @@ def recollect(memory: Memory, capabilities: Capabilities) -> RobotParts:
         loads=memory.loads,
         operating_mode=memory.operating_mode,
         wanted_mode=memory.wanted_mode,
+        header_ids=memory.header_ids,
         zone_access=ZoneAccess(
             (AccessRequest(**dict(each)) for each in memory.zone_requests), memory.last_zone_request
         ),

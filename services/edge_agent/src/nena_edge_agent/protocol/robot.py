@@ -20,6 +20,7 @@ from nena_edge_agent.driver.port import (
     Pose,
     PoseReport,
     PositionInitialized,
+    SessionReport,
 )
 from nena_edge_agent.protocol.action_flow import ActionFlow
 from nena_edge_agent.protocol.capabilities import Capabilities
@@ -69,6 +70,7 @@ from nena_edge_agent.protocol.zone_guard import ZoneGuard
 from nena_edge_agent.protocol.zone_keeping import ZoneKeeping
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.state import State
+from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.visualization import Visualization
 
 REQUESTS = (OrderReceived, InstantActionsReceived, MessageRefused)
@@ -161,6 +163,15 @@ class RobotCore:
         return self._parts.goal.own
 
     @property
+    def header_ids(self) -> tuple[tuple[Topic, int], ...]:
+        """The headerId of each topic that the next run of the program begins with."""
+        return self._parts.header_ids
+
+    @header_ids.setter
+    def header_ids(self, header_ids: tuple[tuple[Topic, int], ...]) -> None:
+        self._parts.header_ids = header_ids
+
+    @property
     def waits(self) -> bool:
         """Whether an answer is outstanding that may be overdue; then :class:`TimePassed` is wanted."""
         parts = self._parts
@@ -171,6 +182,14 @@ class RobotCore:
     @property
     def durable_version(self) -> tuple[object, ...]:
         """Something that differs when :meth:`memory` does."""
+        return (*self._lasting(), self._parts.header_ids)
+
+    def memory(self) -> Memory:
+        """Give what must survive the end of the process."""
+        return recall(self._parts)
+
+    def _lasting(self) -> tuple[object, ...]:
+        """Give what differs when the memory does, but for the ids of messages."""
         parts = self._parts
         return (
             parts.progress.revision,
@@ -187,16 +206,12 @@ class RobotCore:
             parts.goal.own,
         )
 
-    def memory(self) -> Memory:
-        """Give what must survive the end of the process."""
-        return recall(self._parts)
-
     def _visible(self) -> tuple[object, ...]:
         """Give what a state is sent for when it changes (section 6.6, triggers)."""
         parts = self._parts
         pose, battery = parts.senses.pose, parts.senses.battery
         return (
-            *self.durable_version,
+            *self._lasting(),
             parts.errors.revision,
             parts.goal.moving,
             self._travel.new_base_request,
@@ -205,6 +220,7 @@ class RobotCore:
             parts.senses.goals.external,
             parts.senses.safety,
             parts.senses.pause_button,
+            parts.senses.session,
             parts.maps,
         )
 
@@ -240,6 +256,7 @@ class RobotCore:
             BatteryReport: self._battery_reported,
             PositionInitialized: self._position.answered,
             GoalTable: self._goals_reported,
+            SessionReport: self._session_reported,
         }
 
     def _started(self, event: Started) -> None:
@@ -300,6 +317,9 @@ class RobotCore:
         """Take a battery report; one without a charge between 0 and 100 % is passed over."""
         if 0.0 <= event.state_of_charge <= FULL:
             self._parts.senses.battery = event
+
+    def _session_reported(self, event: SessionReport) -> None:
+        self._parts.senses.session = event
 
     def _blocked_reported(self, event: BlockedReport) -> None:
         self._parts.senses.blocked = event if event.blocked else None
