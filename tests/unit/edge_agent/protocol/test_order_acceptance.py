@@ -19,6 +19,7 @@ from nena_shared.vda5050.state import OperatingMode
 from support.robot_core import CAPABILITIES, MAP, Bench, action, at, order, position
 
 FREE = Situation(
+    off="",
     operating_mode=OperatingMode.AUTOMATIC,
     fatal=False,
     idle=True,

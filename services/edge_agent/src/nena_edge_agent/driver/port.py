@@ -14,6 +14,8 @@ from enum import StrEnum
 from math import dist
 from typing import Generic, Protocol, TypeVar
 
+from nena_edge_agent.ros.session_state import SessionState
+
 P = TypeVar("P")
 """A kind of pose; it says the frame."""
 
@@ -210,6 +212,16 @@ class GoalTable:
         return tuple(goal for goal in self.goals if goal.external and not goal.ended)
 
 
+@dataclass(frozen=True, slots=True)
+class SessionReport:
+    """The life of the robot's ROS session, and where it is in the graph; ``reason``: why it has failed."""
+
+    state: SessionState
+    namespace: str
+    domain_id: int
+    reason: str = ""
+
+
 FramelessEvent = (
     Arrived
     | DriveFailed
@@ -219,6 +231,7 @@ FramelessEvent = (
     | BlockedReport
     | PositionInitialized
     | GoalTable
+    | SessionReport
 )
 """What is the same in each frame."""
 

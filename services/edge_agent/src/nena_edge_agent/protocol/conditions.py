@@ -6,6 +6,7 @@ from nena_edge_agent.driver.port import PoseReport
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.instant_actions import STATES_KEPT, under_way
 from nena_edge_agent.protocol.parts import NOT_REPORTED, RobotParts
+from nena_edge_agent.protocol.session import switched_off
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType, error
 
 ROBOT_BLOCKED = "ROBOT_BLOCKED"
@@ -27,7 +28,8 @@ def check_conditions(parts: RobotParts) -> None:
     parts.errors.condition(SUBSCRIPTION_REFUSED, _subscriptions(parts))
     parts.errors.condition(ACTION_PLUGIN_UNUSABLE, _plugins(parts))
     parts.errors.condition(ErrorType.INSTANT_ACTION_STATES_FULL, _instant_states(parts))
-    if parts.coming_mode.takes_orders and parts.errors.worst_reported is not ErrorLevel.FATAL:
+    takes_orders = parts.coming_mode.takes_orders and not switched_off(parts)
+    if takes_orders and parts.errors.worst_reported is not ErrorLevel.FATAL:
         parts.errors.end(Until.AVAILABLE)
 
 
@@ -36,6 +38,8 @@ def _localisation(parts: RobotParts) -> ErrorEntry | None:
     unknown_in_order = pose is None and parts.progress.next_node is not None
     if (pose is None or pose.localized) and not unknown_in_order:
         return None
+    if switched_off(parts) and parts.idle:
+        return None  # it does not look, and NAVIGATION_NOT_AVAILABLE says why
     return error(
         ErrorType.LOCALIZATION_ERROR,
         f"the robot does not know where it is, and does not drive{_why(pose)}",

@@ -82,6 +82,7 @@ class ActionDeclaration:
     says, for people. ``load``: what it does to the load when it finishes, and that it needs. ``check``: what
     else stands against an action, by its parameters. ``unavailable``: why this robot never does it, empty if
     it does. ``timeout``: seconds that it runs at most, pauses not counted, None: as long as it takes.
+    ``needs_idle``: it is refused while an order is active.
     """
 
     action_type: str
@@ -98,6 +99,7 @@ class ActionDeclaration:
     check: Check | None = None
     unavailable: str = ""
     timeout: float | None = None
+    needs_idle: bool = False
 
     def problem(self, action: Action, scope: ActionScope) -> str | None:
         """Say why ``action`` cannot be done in ``scope``; None if it can."""

@@ -110,8 +110,17 @@ class InstantActionFlow:
             return f"the robot knows no action '{action.action_type}'"
         if action.action_type not in self._own and under_way(self._parts) > STATES_KEPT:
             return f"{STATES_KEPT} instant actions are under way already"
+        if declaration.needs_idle and (problem := self._order_problem()):
+            return problem
         loaded = bool(self._parts.loads)
         return declaration.problem(action, ActionScope.INSTANT) or declaration.load_problem(loaded=loaded)
+
+    def _order_problem(self) -> str | None:
+        """Say which order keeps the robot from an action that none may be active for."""
+        parts = self._parts
+        if parts.idle and not parts.clearing and not parts.goal.moving:
+            return None
+        return f"order '{parts.progress.order_id}' is active; wait for its end or cancel it"
 
     def _mode_problem(self, action: Action) -> str | None:
         """Say if fleet control may not ask for this while a person has the robot (section 6.6.6)."""

@@ -15,6 +15,7 @@ from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import Node, NodePosition, Order
+from nena_shared.vda5050.own_actions import START_ROS_SESSION
 
 STRAY = 1.0
 """Metres that a robot may have come to rest beside the node that it has reached, at most."""
@@ -33,12 +34,23 @@ def general_fault(order: Order, situation: Situation, capabilities: Capabilities
 def _mode_fault(order: Order, situation: Situation) -> ErrorEntry | None:
     """Check 2."""
     if situation.operating_mode.takes_orders:
-        return _fatal_fault(order) if situation.fatal else None
+        return _off_fault(order, situation) or (_fatal_fault(order) if situation.fatal else None)
     return refusal(
         ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
         order,
         f"the robot is in mode {situation.operating_mode} and takes no orders",
         hint="switch the robot to AUTOMATIC",
+    )
+
+
+def _off_fault(order: Order, situation: Situation) -> ErrorEntry | None:
+    if not situation.off:
+        return None
+    return refusal(
+        ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
+        order,
+        f"the robot takes no orders: {situation.off}",
+        hint=f"have it started by the instant action {START_ROS_SESSION}",
     )
 
 

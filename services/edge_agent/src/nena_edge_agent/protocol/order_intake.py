@@ -11,6 +11,7 @@ from nena_edge_agent.protocol.ground import CLOSED
 from nena_edge_agent.protocol.load_handling import loaded_after
 from nena_edge_agent.protocol.order_acceptance import NewOrder, Rejected, Update, Verdict, judge
 from nena_edge_agent.protocol.parts import RobotParts
+from nena_edge_agent.protocol.session import switched_off
 from nena_edge_agent.protocol.situation import Situation
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from nena_shared.vda5050.factsheet import ActionScope
@@ -43,6 +44,7 @@ class OrderIntake:
         parts, progress = self._parts, self._parts.progress
         return Situation(
             operating_mode=parts.coming_mode,
+            off=switched_off(parts),
             fatal=parts.errors.worst_reported is ErrorLevel.FATAL,
             idle=parts.idle and not parts.clearing,
             cancelled=progress.cancelled or parts.clearing,

@@ -14,6 +14,7 @@ from nena_shared.vda5050.state import OperatingMode
 class Situation:
     """What the decision about an order depends on.
 
+    ``off`` says why the robot's ROS session keeps it from taking orders, empty if it does not.
     ``fatal``: somebody has shown an error with which the robot takes no orders. ``cancelled``: the held order
     was cancelled, or is being ended; ``cleared``: it was ended before its end, perhaps far from its base.
     ``pose`` is None unless it can be trusted, ``no_route`` are the areas that navigation knows no way into.
@@ -23,6 +24,7 @@ class Situation:
     """
 
     operating_mode: OperatingMode
+    off: str
     fatal: bool
     idle: bool
     cancelled: bool

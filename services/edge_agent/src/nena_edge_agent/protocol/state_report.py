@@ -10,6 +10,7 @@ from nena_edge_agent.protocol.events import SafetyReport
 from nena_edge_agent.protocol.journey import Journey
 from nena_edge_agent.protocol.journey_report import intermediate_path, progress_information
 from nena_edge_agent.protocol.parts import RobotParts, Senses
+from nena_edge_agent.protocol.session import session_information
 from nena_edge_agent.protocol.tolerance import turn
 from nena_shared.vda5050.error import ErrorReference
 from nena_shared.vda5050.state import (
@@ -59,7 +60,11 @@ def make_state(
         power_supply=_power_supply(parts.senses.battery, charging=parts.charging),
         operating_mode=parts.operating_mode,
         errors=parts.errors.entries,
-        information=(*progress_information(journey), *_information(parts.senses.goals)),
+        information=(
+            *progress_information(journey),
+            *_information(parts.senses.goals),
+            *session_information(parts.senses.session),
+        ),
         safety_state=_safety_state(parts.senses.safety),
     )
 
