@@ -1,0 +1,138 @@
+"""Who may do what over HTTP: every request shows a token, and the token's user has the role that it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from http.cookies import CookieError, SimpleCookie
+from math import ceil
+
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from nena_shared.clock import Clock, SystemClock
+from nena_shared.log import get_logger
+from nena_shared.settings import ConfigurationError
+from nena_shared.web.problem import refusal
+from nena_shared.web.rate_limit import RateLimit
+from nena_shared.web.settings import HttpSettings
+from nena_shared.web.users import Role, User, UserBook
+
+log = get_logger(__name__)
+
+COOKIE = "nena_token"
+"""Where a browser keeps its token: out of reach of scripts, and never sent from other sites' pages."""
+
+WRONG_TOKENS_PER_SECOND = 0.2
+WRONG_TOKENS_AT_ONCE = 10
+"""How often an address may show a token that nobody has."""
+
+RoleNeeded = Callable[[str, str], Role | None]
+"""Tells from method and path what a request takes; None: it is for everybody."""
+
+
+class Refused(Exception):  # noqa: N818 - it is an answer, no fault
+    """A request that is not let through."""
+
+    def __init__(self, status: HTTPStatus, detail: str, **headers: str) -> None:
+        super().__init__(detail)
+        self.status = status
+        self.detail = detail
+        self.headers = headers
+
+
+@dataclass(slots=True)
+class AccessControl:
+    """ASGI middleware; leaves the :class:`User` in ``request.state.user``, None where nobody is known."""
+
+    app: ASGIApp
+    settings: HttpSettings
+    role_needed: RoleNeeded
+    clock: Clock = field(default_factory=SystemClock)
+    _book: UserBook | None = field(init=False)
+    _requests: RateLimit = field(init=False)
+    _wrong_tokens: RateLimit = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._book = UserBook(self.settings.users) if self.settings.users else None
+        self._requests = RateLimit(self.settings.requests_per_second, self.settings.burst)
+        self._wrong_tokens = RateLimit(WRONG_TOKENS_PER_SECOND, WRONG_TOKENS_AT_ONCE)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let a request through, or answer 401, 403, 429 or 503."""
+        if scope["type"] == "http":
+            try:
+                scope.setdefault("state", {})["user"] = self._let_in(scope)
+            except Refused as error:
+                answer = refusal(error.status, error.detail, error.headers)
+                await answer(scope, receive, send)
+                return
+        await self.app(scope, receive, send)
+
+    def who(self, token: str, address: str) -> User | None:
+        """Give whose token it is.
+
+        Raises:
+            Refused: too many wrong tokens came from there, or the file of users is broken.
+
+        """
+        if self._book is None:
+            return None
+        now = self.clock.monotonic()
+        self._check_rate(self._wrong_tokens, address, now, cost=0)
+        try:
+            user = self._book.who(token)
+        except ConfigurationError as error:
+            log.error("nobody is let in: the file of users cannot be used", problems=error.problems)  # noqa: TRY400
+            detail = "The file of users cannot be used; the service's log says why."
+            raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, detail) from error
+        if user is None:
+            self._wrong_tokens.wait(address, now)
+            log.warning("a token that nobody has", address=address)
+        return user
+
+    def _let_in(self, scope: Scope) -> User | None:
+        address = scope["client"][0] if scope.get("client") else "unknown"
+        headers = Headers(scope=scope)
+        role = self.role_needed(scope["method"], scope["path"])
+        token = token_of(headers)
+        user = self.who(token, address) if token else None
+        self._check_rate(self._requests, f"user {user.name}" if user else address, self.clock.monotonic())
+        if self._book is None or role is None:
+            return user
+        if user is None:
+            detail = "Log in: send your token as `Authorization: Bearer TOKEN`."
+            raise Refused(HTTPStatus.UNAUTHORIZED, detail, **{"www-authenticate": 'Bearer realm="NeNa"'})
+        if user.role < role:
+            detail = f"{user.name} is {user.role.name.lower()}; this takes the role {role.name.lower()}."
+            raise Refused(HTTPStatus.FORBIDDEN, detail)
+        return user
+
+    def _check_rate(self, limit: RateLimit, asker: str, now: float, *, cost: float = 1.0) -> None:
+        if seconds := limit.wait(asker, now, cost=cost):
+            detail = f"Too many requests. Ask again in {seconds:.1f} s."
+            raise Refused(HTTPStatus.TOO_MANY_REQUESTS, detail, **{"retry-after": str(ceil(seconds))})
+
+
+def token_of(headers: Headers) -> str:
+    """Give the token that a request shows, in its header or its cookie; empty: none."""
+    scheme, _, token = headers.get("authorization", "").partition(" ")
+    if scheme.lower() == "bearer":
+        return token.strip()
+    try:
+        cookies = SimpleCookie(headers.get("cookie", ""))
+    except CookieError:
+        return ""
+    return cookies[COOKIE].value if COOKIE in cookies else ""
+
+
+def reading_or(operating: Role, *, everybody: frozenset[str]) -> RoleNeeded:
+    """Make the plain rule: who reads is a viewer, who changes something has ``operating``."""
+
+    def needed(method: str, path: str) -> Role | None:
+        if path in everybody:
+            return None
+        return Role.VIEWER if method in ("GET", "HEAD", "OPTIONS") else operating
+
+    return needed

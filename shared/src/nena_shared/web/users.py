@@ -1,0 +1,148 @@
+"""Those who may log in: names, roles, and hashes of their tokens in a file.
+
+Tokens are random and long (256 bits), so that one round of SHA-256 hides them; passwords that people choose
+are not taken. The file is TOML, a table for each user::
+
+    [[user]]
+    name = "ann"
+    role = "operator"
+    token_sha256 = "9f86d0..."
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import os
+import secrets
+import tomllib
+from collections.abc import Iterable
+from enum import IntEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from nena_shared.settings import ConfigurationError
+
+TOKEN_PREFIX = "nena_"  # noqa: S105 - what secret scanners know our tokens by
+TOKEN_BYTES = 32
+
+
+class Role(IntEnum):
+    """What somebody may do; each role may do what those before it may."""
+
+    VIEWER = 1
+    """Read everything."""
+    OPERATOR = 2
+    """Give orders and commands."""
+    ADMIN = 3
+    """Change how the fleet works: plant model, locks of paths, removal of robots."""
+
+
+def _role(value: object) -> object:
+    return Role[value.upper()] if isinstance(value, str) and value.upper() in Role.__members__ else value
+
+
+class User(BaseModel):
+    """Somebody who may log in."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str = Field(pattern=r"^[A-Za-z0-9_.@-]{1,64}$")
+    role: Annotated[Role, BeforeValidator(_role)]
+    token_sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
+
+
+class _File(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    user: list[User] = []
+
+
+def new_token() -> str:
+    """Make a token that nobody guesses."""
+    return TOKEN_PREFIX + secrets.token_urlsafe(TOKEN_BYTES)
+
+
+def hash_of(token: str) -> str:
+    """Give what is kept of a token."""
+    return hashlib.sha256(token.encode()).hexdigest()
+
+
+def read_users(path: Path) -> tuple[User, ...]:
+    """Read a file of users.
+
+    Raises:
+        ConfigurationError: it cannot be read, or is none.
+
+    """
+    try:
+        found: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+        users = _File.model_validate(found).user
+    except OSError as error:
+        raise ConfigurationError([f"http.users: {path}: {error.strerror}"]) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigurationError([f"http.users: {path} is no TOML: {error}"]) from error
+    except ValidationError as error:
+        problems = [f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]
+        raise ConfigurationError([f"http.users: {path}: {each}" for each in problems]) from error
+    names = [user.name for user in users]
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise ConfigurationError([f"http.users: {path}: {', '.join(sorted(twice))} stands there twice"])
+    return tuple(users)
+
+
+def write_users(path: Path, users: Iterable[User]) -> None:
+    """Write a file of users, all at once, for its owner's and its group's eyes only."""
+    lines = ["# Who may log in to NeNa; `nena-deploy user` writes this file.\n"]
+    for user in users:
+        lines += ["\n[[user]]\n", f'name = "{user.name}"\n', f'role = "{user.role.name.lower()}"\n']
+        lines += [f'token_sha256 = "{user.token_sha256}"\n']
+    draft = path.with_name(f".{path.name}.new")
+    with os.fdopen(
+        os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o640), "w", encoding="utf-8"
+    ) as file:
+        file.write("".join(lines))
+        file.flush()
+        os.fsync(file.fileno())
+    draft.replace(path)
+
+
+class UserBook:
+    """Knows users by their tokens; a file that has changed is read anew: who leaves is out at once."""
+
+    def __init__(self, path: Path) -> None:
+        """Read the file.
+
+        Raises:
+            ConfigurationError: as :func:`read_users` does.
+
+        """
+        self._path = path
+        self._seen = self._stamp()
+        self._users = read_users(path)
+
+    def who(self, token: str) -> User | None:
+        """Give whose token it is; None: nobody's.
+
+        Raises:
+            ConfigurationError: the file has changed and is no longer one of users.
+
+        """
+        if (stamp := self._stamp()) != self._seen:
+            self._users = read_users(self._path)
+            self._seen = stamp
+        wanted = hash_of(token)
+        found = None
+        for user in self._users:  # all of them, so that the time tells nothing
+            if hmac.compare_digest(user.token_sha256, wanted):
+                found = user
+        return found
+
+    def _stamp(self) -> tuple[int, int, int]:
+        try:
+            status = self._path.stat()
+        except OSError:
+            return (0, 0, 0)
+        return (status.st_ino, status.st_mtime_ns, status.st_size)

@@ -1,0 +1,99 @@
+from __future__ import annotations
+
+import stat
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_shared.settings import ConfigurationError
+from nena_shared.web.users import Role, User, UserBook, hash_of, new_token, read_users, write_users
+
+names = st.from_regex(r"[A-Za-z0-9_.@-]{1,64}", fullmatch=True)
+users = st.builds(User, name=names, role=st.sampled_from(Role), token_sha256=st.text().map(hash_of))
+
+
+def someone(name: str, token: str, role: Role = Role.VIEWER) -> User:
+    return User(name=name, role=role, token_sha256=hash_of(token))
+
+
+@given(st.lists(users, unique_by=lambda user: user.name, max_size=5))
+def test_what_is_written_is_read(found: list[User]) -> None:
+    import tempfile  # noqa: PLC0415 - a folder for each example
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "users.toml"
+        write_users(file, found)
+
+        assert read_users(file) == tuple(found)
+
+
+def test_the_file_is_not_for_everybody_and_holds_no_token(tmp_path: Path) -> None:
+    file, token = tmp_path / "users.toml", new_token()
+    write_users(file, [someone("ann", token)])
+
+    assert stat.S_IMODE(file.stat().st_mode) & 0o007 == 0
+    assert token not in file.read_text()
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_tokens_are_long_and_never_the_same() -> None:
+    found = {new_token() for _ in range(1000)}
+
+    assert len(found) == 1000
+    assert all(len(token) > 40 and token.startswith("nena_") for token in found)
+
+
+def test_a_user_is_known_by_the_token_alone(tmp_path: Path) -> None:
+    write_users(tmp_path / "u", [someone("ann", "a", Role.ADMIN), someone("bob", "b")])
+    book = UserBook(tmp_path / "u")
+
+    assert book.who("b") == someone("bob", "b")
+    assert book.who("a") == someone("ann", "a", Role.ADMIN)
+    assert [book.who(each) for each in ("", "c", "ann", hash_of("a"))] == [None] * 4
+
+
+def test_who_is_taken_out_of_the_file_is_out_at_once(tmp_path: Path) -> None:
+    write_users(tmp_path / "u", [someone("ann", "a"), someone("bob", "b")])
+    book = UserBook(tmp_path / "u")
+    write_users(tmp_path / "u", [someone("bob", "b"), someone("cid", "c")])
+
+    assert book.who("a") is None
+    assert book.who("c") == someone("cid", "c")
+
+
+def test_a_file_that_breaks_lets_nobody_in(tmp_path: Path) -> None:
+    write_users(tmp_path / "u", [someone("ann", "a")])
+    book = UserBook(tmp_path / "u")
+    (tmp_path / "u").unlink()
+    with pytest.raises(ConfigurationError, match="No such file"):
+        book.who("a")
+    (tmp_path / "u").write_text("[[user]]\nname = 1")
+    with pytest.raises(ConfigurationError):
+        book.who("a")
+    write_users(tmp_path / "u", [someone("ann", "a")])
+
+    assert book.who("a") == someone("ann", "a")
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("[[user]\n", "is no TOML"),
+        ("\udcff", "is no TOML"),
+        ('[[user]]\nname = "a b"\nrole = "viewer"\ntoken_sha256 = "x"\n', r"user\.0\.name"),
+        ('[[user]]\nname = "a"\nrole = "king"\n', r"user\.0\.role"),
+        ("[[users]]\n", "users"),
+        (
+            '[[user]]\nname = "a"\nrole = "admin"\ntoken_sha256 = "%s"\n' % ("0" * 64) * 2,
+            "a stands there twice",
+        ),
+    ],
+)
+def test_a_file_that_is_none_is_told_by_its_place(text: str, complaint: str, tmp_path: Path) -> None:
+    (tmp_path / "u").write_text(text, errors="surrogateescape")
+
+    with pytest.raises(ConfigurationError, match=complaint) as caught:
+        read_users(tmp_path / "u")
+    assert all(problem.startswith("http.users: ") for problem in caught.value.problems)
