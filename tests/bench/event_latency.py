@@ -1,19 +1,21 @@
-"""State on the wire until its event is at a client: 200 robots, 10 clients."""
+"""A state on the wire until its event is at a client: 200 robots, 10 clients, one of them in Chromium."""
 
 from __future__ import annotations
 
 import asyncio
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import AsyncExitStack
+from typing import Any
 
 import httpx
+from playwright.async_api import Page
 
-from bench.figures import Figures, milliseconds
-from bench.state_cost import payload
+from bench.browser import chromium
+from bench.figures import milliseconds
+from bench.state_cost import publish
 from bench.wire import Wire
-from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 
 ROBOTS = 200
 CLIENTS = 10
@@ -21,41 +23,68 @@ RATE = 200.0
 """States per second: each robot sends one."""
 
 SETTLE_SECONDS = 2.0
-SCHEME = TopicScheme("uagv")
 
 Sent = dict[tuple[str, float], float]
-"""When a state was published, by robot and its x."""
+"""When a state was published, by robot and its x; s since 1970, the clock that a page has too."""
+
+_FOLLOW = """() => {
+  window.seen = [];
+  new EventSource("/api/v1/events").addEventListener("delta", (event) => {
+    const now = (performance.timeOrigin + performance.now()) / 1000;
+    for (const robot of JSON.parse(event.data).robots ?? []) {
+      if (robot.position) window.seen.push([robot.id, robot.position.x, now]);
+    }
+  });
+}"""
 
 
-async def measure(port: int, url: str, seconds: float) -> Figures:
-    """Publish for ``seconds`` while clients follow; give the latencies of all events at all clients."""
+async def measure(port: int, url: str, seconds: float) -> dict[str, Any]:
+    """Publish for ``seconds`` while clients follow; give the latencies at all of them, and at the page."""
     wire = Wire(port, "bench-latency", ())
     for number in range(ROBOTS):
-        _publish(wire, number, 0)
+        publish(wire, number, 0)
     sent: Sent = {}
     samples: list[float] = []
-    async with httpx.AsyncClient(timeout=None) as http, AsyncExitStack() as streams:  # noqa: S113 - streams
-        readers = []
-        for _ in range(CLIENTS):
-            stream = http.stream("GET", f"{url}/api/v1/events")
-            response = await streams.enter_async_context(stream)
-            readers.append(asyncio.create_task(_read(response, sent, samples), name="bench reader"))
+    async with AsyncExitStack() as stack:
+        page = await _follow_in_browser(stack, url)
+        readers = await _follow(stack, url, sent, samples)
         await asyncio.sleep(SETTLE_SECONDS)
         await _publish_states(wire, sent, seconds)
         await asyncio.sleep(SETTLE_SECONDS)
         for reader in readers:
             reader.cancel()
         await asyncio.gather(*readers, return_exceptions=True)
+        in_browser = list(_of_page(await page.evaluate("() => window.seen"), sent))
     wire.close()
-    return milliseconds(samples)
+    return {**milliseconds([*samples, *in_browser]), "browser": milliseconds(in_browser)}
+
+
+async def _follow_in_browser(stack: AsyncExitStack, url: str) -> Page:
+    """Follow the stream in a page that draws nothing else."""
+    browser = await stack.enter_async_context(chromium())
+    page = await browser.new_page()
+    await page.goto(f"{url}/healthz")
+    await page.evaluate(_FOLLOW)
+    return page
+
+
+async def _follow(
+    stack: AsyncExitStack, url: str, sent: Sent, samples: list[float]
+) -> list[asyncio.Task[None]]:
+    http = await stack.enter_async_context(httpx.AsyncClient(timeout=None))  # noqa: S113 - streams
+    readers = []
+    for _ in range(CLIENTS - 1):
+        response = await stack.enter_async_context(http.stream("GET", f"{url}/api/v1/events"))
+        readers.append(asyncio.create_task(_read(response, sent, samples), name="bench reader"))
+    return readers
 
 
 async def _publish_states(wire: Wire, sent: Sent, seconds: float) -> None:
     start = time.perf_counter()
     for count in range(int(seconds * RATE)):
         number, header_id = count % ROBOTS, 1 + count // ROBOTS
-        sent[(f"Bench/bench-{number:03d}", (header_id % 100) / 10)] = time.perf_counter()
-        _publish(wire, number, header_id)
+        sent[(f"Bench/bench-{number:03d}", (header_id % 100) / 10)] = time.time()
+        publish(wire, number, header_id)
         await asyncio.sleep(max(0.0, start + count / RATE - time.perf_counter()))
 
 
@@ -65,7 +94,7 @@ async def _read(response: httpx.Response, sent: Sent, samples: list[float]) -> N
         if line.startswith("event: "):
             event = line.removeprefix("event: ")
         elif line.startswith("data: ") and event == "delta":
-            now = time.perf_counter()
+            now = time.time()
             samples.extend(now - moment for moment in _moments(line, sent))
 
 
@@ -75,6 +104,7 @@ def _moments(line: str, sent: Sent) -> Iterator[float]:
             yield moment
 
 
-def _publish(wire: Wire, number: int, header_id: int) -> None:
-    robot = RobotKey("Bench", f"bench-{number:03d}")
-    wire.publish(SCHEME.of(robot, Topic.STATE), payload(number, header_id))
+def _of_page(seen: Iterable[tuple[str, float, float]], sent: Sent) -> Iterator[float]:
+    for robot, x, at in seen:
+        if moment := sent.get((robot, x)):
+            yield at - moment

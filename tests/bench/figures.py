@@ -23,3 +23,13 @@ def milliseconds(samples: Sequence[float]) -> Figures:
 def ratio(one: Figures, other: Figures) -> Figures:
     """Give how many times as long ``one`` takes as ``other``."""
     return {key: round(one[f"{key}_ms"] / other[f"{key}_ms"], 2) for key in ("p50", "p99")}
+
+
+def within(value: float, target: float) -> dict[str, float | bool]:
+    """Give a figure with the most that it may be, and whether it keeps to it."""
+    return {"value": value, "target": target, "met": value <= target}
+
+
+def at_least(value: float, target: float) -> dict[str, float | bool]:
+    """Give a figure with the least that it may be, and whether it keeps to it."""
+    return {"value": value, "target": target, "met": value >= target}

@@ -22,6 +22,7 @@ from nena_shared.vda5050.state import (
     PowerSupply,
     SafetyState,
     State,
+    Velocity,
 )
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.v2_1 import CODEC
@@ -59,7 +60,7 @@ def measure(port: int, services: dict[str, int], seconds: float) -> dict[str, Fi
 def _measure(port: int, processes: dict[str, int], seconds: float) -> dict[str, Figures]:
     wire = Wire(port, "bench-states", ())
     for number in range(ROBOTS):
-        _publish(wire, number, 0)
+        publish(wire, number, 0)
     _pass_time(SETTLE_SECONDS)
     start = _cpu(processes)
     _pass_time(seconds)
@@ -93,7 +94,7 @@ def _publish_states(wire: Wire, seconds: float) -> int:
     sent = 0
     while (elapsed := time.perf_counter() - start) < seconds:
         while sent < elapsed * RATE:
-            _publish(wire, sent % ROBOTS, 1 + sent // ROBOTS)
+            publish(wire, sent % ROBOTS, 1 + sent // ROBOTS)
             sent += 1
         _pass_time(0.002)
     return sent
@@ -104,7 +105,8 @@ def _pass_time(seconds: float) -> None:
     threading.Event().wait(max(0.0, seconds))
 
 
-def _publish(wire: Wire, number: int, header_id: int) -> None:
+def publish(wire: Wire, number: int, header_id: int) -> None:
+    """Publish a state of robot ``number``."""
     robot = RobotKey("Bench", f"bench-{number:03d}")
     wire.publish(SCHEME.of(robot, Topic.STATE), payload(number, header_id))
 
@@ -129,16 +131,19 @@ def payload(number: int, header_id: int) -> bytes:
                 released=True,
                 node_position=NodePosition(x=float(index), y=2.0, theta=0.0, map_id="sample-hall"),
             )
-            for index in range(1, 18)
+            for index in range(1, 20)
         ),
         edge_states=tuple(
             EdgeState(edge_id=f"node-{index} --- node-{index + 1}", sequence_id=2 * index + 1, released=True)
-            for index in range(17)
+            for index in range(19)
         ),
+        velocity=Velocity(vx=1.0, vy=0.0, omega=0.0),
+        loads=(),
         driving=True,
+        paused=False,
         action_states=(),
         instant_action_states=(),
-        power_supply=PowerSupply(state_of_charge=80.0, charging=False),
+        power_supply=PowerSupply(state_of_charge=80.0, battery_voltage=48.2, charging=False, range=9000.0),
         operating_mode=OperatingMode.AUTOMATIC,
         errors=(),
         safety_state=SafetyState(active_emergency_stop=EmergencyStop.NONE, field_violation=False),

@@ -1,0 +1,88 @@
+"""Frames per second of the panel's map: 200 robots at 2 Hz, in Chromium, while the map is being moved."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from contextlib import suppress
+from typing import Any
+
+from playwright.async_api import Page
+
+from bench.browser import chromium
+from bench.figures import Figures
+from bench.state_cost import publish
+from bench.wire import Wire
+from nena_demo.plants import sample_plant_path
+from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.plant.opentcs_xml import read
+
+ROBOTS = 200
+RATE = 400.0
+"""States per second: each robot sends two."""
+RUNS = 3
+READY_SECONDS = 30.0
+
+_ROBOTS_SHOWN = "(wanted) => document.querySelector('nena-fleet-map').store?.robots.size >= wanted"
+_FRAMES = """({ seconds, move }) => new Promise((done) => {
+  const map = document.querySelector("nena-fleet-map");
+  const begin = performance.now();
+  let frames = 0;
+  const next = (now) => {
+    if (now - begin > seconds * 1000) return done(frames / seconds);
+    frames += 1;
+    if (move) {
+      map.view.pan(frames % 2 ? 1 : -1, 0);
+      map.follow(false);
+    }
+    requestAnimationFrame(next);
+  };
+  requestAnimationFrame(next);
+})"""
+
+
+async def measure(port: int, url: str, seconds: float) -> dict[str, Any]:
+    """Give the frames per second: map moved, map at rest, and those of an empty page, the yardstick."""
+    wire = Wire(port, "bench-frames", ())
+    plant = read(sample_plant_path().read_bytes()).model
+    wire.publish(FleetTopics("nena/v1").plant_model, plant.to_json().encode(), retain=True)
+    sending = asyncio.create_task(_send(wire), name="bench robots")
+    async with chromium() as browser:
+        page = await browser.new_page(viewport={"width": 1280, "height": 800})
+        yardstick = await _frames(page, seconds, move=False)
+        await page.goto(url)
+        await _until_shown(page)
+        figures: Figures = {
+            "moved": await _frames(page, seconds, move=True),
+            "at_rest": await _frames(page, seconds, move=False),
+            "empty_page": yardstick,
+        }
+    sending.cancel()
+    with suppress(asyncio.CancelledError):
+        await sending
+    wire.close()
+    return figures
+
+
+async def _frames(page: Page, seconds: float, *, move: bool) -> float:
+    """Give the median of some runs."""
+    runs = [await page.evaluate(_FRAMES, {"seconds": seconds / RUNS, "move": move}) for _ in range(RUNS)]
+    return round(float(sorted(runs)[RUNS // 2]), 1)
+
+
+async def _until_shown(page: Page) -> None:
+    end = time.perf_counter() + READY_SECONDS
+    while not await page.evaluate(_ROBOTS_SHOWN, ROBOTS):
+        if time.perf_counter() > end:
+            message = "the panel does not show all robots"
+            raise TimeoutError(message)
+        await asyncio.sleep(0.1)
+
+
+async def _send(wire: Wire) -> None:
+    start = time.perf_counter()
+    count = 0
+    while True:
+        publish(wire, count % ROBOTS, count // ROBOTS)
+        count += 1
+        await asyncio.sleep(max(0.0, start + count / RATE - time.perf_counter()))
