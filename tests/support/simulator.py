@@ -35,13 +35,14 @@ def simulated_robot(
     *,
     time_factor: float = 5.0,
     result_timeout: float = 900.0,
+    actions: bool = True,
     **robot: Any,
 ) -> Iterator[RobotNode]:
     """Run one robot in a thread of this process; ``robot`` holds fields of its settings."""
     settings = RobotSettings(domain_id=domain_id, namespace=namespace, **robot)
     node = RobotNode(
         settings,
-        simulator=SimulatorSettings(time_factor=time_factor, result_timeout=result_timeout),
+        simulator=SimulatorSettings(time_factor=time_factor, result_timeout=result_timeout, actions=actions),
         hall=HALL,
         clock=SystemClock(),
     )

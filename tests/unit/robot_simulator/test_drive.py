@@ -67,3 +67,26 @@ def test_the_plan_of_a_robot_that_was_put_far_away_is_bounded(x: float) -> None:
     poses = Drive(TARGET, START, GOAL).plan(Pose(x, 0.0, 0.0))
     assert len(poses) == PLAN_PARTS + 1
     assert poses[-1] == GOAL
+
+
+def test_places_on_the_way_are_passed_one_after_the_other() -> None:
+    drive = Drive(Target(UUID(int=1), GOAL, (Pose(4.0, 0.0, 0.0), Pose(7.0, 0.0, 0.0))), START, GOAL)
+    assert (drive.next_place, drive.behind, drive.places_left) == (Pose(4.0, 0.0, 0.0), 6.0, 3)
+    assert progress_at(drive, Pose(3.5, 0.0, 0.0)) is Progress.UNDERWAY
+    assert (drive.next_place, drive.behind, drive.places_left) == (Pose(7.0, 0.0, 0.0), 3.0, 2)
+    assert drive.left(Pose(3.5, 0.0, 0.0)) == 6.5
+    drive.move_to(Pose(7.0, 0.0, 0.0))
+    assert (drive.next_place, drive.behind, drive.places_left) == (GOAL, 0.0, 1)
+
+
+def test_the_end_counts_only_after_the_places_before_it() -> None:
+    drive = Drive(Target(UUID(int=1), GOAL, (Pose(10.0, 4.0, 0.0),)), START, GOAL)
+    assert progress_at(drive, GOAL) is Progress.UNDERWAY
+    drive.move_to(Pose(10.0, 3.5, 0.0))
+    assert progress_at(drive, GOAL) is Progress.REACHED
+
+
+def test_the_plan_goes_over_the_places() -> None:
+    plan = Drive(Target(UUID(int=1), GOAL, (Pose(5.0, 5.0, 0.0),)), START, GOAL).plan(START)
+    assert max(pose.y for pose in plan) == 5.0
+    assert plan[-1] == GOAL

@@ -62,3 +62,10 @@ def test_a_new_goal_straight_ahead_keeps_the_speed() -> None:
     cruising = drive(Motion(Pose(0, 0, 0)), Pose(10, 0, 0), 5.0)[-1]
     track = drive(cruising, Pose(20, 0, 0), 8.0)
     assert min(motion.speed for motion in track) == pytest.approx(1.0)
+
+
+def test_does_not_brake_for_a_place_that_it_passes() -> None:
+    place = Pose(0.1, 0.0, 0.0)
+    fast = Motion(Pose(0.0, 0.0, 0.0), speed=LIMITS.speed)
+    assert step(fast, place, LIMITS, DT).speed < LIMITS.speed
+    assert step(fast, place, LIMITS, DT, behind=10.0).speed == LIMITS.speed

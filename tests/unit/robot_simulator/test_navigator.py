@@ -29,8 +29,8 @@ class Bench:
         self.arrays: list[str] = []
 
     @staticmethod
-    def resolve(goal: Goal) -> Pose | None:
-        return goal.pose if goal.frame_id == "map" else None
+    def resolve(pose: Pose, frame_id: str) -> Pose | None:
+        return pose if frame_id == "map" else None
 
     def note(self) -> None:
         for snapshot in self.goals.take_unpublished():

@@ -9,7 +9,9 @@ from uuid import UUID
 import pytest
 
 from nena_robot_simulator import faults
+from nena_robot_simulator.action import Action
 from nena_robot_simulator.grid_map import hall
+from nena_robot_simulator.navigator import Goal
 from nena_robot_simulator.pose import Pose
 from nena_robot_simulator.robot import Robot
 from nena_robot_simulator.settings import RobotSettings
@@ -33,7 +35,7 @@ class Bench:
         )
 
     def take(self, goal_id: UUID, x: float, y: float, yaw: float = 0.0, frame: str = "map") -> bool:
-        return self.robot.take_goal(goal_id, Pose(x, y, yaw), frame, 1, self.now)
+        return self.robot.take_goal(Goal(goal_id, Pose(x, y, yaw), frame), 1, self.now)
 
     def apply(self, fault: faults.AnyFault, goal_id: UUID = B) -> None:
         self.robot.apply(fault, goal_id=goal_id, accepted_ns=1, now=self.now)
@@ -47,8 +49,8 @@ class Bench:
         return self.now - start
 
     def until_ended(self, goal_id: UUID = A, seconds: float = 60.0) -> int:
-        self.run(seconds, lambda: int(self.robot.goals[goal_id]) >= 4)
-        return int(self.robot.goals[goal_id])
+        self.run(seconds, lambda: int(self.robot.goals(Action.TO_POSE)[goal_id]) >= 4)
+        return int(self.robot.goals(Action.TO_POSE)[goal_id])
 
 
 def test_a_drive_ends_at_the_goal_within_the_tolerance() -> None:
@@ -77,7 +79,7 @@ def test_a_cancelled_drive_ends_before_standstill() -> None:
     bench.take(A, 10.0, 0.0)
     bench.run(3.0)
     assert bench.robot.cancel(A, 0, bench.now).code == 0
-    assert 0.02 <= bench.run(1.0, lambda: int(bench.robot.goals[A]) == 5) <= 0.08
+    assert 0.02 <= bench.run(1.0, lambda: int(bench.robot.goals(Action.TO_POSE)[A]) == 5) <= 0.08
     assert bench.robot.velocity[0] > 0.8
     bench.run(2.0)
     assert bench.robot.resting
@@ -93,7 +95,7 @@ def test_a_new_goal_ahead_takes_over_at_full_speed() -> None:
         bench.run(0.01)
         slowest = min(slowest, bench.robot.velocity[0])
     assert slowest == pytest.approx(1.0)
-    assert int(bench.robot.goals[A]) == 6
+    assert int(bench.robot.goals(Action.TO_POSE)[A]) == 6
     assert bench.until_ended(B) == 4
 
 
@@ -101,7 +103,7 @@ def test_the_time_factor_shortens_drives_and_shows_in_the_velocity() -> None:
     slow, fast = Bench(), Bench(time_factor=10.0)
     slow.take(A, 10.0, 0.0)
     fast.take(A, 10.0, 0.0)
-    seconds = slow.run(60.0, lambda: int(slow.robot.goals[A]) == 4)
+    seconds = slow.run(60.0, lambda: int(slow.robot.goals(Action.TO_POSE)[A]) == 4)
     assert fast.run(60.0, lambda: fast.robot.velocity[0] > 9.0) < 1.0
     assert fast.until_ended() == 4
     assert fast.now - 100.0 == pytest.approx(seconds / 10.0, rel=0.2)
@@ -230,7 +232,7 @@ def test_a_stuck_robot_stands_with_its_goal_executing_and_drives_on_afterwards()
     stands_at = bench.robot.pose
     bench.run(20.0)
     assert bench.robot.pose == stands_at
-    assert int(bench.robot.goals[A]) == 2
+    assert int(bench.robot.goals(Action.TO_POSE)[A]) == 2
     bench.apply(faults.Stuck(active=False))
     assert bench.until_ended() == 4
 
@@ -253,7 +255,7 @@ def test_a_foreign_goal_pre_empts_the_own_one() -> None:
     bench.run(1.0)
     bench.apply(faults.ForeignGoal(x=0.0, y=4.0), goal_id=B)
     bench.run(0.05)
-    assert (int(bench.robot.goals[A]), int(bench.robot.goals[B])) == (6, 2)
+    assert (int(bench.robot.goals(Action.TO_POSE)[A]), int(bench.robot.goals(Action.TO_POSE)[B])) == (6, 2)
     assert bench.until_ended(B) == 4
 
 
@@ -310,7 +312,7 @@ def test_an_unconfigured_navigator_forgets_its_goals_and_the_robot_stops() -> No
     assert not bench.robot.active
     assert not bench.take(B, 1.0, 0.0)
     bench.apply(faults.Unconfigured(active=False))
-    assert bench.robot.goals.entries(bench.now) == ()
+    assert bench.robot.goals(Action.TO_POSE).entries(bench.now) == ()
     assert bench.robot.take_unpublished() == []
     x = bench.robot.pose.x
     assert bench.take(B, x + 1.0, 0.0)

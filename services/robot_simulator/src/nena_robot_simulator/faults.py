@@ -60,6 +60,7 @@ class Unreachable(PerGoal):
 
     kind: Literal["unreachable"] = "unreachable"
     circles: tuple[Circle, ...] = Field((), description="Only goals inside one of these; none: every goal.")
+    error_code: int = Field(208, ge=0, le=65535, description="Reason in the result of an action: no path.")
 
     def concerns(self, goal: Pose) -> bool:
         """Whether the goal is one that cannot be reached."""
@@ -71,10 +72,13 @@ class AbortHalfway(PerGoal):
 
     kind: Literal["abort_halfway"] = "abort_halfway"
     fraction: float = Field(0.5, ge=0, le=1, description="Part of the way after which the drive is aborted.")
+    error_code: int = Field(
+        105, ge=0, le=65535, description="Reason in the result of an action: no progress."
+    )
 
 
 class RejectGoals(PerGoal):
-    """Goals vanish: no status, no movement."""
+    """Goals by the topic vanish: no status, no movement; those by an action are refused."""
 
     kind: Literal["reject_goals"] = "reject_goals"
 
@@ -83,6 +87,11 @@ class Stuck(Lasting):
     """The robot does not move, the goal stays EXECUTING."""
 
     kind: Literal["stuck"] = "stuck"
+    recovery_after: float = Field(
+        10.0,
+        gt=0,
+        description="Seconds of standstill from one recovery to the next, as feedback counts them.",
+    )
 
 
 class Silence(Lasting):

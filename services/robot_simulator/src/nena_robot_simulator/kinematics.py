@@ -39,9 +39,14 @@ class Motion:
         return self.speed == 0.0 and self.yaw_rate == 0.0
 
 
-def step(motion: Motion, target: Pose | None, limits: Limits, dt: float) -> Motion:
-    """Move for ``dt`` seconds towards ``target`` (same frame); without a target, brake to standstill."""
-    wanted_speed, wanted_yaw_rate = (0.0, 0.0) if target is None else _wanted(motion.pose, target, limits)
+def step(motion: Motion, target: Pose | None, limits: Limits, dt: float, *, behind: float = 0.0) -> Motion:
+    """Move for ``dt`` seconds towards ``target`` (same frame); without a target, brake to standstill.
+
+    ``behind`` is how far the way goes on behind the target, m: above 0 it is passed and not stopped at.
+    """
+    wanted_speed, wanted_yaw_rate = (
+        (0.0, 0.0) if target is None else _wanted(motion.pose, target, limits, behind)
+    )
     speed = _approach(motion.speed, wanted_speed, limits.acceleration * dt)
     yaw_rate = _approach(motion.yaw_rate, wanted_yaw_rate, limits.yaw_acceleration * dt)
     heading = motion.pose.yaw + yaw_rate * dt / 2.0
@@ -57,16 +62,16 @@ def step(motion: Motion, target: Pose | None, limits: Limits, dt: float) -> Moti
     )
 
 
-def _wanted(pose: Pose, target: Pose, limits: Limits) -> tuple[float, float]:
+def _wanted(pose: Pose, target: Pose, limits: Limits, behind: float) -> tuple[float, float]:
     """Forward speed and yaw rate that lead to the target."""
     distance = pose.distance(target)
-    if distance <= AT_PLACE:
+    if distance <= AT_PLACE and not behind:
         return 0.0, _turn(wrap(target.yaw - pose.yaw), limits)
     error = wrap(pose.bearing(target) - pose.yaw)
     turn = _turn(error, limits)
     if abs(error) > TURN_IN_PLACE_ABOVE:
         return 0.0, turn
-    braking = math.sqrt(2.0 * limits.acceleration * distance)
+    braking = math.sqrt(2.0 * limits.acceleration * (distance + behind))
     return min(limits.speed, braking) * math.cos(error), turn
 
 

@@ -1,10 +1,11 @@
-"""bt_navigator's action server without its behaviour tree: one current goal, one pending goal, one loop.
+"""One action server of bt_navigator without its behaviour tree: one current goal, one pending goal, one loop.
 
 The rules are those of Nav2's SimpleActionServer. A goal that comes while another one runs waits in the
 pending slot until the loop has ticked, then takes over without a stop; the old goal ends ABORTED. A cancel
 request is looked for on the pending goal only, while there is one: that is Nav2's own race, and an agent has
 to live with it. Cancelling halts the tree first, which takes a moment; then everything there is ends at once.
 Another race: a goal that takes over in the very round in which the tree ends gets the old drive's result.
+bt_navigator has two such servers, and one of them alone drives: a goal for the other ends ABORTED at once.
 """
 
 from __future__ import annotations
@@ -21,18 +22,20 @@ from nena_robot_simulator.status_array import GoalStatus, StatusArray
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A NavigateToPose goal; the pose is in ``frame_id``."""
+    """A NavigateToPose goal, or over the places of ``via`` a NavigateThroughPoses goal, in ``frame_id``."""
 
     goal_id: UUID
     pose: Pose
     frame_id: str
+    via: tuple[Pose, ...] = ()
 
 
 class Target(NamedTuple):
-    """Where the robot is to drive for a goal, in the map frame."""
+    """Where the robot is to drive for a goal, over the places of ``via``, in the map frame."""
 
     goal_id: UUID
     pose: Pose
+    via: tuple[Pose, ...] = ()
 
 
 class Progress(Enum):
@@ -46,21 +49,28 @@ class Progress(Enum):
 class Navigator:
     """Takes goals, decides when each one ends and with which status.
 
-    ``resolve`` turns a goal into a pose in the map frame, or gives None where its frame is unknown or the
-    robot not localised. ``halting`` gives the seconds that halting the behaviour tree takes. All times are
-    monotonic seconds.
+    ``resolve`` turns a pose of a frame into one in the map frame, or gives None where the frame is unknown or
+    the robot not localised. ``halting`` gives the seconds that halting the behaviour tree takes, ``barred``
+    tells whether the other server drives. All times are monotonic seconds.
     """
 
     def __init__(
-        self, *, goals: StatusArray, resolve: Callable[[Goal], Pose | None], halting: Callable[[], float]
+        self,
+        *,
+        goals: StatusArray,
+        resolve: Callable[[Pose, str], Pose | None],
+        halting: Callable[[], float],
+        barred: Callable[[], bool] = lambda: False,
     ) -> None:
-        self._goals = goals
+        self.goals = goals
         self._resolve = resolve
         self._halting = halting
+        self._barred = barred
         self._active = True
         self._current: Goal | None = None
         self._pending: Goal | None = None
-        self._way: Pose | None = None
+        self._way: tuple[Pose, ...] | None = None
+        self._began_at = 0.0
         self._halted_at: float | None = None
 
     @property
@@ -74,11 +84,21 @@ class Navigator:
         return self._current is not None
 
     @property
+    def driving(self) -> bool:
+        """Whether the robot drives for a goal, or is just being halted."""
+        return self._way is not None
+
+    @property
     def target(self) -> Target | None:
         """What the robot is to drive for now; None: it is to stand."""
         if self._current is None or self._way is None or self._halted_at is not None:
             return None
-        return Target(self._current.goal_id, self._way)
+        return Target(self._current.goal_id, self._way[-1], self._way[:-1])
+
+    @property
+    def began_at(self) -> float:
+        """When the goal was accepted that is driven for."""
+        return self._began_at
 
     def set_active(self, *, active: bool) -> None:
         """Activate or deactivate the lifecycle node; running goals end when the loop has halted the tree."""
@@ -86,24 +106,24 @@ class Navigator:
 
     def restart(self) -> None:
         """Begin anew, as a process that has died; its goals are gone without an end."""
-        self._goals.forget_all()
+        self.goals.forget_all()
         self._current = self._pending = self._way = self._halted_at = None
 
     def take(self, goal: Goal, accepted_ns: int, now: float) -> bool:
         """Accept a goal; False when the server is inactive, and then nobody will hear of it."""
         if not self._active:
             return False
-        self._goals.accept(goal.goal_id, accepted_ns, now)
+        self.goals.accept(goal.goal_id, accepted_ns, now)
         if self._current is None:
-            self._current = goal
+            self._current, self._began_at = goal, now
             return True
         if self._pending is not None:
             self._terminate(self._pending, now)
         self._pending = goal
         return True
 
-    def tick(self, now: float, progress: Progress) -> None:
-        """Go once round the loop; ``progress`` is that towards :attr:`target`."""
+    def tick(self, now: float, progress: Progress, error_code: int = 0) -> None:
+        """Go once round the loop; ``progress`` is that towards :attr:`target`; why, if it has failed."""
         if self._current is None:
             return
         if self._halted_at is not None:
@@ -116,32 +136,38 @@ class Navigator:
         else:
             current = self._preempted(self._current, now)
             if progress is not Progress.UNDERWAY:
-                self._finish(current, progress, now)
+                self._finish(current, progress, now, error_code)
 
     def _cancel_requested(self, asked: Goal) -> bool:
-        return not self._active or self._goals[asked.goal_id] is GoalStatus.CANCELING
+        return not self._active or self.goals[asked.goal_id] is GoalStatus.CANCELING
 
     def _preempted(self, current: Goal, now: float) -> Goal:
         """Let the pending goal take over; one with an unusable pose keeps the robot on its old way."""
         if self._pending is None:
             return current
-        self._goals.end(current.goal_id, GoalStatus.ABORTED, now)
-        self._current, self._pending = self._pending, None
-        self._way = self._resolve(self._current) or self._way
+        self.goals.end(current.goal_id, GoalStatus.ABORTED, now)
+        self._current, self._pending, self._began_at = self._pending, None, now
+        self._way = self._way_of(self._current) or self._way
         return self._current
 
     def _begin(self, goal: Goal, now: float) -> None:
         """Find the way from standstill; a goal without a usable pose ends at once."""
-        self._way = self._resolve(goal)
+        self._way = None if self._barred() else self._way_of(goal)
         if self._way is None:
             self._finish(goal, Progress.FAILED, now)
 
-    def _finish(self, goal: Goal, progress: Progress, now: float) -> None:
+    def _way_of(self, goal: Goal) -> tuple[Pose, ...] | None:
+        """Give the places of a goal in the map frame; None where one of them cannot be told."""
+        places = [self._resolve(place, goal.frame_id) for place in (*goal.via, goal.pose)]
+        found = tuple(place for place in places if place is not None)
+        return found if len(found) == len(places) else None
+
+    def _finish(self, goal: Goal, progress: Progress, now: float, error_code: int = 0) -> None:
         if progress is Progress.REACHED:
-            self._goals.end(goal.goal_id, GoalStatus.SUCCEEDED, now)
+            self.goals.end(goal.goal_id, GoalStatus.SUCCEEDED, now)
         else:
-            self._terminate(goal, now)
-        self._current, self._pending, self._way = self._pending, None, None
+            self._terminate(goal, now, error_code)
+        self._current, self._pending, self._way, self._began_at = self._pending, None, None, now
 
     def _terminate_all(self, now: float) -> None:
         ending = [goal for goal in (self._current, self._pending) if goal is not None]
@@ -149,7 +175,8 @@ class Navigator:
         for goal in ending:
             self._terminate(goal, now)
 
-    def _terminate(self, goal: Goal, now: float) -> None:
+    def _terminate(self, goal: Goal, now: float, error_code: int = 0) -> None:
         """End a goal without success: CANCELED where a client had asked for it, ABORTED otherwise."""
-        asked = self._goals[goal.goal_id] is GoalStatus.CANCELING
-        self._goals.end(goal.goal_id, GoalStatus.CANCELED if asked else GoalStatus.ABORTED, now)
+        asked = self.goals[goal.goal_id] is GoalStatus.CANCELING
+        status = GoalStatus.CANCELED if asked else GoalStatus.ABORTED
+        self.goals.end(goal.goal_id, status, now, error_code)

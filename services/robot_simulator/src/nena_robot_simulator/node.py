@@ -9,8 +9,8 @@ import random
 import threading
 import uuid
 from collections import deque
+from typing import Any
 
-from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
@@ -23,13 +23,17 @@ from std_msgs.msg import String
 from std_srvs.srv import Empty, Trigger
 
 from nena_robot_simulator import faults, messages
+from nena_robot_simulator.action import Action
+from nena_robot_simulator.action_endpoints import LATCHED
+from nena_robot_simulator.action_types import action_types
 from nena_robot_simulator.grid_map import GridMap
-from nena_robot_simulator.navigator_endpoints import LATCHED, NavigatorEndpoints
+from nena_robot_simulator.navigator import Goal
+from nena_robot_simulator.navigator_endpoints import NavigatorEndpoints
 from nena_robot_simulator.pose import Pose
 from nena_robot_simulator.robot import Robot
 from nena_robot_simulator.session import RosSession
 from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
-from nena_robot_simulator.status_array import Snapshot
+from nena_robot_simulator.status_array import GoalEntry, Snapshot
 from nena_robot_simulator.status_faults import disturbed
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
@@ -71,7 +75,7 @@ class RobotNode:
             noise=random.Random(settings.name),  # noqa: S311 - noise of a simulation that can be repeated
         )
         self._goals_on_the_way: deque[tuple[Pose, str]] = deque(maxlen=GOALS_ON_THE_WAY)
-        self._held_back: Snapshot | None = None
+        self._held_back: dict[Action, Snapshot] = {}
         self._planned_for: object = None
         self._session = RosSession(
             settings.name,
@@ -81,11 +85,12 @@ class RobotNode:
         )
         self._navigator = NavigatorEndpoints(
             self._session,
-            on_goal=self._on_goal_pose,
-            on_cancel=self._on_cancel,
+            self,
+            action_types() if simulator.actions else {},
+            on_goal_pose=self._on_goal_pose,
             on_get_state=self._on_get_state,
         )
-        self._last_array: Snapshot = ()
+        self._last_array: dict[Action, Snapshot] = {}
         self._make_publishers()
         self._make_subscriptions()
         self._make_services()
@@ -149,11 +154,27 @@ class RobotNode:
         self._delivery.cancel()
         while self._goals_on_the_way:
             pose, frame_id = self._goals_on_the_way.popleft()
-            goal_id = uuid.uuid4()
-            taken = self._robot.take_goal(goal_id, pose, frame_id, self._stamp(), self._clock.monotonic())
-            self._log.info("goal", goal=str(goal_id), x=pose.x, y=pose.y, frame=frame_id, taken=taken)
+            self._take(Goal(uuid.uuid4(), pose, frame_id), Action.TO_POSE)
+
+    def on_goal(self, action: Action, goal: Goal) -> int | None:
+        """Take a goal of an action; gives the time of its acceptance (UTC, ns), None: it is refused."""
+        if self.find(action, goal.goal_id) is not None:
+            return None
+        return self._take(goal, action)
+
+    def find(self, action: Action, goal_id: uuid.UUID) -> GoalEntry | None:
+        """Give a goal that is remembered."""
+        return self._robot.goals(action).find(goal_id, self._clock.monotonic())
+
+    def _take(self, goal: Goal, action: Action) -> int | None:
+        stamp = self._stamp()
+        taken = self._robot.take_goal(goal, stamp, self._clock.monotonic(), action)
+        x, y, via = goal.pose.x, goal.pose.y, len(goal.via)
+        goal_id, frame = str(goal.goal_id), goal.frame_id
+        self._log.info("goal", action=action, goal=goal_id, x=x, y=y, via=via, frame=frame, taken=taken)
         self._publish_statuses()
         self._loop.reset()
+        return stamp if taken else None
 
     def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         pose = messages.pose_of(message.pose.pose)
@@ -163,10 +184,11 @@ class RobotNode:
         self._robot.take_initial_pose(pose)
         self._log.info("initial pose", x=pose.x, y=pose.y, yaw=pose.yaw)
 
-    def _on_cancel(self, request: CancelGoal.Request, response: CancelGoal.Response) -> None:
+    def on_cancel(self, action: Action, request: Any, response: Any) -> None:  # noqa: ANN401
+        """Answer an action_msgs/srv/CancelGoal request."""
         goal_id = messages.goal_id_of(request.goal_info)
         stamp = messages.nanoseconds_of(request.goal_info.stamp)
-        answer = self._robot.cancel(goal_id, stamp, self._clock.monotonic())
+        answer = self._robot.cancel(goal_id, stamp, self._clock.monotonic(), action)
         self._publish_statuses()
         response.return_code = int(answer.code)
         response.goals_canceling = [messages.goal_info(goal) for goal in answer.goals]
@@ -218,8 +240,12 @@ class RobotNode:
 
     def _go_round(self) -> None:
         """Let the robot live; while it rests, only the slower round of the base goes on."""
-        self._robot.advance(self._clock.monotonic())
+        now = self._clock.monotonic()
+        self._robot.advance(now)
         self._publish_statuses()
+        if not self._silent:
+            frame = self._settings.map_frame
+            self._navigator.tell(lambda action: self._robot.feedback(action, now), frame, self._stamp)
         if self._robot.drive is not None and self._robot.drive is not self._planned_for:
             self._publish_plan()
             self._replanning.reset()
@@ -263,18 +289,25 @@ class RobotNode:
         self._publish(self._map, messages.map_message(self._hall, self._settings.map_frame, self._stamp()))
 
     def _publish_statuses(self) -> None:
+        for action in Action:
+            self._publish_statuses_of(action)
+
+    def _publish_statuses_of(self, action: Action) -> None:
         """Publish each new array; of those that a silence held back only the last one, after it."""
-        snapshots = self._robot.take_unpublished()
+        snapshots = self._robot.take_unpublished(action)
+        if snapshots:
+            self._navigator.answer(action)
         if self._silent:
-            self._held_back = snapshots[-1] if snapshots else self._held_back
+            if snapshots:
+                self._held_back[action] = snapshots[-1]
             return
-        if self._held_back is not None and not snapshots:
-            snapshots = [self._held_back]
-        self._held_back = None
+        held_back = self._held_back.pop(action, None)
+        if held_back is not None and not snapshots:
+            snapshots = [held_back]
         for snapshot in snapshots:
-            for shown in disturbed(snapshot, self._last_array, self._robot.faults):
-                self._navigator.publish(shown)
-            self._last_array = snapshot
+            for shown in disturbed(snapshot, self._last_array.get(action, ()), self._robot.faults):
+                self._navigator.publish(action, shown)
+            self._last_array[action] = snapshot
 
     def _publish(self, publisher: Publisher, message: object) -> None:
         if not self._silent:

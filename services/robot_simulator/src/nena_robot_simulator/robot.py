@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import random
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from uuid import UUID
 
 from nena_robot_simulator import cancel, faults
+from nena_robot_simulator.action import Action
 from nena_robot_simulator.battery import Battery
 from nena_robot_simulator.drive import PLANNER_TOLERANCE, Drive
+from nena_robot_simulator.error_code import ErrorCode, of_several
 from nena_robot_simulator.faults import AnyFault, Faults
 from nena_robot_simulator.grid_map import GridMap
 from nena_robot_simulator.kinematics import Limits, Motion, step
@@ -27,6 +29,19 @@ LONGEST_PAUSE = 0.2
 """Seconds of standstill of this program that the robot makes up for; it does not jump after a longer one."""
 
 
+@dataclass(frozen=True, slots=True)
+class Feedback:
+    """How the drive for a goal stands: seconds since it was accepted, metres and places that are left."""
+
+    goal_id: UUID
+    pose: Pose
+    seconds: float
+    left: float
+    speed: float
+    recoveries: int
+    places_left: int
+
+
 class Robot:
     """One robot; all times are monotonic seconds, stamps UTC nanoseconds, poses in the map frame."""
 
@@ -41,7 +56,6 @@ class Robot:
         noise: random.Random,
     ) -> None:
         self.faults = Faults()
-        self.goals = StatusArray(retention)
         self.battery = Battery(
             charge=settings.battery.charge,
             per_metre=settings.battery.drain_per_km / 1000.0,
@@ -52,9 +66,7 @@ class Robot:
         self._time_factor = time_factor
         self._noise = noise
         self._limits = Limits(**settings.drive.model_dump())
-        self._navigator = Navigator(
-            goals=self.goals, resolve=self._resolve, halting=lambda: noise.uniform(*HALTING)
-        )
+        self._navigators = {action: self._navigator(action, retention) for action in Action}
         self._localisation = Localisation(
             known=settings.localisation.known_at_start,
             xy_deviation=settings.localisation.xy_deviation,
@@ -65,6 +77,7 @@ class Robot:
         self._motion = Motion(start)
         self._odom_origin = start
         self._drive: Drive | None = None
+        self._stuck_for = 0.0
         self._advanced_at = now
 
     @property
@@ -85,31 +98,54 @@ class Robot:
     @property
     def active(self) -> bool:
         """Whether Nav2's lifecycle nodes are active."""
-        return self._navigator.active
+        return all(navigator.active for navigator in self._navigators.values())
 
     @property
     def resting(self) -> bool:
         """Whether the robot stands and has no goal: only a request can change that."""
-        return self._motion.standing and not self._navigator.busy
+        return self._motion.standing and not any(each.busy for each in self._navigators.values())
 
     @property
     def drive(self) -> Drive | None:
         """The drive under way."""
         return self._drive
 
-    def take_goal(self, goal_id: UUID, pose: Pose, frame_id: str, accepted_ns: int, now: float) -> bool:
-        """Take a goal as from the topic; False when it vanishes without a trace."""
+    def goals(self, action: Action) -> StatusArray:
+        """Give the goals of an action."""
+        return self._navigators[action].goals
+
+    def take_goal(self, goal: Goal, accepted_ns: int, now: float, action: Action = Action.TO_POSE) -> bool:
+        """Take a goal; False when it is refused, of which nobody hears who has given it by the topic."""
         if self.faults.on(faults.RejectGoals):
             self.faults.spend(faults.RejectGoals)
             return False
-        return self._navigator.take(Goal(goal_id, pose, frame_id), accepted_ns, now)
+        return self._navigators[action].take(goal, accepted_ns, now)
 
-    def cancel(self, goal_id: UUID, stamp_ns: int, now: float) -> cancel.CancelAnswer:
+    def cancel(
+        self, goal_id: UUID, stamp_ns: int, now: float, action: Action = Action.TO_POSE
+    ) -> cancel.CancelAnswer:
         """Answer a CancelGoal request and act on it."""
-        answer = cancel.answer(self.goals.entries(now), goal_id, stamp_ns)
+        goals = self.goals(action)
+        answer = cancel.answer(goals.entries(now), goal_id, stamp_ns)
         if answer.goals:
-            self.goals.cancel([goal.goal_id for goal in answer.goals], now)
+            goals.cancel([goal.goal_id for goal in answer.goals], now)
         return answer
+
+    def feedback(self, action: Action, now: float) -> Feedback | None:
+        """Tell how the drive of an action stands; None where it drives for no goal."""
+        navigator, drive = self._navigators[action], self._drive
+        if navigator.target is None or drive is None:
+            return None
+        stuck = self.faults.get(faults.Stuck)
+        return Feedback(
+            navigator.target.goal_id,
+            self._shown(self.pose),
+            seconds=now - navigator.began_at,
+            left=drive.left(self.pose),
+            speed=self.velocity[0],
+            recoveries=int(self._stuck_for / stuck.recovery_after) if stuck else 0,
+            places_left=drive.places_left,
+        )
 
     def take_initial_pose(self, pose: Pose) -> None:
         """Put the robot to ``pose``: it stands, and believes to stand, where it was told to be."""
@@ -133,65 +169,114 @@ class Robot:
 
     def _misplaced(self, estimate: Estimate | None) -> Estimate | None:
         """Put the estimate where a fault wants it."""
-        jump = self.faults.get(faults.PoseJump)
-        dx, dy = (jump.x, jump.y) if jump else (0.0, 0.0)
+        if estimate is None:
+            return None
+        pose = self._shown(estimate.pose)
         if self.faults.on(faults.NanPose):
-            dx = math.nan
-        if estimate is None or not (dx or dy):
-            return estimate
-        pose = estimate.pose
-        return replace(estimate, pose=Pose(pose.x + dx, pose.y + dy, pose.yaw))
+            pose = Pose(math.nan, pose.y, pose.yaw)
+        return replace(estimate, pose=pose)
+
+    def _shown(self, pose: Pose) -> Pose:
+        """Give where AMCL takes a robot for that it sees at ``pose``."""
+        jump = self.faults.get(faults.PoseJump)
+        return Pose(pose.x + jump.x, pose.y + jump.y, pose.yaw) if jump else pose
 
     def apply(self, fault: AnyFault, *, goal_id: UUID, accepted_ns: int, now: float) -> None:
         """Let a fault begin or end; ``goal_id`` is for a goal that the fault may bring."""
         if isinstance(fault, faults.ForeignGoal):
             pose = Pose(fault.x, fault.y, fault.yaw)
-            self._navigator.take(Goal(goal_id, pose, self._settings.map_frame), accepted_ns, now)
+            goal = Goal(goal_id, pose, self._settings.map_frame)
+            self._navigators[Action.TO_POSE].take(goal, accepted_ns, now)
             return
         if isinstance(fault, faults.Freeze):
             return  # the node has hung already
         self.faults.apply(fault)
-        if self.faults.on(faults.Unconfigured):
-            self._navigator.restart()
         idle = self.faults.on(faults.Inactive) or self.faults.on(faults.Unconfigured)
-        self._navigator.set_active(active=not idle)
+        for navigator in self._navigators.values():
+            if self.faults.on(faults.Unconfigured):
+                navigator.restart()
+            navigator.set_active(active=not idle)
 
     def advance(self, now: float) -> None:
         """Move on to ``now`` and go once round the navigator's loop."""
         seconds = min(now - self._advanced_at, LONGEST_PAUSE)
         self._advanced_at = now
-        self._follow(self._navigator.target)
+        self._follow()
         self._move(seconds * self._time_factor)
-        self._navigator.tick(now, self._drive.progress(self.pose) if self._drive else Progress.UNDERWAY)
-        self._follow(self._navigator.target)
+        if self._drive is not None and self.faults.on(faults.Stuck):
+            self._stuck_for += seconds
+        for navigator in self._navigators.values():
+            drive = self._drive if navigator.driving else None
+            if drive is None:
+                navigator.tick(now, Progress.UNDERWAY)
+            else:
+                navigator.tick(now, drive.progress(self.pose), drive.error_code)
+        self._follow()
 
-    def take_unpublished(self) -> list[Snapshot]:
-        """Give the status arrays that came about since the last call."""
-        return self.goals.take_unpublished()
+    def take_unpublished(self, action: Action = Action.TO_POSE) -> list[Snapshot]:
+        """Give the status arrays of an action that came about since the last call."""
+        return self.goals(action).take_unpublished()
 
-    def _resolve(self, goal: Goal) -> Pose | None:
+    def _navigator(self, action: Action, retention: float) -> Navigator:
+        return Navigator(
+            goals=StatusArray(retention),
+            resolve=self._resolve,
+            halting=lambda: self._noise.uniform(*HALTING),
+            barred=lambda: any(
+                other.driving for name, other in self._navigators.items() if name is not action
+            ),
+        )
+
+    def _resolve(self, pose: Pose, frame_id: str) -> Pose | None:
         if not self._localisation.known:
             return None
-        if goal.frame_id == self._settings.odom_frame:
-            return self._odom_origin.then(goal.pose)
-        return goal.pose if goal.frame_id == self._settings.map_frame else None
+        if math.isnan(pose.x):
+            return pose  # it is no place in any frame, which the planner is to say
+        if frame_id == self._settings.odom_frame:
+            return self._odom_origin.then(pose)
+        return pose if frame_id == self._settings.map_frame else None
 
-    def _follow(self, target: Target | None) -> None:
+    def _follow(self) -> None:
         """Plan a new drive where the target has changed."""
+        targets = (
+            (action, navigator.target)
+            for action, navigator in self._navigators.items()
+            if navigator.target is not None
+        )
+        action, target = next(targets, (Action.TO_POSE, None))
         if target is None:
             self._drive = None
         elif self._drive is None or self._drive.target != target:
-            self._drive = self._planned(target)
+            self._drive = self._planned(target, several=action is Action.THROUGH_POSES)
+            self._stuck_for = 0.0
 
-    def _planned(self, target: Target) -> Drive:
-        end = self._hall.free_near(target.pose, PLANNER_TOLERANCE)
-        unreachable = self.faults.get(faults.Unreachable)
-        if unreachable is not None and unreachable.concerns(target.pose):
-            self.faults.spend(faults.Unreachable)
-            end = None
+    def _planned(self, target: Target, *, several: bool) -> Drive:
+        end, code = self._end_of(target)
         abort = self.faults.get(faults.AbortHalfway)
         self.faults.spend(faults.AbortHalfway)
-        return Drive(target, self.pose, end, abort_after=None if abort is None else abort.fraction)
+        if end is not None and abort is not None:
+            code = abort.error_code
+        return Drive(
+            target,
+            self.pose,
+            end,
+            abort_after=None if abort is None else abort.fraction,
+            error_code=of_several(code) if several else code,
+        )
+
+    def _end_of(self, target: Target) -> tuple[Pose | None, int]:
+        """Give where the planner ends the way to a target, or why it finds none."""
+        if math.isnan(target.pose.x):
+            return None, ErrorCode.NO_VIAPOINTS_GIVEN
+        unreachable = self.faults.get(faults.Unreachable)
+        if unreachable is not None and any(map(unreachable.concerns, (*target.via, target.pose))):
+            self.faults.spend(faults.Unreachable)
+            return None, unreachable.error_code
+        end = self._hall.free_near(target.pose, PLANNER_TOLERANCE)
+        if end is not None:
+            return end, ErrorCode.NONE
+        inside = self._hall.covers(target.pose.x, target.pose.y)
+        return None, ErrorCode.GOAL_OCCUPIED if inside else ErrorCode.GOAL_OUTSIDE_MAP
 
     def _move(self, seconds: float) -> None:
         """Let the robot move for ``seconds`` of its own time."""
@@ -199,8 +284,10 @@ class Robot:
         before = self.pose
         steps = max(1, math.ceil(seconds / LONGEST_STEP))
         for _ in range(steps):
-            towards = self._drive.end if self._drive is not None and not stuck else None
-            self._motion = step(self._motion, towards, self._limits, seconds / steps)
+            towards, behind = None, 0.0
+            if self._drive is not None and not stuck:
+                towards, behind = self._drive.next_place, self._drive.behind
+            self._motion = step(self._motion, towards, self._limits, seconds / steps, behind=behind)
             if self._drive is not None:
                 self._drive.move_to(self.pose)
         self.battery.drain(before.distance(self.pose), seconds)

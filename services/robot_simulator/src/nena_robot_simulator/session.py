@@ -92,7 +92,24 @@ class RosSession:
 
         return self._node.create_service(kind, name, guarded)
 
-    def destroy(self, entity: Publisher | Subscription | Service) -> None:
+    def serve_later(
+        self, kind: type[Any], name: str, callback: Callable[[Any, Callable[[Any], None]], None]
+    ) -> Service:
+        """Give each request of a service to ``callback``, with what sends its answer, now or later.
+
+        rclpy lets a service answer late only by a coroutine, which its executor then asks without a pause.
+        """
+        service = self._node.create_service(kind, name, lambda request, _response: request)
+        send = service.send_response
+
+        def hand_on(request: object, header: object) -> None:
+            with self._guard(name):
+                callback(request, lambda response: send(response, header))
+
+        service.send_response = hand_on
+        return service
+
+    def destroy(self, entity: Publisher | Subscription | Service | None) -> None:
         """Take a topic's end or a service out of the ROS graph."""
         match entity:
             case Publisher():

@@ -137,6 +137,10 @@ class SimulatorSettings(ProgramSettings):
     result_timeout: float = Field(
         900.0, gt=0, description="Seconds that an ended goal stays in the status array."
     )
+    actions: bool = Field(
+        default=True,
+        description="Serve Nav2's actions too, where this machine has their types.",
+    )
     faults: tuple[Fault, ...] = Field((), description="Faults of every robot from the start.")
 
     @model_validator(mode="after")

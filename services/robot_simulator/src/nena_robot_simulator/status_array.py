@@ -47,11 +47,15 @@ class GoalTransitionError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class GoalEntry:
-    """One goal of the array; ``accepted_ns`` is UTC in nanoseconds, by the robot's clock."""
+    """One goal of the array; ``accepted_ns`` is UTC in nanoseconds, by the robot's clock.
+
+    ``error_code`` is in the goal's result alone, not in the array; 0: no reason is given.
+    """
 
     goal_id: UUID
     accepted_ns: int
     status: GoalStatus
+    error_code: int = 0
 
     @property
     def ended(self) -> bool:
@@ -106,14 +110,18 @@ class StatusArray:
             self._change(goal_id, GoalStatus.CANCELING)
         self._changed(now)
 
-    def end(self, goal_id: UUID, status: GoalStatus, now: float) -> None:
-        """Bring a goal to a terminal status.
+    def find(self, goal_id: UUID, now: float) -> GoalEntry | None:
+        """Give a goal that is remembered at ``now``."""
+        return next((goal for goal in self.entries(now) if goal.goal_id == goal_id), None)
+
+    def end(self, goal_id: UUID, status: GoalStatus, now: float, error_code: int = 0) -> None:
+        """Bring a goal to a terminal status, with the reason that its result gives.
 
         Raises:
             GoalTransitionError: the goal's state machine has no such step.
 
         """
-        self._change(goal_id, status)
+        self._change(goal_id, status, error_code)
         self._ended_at[goal_id] = now
         self._changed(now)
 
@@ -122,11 +130,11 @@ class StatusArray:
         taken, self._unpublished = self._unpublished, []
         return taken
 
-    def _change(self, goal_id: UUID, status: GoalStatus) -> None:
+    def _change(self, goal_id: UUID, status: GoalStatus, error_code: int = 0) -> None:
         old = self._goals[goal_id]
         if status not in _NEXT.get(old.status, ()):
             raise GoalTransitionError(goal_id, old.status, status)
-        self._goals[goal_id] = GoalEntry(goal_id, old.accepted_ns, status)
+        self._goals[goal_id] = GoalEntry(goal_id, old.accepted_ns, status, error_code)
 
     def _changed(self, now: float) -> None:
         self._unpublished.append(self.entries(now))
