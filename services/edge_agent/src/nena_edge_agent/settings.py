@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from nena_edge_agent.actions.log_report import LogReportSettings
-from nena_edge_agent.actions.settings import OperationSettings, default_operations
+from nena_edge_agent.actions.settings import ActionSettings, AnyOperation, default_operations
 from nena_edge_agent.download import DownloadSettings
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.maps.settings import MapSettings
@@ -181,8 +181,13 @@ class EdgeAgentSettings(ServiceSettings):
     log_report: LogReportSettings = Field(
         default_factory=LogReportSettings, description="The action logReport."
     )
-    operations: tuple[OperationSettings, ...] = Field(
-        default_factory=default_operations, description="Actions that take a set time: [[operations]] tables."
+    operations: tuple[AnyOperation, ...] = Field(
+        default_factory=default_operations,
+        description="Ready-made actions: [[operations]] tables, each of a kind: time, topic, service, "
+        "signal, charge, turn_signal or dock.",
+    )
+    actions: ActionSettings = Field(
+        default_factory=ActionSettings, description="Plug-ins for actions, and what all actions have."
     )
     loopback: LoopbackSettings = Field(default_factory=LoopbackSettings, description="Loopback robots.")
     ros: RosSettings = Field(default_factory=RosSettings, description="The robot's ROS 2 side.")

@@ -70,7 +70,7 @@ async def test_a_wait_ends_by_itself() -> None:
 
 
 @pytest.mark.parametrize("at", ["start", "pause", "resume", "cancel"])
-def test_what_a_plug_in_does_wrong_fails_its_action_and_nothing_else(at: str) -> None:
+async def test_what_a_plug_in_does_wrong_fails_its_action_and_nothing_else(at: str) -> None:
     run, reports = runner(Broken(at))
     run.start(StartAction(action("a", "HARD", "broken"), ()))
     for effect in (PauseAction("a"), ResumeAction("a"), CancelAction("a")):

@@ -32,6 +32,7 @@ class BackgroundAction:
         self._report = report
         report(ActionReport(action_id, ActionStatus.RUNNING))
         self._task = asyncio.create_task(self._run(work), name=f"action {action_id}")
+        self._task.add_done_callback(self._ended)
 
     def pause(self) -> None:
         """Do nothing: such actions declare that they cannot be held."""
@@ -40,9 +41,8 @@ class BackgroundAction:
         """Do nothing."""
 
     def cancel(self) -> None:
-        """Give up."""
-        if self._task.cancel():
-            self._fail("cancelled")
+        """Give up; the work may put things right before it ends."""
+        self._task.cancel()
 
     async def _run(self, work: Work) -> None:
         try:
@@ -55,6 +55,10 @@ class BackgroundAction:
         except Exception as error:
             log.exception("an action failed", action=self._action_id)
             self._fail(f"the plug-in failed: {error}")
+
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        if task.cancelled():
+            self._fail("cancelled")
 
     def _fail(self, reason: str) -> None:
         self._report(ActionReport(self._action_id, ActionStatus.FAILED, reason))

@@ -1,36 +1,318 @@
-"""Settings of the ready-made actions."""
+"""Settings of the ready-made actions, and of plug-ins."""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Discriminator, Field, JsonValue, Tag, model_validator
 
-from nena_edge_agent.protocol.declaration import ALL_BLOCKING_TYPES
+from nena_edge_agent.actions.ports import TopicQos
+from nena_edge_agent.protocol.declaration import ALL_BLOCKING_TYPES, LoadChange, Parameter
+from nena_edge_agent.ros.settings import RosName
 from nena_shared.settings import SettingsGroup
 from nena_shared.vda5050.action import BlockingType
-from nena_shared.vda5050.factsheet import ActionScope
+from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
+
+Seconds = Annotated[float, Field(gt=0, le=86_400, allow_inf_nan=False)]
+Metres = Annotated[float, Field(ge=-10, le=10, allow_inf_nan=False)]
+Radians = Annotated[float, Field(ge=-3.15, le=3.15, allow_inf_nan=False)]
+TypeName = Annotated[str, Field(min_length=1, max_length=200)]
+FieldValues = dict[str, JsonValue]
+"""Fields of a message by name; ``{parameter}`` in a text stands for a value, see ``template``."""
 
 
-class OperationSettings(SettingsGroup):
-    """An action that takes a set time: for demonstrations, and for stations that do the work themselves."""
+class ParameterSettings(SettingsGroup):
+    """A parameter that orders give an action: for the factsheet, for the checks, and for messages."""
+
+    key: str = Field(pattern=r"[A-Za-z_][A-Za-z0-9_]*", max_length=100, description="Its name in orders.")
+    type: ValueDataType = Field(ValueDataType.STRING, description="BOOL, NUMBER, INTEGER, STRING, ...")
+    required: bool = Field(default=True, description="Whether an order without it is refused.")
+    description: str = Field("", description="For people.")
+    minimum: float | None = Field(None, description="Least number.")
+    maximum: float | None = Field(None, description="Greatest number.")
+    choices: tuple[JsonValue, ...] = Field((), description="All values that it may have; none: any.")
+    values: dict[str, JsonValue] = Field(
+        default_factory=dict,
+        description="What messages hold in place of each choice: { left = 1, right = 2 }.",
+    )
+
+    @property
+    def declared(self) -> Parameter:
+        """The parameter as the core knows it."""
+        return Parameter(
+            self.key,
+            self.type,
+            required=self.required,
+            description=self.description,
+            minimum=self.minimum,
+            maximum=self.maximum,
+            choices=self.choices or tuple(self.values),
+        )
+
+
+class OperationBase(SettingsGroup):
+    """What all ready-made actions can be told."""
 
     action_type: str = Field(min_length=1, max_length=100, description="Its name in orders.")
-    seconds: float = Field(5.0, ge=0, le=86_400, allow_inf_nan=False, description="How long it takes.")
+    description: str = Field("", max_length=500, description="What it does, for the factsheet.")
     load: Literal["take", "give", ""] = Field(
         "", description="take: loads the robot, which must be empty; give: unloads it, which must be loaded."
     )
     charging: bool | None = Field(None, description="Whether the robot charges afterwards; unset: as before.")
     scopes: tuple[ActionScope, ...] = Field(
-        (ActionScope.NODE,), description="Where it may stand: NODE, EDGE, INSTANT."
+        (ActionScope.NODE,), min_length=1, description="Where it may stand: NODE, EDGE, INSTANT."
     )
     blocking_types: tuple[BlockingType, ...] = Field(
-        ALL_BLOCKING_TYPES, description="Blocking types that orders may give it."
+        ALL_BLOCKING_TYPES, min_length=1, description="Blocking types that orders may give it."
     )
+    parameters: tuple[ParameterSettings, ...] = Field((), description="What orders tell it.")
+
+    @property
+    def load_change(self) -> LoadChange | None:
+        """What it does to the load."""
+        return LoadChange(self.load) if self.load else None
+
+
+class OperationSettings(OperationBase):
+    """An action that takes a set time: for demonstrations, and for stations that do the work themselves."""
+
+    kind: Literal["time"] = "time"
+    seconds: float = Field(5.0, ge=0, le=86_400, allow_inf_nan=False, description="How long it takes.")
     interruptible: bool = Field(default=True, description="Whether it can be paused and cancelled.")
 
 
-def default_operations() -> tuple[OperationSettings, ...]:
+class CommandSettings(SettingsGroup):
+    """A message that is sent."""
+
+    topic: RosName = Field(description="Topic, in the robot's namespace if it does not begin with '/'.")
+    type: TypeName = Field(description="Type of the message, such as std_msgs/msg/String.")
+    fields: FieldValues = Field(default_factory=dict, description="Its fields.")
+    on_pause: FieldValues | None = Field(
+        None, description="Sent to hold it; without it and on_resume it cannot be."
+    )
+    on_resume: FieldValues | None = Field(None, description="Sent to have it go on.")
+    on_cancel: FieldValues | None = Field(None, description="Sent to have it give up.")
+    listener_timeout: float = Field(
+        5.0, ge=0, le=600, description="Seconds until somebody must listen to the topic; 0: sent anyway."
+    )
+
+    @model_validator(mode="after")
+    def _pause_whole(self) -> Self:
+        if (self.on_pause is None) is not (self.on_resume is None):
+            message = "on_pause and on_resume belong together"
+            raise ValueError(message)
+        return self
+
+
+class CallSettings(SettingsGroup):
+    """A service that is called."""
+
+    service: RosName = Field(description="Service, in the robot's namespace if it does not begin with '/'.")
+    type: TypeName = Field(description="Type of the service, such as std_srvs/srv/Trigger.")
+    fields: FieldValues = Field(default_factory=dict, description="Fields of the request.")
+    expect: FieldValues | None = Field(
+        None, description="Fields that the response must have; not given: success = true, where it has that."
+    )
+    result: str | None = Field(
+        None, description="Field of the response for the action's result; not given: message, if it has one."
+    )
+    response_timeout: Seconds = Field(30.0, description="Seconds that the service has to answer.")
+
+
+class AnswerSettings(SettingsGroup):
+    """A message that is waited for."""
+
+    topic: RosName = Field(description="Topic, in the robot's namespace if it does not begin with '/'.")
+    type: TypeName = Field(description="Type of the message, such as std_msgs/msg/String.")
+    match: FieldValues = Field(
+        default_factory=dict, description="Fields that it has; an array names all values that will do."
+    )
+    failed: FieldValues | None = Field(None, description="Fields of a message that says that it has failed.")
+    progress: FieldValues | None = Field(None, description="Fields of a message that tells of progress.")
+    result: str = Field("", description="Field whose value is the action's result, such as status.text.")
+    qos: TopicQos = Field(TopicQos.RELIABLE, description="reliable, best_effort (sensors) or latched.")
+
+
+BATTERY = AnswerSettings(
+    topic="battery_state",
+    type="sensor_msgs/msg/BatteryState",
+    match={"power_supply_status": [1, 4]},
+    qos=TopicQos.BEST_EFFORT,
+)
+"""The battery charges, or is full."""
+BATTERY_LEFT_ALONE = BATTERY.model_copy(update={"match": {"power_supply_status": [0, 2, 3]}})
+
+
+class RosOperationSettings(OperationBase):
+    """What actions that use ROS have in common."""
+
+    timeout: Seconds | None = Field(60.0, description="Seconds that it takes at most, pauses not counted.")
+    restartable: bool = Field(
+        default=False, description="Whether it may be begun anew when the agent was interrupted in it."
+    )
+
+
+class TopicOperationSettings(RosOperationSettings):
+    """Publishes a message, and awaits an answer on another topic if there is one."""
+
+    kind: Literal["topic"]
+    command: CommandSettings = Field(description="What is published.")
+    answer: AnswerSettings | None = Field(None, description="What ends it; none: it ends when it is sent.")
+
+
+class ServiceOperationSettings(RosOperationSettings):
+    """Calls a service, and awaits a message afterwards if there is one to await."""
+
+    kind: Literal["service"]
+    call: CallSettings = Field(description="What is called.")
+    answer: AnswerSettings | None = Field(None, description="What ends it; none: the response does.")
+
+
+class SignalOperationSettings(RosOperationSettings):
+    """Waits for a message."""
+
+    kind: Literal["signal"]
+    answer: AnswerSettings = Field(description="What is waited for.")
+    timeout: Seconds | None = Field(
+        None, description="Seconds to wait at most; not given: as long as it takes."
+    )
+    restartable: bool = Field(default=True, description="Whether it waits on after a restart of the agent.")
+
+
+class ChargeOperationSettings(RosOperationSettings):
+    """Begins or ends charging: by a message or a service where one is needed, until the battery says so."""
+
+    kind: Literal["charge"]
+    action_type: str = Field("startCharging", min_length=1, max_length=100, description="Its name in orders.")
+    charging: bool = Field(default=True, description="true: begins to charge; false: ends it.")
+    scopes: tuple[ActionScope, ...] = Field(
+        (ActionScope.NODE, ActionScope.INSTANT), min_length=1, description="Where it may stand."
+    )
+    command: CommandSettings | None = Field(None, description="A message that is published first.")
+    call: CallSettings | None = Field(None, description="A service that is called first.")
+    answer: AnswerSettings | None = Field(None, description="What says so; not given: the battery's status.")
+    restartable: bool = Field(default=True, description="Whether it may be begun anew.")
+
+    @property
+    def confirmation(self) -> AnswerSettings:
+        """What says that it is done."""
+        return self.answer or (BATTERY if self.charging else BATTERY_LEFT_ALONE)
+
+
+class TurnSignalSettings(RosOperationSettings):
+    """Sets a turn signal. On edges alone it is put out where the edge ends; else it stays as it is set."""
+
+    kind: Literal["turn_signal"]
+    action_type: str = Field("setTurnSignal", min_length=1, max_length=100, description="Its name in orders.")
+    scopes: tuple[ActionScope, ...] = Field(
+        (ActionScope.EDGE,), min_length=1, description="Where it may stand."
+    )
+    blocking_types: tuple[BlockingType, ...] = Field(
+        (BlockingType.NONE,), min_length=1, description="Blocking types that orders may give it."
+    )
+    topic: RosName = Field("turn_signal", description="Topic of the signal.")
+    type: TypeName = Field("std_msgs/msg/String", description="Type of its message.")
+    field: str = Field("data", min_length=1, description="The field of the message that says what to show.")
+    values: dict[str, JsonValue] = Field(
+        {"left": "left", "right": "right", "off": "off"},
+        min_length=1,
+        description="What the field holds for each direction that orders may name; one of them is off.",
+    )
+    timeout: None = Field(None, description="None: it is no work that could take too long.")
+    restartable: bool = Field(
+        default=True, description="Whether it is set again after a restart of the agent."
+    )
+
+    @model_validator(mode="after")
+    def _can_be_put_out(self) -> Self:
+        if "off" not in self.values:
+            message = "values says what is sent for 'off' too"
+            raise ValueError(message)
+        return self
+
+
+class DockOperationSettings(OperationBase):
+    """Drives from where the robot stands to a place beside it, given in the robot's own frame."""
+
+    kind: Literal["dock"]
+    blocking_types: tuple[BlockingType, ...] = Field(
+        (BlockingType.SOFT, BlockingType.HARD),
+        min_length=1,
+        description="SOFT or HARD: the order must stand.",
+    )
+    forward: Metres = Field(0.5, description="Metres ahead; below zero: backwards.")
+    left: Metres = Field(0.0, description="Metres to the left; below zero: to the right.")
+    turn: Radians = Field(0.0, description="Radians to the left, of the heading in the end.")
+    adjustable: bool = Field(
+        default=False, description="Whether orders may say how far, by the parameter 'forward'."
+    )
+    deviation_xy: float = Field(0.1, gt=0, le=1, description="Metres that it may be off in the end.")
+    deviation_theta: float = Field(0.1, gt=0, le=3.15, description="Radians that it may be off in the end.")
+    speed: float | None = Field(None, gt=0, le=10, description="m/s at most; not given: the robot's own.")
+    timeout: Seconds = Field(60.0, description="Seconds that it takes at most.")
+
+    @model_validator(mode="after")
+    def _stands(self) -> Self:
+        if self.scopes != (ActionScope.NODE,) or not {*self.blocking_types} <= {
+            BlockingType.SOFT,
+            BlockingType.HARD,
+        }:
+            message = "an action that drives has the scope NODE, and blocks the order: SOFT or HARD"
+            raise ValueError(message)
+        return self
+
+
+def _kind(table: Any) -> str:  # noqa: ANN401 - whatever stands in the file
+    return str(table.get("kind", "time") if isinstance(table, dict) else getattr(table, "kind", "time"))
+
+
+AnyOperation = Annotated[
+    Annotated[OperationSettings, Tag("time")]
+    | Annotated[TopicOperationSettings, Tag("topic")]
+    | Annotated[ServiceOperationSettings, Tag("service")]
+    | Annotated[SignalOperationSettings, Tag("signal")]
+    | Annotated[ChargeOperationSettings, Tag("charge")]
+    | Annotated[TurnSignalSettings, Tag("turn_signal")]
+    | Annotated[DockOperationSettings, Tag("dock")],
+    Discriminator(_kind),
+]
+"""A ready-made action; a table without a ``kind`` takes a set time."""
+
+
+class LoadSensorSettings(SettingsGroup):
+    """A topic that says whether the robot carries something."""
+
+    topic: RosName = Field(description="Topic, in the robot's namespace if it does not begin with '/'.")
+    type: TypeName = Field("std_msgs/msg/Bool", description="Type of the message.")
+    loaded: FieldValues = Field({"data": True}, description="Fields of a message that says that it does.")
+    qos: TopicQos = Field(TopicQos.BEST_EFFORT, description="reliable, best_effort or latched.")
+
+
+class ActionSettings(SettingsGroup):
+    """Plug-ins for actions, and how patient the agent is with them."""
+
+    plugins: tuple[str, ...] | None = Field(
+        None,
+        description="Plug-ins of the entry points nena.actions to use; not given: all that are installed.",
+    )
+    options: dict[str, dict[str, JsonValue]] = Field(
+        default_factory=dict,
+        description="What each plug-in is told, by its name: [actions.options.NAME] tables.",
+    )
+    without_ros: Literal["refuse", "rehearse"] = Field(
+        "refuse",
+        description="What a loopback robot does with operations that use ROS: refuse: it does not have them; "
+        "rehearse: each takes a set time.",
+    )
+    rehearsal_seconds: float = Field(2.0, ge=0, le=3600, description="How long each of these takes.")
+    begin_timeout: Seconds = Field(10.0, description="Seconds that a plug-in has to say that it has begun.")
+    obey_timeout: Seconds = Field(10.0, description="Seconds that it has to hold or to give up when told to.")
+    load_sensor: LoadSensorSettings | None = Field(
+        None, description="What senses the load, if anything does."
+    )
+
+
+def default_operations() -> tuple[AnyOperation, ...]:
     """Give what a robot can do that was told of nothing else."""
     on_request = (ActionScope.NODE, ActionScope.INSTANT)
     return (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from nena_edge_agent.actions.countdown import Countdown
 from nena_edge_agent.actions.plugin import Report, RunningAction
 from nena_edge_agent.actions.settings import OperationSettings
-from nena_edge_agent.protocol.declaration import ActionDeclaration, LoadChange
+from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.state import Load
@@ -18,13 +18,14 @@ class TimedOperation:
         self._settings = settings
         self.declaration = ActionDeclaration(
             settings.action_type,
+            parameters=tuple(each.declared for each in settings.parameters),
             scopes=settings.scopes,
             blocking_types=settings.blocking_types,
             pause_allowed=settings.interruptible,
             cancel_allowed=settings.interruptible,
             restartable=True,
-            load=LoadChange(settings.load) if settings.load else None,
-            description=f"Takes {settings.seconds:g} s.",
+            load=settings.load_change,
+            description=settings.description or f"Takes {settings.seconds:g} s.",
         )
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002

@@ -1,0 +1,210 @@
+"""One action that a plug-in was given: what it reports is checked, bounded in time, and ends once."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import inf
+
+from nena_edge_agent.actions.flaw import flaw_of
+from nena_edge_agent.actions.plugin import ActionPlugin, Report, RunningAction
+from nena_edge_agent.protocol.events import ActionReport
+from nena_shared.log import get_logger
+from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.state import Load
+
+log = get_logger(__name__)
+
+PROGRESS_INTERVAL = 0.5
+"""Seconds between two reports of progress; what comes faster is passed over."""
+LONGEST_RESULT = 1000
+"""Characters of a result; the rest is cut off, for it comes with every state."""
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """Seconds that a plug-in has to say that it has begun, and to hold or to give up when told to."""
+
+    begin: float = 10.0
+    obey: float = 10.0
+
+
+class Run:
+    """Guards the core from a plug-in: whatever it does wrong fails this action, with a reason, and no other.
+
+    Reports may come from any thread. ``told`` gets those that are sound, in the event loop's thread, and
+    none behind the end of the action.
+    """
+
+    def __init__(self, action: Action, plugin: ActionPlugin, told: Report, patience: Patience) -> None:
+        self._action = action
+        self._plugin = plugin
+        self._told = told
+        self._patience = patience
+        self._loop = asyncio.get_running_loop()
+        self._thread = threading.get_ident()
+        self._log = log.bind(action=action.action_id, action_type=action.action_type)
+        self._running: RunningAction | None = None
+        self._status = ActionStatus.INITIALIZING
+        self._progress_at = -inf
+        self._heard = ""
+        self._answer: asyncio.TimerHandle | None = None
+        self._limit = _Stopwatch(self._loop, plugin.declaration.timeout, self._over_time)
+        self.ended = False
+
+    def start(self, loads: tuple[Load, ...]) -> None:
+        """Have the plug-in begin."""
+        text = f"the plug-in did not say within {self._patience.begin:g} s that it has begun"
+        self._expect(self._patience.begin, lambda: self._fail(text))
+        self._guarded(lambda: self._begin(loads))
+
+    def pause(self) -> None:
+        """Have it hold; one that does not goes on, and its result says so."""
+        if self._running is None:
+            return
+        text = f"the plug-in was told to hold, and did not within {self._patience.obey:g} s"
+        self._expect(self._patience.obey, lambda: self._tell(self._report_of(self._status, text)))
+        self._guarded(self._running.pause)
+
+    def resume(self) -> None:
+        """Have it go on."""
+        if self._running is not None:
+            self._guarded(self._running.resume)
+
+    def cancel(self) -> None:
+        """Have it give up; one that does not in time counts as failed."""
+        if self._running is None:
+            self._fail("cancelled")
+            return
+        text = (
+            f"the plug-in was told to give up, and did not within {self._patience.obey:g} s; see what it does"
+        )
+        self._expect(self._patience.obey, lambda: self._fail(text))
+        self._guarded(self._running.cancel)
+
+    def abandon(self) -> None:
+        """Have it give up without a report."""
+        if not self.ended:
+            self._end()
+            self._give_up()
+
+    def take(self, report: ActionReport) -> None:
+        """Take in what the plug-in reports, from whatever thread."""
+        if threading.get_ident() == self._thread:
+            self._take(report)
+            return
+        try:
+            self._loop.call_soon_threadsafe(self._take, report)
+        except RuntimeError:
+            self._log.debug("the event loop has ended before the plug-in")
+
+    def _begin(self, loads: tuple[Load, ...]) -> None:
+        running = self._plugin.start(self._action, loads, self.take)
+        if self.ended:
+            return
+        self._running = running
+        missing = [
+            name for name in ("pause", "resume", "cancel") if not callable(getattr(running, name, None))
+        ]
+        if missing:
+            self._running = None
+            self._fail(f"the plug-in's start gave nothing that has {', '.join(missing)}")
+
+    def _take(self, report: ActionReport) -> None:
+        if self.ended:
+            self._log.warning("a report behind the end of an action is passed over", report=repr(report))
+        elif flaw := flaw_of(report, self._action.action_id):
+            self._fail(f"the plug-in reported {flaw}")
+        elif report.status is ActionStatus.FAILED:
+            self._end()
+            self._tell(replace(report, result=report.result or "the plug-in gave no reason"))
+        elif report.status.ended:
+            self._end()
+            self._tell(report)
+        else:
+            self._go_on(report)
+
+    def _go_on(self, report: ActionReport) -> None:
+        now, before = self._loop.time(), self._status
+        self._heard = report.result or self._heard
+        if report.status is before is ActionStatus.RUNNING:
+            if now - self._progress_at < PROGRESS_INTERVAL:
+                return
+            self._progress_at = now
+        self._status = report.status
+        if before is ActionStatus.INITIALIZING or report.status is ActionStatus.PAUSED:
+            self._stop_expecting()
+        self._limit.run(on=report.status is ActionStatus.RUNNING)
+        self._tell(report)
+
+    def _over_time(self) -> None:
+        last = f"; the last that it told: {self._heard}" if self._heard else ""
+        self._fail(f"the action took longer than {self._plugin.declaration.timeout:g} s{last}")
+
+    def _fail(self, reason: str) -> None:
+        if not self.ended:
+            self._end()
+            self._tell(self._report_of(ActionStatus.FAILED, reason))
+            self._give_up()
+
+    def _report_of(self, status: ActionStatus, text: str) -> ActionReport:
+        self._log.warning("an action plug-in does not work as it should", problem=text)
+        return ActionReport(self._action.action_id, status, text)
+
+    def _give_up(self) -> None:
+        """Have the plug-in stop; that it could not does not matter any more."""
+        running, self._running = self._running, None
+        if running is not None:
+            try:
+                running.cancel()
+            except Exception:
+                log.exception("an action plug-in failed as it was to give up", action=self._action.action_id)
+
+    def _end(self) -> None:
+        self.ended = True
+        self._stop_expecting()
+        self._limit.run(on=False)
+
+    def _tell(self, report: ActionReport) -> None:
+        if report.result is not None and len(report.result) > LONGEST_RESULT:
+            report = replace(report, result=report.result[:LONGEST_RESULT])
+        self._told(report)
+
+    def _guarded(self, step: Callable[[], None]) -> None:
+        try:
+            step()
+        except Exception as error:
+            log.exception("an action plug-in failed", action=self._action.action_id)
+            self._fail(f"the plug-in failed: {str(error) or type(error).__name__}")
+
+    def _expect(self, seconds: float, otherwise: Callable[[], None]) -> None:
+        self._stop_expecting()
+        self._answer = self._loop.call_later(seconds, otherwise)
+
+    def _stop_expecting(self) -> None:
+        if self._answer is not None:
+            self._answer.cancel()
+            self._answer = None
+
+
+class _Stopwatch:
+    """Calls ``over`` once it has run for ``seconds`` in all, None: never."""
+
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, seconds: float | None, over: Callable[[], None]
+    ) -> None:
+        self._loop = loop
+        self._left = seconds
+        self._over = over
+        self._timer: asyncio.TimerHandle | None = None
+
+    def run(self, *, on: bool) -> None:
+        """Run, or stand still; it may do so already."""
+        if on and self._timer is None and self._left is not None:
+            self._timer = self._loop.call_later(self._left, self._over)
+        elif not on and self._timer is not None:
+            self._left = max(0.0, self._timer.when() - self._loop.time())
+            self._timer.cancel()
+            self._timer = None

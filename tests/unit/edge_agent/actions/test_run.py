@@ -1,0 +1,215 @@
+"""What a plug-in does wrong fails its action, with a reason, and hurts nothing else."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+from typing import Any, cast
+
+import pytest
+
+from nena_edge_agent.actions.ended import ENDED
+from nena_edge_agent.actions.plugin import Report, RunningAction
+from nena_edge_agent.actions.run import LONGEST_RESULT, Patience, Run
+from nena_edge_agent.protocol.declaration import ActionDeclaration
+from nena_edge_agent.protocol.events import ActionReport
+from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.factsheet import ActionScope
+from nena_shared.vda5050.state import Load
+from support.robot_core import action
+from support.waiting import until
+
+A = action("a", "HARD", "trial")
+RUNNING = ActionReport("a", ActionStatus.RUNNING)
+FINISHED = ActionReport("a", ActionStatus.FINISHED)
+QUICK = Patience(begin=0.05, obey=0.05)
+PATIENT = Patience(begin=30.0, obey=30.0)
+
+
+class Puppet:
+    """A plug-in that does nothing of its own accord: the test reports for it."""
+
+    def __init__(
+        self, at_start: Callable[[], object] = lambda: ENDED, *, timeout: float | None = None
+    ) -> None:
+        self.declaration = ActionDeclaration("trial", (ActionScope.NODE,), timeout=timeout)
+        self.at_start = at_start
+        self.asked: list[str] = []
+        self.report: Report = lambda _: None
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
+        self.report = report
+        given = self.at_start()
+        return self if given is ENDED else cast("RunningAction", given)
+
+    def pause(self) -> None:
+        self.asked.append("pause")
+
+    def resume(self) -> None:
+        self.asked.append("resume")
+
+    def cancel(self) -> None:
+        self.asked.append("cancel")
+
+
+class Trial:
+    """One run, and what the core hears of it."""
+
+    def __init__(self, plugin: Puppet, patience: Patience = PATIENT) -> None:
+        self.plugin = plugin
+        self.told: list[ActionReport] = []
+        self.run = Run(A, plugin, self.told.append, patience)
+        self.run.start(())
+
+    @property
+    def statuses(self) -> list[str]:
+        return [each.status.value for each in self.told]
+
+    async def fails(self) -> str:
+        await until(lambda: self.statuses[-1:] == ["FAILED"], timeout=30, what="the failure")
+        return str(self.told[-1].result)
+
+
+async def test_what_is_sound_goes_through() -> None:
+    trial = Trial(Puppet())
+    trial.plugin.report(RUNNING)
+    trial.run.pause()
+    trial.plugin.report(ActionReport("a", ActionStatus.PAUSED))
+    trial.run.resume()
+    trial.plugin.report(RUNNING)
+    trial.plugin.report(FINISHED)
+
+    assert trial.statuses == ["RUNNING", "PAUSED", "RUNNING", "FINISHED"]
+    assert trial.plugin.asked == ["pause", "resume"]
+
+
+async def test_what_comes_behind_the_end_is_passed_over() -> None:
+    trial = Trial(Puppet())
+    trial.plugin.report(FINISHED)
+    trial.plugin.report(ActionReport("a", ActionStatus.FAILED, "late"))
+    trial.plugin.report(RUNNING)
+
+    assert trial.statuses == ["FINISHED"]
+
+
+@pytest.mark.parametrize(
+    ("report", "reason"),
+    [
+        ("FINISHED", "no ActionReport"),
+        (None, "no ActionReport"),
+        (ActionReport("b", ActionStatus.RUNNING), "another one"),
+        (ActionReport("a", ActionStatus.RETRIABLE), "not a plug-in's"),
+        (ActionReport("a", cast("ActionStatus", "FINISHED!")), "not a plug-in's"),
+        (ActionReport("a", ActionStatus.FINISHED, cast("str", 7)), "not a text"),
+        (ActionReport("a", ActionStatus.FINISHED, loads=cast("Any", "box")), "not a tuple of Load"),
+        (ActionReport("a", ActionStatus.FINISHED, loads=cast("Any", ("box",))), "not a tuple of Load"),
+        (ActionReport("a", ActionStatus.FINISHED, charging=cast("Any", 1)), "not True or False"),
+        (ActionReport("a", ActionStatus.FAILED, error=cast("Any", "broken")), "not an ErrorEntry"),
+    ],
+)
+async def test_a_report_that_is_none_fails_the_action(report: Any, reason: str) -> None:
+    trial = Trial(Puppet())
+    trial.plugin.report(report)
+
+    assert reason in await trial.fails()
+    assert trial.plugin.asked == ["cancel"]
+
+
+async def test_a_failure_without_a_reason_gets_one() -> None:
+    trial = Trial(Puppet())
+    trial.plugin.report(ActionReport("a", ActionStatus.FAILED))
+
+    assert await trial.fails() == "the plug-in gave no reason"
+
+
+@pytest.mark.parametrize("given", [None, object()])
+async def test_a_start_that_gives_no_running_action_fails(given: object) -> None:
+    assert "has pause, resume, cancel" in await Trial(Puppet(lambda: given)).fails()
+
+
+async def test_one_that_never_begins_fails_in_time() -> None:
+    trial = Trial(Puppet(), QUICK)
+
+    assert "did not say within 0.05 s that it has begun" in await trial.fails()
+    assert trial.plugin.asked == ["cancel"]
+
+
+async def test_one_that_takes_too_long_fails_with_what_it_told_last() -> None:
+    trial = Trial(Puppet(timeout=0.05))
+    trial.plugin.report(RUNNING)
+    trial.plugin.report(ActionReport("a", ActionStatus.RUNNING, "at 40 %"))
+
+    assert await trial.fails() == "the action took longer than 0.05 s; the last that it told: at 40 %"
+    assert trial.plugin.asked == ["cancel"]
+
+
+async def test_pauses_do_not_count() -> None:
+    trial = Trial(Puppet(timeout=0.05))
+    trial.plugin.report(RUNNING)
+    trial.plugin.report(ActionReport("a", ActionStatus.PAUSED))
+    yardstick = asyncio.Event()
+    asyncio.get_running_loop().call_later(0.2, yardstick.set)
+    await yardstick.wait()
+    assert not trial.run.ended
+
+    trial.plugin.report(RUNNING)
+    assert "took longer" in await trial.fails()
+
+
+async def test_one_that_does_not_give_up_fails_in_time() -> None:
+    trial = Trial(Puppet(), QUICK)
+    trial.plugin.report(RUNNING)
+    trial.run.cancel()
+
+    assert "told to give up, and did not within 0.05 s" in await trial.fails()
+
+
+async def test_one_that_does_not_hold_says_so_and_goes_on() -> None:
+    trial = Trial(Puppet(), QUICK)
+    trial.plugin.report(RUNNING)
+    trial.run.pause()
+    await until(lambda: len(trial.told) == 2, timeout=30)
+
+    assert trial.told[-1].status is ActionStatus.RUNNING
+    assert "told to hold, and did not" in str(trial.told[-1].result)
+    trial.plugin.report(FINISHED)
+    assert trial.run.ended
+
+
+async def test_reports_from_other_threads_come_in_the_loop() -> None:
+    trial = Trial(Puppet())
+    heard: list[int] = []
+    trial.run._told = lambda _: heard.append(threading.get_ident())
+
+    await asyncio.to_thread(trial.plugin.report, RUNNING)
+    await until(lambda: heard, timeout=30)
+
+    assert heard == [threading.get_ident()]
+
+
+async def test_progress_is_told_now_and_then() -> None:
+    trial = Trial(Puppet())
+    trial.plugin.report(RUNNING)
+    for number in range(50):
+        trial.plugin.report(ActionReport("a", ActionStatus.RUNNING, f"{number} %"))
+
+    assert len(trial.told) < 50
+    assert trial.told[1].result == "0 %"
+
+
+async def test_a_long_result_is_cut() -> None:
+    trial = Trial(Puppet())
+    trial.plugin.report(ActionReport("a", ActionStatus.FINISHED, "x" * 5000))
+
+    assert trial.told[0].result == "x" * LONGEST_RESULT
+
+
+async def test_what_is_abandoned_says_no_more() -> None:
+    trial = Trial(Puppet())
+    trial.plugin.report(RUNNING)
+    trial.run.abandon()
+    trial.plugin.report(FINISHED)
+
+    assert trial.statuses == ["RUNNING"]
+    assert trial.plugin.asked == ["cancel"]
