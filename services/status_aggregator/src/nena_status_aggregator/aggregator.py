@@ -15,6 +15,7 @@ from nena_status_aggregator.fleet_model.model import FleetModel, ModelLimits
 from nena_status_aggregator.history.history import History
 from nena_status_aggregator.link import FleetLink
 from nena_status_aggregator.settings import AggregatorSettings, HistorySettings
+from nena_status_aggregator.share import Share
 
 LINGER = 30.0
 """Seconds for which changes are still made when the last client has gone: it may only have lost its line."""
@@ -31,6 +32,7 @@ class Aggregator:
 
         """
         self.clock = clock
+        self.share = Share.read(settings.share)
         self.history = _history(settings.history, clock)
         limits = ModelLimits(
             robots=settings.robots_limit,
@@ -75,7 +77,7 @@ class Aggregator:
     def _snapshot(self) -> tuple[int, bytes]:
         self.publish_changes()
         view = self.model.snapshot()
-        return view["id"], to_json({**view, "time": iso(self.clock.now())})
+        return view["id"], to_json({**view, "time": iso(self.clock.now()), "share": str(self.share)})
 
 
 def _history(settings: HistorySettings, clock: Clock) -> History | None:

@@ -31,6 +31,7 @@ from nena_status_aggregator.fleet_model.message_kind import MessageKind
 from nena_status_aggregator.fleet_model.model import FleetModel
 from nena_status_aggregator.reader import Decode, MessageReader
 from nena_status_aggregator.settings import AggregatorSettings
+from nena_status_aggregator.share import Share
 
 log = get_logger(__name__)
 
@@ -60,6 +61,7 @@ class FleetLink:
     def __init__(self, settings: AggregatorSettings, model: FleetModel, clock: Clock) -> None:
         self._model = model
         self._clock = clock
+        self._share = Share.read(settings.share)
         self._schemes: set[TopicScheme] = set()
         self._fleet_topics = FleetTopics(settings.topic_prefix)
         self._problems: dict[str, str] = {}
@@ -113,8 +115,10 @@ class FleetLink:
 
         def handle(inbound: Inbound) -> None:
             key = scheme.robot_of(inbound.topic)
-            if key is None or (not inbound.payload and kind in KEPT_AT_THE_BROKER):
-                return  # an empty one only clears what the broker keeps
+            if key is None or not self._share.has(key):
+                return
+            if not inbound.payload and kind in KEPT_AT_THE_BROKER:
+                return  # it only clears what the broker keeps
             at = Instant.of(self._clock)
             if len(str(key)) > KEY_LENGTH:
                 self._malformed(kind, inbound.topic, f"a robot's name is longer than {KEY_LENGTH}", at, None)
@@ -162,8 +166,11 @@ class FleetLink:
             self._follow_robots(protocol.schemes_of(plant.vehicles))
 
     def _read_vehicle_status(self, inbound: Inbound, at: Instant) -> None:
-        if inbound.payload:
-            self._model.on_vehicle_status(VehicleStatus.model_validate_json(inbound.payload), at)
+        if not inbound.payload:
+            return
+        status = VehicleStatus.model_validate_json(inbound.payload)
+        if self._share.has(RobotKey(status.manufacturer, status.serial_number)):
+            self._model.on_vehicle_status(status, at)
 
     def _read_order_status(self, inbound: Inbound, at: Instant) -> None:
         if inbound.payload:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import BeforeValidator, Field, HttpUrl, SecretStr
+from pydantic import AfterValidator, BeforeValidator, Field, HttpUrl, SecretStr
 
 from nena_shared.settings import HttpSettings, ServiceSettings, SettingsGroup, TopicPrefix
+from nena_status_aggregator.share import Share
 
 
 class AggregatorHttpSettings(HttpSettings):
@@ -67,6 +68,10 @@ class OrderServiceSettings(SettingsGroup):
     )
 
 
+def _share(text: str) -> str:
+    return str(Share.read(text))
+
+
 class AggregatorSettings(ServiceSettings):
     """The status aggregator."""
 
@@ -80,6 +85,11 @@ class AggregatorSettings(ServiceSettings):
         "vda5050", description="First levels of the topics of robots with VDA 5050 3.x."
     )
     topic_prefix: TopicPrefix = Field("nena/v1", description="Topic prefix of the order service's statuses.")
+    share: Annotated[str, AfterValidator(_share)] = Field(
+        "1/1",
+        description="Which share of the robots it watches, where several aggregators divide them: 1/2 for the "
+        "first of two.",
+    )
     silence_limit: float | None = Field(
         None,
         gt=0,

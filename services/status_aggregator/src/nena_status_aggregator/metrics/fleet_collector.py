@@ -55,6 +55,13 @@ class FleetCollector(Collector):
             ("condition",),
             [((each.value,), counts[each]) for each in Condition],
         )
+        share = self._aggregator.share
+        yield _gauge(
+            "nena_robots_share_ratio",
+            "Share of the robots that is watched here, 0 to 1.",
+            ("share",),
+            [((str(share),), 1 / share.of)],
+        )
         yield _counter(
             "nena_robots_forgotten", "Silent robots that made room for new ones.",
             (), [((), self._model.statistics.robots_forgotten)],

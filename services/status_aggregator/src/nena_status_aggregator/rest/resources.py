@@ -31,9 +31,13 @@ class RobotResource(RobotView):
 
 
 class FleetResource(TypedDict):
-    """Everything. ``time`` is the time of the answer, ``id`` the number of the last change in it."""
+    """Everything. ``time`` is the time of the answer, ``id`` the number of the last change in it.
+
+    ``share`` tells which share of the robots it is: ``1/1`` for all of them.
+    """
 
     time: str
+    share: str
     id: int
     robots: list[RobotResource]
     orders: list[OrderView]
@@ -61,7 +65,8 @@ def make_router(aggregator: Aggregator) -> APIRouter:
         aggregator.publish_changes()
         view = model.snapshot()
         robots = [with_age(each) for each in view["robots"]]
-        return _json({**view, "time": iso(aggregator.now().utc), "robots": robots})
+        time, share = iso(aggregator.now().utc), str(aggregator.share)
+        return _json({**view, "time": time, "share": share, "robots": robots})
 
     @router.get("/robots/{manufacturer}/{serial}", responses={200: {"model": RobotResource}})
     async def robot(manufacturer: str, serial: str) -> Response:

@@ -12,6 +12,7 @@ export class FleetStore extends EventTarget {
   plant = null;
   link = { connected: false, since: null };
   malformed = { counts: {} };
+  share = "1/1";
   #offset = 0;
 
   /** Give the server's time in milliseconds, as far as we know it. */
@@ -22,6 +23,7 @@ export class FleetStore extends EventTarget {
   /** Begin anew with everything. */
   takeSnapshot(snapshot) {
     this.#offset = Date.parse(snapshot.time) - Date.now();
+    this.share = snapshot.share;
     const before = { robots: this.robots, orders: this.orders };
     this.robots = new Map(snapshot.robots.map((robot) => [robot.id, robot]));
     this.orders = new Map(snapshot.orders.map((order) => [order.id, order]));

@@ -19,17 +19,19 @@ class FleetSummary extends HTMLElement {
   show(store) {
     this.setAttribute("role", "group");
     this.setAttribute("aria-label", t("summary.label"));
-    store.addEventListener("change", () => this.#update([...store.robots.values()]));
+    store.addEventListener("change", () => this.#update([...store.robots.values()], store.share));
   }
 
-  #update(robots) {
+  #update(robots, share) {
     const counts = CONDITIONS.map((name) => [name, robots.filter((each) => each.condition === name).length]);
     const total = robots.length ? plural("summary.robots", robots.length) : t("summary.none");
-    const text = JSON.stringify([total, counts]);
+    const [number, of] = share.split("/");
+    const text = JSON.stringify([total, counts, share]);
     if (this.shown === text) return;
     this.shown = text;
     this.replaceChildren(
       element("span", { class: "total" }, total),
+      of === "1" ? "" : element("span", { class: "share" }, t("summary.share", { number, of })),
       ...counts
         .filter(([, count]) => count)
         .map(([name, count]) =>

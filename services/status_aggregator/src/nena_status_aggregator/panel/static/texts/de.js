@@ -1,9 +1,13 @@
 // German texts of the page.
 
+import { LOGIN } from "./de/login.js";
+
 export const TEXTS = {
+  ...LOGIN,
   "page.skip": "Zu den Robotern",
   "summary.label": "Roboter nach Zustand",
   "summary.none": "keine Roboter",
+  "summary.share": "Anteil {number} von {of}",
   "summary.robots.one": "{count} Roboter",
   "summary.robots.other": "{count} Roboter",
 

@@ -1,9 +1,13 @@
 // English texts of the page.
 
+import { LOGIN } from "./en/login.js";
+
 export const TEXTS = {
+  ...LOGIN,
   "page.skip": "Skip to the robots",
   "summary.label": "Robots by condition",
   "summary.none": "no robots",
+  "summary.share": "Share {number} of {of}",
   "summary.robots.one": "{count} robot",
   "summary.robots.other": "{count} robots",
 

@@ -1,9 +1,13 @@
 // Dutch texts of the page.
 
+import { LOGIN } from "./nl/login.js";
+
 export const TEXTS = {
+  ...LOGIN,
   "page.skip": "Naar de robots",
   "summary.label": "Robots per toestand",
   "summary.none": "geen robots",
+  "summary.share": "Deel {number} van {of}",
   "summary.robots.one": "{count} robot",
   "summary.robots.other": "{count} robots",
 
