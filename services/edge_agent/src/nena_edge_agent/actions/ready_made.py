@@ -9,6 +9,7 @@ from nena_edge_agent.actions.answer import Answer
 from nena_edge_agent.actions.call import Call
 from nena_edge_agent.actions.command import Command
 from nena_edge_agent.actions.docking import Docking
+from nena_edge_agent.actions.installed import Installed
 from nena_edge_agent.actions.message_shape import Record
 from nena_edge_agent.actions.message_types import UnknownTypeError, message_type, service_type
 from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext
@@ -34,6 +35,7 @@ from nena_edge_agent.actions.timed_operation import TimedOperation
 from nena_edge_agent.actions.values import ActionValues
 from nena_edge_agent.actions.without_ros import Rehearsed, Unavailable
 from nena_edge_agent.protocol.declaration import ActionDeclaration
+from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.factsheet import ActionScope
 
@@ -51,6 +53,13 @@ def ready_made(
     """
     for number, operation in enumerate(operations):
         yield _made(operation, f"operations.{number}", context, settings)
+
+
+def operations_beside(found: Installed, settings: EdgeAgentSettings) -> tuple[AnyOperation, ...]:
+    """Give the operations of the settings; plug-ins take the place of those that nobody has set."""
+    if "operations" in settings.model_fields_set:
+        return settings.operations
+    return tuple(each for each in settings.operations if each.action_type not in found.action_types)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Discriminator, Field, JsonValue, Tag, model_validator
 
 from nena_edge_agent.actions.ports import TopicQos
+from nena_edge_agent.actions.run import Patience
 from nena_edge_agent.protocol.declaration import ALL_BLOCKING_TYPES, LoadChange, Parameter
 from nena_edge_agent.ros.settings import RosName
 from nena_shared.settings import SettingsGroup
@@ -310,6 +311,11 @@ class ActionSettings(SettingsGroup):
     load_sensor: LoadSensorSettings | None = Field(
         None, description="What senses the load, if anything does."
     )
+
+    @property
+    def patience(self) -> Patience:
+        """How long a plug-in may take to answer."""
+        return Patience(begin=self.begin_timeout, obey=self.obey_timeout)
 
 
 def default_operations() -> tuple[AnyOperation, ...]:

@@ -6,7 +6,7 @@ plain data in the event loop; what is sent, is sent from there.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +22,7 @@ from nena_edge_agent.driver.map_port import MapPose
 from nena_edge_agent.ros import messages, readings
 from nena_edge_agent.ros.battery import BatteryReading
 from nena_edge_agent.ros.goal_status import GoalEntry
+from nena_edge_agent.ros.guest import NodeGuest
 from nena_edge_agent.ros.pose import PoseReading
 from nena_edge_agent.ros.presence import LifecycleWatch, Presence
 from nena_edge_agent.ros.session import RosSession
@@ -52,8 +53,9 @@ class Listeners:
 class Nav2Node:
     """Sends to Nav2 and listens to it; ``start`` before anything else, ``stop`` in the end."""
 
-    def __init__(self, settings: RosSettings, listeners: Listeners) -> None:
+    def __init__(self, settings: RosSettings, listeners: Listeners, guests: Sequence[NodeGuest] = ()) -> None:
         """Prepare the node, in the event loop that it will work for."""
+        self._guests = guests
         self._settings = settings
         self._listeners = listeners
         self._lifecycle_watch = LifecycleWatch()
@@ -123,6 +125,8 @@ class Nav2Node:
         self._fresh_pose = node.create_client(Empty, names.fresh_pose)
         self._lifecycle = node.create_client(Trigger, names.lifecycle)
         self._listen(node)
+        for guest in self._guests:
+            guest.enter(self._session, node)
 
     def _listen(self, node: Any) -> None:  # noqa: ANN401
         names, to, subscribe = self._settings.names, self._listeners, self._session.subscribe
