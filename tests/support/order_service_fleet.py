@@ -57,8 +57,14 @@ class Fleet:
     broker: Broker
     interface: str
     folder: Path
+    store_url: str = ""
+    """Empty: a file in the folder."""
     stack: ExitStack = field(default_factory=ExitStack)
     peers: list[MqttPeer] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Name the file of the store."""
+        self.store_url = self.store_url or f"sqlite:///{self.folder}/orders.db"
 
     @property
     def prefix(self) -> str:
@@ -67,7 +73,7 @@ class Fleet:
     def arguments(self) -> list[object]:
         return [
             *("--plant", sample_plant_path()),
-            *("--store.url", f"sqlite:///{self.folder}/orders.db"),
+            *("--store.url", self.store_url),
             *("--mqtt.port", self.broker.port),
             *("--mqtt.reconnect_max", 0.2),
             *("--interface_name", self.interface),
@@ -79,7 +85,7 @@ class Fleet:
         return OrderServiceSettings.model_validate(
             {
                 "plant": sample_plant_path(),
-                "store": {"url": f"sqlite:///{self.folder}/orders.db"},
+                "store": {"url": self.store_url},
                 "mqtt": self.broker.settings,
                 "interface_name": self.interface,
                 "interface_name_v3": self.interface,
@@ -117,9 +123,9 @@ class Fleet:
         agent = Program("nena-edge-agent", "--config", file, log=self.folder / f"{serial}.log")
         return self.stack.enter_context(agent)
 
-    def order_service(self, *more: object) -> OrderServiceProgram:
-        """Start the order service as a process of its own."""
-        program = OrderServiceProgram(*self.arguments(), *more, log=self.folder / "order-service.log")
+    def order_service(self, *more: object, name: str = "order-service") -> OrderServiceProgram:
+        """Start the order service as a process of its own, which logs under ``name``."""
+        program = OrderServiceProgram(*self.arguments(), *more, log=self.folder / f"{name}.log")
         return self.stack.enter_context(program)
 
     def peer(self, *topic_filters: str) -> MqttPeer:

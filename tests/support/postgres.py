@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sqlalchemy import NullPool, create_engine, text
 
 READY_SECONDS = 30
 
@@ -47,6 +48,12 @@ class Postgres:
     def stop(self) -> None:
         """Stop the server at once."""
         self._run("pg_ctl", "stop", "-w", "-m", "immediate", "-D", str(self._data))
+
+    def empty(self) -> None:
+        """Forget all tables."""
+        with create_engine(self.url, poolclass=NullPool).begin() as connection:
+            connection.execute(text("DROP SCHEMA public CASCADE"))
+            connection.execute(text("CREATE SCHEMA public"))
 
     def close(self) -> None:
         """Stop the server and remove its files."""

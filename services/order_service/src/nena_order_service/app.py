@@ -19,11 +19,15 @@ from nena_order_service.mqtt_door import MqttDoor
 from nena_order_service.plant_file import load_plant
 from nena_order_service.rest.api import make_app
 from nena_order_service.rest.bodies import Readiness
+from nena_order_service.rest.standby import make_standby_app
 from nena_order_service.retained_sweep import RetainedSweep
 from nena_order_service.routing import Router, evaluators
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.database import open_database
+from nena_order_service.store.engine import is_shared
 from nena_order_service.store.instance_lock import InstanceLock
+from nena_order_service.store.lead import Lead
+from nena_order_service.store.leadership import Fence
 from nena_order_service.store.store import Store
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.topics import FleetTopics
@@ -52,22 +56,20 @@ class OrderService:
     app: FastAPI
 
 
-def build(settings: OrderServiceSettings) -> OrderService:
-    """Wire up the order service.
+def build(settings: OrderServiceSettings, plant: PlantModel, store: Store, *, epoch: int = 0) -> OrderService:
+    """Wire up the order service; ``epoch`` counts the takeovers of a store that others share.
 
     Raises:
-        ConfigurationError: the plant model cannot be used.
-        StoreError: the store cannot be used.
+        ConfigurationError: the plant model names a version that is not spoken here.
 
     """
-    plant = load_plant(settings.plant)
     plant_json = plant.to_json().encode()
     clock = SystemClock()
-    lock = InstanceLock.take(settings.store.url)
-    store = Store(open_database(settings.store.url), lock)
     kernel = _make_kernel(settings, plant, store, clock)
     requests = HostRequests(kernel, settings.kernel)
     client_id = f"nena-order-service-{settings.interface_name.replace('/', '-')}"
+    if epoch:
+        client_id += f"-{epoch}"  # the broker would let a new one push out an old one that hangs, and back
     mqtt = MqttLink(
         settings.mqtt,
         client_id=client_id,
@@ -96,31 +98,83 @@ def build(settings: OrderServiceSettings) -> OrderService:
 
 
 async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
-    """Run the order service until ``stop`` is set.
+    """Run the order service until ``stop`` is set; on a store that others share it stands by at first.
 
     Raises:
-        ConfigurationError, StartError: as :func:`build` does; also when the port is taken.
-        TaskFailedError: a part that the rest cannot do without has failed.
+        ConfigurationError: the plant model cannot be used.
+        StartError: the store cannot be used, or the port is taken.
+        TaskFailedError: a part that the rest cannot do without has failed, or another one has the store now.
 
     """
-    service = build(settings)
+    plant = load_plant(settings.plant)
+    run = _serve_shared if is_shared(settings.store.url) else _serve_alone
+    await run(settings, plant, stop)
+    log.info("order service ended")
+
+
+async def _serve_alone(settings: OrderServiceSettings, plant: PlantModel, stop: asyncio.Event) -> None:
+    lock = InstanceLock.take(settings.store.url)
+    service = build(settings, plant, Store(open_database(settings.store.url), lock))
     http = HttpServer(service.app, settings.http)
     async with Supervisor() as supervisor:
-        supervisor.start("store", service.store.run())
-        await service.kernel.start(service.fleet)
-        supervisor.start("mqtt", service.mqtt.run())
-        supervisor.start("fleet control", service.fleet.run())
-        supervisor.start("kernel", service.kernel.run())
-        supervisor.start("retained sweep", service.sweep.run(), vital=False)
+        await _start(service, supervisor)
         answering = supervisor.start("http", http.run())
         try:
             await supervisor.wait(stop)
         finally:
-            http.stop()
-            await asyncio.wait({answering}, timeout=SHUTDOWN_PATIENCE + 1)
+            await _end_answering(http, answering)
             await _shut_down(service)
     service.store.close()
-    log.info("order service ended")
+
+
+async def _serve_shared(settings: OrderServiceSettings, plant: PlantModel, stop: asyncio.Event) -> None:
+    lead = Lead(settings.store.url)
+    http = HttpServer(make_standby_app(lambda: lead.active_url, lambda: lead.problem), settings.http)
+    service = None
+    async with Supervisor() as supervisor:
+        answering = supervisor.start("http", http.run())
+        try:
+            if await lead.take(stop):
+                own_url = str(settings.public_url or http.url).rstrip("/")
+                service = await _take_over(settings, plant, lead, supervisor, own_url)
+                http.app = service.app
+                await supervisor.wait(stop)
+        finally:
+            await _end_answering(http, answering)
+            if service:
+                await _shut_down(service)
+    if service:
+        service.store.close()
+    await lead.close()
+
+
+async def _take_over(
+    settings: OrderServiceSettings, plant: PlantModel, lead: Lead, supervisor: Supervisor, own_url: str
+) -> OrderService:
+    """Become the active one: the other one commits nothing any more, and what it has is taken up."""
+    loop = asyncio.get_running_loop()
+    engine = await loop.run_in_executor(None, open_database, settings.store.url)
+    fence = await loop.run_in_executor(None, Fence.raise_for, engine, own_url)
+    service = build(settings, plant, Store(engine, fence=fence), epoch=fence.epoch)
+    supervisor.start("lead", lead.keep(service.store, engine, fence))
+    await _start(service, supervisor)
+    log.info("active on the shared store", epoch=fence.epoch)
+    return service
+
+
+async def _start(service: OrderService, supervisor: Supervisor) -> None:
+    """Take up what is in the store, then let all parts run."""
+    supervisor.start("store", service.store.run())
+    await service.kernel.start(service.fleet)
+    supervisor.start("mqtt", service.mqtt.run())
+    supervisor.start("fleet control", service.fleet.run())
+    supervisor.start("kernel", service.kernel.run())
+    supervisor.start("retained sweep", service.sweep.run(), vital=False)
+
+
+async def _end_answering(http: HttpServer, answering: asyncio.Task[None]) -> None:
+    http.stop()
+    await asyncio.wait({answering}, timeout=SHUTDOWN_PATIENCE + 1)
 
 
 async def _shut_down(service: OrderService) -> None:
@@ -141,7 +195,7 @@ def readiness(mqtt: MqttLink, store: Store) -> Readiness:
         topics = ", ".join(mqtt.state.refused)
         problems.append(f"The MQTT broker refuses to tell of {topics}: look at its access list.")
     if not store.ready:
-        problems.append(f"The store takes nothing ({store.problem or 'too much waits'}). Orders are refused.")
+        problems.append(f"The store takes nothing ({store.why_not_ready}). Orders are refused.")
     return Readiness(
         ready=not problems,
         broker_connected=mqtt.state.connected,

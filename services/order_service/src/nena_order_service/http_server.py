@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import uvicorn
-from fastapi import FastAPI
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from nena_shared.log import get_logger
 from nena_shared.program import StartError
@@ -33,11 +33,14 @@ class _Server(uvicorn.Server):
 class HttpServer:
     """Listens from its making on, and answers while :meth:`run` runs."""
 
-    def __init__(self, app: FastAPI, settings: HttpSettings) -> None:
+    def __init__(self, app: ASGIApp, settings: HttpSettings) -> None:
         self._socket = _listen(settings)
         self._host = settings.host
+        self.app = app
+        """What answers; it may be put in another's place while the server runs."""
         config = uvicorn.Config(
-            app,
+            self._answer,
+            interface="asgi3",
             lifespan="off",
             log_config=None,
             log_level="warning",
@@ -48,6 +51,12 @@ class HttpServer:
         self._server = _Server(config)
 
     @property
+    def url(self) -> str:
+        """Where it is found, as far as the settings tell."""
+        host = f"[{self._host}]" if ":" in self._host else self._host
+        return f"http://{host}:{self.port}"
+
+    @property
     def port(self) -> int:
         """The TCP port, also where the settings leave it to the system."""
         port: int = self._socket.getsockname()[1]
@@ -55,13 +64,15 @@ class HttpServer:
 
     async def run(self) -> None:
         """Answer requests until :meth:`stop`."""
-        host = f"[{self._host}]" if ":" in self._host else self._host
-        log.info("http listening", url=f"http://{host}:{self.port}", port=self.port)
+        log.info("http listening", url=self.url, port=self.port)
         await self._server.serve(sockets=[self._socket])
 
     def stop(self) -> None:
         """Take no more requests; :meth:`run` ends when those that are open are answered."""
         self._server.should_exit = True
+
+    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
+        await self.app(scope, receive, send)
 
 
 def _listen(settings: HttpSettings) -> socket.socket:

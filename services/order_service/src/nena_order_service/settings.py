@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pydantic import Field
+from pydantic import Field, HttpUrl
 
 from nena_order_service.fleet import FleetSettings
 from nena_order_service.kernel.settings import KernelSettings
@@ -17,7 +17,8 @@ class StoreSettings(SettingsGroup):
 
     url: str = Field(
         "sqlite:///nena-orders.db",
-        description="Database of the orders: sqlite:///FILE (four slashes for an absolute path).",
+        description="Database of the orders: sqlite:///FILE (four slashes for an absolute path), or "
+        "postgresql://USER@HOST/DATABASE, with which a second order service stands by.",
     )
 
 
@@ -38,6 +39,11 @@ class OrderServiceSettings(ServiceSettings):
     routing: RoutingSettings = Field(default_factory=RoutingSettings, description="What a way costs.")
     store: StoreSettings = Field(default_factory=StoreSettings, description="The store of the orders.")
     http: HttpSettings = Field(default_factory=lambda: HttpSettings(port=55200), description="The REST door.")
+    public_url: HttpUrl | None = Field(
+        None,
+        description="Where hosts reach this order service: a standby sends them there while this one is the "
+        "active one; none: http.host and http.port.",
+    )
     topic_prefix: TopicPrefix = Field(
         "nena/v1", description="First levels of the MQTT topics for hosts; a prefix for each fleet."
     )

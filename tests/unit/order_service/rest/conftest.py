@@ -8,7 +8,10 @@ import pytest
 
 from nena_demo.plants import sample_plant_path
 from nena_order_service.app import OrderService, build
+from nena_order_service.plant_file import load_plant
 from nena_order_service.settings import OrderServiceSettings, StoreSettings
+from nena_order_service.store.database import open_database
+from nena_order_service.store.store import Store
 from nena_shared.tasks import Supervisor
 
 
@@ -18,7 +21,8 @@ async def service(tmp_path: Path) -> AsyncIterator[OrderService]:
     settings = OrderServiceSettings(
         plant=sample_plant_path(), store=StoreSettings(url=f"sqlite:///{tmp_path}/orders.db"), max_body=4096
     )
-    made = build(settings)
+    store = Store(open_database(settings.store.url))
+    made = build(settings, load_plant(settings.plant), store)
     async with Supervisor() as supervisor:
         supervisor.start("store", made.store.run())
         await made.kernel.start(made.fleet)

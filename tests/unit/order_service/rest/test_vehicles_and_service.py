@@ -74,6 +74,7 @@ async def test_health_and_readiness(client: httpx.AsyncClient, service: OrderSer
     service.mqtt.state.connected = True
     assert (await client.get("/readyz")).json() == {
         "ready": True,
+        "role": "active",
         "brokerConnected": True,
         "storeReady": True,
         "problems": [],

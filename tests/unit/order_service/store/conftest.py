@@ -6,10 +6,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from sqlalchemy import text
 
 from nena_order_service.store.database import open_database
-from nena_order_service.store.engine import make_engine
 from nena_order_service.store.store import Store
 from support.postgres import Postgres
 
@@ -24,10 +22,7 @@ def server() -> Iterator[Postgres]:
 @pytest.fixture
 def postgres(server: Postgres) -> Postgres:
     """Give an empty PostgreSQL."""
-    engine = make_engine(server.url, pooled=False)
-    with engine.begin() as connection:
-        connection.execute(text("DROP SCHEMA public CASCADE"))
-        connection.execute(text("CREATE SCHEMA public"))
+    server.empty()
     return server
 
 

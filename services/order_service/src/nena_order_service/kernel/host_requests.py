@@ -167,7 +167,7 @@ class HostRequests:
 
     def _require_store(self) -> None:
         if not self._kernel.store.ready:
-            raise StoreNotReadyError(self._kernel.store.problem or "too much waits to be written")
+            raise StoreNotReadyError(self._kernel.store.why_not_ready)
 
     async def _committed(self) -> None:
         try:

@@ -53,8 +53,17 @@ class LeaderLock:
         """
         self._engine = make_engine(url, pooled=False)
         self._connection: Connection | None = None
-        self.fresh = False
-        """Whether the connection was made by the last try."""
+
+    def connect(self) -> bool:
+        """Have a connection; tell whether it had to be made.
+
+        Raises:
+            DBAPIError: the database does not answer.
+
+        """
+        fresh = self._connection is None
+        self._connected()
+        return fresh
 
     def take(self) -> bool:
         """Try to take the lock; tell whether this program has it.
@@ -64,7 +73,7 @@ class LeaderLock:
 
         """
         try:
-            connection = self._connect()
+            connection = self._connected()
             taken: bool = connection.execute(_TAKE, {"lock_class": LOCK_CLASS}).scalar_one()
         except DBAPIError:
             self.release()
@@ -93,7 +102,7 @@ class LeaderLock:
 
         """
         try:
-            connection = self._connect()
+            connection = self._connected()
             if connection.execute(text("SELECT to_regclass('leadership')")).scalar() is None:
                 return ""
             return str(connection.execute(select(_leadership.url).where(_ROW)).scalar() or "")
@@ -108,8 +117,7 @@ class LeaderLock:
             connection.invalidate()  # closes it whatever state it is in
             connection.close()
 
-    def _connect(self) -> Connection:
-        self.fresh = self._connection is None
+    def _connected(self) -> Connection:
         if self._connection is None:
             made = self._engine.connect().execution_options(isolation_level="AUTOCOMMIT")
             for setting in _SETTINGS:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import logging
+
 from alembic import command
 from alembic.config import Config
+from alembic.runtime.migration import MigrationContext
 from alembic.util import CommandError
 from sqlalchemy import Connection, Engine, inspect, text
 
 from nena_order_service.store.errors import StoreError
+from nena_shared.log import get_logger
+
+log = get_logger(__name__)
 
 FIRST = "0001"
 """The tables of stores that were made before there were migrations; they say version 1."""
@@ -21,10 +27,12 @@ def migrate(engine: Engine) -> None:
         SQLAlchemyError: the database takes no change.
 
     """
+    logging.getLogger("alembic").setLevel(logging.WARNING)
     with engine.begin() as connection:
         config = Config()
         config.set_main_option("script_location", "nena_order_service.store:migrations")
         config.attributes["connection"] = connection
+        before = _revision(connection)
         try:
             if _is_from_before_migrations(connection):
                 command.stamp(config, FIRST)
@@ -35,6 +43,12 @@ def migrate(engine: Engine) -> None:
                 "use the release that made the store, or another store.url"
             )
             raise StoreError(message) from error
+        if before != (now := _revision(connection)):
+            log.info("the tables of the store are brought up to date", before=before, now=now)
+
+
+def _revision(connection: Connection) -> str | None:
+    return MigrationContext.configure(connection).get_current_revision()
 
 
 def _is_from_before_migrations(connection: Connection) -> bool:

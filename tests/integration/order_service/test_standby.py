@@ -1,0 +1,164 @@
+"""Two order services on one PostgreSQL: one is active, the other one stands by and takes over."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import time
+from collections.abc import Mapping
+
+import httpx
+import pytest
+
+from support.order_service_fleet import Fleet, awaited, every_order_ended, order_in, vehicle_idle
+from support.postgres import Postgres
+from support.waiting import until
+
+pytestmark = [pytest.mark.broker, pytest.mark.e2e]
+
+LOAD = {"locationName": "Goods in", "operation": "Load cargo"}
+UNLOAD = {"locationName": "Storage", "operation": "Unload cargo"}
+AWAY = {"locationName": "South 2"}
+TAKEOVER_SECONDS = 5.0
+
+
+@pytest.fixture
+def shared(fleet: Fleet, postgres: Postgres) -> Fleet:
+    """Give a fleet whose store several order services may use."""
+    fleet.store_url = postgres.url
+    return fleet
+
+
+async def role(client: httpx.AsyncClient) -> str:
+    try:
+        return str((await client.get("/readyz")).json()["role"])
+    except httpx.TransportError:
+        return ""
+
+
+async def ready(client: httpx.AsyncClient) -> bool:
+    answer = await client.get("/readyz")
+    assert (answer.status_code == 200) == answer.json()["ready"] == answer.json()["storeReady"]
+    return bool(answer.json()["ready"])
+
+
+async def active(client: httpx.AsyncClient) -> httpx.AsyncClient:
+    await awaited(lambda: role(client), lambda told: told == "active", seconds=30, what="it is active")
+    return client
+
+
+async def taken(client: httpx.AsyncClient, body: Mapping[str, object]) -> float:
+    """Ask until the order is taken; give how many seconds that took."""
+    start = time.monotonic()
+
+    async def ask() -> int:
+        return (await client.post("/v1/transportOrders", json=body)).status_code
+
+    await awaited(ask, lambda status: status in (200, 201), seconds=30, what="the order is taken")
+    return time.monotonic() - start
+
+
+async def test_a_standby_is_well_and_sends_hosts_to_the_active_one(shared: Fleet) -> None:
+    first = await active(await shared.order_service(name="first").client())
+    second = await shared.order_service(name="second").client()
+    assert (await second.get("/healthz")).status_code == 200
+
+    async def told() -> str:
+        return (await second.get("/readyz")).text
+
+    await awaited(told, lambda text: str(first.base_url) in text, seconds=30, what="it knows the active one")
+    ready = await second.get("/readyz")
+    assert (ready.status_code, ready.json()["role"], ready.json()["storeReady"]) == (503, "standby", True)
+    for answer in (
+        await second.post("/v1/transportOrders", json={"destinations": [LOAD]}),
+        await second.get("/v1/vehicles"),
+    ):
+        assert answer.status_code == 503
+        assert answer.headers["content-type"] == "application/problem+json"
+        assert f"{first.base_url}{answer.request.url.path}" in answer.json()["detail"]
+    assert (await first.get("/v1/vehicles")).status_code == 200
+
+
+async def test_a_standby_takes_over_when_the_active_one_is_killed(shared: Fleet) -> None:
+    first = shared.order_service(name="first")
+    client = await active(await first.client())
+    standby = await shared.order_service(name="second").client()
+    shared.agent(speed=20.0)
+    await vehicle_idle(client)
+    for number, stops in enumerate(([LOAD, UNLOAD], [AWAY])):
+        body = {"name": f"T-{number}", "destinations": stops}
+        assert (await client.post("/v1/transportOrders", json=body)).status_code == 201
+    await order_in(client, "T-0", "BEING_PROCESSED")
+    assert await role(standby) == "standby"
+
+    first.kill()
+    assert await taken(standby, {"name": "T-2", "destinations": [AWAY]}) < TAKEOVER_SECONDS
+
+    orders = await every_order_ended(standby, 90)
+    assert {order["name"]: order["state"] for order in orders} == {f"T-{n}": "FINISHED" for n in range(3)}
+    codes = [entry["eventCode"] for entry in next(o for o in orders if o["name"] == "T-0")["history"]]
+    assert codes.count("nena:adoptedAfterRestart") == 1
+    assert await role(standby) == "active"
+
+
+async def test_an_active_one_that_hangs_is_replaced_and_writes_nothing_any_more(shared: Fleet) -> None:
+    first = shared.order_service(name="first")
+    await active(await first.client())
+    standby = await shared.order_service(name="second").client()
+    first.process.send_signal(signal.SIGSTOP)
+    try:
+        seconds = await taken(standby, {"name": "T-1", "destinations": [LOAD]})
+    finally:
+        first.process.send_signal(signal.SIGCONT)
+    assert seconds < 2 * TAKEOVER_SECONDS
+    await until(lambda: first.process.poll() is not None, timeout=30, what="the old one has ended")
+    assert first.process.returncode == 1
+    assert "another order service is the active one on this store now" in first.log
+    assert (await standby.get("/v1/transportOrders/T-1")).json()["state"] == "DISPATCHABLE"
+
+
+async def test_nothing_acknowledged_is_lost_when_the_database_goes_and_comes_back(
+    shared: Fleet, postgres: Postgres
+) -> None:
+    program = shared.order_service("--kernel.commit_timeout", 1, name="first")
+    client = await active(await program.client())
+    shared.agent(speed=40.0)
+    await vehicle_idle(client)
+    assert (
+        await client.post("/v1/transportOrders", json={"name": "before", "destinations": [LOAD]})
+    ).status_code == 201
+    await order_in(client, "before", "FINISHED")
+
+    postgres.stop()
+    try:
+        asked = {"name": "meanwhile", "idempotencyKey": "k", "destinations": [AWAY]}
+        refused = await client.post("/v1/transportOrders", json=asked)
+        assert refused.status_code == 503
+        assert refused.headers["content-type"] == "application/problem+json"
+        assert (await client.get("/v1/transportOrders/elsewhere")).status_code == 503
+        assert (await client.get("/v1/transportOrders/before")).json()["state"] == "FINISHED"
+        await awaited(lambda: ready(client), lambda told: not told, seconds=30, what="it is not ready")
+        assert (await client.get("/healthz")).status_code == 200
+    finally:
+        postgres.start()
+
+    await taken(client, asked)
+    assert (await order_in(client, "meanwhile", "FINISHED", "FAILED"))["state"] == "FINISHED"
+    names = [order["name"] for order in await every_order_ended(client)]
+    assert names == ["meanwhile", "before"]
+    assert (await client.get("/readyz")).json()["role"] == "active"
+    assert program.process.poll() is None
+
+
+async def test_the_active_one_stays_so_over_a_restart_of_the_database(
+    shared: Fleet, postgres: Postgres
+) -> None:
+    first = shared.order_service(name="first")
+    client = await active(await first.client())
+    standby = await shared.order_service(name="second").client()
+    postgres.stop()
+    postgres.start()
+    await taken(client, {"name": "T-1", "destinations": [LOAD]})
+    await asyncio.gather(*(taken(client, {"name": f"T-{n}", "destinations": [LOAD]}) for n in range(2, 12)))
+    assert await role(standby) == "standby"
+    assert len((await client.get("/v1/transportOrders")).json()["transportOrders"]) == 11

@@ -1,0 +1,98 @@
+"""Waiting for the lead of a shared store, and keeping it, on a real PostgreSQL."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+
+import pytest
+
+from nena_order_service.store import lead as lead_module
+from nena_order_service.store.database import open_database
+from nena_order_service.store.errors import FencedError, StoreError
+from nena_order_service.store.lead import Lead
+from nena_order_service.store.leadership import Fence
+from nena_order_service.store.store import Store
+from support.postgres import Postgres
+from support.waiting import until
+
+
+@pytest.fixture
+async def leads(postgres: Postgres, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[tuple[Lead, Lead]]:
+    monkeypatch.setattr(lead_module, "POLL", 0.02)
+    monkeypatch.setattr(lead_module, "GRACE", 0.5)
+    made = (Lead(postgres.url), Lead(postgres.url))
+    yield made
+    for lead in made:
+        await lead.close()
+
+
+async def test_the_next_one_has_it_when_the_first_ends(leads: tuple[Lead, Lead], postgres: Postgres) -> None:
+    first, second = leads
+    stop = asyncio.Event()
+    assert await first.take(stop)
+    Fence.raise_for(open_database(postgres.url), "http://first.example")
+    waiting = asyncio.create_task(second.take(stop))
+    await until(lambda: second.active_url == "http://first.example", timeout=30)
+    assert not waiting.done()
+    first._lock.release()
+    async with asyncio.timeout(30):
+        assert await waiting
+
+
+async def test_waiting_ends_when_the_program_is_to_stop(leads: tuple[Lead, Lead]) -> None:
+    stop = asyncio.Event()
+    assert await leads[0].take(stop)
+    waiting = asyncio.create_task(leads[1].take(stop))
+    stop.set()
+    async with asyncio.timeout(30):
+        assert not await waiting
+
+
+async def test_the_lead_is_kept_over_a_restart_of_the_database(
+    leads: tuple[Lead, Lead], postgres: Postgres
+) -> None:
+    first, second = leads
+    stop = asyncio.Event()
+    assert await first.take(stop)
+    engine = open_database(postgres.url)
+    fence = Fence.raise_for(engine, "http://first.example")
+    store = Store(engine, fence=fence)
+    keeping = asyncio.create_task(first.keep(store, engine, fence))
+    waiting = asyncio.create_task(second.take(stop))
+    await until(lambda: second.active_url, timeout=30)
+    postgres.stop()
+    await until(lambda: store.lead_problem and second.problem, timeout=30)
+    assert not store.ready
+    postgres.start()
+    await until(lambda: store.ready and not second.problem and second.active_url, timeout=30)
+    assert not keeping.done()
+    assert not waiting.done()
+    stop.set()
+    keeping.cancel()
+    await asyncio.gather(keeping, waiting, return_exceptions=True)
+    store.close()
+
+
+async def test_who_finds_another_one_in_the_lead_ends(leads: tuple[Lead, Lead], postgres: Postgres) -> None:
+    first, second = leads
+    stop = asyncio.Event()
+    assert await first.take(stop)
+    engine = open_database(postgres.url)
+    fence = Fence.raise_for(engine, "")
+    store = Store(engine, fence=fence)
+    first._lock.release()
+    assert await second.take(stop)
+    Fence.raise_for(engine, "")
+    async with asyncio.timeout(30):
+        with pytest.raises(FencedError):
+            await first.keep(store, engine, fence)
+    store.close()
+
+
+async def test_a_database_that_cannot_be_reached_at_the_start_is_one_line() -> None:
+    lead = Lead("postgresql://user:secret@127.0.0.1:1/orders")
+    with pytest.raises(StoreError, match=r"store\.url cannot be used: ") as caught:
+        await lead.take(asyncio.Event())
+    assert "secret" not in str(caught.value)
+    await lead.close()

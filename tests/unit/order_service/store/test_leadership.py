@@ -1,0 +1,97 @@
+"""Who has the lead of a shared store, on a real PostgreSQL."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from sqlalchemy import text
+
+from nena_order_service.store.changes import Changes
+from nena_order_service.store.database import open_database, read_order, write
+from nena_order_service.store.errors import FencedError
+from nena_order_service.store.leadership import Fence, LeaderLock
+from support.order_service import dispatchable_order
+from support.postgres import Postgres
+from support.stores import changes
+
+
+@pytest.fixture
+def locks(postgres: Postgres) -> Iterator[tuple[LeaderLock, LeaderLock]]:
+    made = (LeaderLock(postgres.url), LeaderLock(postgres.url))
+    yield made
+    for lock in made:
+        lock.release()
+
+
+def test_one_has_the_lock_until_it_lets_go(locks: tuple[LeaderLock, LeaderLock]) -> None:
+    one, other = locks
+    assert one.connect()
+    assert not one.connect()
+    assert one.take()
+    assert one.keep()
+    assert not other.take()
+    one.release()
+    assert not one.keep()
+    assert other.take()
+
+
+def test_a_connection_that_is_ended_holds_no_lock(
+    locks: tuple[LeaderLock, LeaderLock], postgres: Postgres
+) -> None:
+    one, other = locks
+    assert one.take()
+    postgres.stop()
+    postgres.start()
+    assert not one.keep()
+    assert other.take()
+    assert not one.take()
+
+
+def test_the_address_of_the_active_one_is_known_once_it_has_taken_over(
+    locks: tuple[LeaderLock, LeaderLock], postgres: Postgres
+) -> None:
+    assert locks[1].active_url() == ""
+    engine = open_database(postgres.url)
+    assert locks[1].active_url() == ""
+    Fence.raise_for(engine, "http://one.example")
+    assert locks[1].active_url() == "http://one.example"
+
+
+def test_who_was_replaced_commits_nothing_any_more(postgres: Postgres) -> None:
+    engine = open_database(postgres.url)
+    old = Fence.raise_for(engine, "http://old.example")
+    write(engine, changes((dispatchable_order(number=1), None)), old)
+    new = Fence.raise_for(engine, "http://new.example")
+    assert (old.epoch, new.epoch) == (1, 2)
+    assert new.is_up(engine)
+    assert not old.is_up(engine)
+    with pytest.raises(FencedError, match="Start it again"):
+        write(engine, changes((dispatchable_order(number=2), None)), old)
+    assert read_order(engine, name="T-1") is not None
+    assert read_order(engine, name="T-2") is None
+
+
+def test_a_takeover_waits_for_the_commit_that_is_under_way(postgres: Postgres) -> None:
+    engine = open_database(postgres.url)
+    old = Fence.raise_for(engine, "")
+    with engine.begin() as connection:
+        assert old.lets_pass(connection)
+        with engine.begin() as other:
+            other.execute(text("SET LOCAL lock_timeout = '50ms'"))
+            with pytest.raises(Exception, match="lock timeout"):
+                other.execute(text("UPDATE leadership SET epoch = epoch + 1"))
+            other.rollback()
+
+
+def test_a_commit_whose_answer_was_lost_is_not_made_again(postgres: Postgres) -> None:
+    engine = open_database(postgres.url)
+    fence = Fence.raise_for(engine, "")
+    made = changes((dispatchable_order(number=1), None))
+    write(engine, made, fence)
+    fence.commits -= 1  # as if the connection had ended before the answer came
+    write(engine, made, fence)
+    write(engine, changes((dispatchable_order(number=2), None)), fence)
+    assert read_order(engine, name="T-2") is not None
+    write(engine, Changes(), fence)
+    assert fence.commits == 3
