@@ -245,6 +245,7 @@ async def test_a_disk_that_fails_is_shown_and_does_not_stop_the_robot(
 ) -> None:
     journal = tmp_path / "ACME.0001.new"
     journal.mkdir()
+    (tmp_path / "ACME.0001.journal").unlink()  # another one cannot be made now
     fleet.send(order("n0", "n1"))
     state = await fleet.state(ended("o1"))
     assert state["lastNodeId"] == "n1"
@@ -261,6 +262,7 @@ async def test_a_disk_that_hangs_holds_the_robot_up_for_a_moment_only(
 ) -> None:
     journal = tmp_path / "ACME.0001.new"
     os.mkfifo(journal)  # opening it for writing takes until somebody reads
+    (tmp_path / "ACME.0001.journal").unlink()
     fleet.send(order("n0", "n1"))
     await fleet.state(lambda state: "JOURNAL_NOT_WRITTEN" in error_types(state))
     state = await fleet.state(ended("o1"))
@@ -270,7 +272,7 @@ async def test_a_disk_that_hangs_holds_the_robot_up_for_a_moment_only(
         journal.unlink()
 
     await fleet.state(lambda state: ended("o1")(state) and not state["errors"])
-    assert '"order_id":"o1"' in (tmp_path / "ACME.0001.json").read_text()
+    assert '"order_id":"o1"' in (tmp_path / "ACME.0001.journal").read_text()
 
 
 async def test_a_fault_in_the_core_costs_one_message_and_not_the_robot(

@@ -45,7 +45,7 @@ async def test_a_command_reaches_the_robot_that_it_names_and_no_other(
 async def test_a_robot_with_a_damaged_journal_waits_for_help_while_the_others_work(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
-    damaged = tmp_path / f"ACME.{SERIAL}-1.json"
+    damaged = tmp_path / f"ACME.{SERIAL}-1.journal"
     damaged.write_text("{")
     settings = agent_settings(broker, interface_name, tmp_path, loopback=FLEET)
     with MqttPeer(broker, f"{interface_name}/#") as peer:

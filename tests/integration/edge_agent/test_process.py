@@ -155,7 +155,7 @@ def test_a_wrong_setting_gets_one_clear_line() -> None:
 
 
 def test_a_damaged_journal_gets_one_clear_line(tmp_path: Path) -> None:
-    (tmp_path / "NeNa.robot1.json").write_text("{")
+    (tmp_path / "NeNa.robot1.journal").write_text("{")
 
     result = run("--driver", "loopback", "--journal.folder", str(tmp_path))
 

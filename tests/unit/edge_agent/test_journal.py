@@ -6,17 +6,24 @@ from pathlib import Path
 import pytest
 
 from nena_edge_agent.journal import Journal, sole_user
+from nena_edge_agent.protocol.memory import Memory
 from nena_shared.program import StartError
 from nena_shared.vda5050.topics import RobotKey
 from support.robot_core import Bench, action, order
 
 ROBOT = RobotKey("ACME", "0001")
+FILE = "ACME.0001.journal"
 
 
 def busy() -> Bench:
     bench = Bench()
     bench.send(order("n0", "n1", "n2", node_actions={"n1": [action("a", "HARD")]}))
     return bench
+
+
+def record(journal: Journal, memory: Memory) -> None:
+    journal.write(memory)
+    journal.sync()
 
 
 def test_there_is_nothing_before_the_first_record(tmp_path: Path) -> None:
@@ -26,9 +33,9 @@ def test_there_is_nothing_before_the_first_record(tmp_path: Path) -> None:
 def test_the_newest_record_is_read_back_as_it_was(tmp_path: Path) -> None:
     bench, journal = busy(), Journal(tmp_path, ROBOT)
     journal.read()
-    journal.write(bench.core.memory())
+    record(journal, bench.core.memory())
     bench.arrive()
-    journal.write(bench.core.memory())
+    record(journal, bench.core.memory())
 
     assert Journal(tmp_path, ROBOT).read() == bench.core.memory()
     assert Journal(tmp_path, RobotKey("ACME", "0002")).read() is None
@@ -44,7 +51,7 @@ def test_the_newest_record_is_read_back_as_it_was(tmp_path: Path) -> None:
 )
 def test_no_two_robots_share_a_file(tmp_path: Path, one: RobotKey, other: RobotKey) -> None:
     memory = busy().core.memory()
-    Journal(tmp_path, one).write(memory)
+    record(Journal(tmp_path, one), memory)
 
     assert Journal(tmp_path, other).read() is None
     assert Journal(tmp_path, one).read() == memory
@@ -52,25 +59,102 @@ def test_no_two_robots_share_a_file(tmp_path: Path, one: RobotKey, other: RobotK
         pass
 
 
-def test_a_torn_write_leaves_the_old_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_records_are_written_over_each_other_in_turn(tmp_path: Path) -> None:
     bench, journal = busy(), Journal(tmp_path, ROBOT)
-    journal.write(bench.core.memory())
-    old = bench.core.memory()
+    record(journal, bench.core.memory())
+    before = (tmp_path / FILE).stat()
+    for _ in range(3):
+        bench.arrive()
+        record(journal, bench.core.memory())
+        assert Journal(tmp_path, ROBOT).read() == bench.core.memory()
+
+    after = (tmp_path / FILE).stat()
+    assert (after.st_ino, after.st_size) == (before.st_ino, before.st_size)
+
+
+def test_the_next_program_goes_on_where_the_last_one_ended(tmp_path: Path) -> None:
+    bench = busy()
+    for _ in range(5):
+        bench.arrive()
+        journal = Journal(tmp_path, ROBOT)
+        journal.read()
+        record(journal, bench.core.memory())
+
+    assert Journal(tmp_path, ROBOT).read() == bench.core.memory()
+
+
+def test_a_longer_record_gets_more_room(tmp_path: Path) -> None:
+    bench, journal = busy(), Journal(tmp_path, ROBOT)
+    record(journal, bench.core.memory())
+    longer = Bench()
+    longer.send(order(*(f"n{number}" for number in range(500))))
+    record(journal, longer.core.memory())
+    assert Journal(tmp_path, ROBOT).read() == longer.core.memory()
+
+    record(journal, bench.core.memory())
+    assert Journal(tmp_path, ROBOT).read() == bench.core.memory()
+
+
+def test_a_torn_write_leaves_the_old_record(tmp_path: Path) -> None:
+    bench, journal = busy(), Journal(tmp_path, ROBOT)
+    for _ in range(2):
+        record(journal, bench.core.memory())
+    old, before = bench.core.memory(), (tmp_path / FILE).read_bytes()
     bench.arrive()
+    journal.write(bench.core.memory())
+    new, after = bench.core.memory(), (tmp_path / FILE).read_bytes()
+
+    seen = []
+    for cut in range(0, len(after) + 1, 64):
+        (tmp_path / FILE).write_bytes(after[:cut] + before[cut:])
+        seen.append(Journal(tmp_path, ROBOT).read())
+
+    assert (seen[0], seen[-1]) == (old, new)
+    assert seen == [old] * seen.count(old) + [new] * seen.count(new)
+
+
+def test_what_the_disk_may_not_have_is_never_the_only_record(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench, journal = busy(), Journal(tmp_path, ROBOT)
+    record(journal, bench.core.memory())
+    old, before = bench.core.memory(), (tmp_path / FILE).read_bytes()
 
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(OSError, match="No space"):
-        journal.write(bench.core.memory())
+    bench.arrive()
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fdatasync", full)
+        with pytest.raises(OSError, match="No space"):
+            record(journal, bench.core.memory())
+    journal.write(bench.core.memory())  # and is torn
+    after = (tmp_path / FILE).read_bytes()
+    torn = bytes(one if one == other else 0 for one, other in zip(before, after, strict=True))
+    (tmp_path / FILE).write_bytes(torn)
 
     assert Journal(tmp_path, ROBOT).read() == old
 
 
-@pytest.mark.parametrize("content", ["", "{", "[]", '{"format": 1}', '{"format": 2}'])
+def test_a_file_that_was_removed_meanwhile_is_made_again(tmp_path: Path) -> None:
+    bench, journal = busy(), Journal(tmp_path, ROBOT)
+    record(journal, bench.core.memory())
+    (tmp_path / FILE).unlink()
+    record(journal, bench.core.memory())
+
+    assert Journal(tmp_path, ROBOT).read() == bench.core.memory()
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"format": 1}', "0 \n{}", " " * 9000])
 def test_a_damaged_record_is_never_guessed_at(tmp_path: Path, content: str) -> None:
-    (tmp_path / "ACME.0001.json").write_text(content)
+    (tmp_path / FILE).write_text(content)
+
+    with pytest.raises(StartError, match="remove the file"):
+        Journal(tmp_path, ROBOT).read()
+
+
+def test_a_record_that_is_whole_and_not_understood_is_told(tmp_path: Path) -> None:
+    record(Journal(tmp_path, ROBOT), busy().core.memory().model_copy(update={"queue": ("a", "b", None)}))
 
     with pytest.raises(StartError, match="remove the file"):
         Journal(tmp_path, ROBOT).read()

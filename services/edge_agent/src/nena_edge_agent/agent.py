@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import ParamSpec
 
@@ -43,6 +43,7 @@ from nena_edge_agent.protocol.ground import Footprint
 from nena_edge_agent.protocol.predefined import spoken
 from nena_edge_agent.protocol.robot import RobotCore
 from nena_edge_agent.protocol.rules import RULES
+from nena_edge_agent.recorder import Recorder
 from nena_edge_agent.schedule import StateSchedule, VisualizationSchedule
 from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings
 from nena_shared.clock import Clock
@@ -65,8 +66,8 @@ LOOK_AT_TIME = 1.0
 """Seconds between two looks at what may be overdue, while something is."""
 LONGEST_GATHERING = 0.2
 """Seconds that a state waits for further events that are there already."""
-JOURNAL_TIMEOUT = 2.0
-"""Seconds that the disk has to take a record; a robot that is told to stop cannot wait for longer."""
+TO_DRIVER = (Drive, Halt, LimitSpeed, SetPosition)
+"""Effects that end with the power of the robot, if not before."""
 
 DriverMaker = Callable[[Callable[[Event], None], Pose | None], Driver]
 """Makes a driver that tells its events to the first; the second is the place that the journal knows."""
@@ -75,8 +76,8 @@ DriverMaker = Callable[[Callable[[Event], None], Pose | None], Driver]
 class RobotAgent:
     """One robot. Everything of it is changed by its one task only; all others put events into its mailbox.
 
-    The rule *durable before visible*: what events have changed is in the journal before any of their effects,
-    also the state that tells of it.
+    The rule *durable before visible*: what events have changed outlives the process before the driver learns
+    of it, and a power cut before anything else has an effect, also the state that tells of it.
     """
 
     def __init__(
@@ -100,18 +101,18 @@ class RobotAgent:
         self._topics = topics_for(settings.version, settings.interface_name)
         self._registry = registry
         self._capabilities = make_capabilities(settings, registry)
-        journal = settings.journal
-        self._journal = make_journal(journal.folder, self.robot) if journal.enabled else None
-        self._core = RobotCore(self._capabilities, self._journal.read() if self._journal else None)
+        journal = make_journal(settings.journal.folder, self.robot) if settings.journal.enabled else None
+        self._core = RobotCore(self._capabilities, journal.read() if journal else None)
         self._headers = HeaderMaker(
             self.robot,
             version=settings.version,
             clock=clock,
             reserved=self._core.header_ids,
         )
-        self._durable_version = self._core.durable_version
-        self._record: asyncio.Task[None] | None = None
         self._mailbox = Mailbox()
+        self._recorder = Recorder(
+            journal, self._core.durable_version, tell=self._tell_journal, wake=self._mailbox.wake
+        )
         self._inbox = Inbox(self._codec, self.robot, self._mailbox.put, clock)
         self._driver = make_driver(self._mailbox.put, self._core.last_place)
         if own_goals := self._core.own_goals:
@@ -139,7 +140,8 @@ class RobotAgent:
         if self._registry.problems:
             self._mailbox.put(PluginsReport(self._registry.problems))
         self._mailbox.put(Started(self._clock.now()))  # before all that the driver tells
-        await self._keep()  # the ids of the first messages
+        await self._write_record()  # the ids of the first messages
+        await self._recorder.sync()
         await self._driver.start()
         try:
             async with Supervisor() as supervisor:
@@ -163,9 +165,10 @@ class RobotAgent:
         while True:
             await self._mailbox.wait(self._next_due() - self._clock.monotonic())
             effects = self._handle(self._mailbox.take())
-            await self._keep()
-            for effect in effects:
-                self._guarded(self._perform, effect)
+            await self._write_record()
+            self._perform_all(each for each in effects if isinstance(each, TO_DRIVER))
+            await self._recorder.sync()
+            self._perform_all(each for each in effects if not isinstance(each, TO_DRIVER))
             self._guarded(self._publish_due)
 
     def _handle(self, events: list[Event]) -> list[Effect]:
@@ -182,37 +185,19 @@ class RobotAgent:
                 )
         return effects
 
-    async def _keep(self) -> None:
-        """Make durable what has changed; a disk that fails or hangs is told, and the robot goes on."""
+    async def _write_record(self) -> None:
         self._core.header_ids = self._headers.reserve()
-        version = self._core.durable_version
-        if self._journal is None or version == self._durable_version:
-            return
-        if self._record is not None and not self._record.done():
-            return  # the disk hangs at an older record, and a newer one must not get in between
-        write = asyncio.to_thread(self._journal.write, self._core.memory())
-        self._record = asyncio.create_task(write, name=f"journal {self.robot}")
-        done, _ = await asyncio.wait((self._record,), timeout=JOURNAL_TIMEOUT)
-        if not done:
-            self._record.add_done_callback(self._answered_late)
-            self._tell_journal("the disk does not answer")
-        elif error := self._record.exception():
-            self._tell_journal(str(error) or type(error).__name__)
-        else:
-            self._durable_version = version
-            self._tell_journal("")
-
-    def _answered_late(self, record: asyncio.Task[None]) -> None:
-        """Have the newest record written; what has become of the late one does not matter."""
-        if not record.cancelled():
-            record.exception()
-        self._mailbox.wake()
+        await self._recorder.write(self._core.durable_version, self._core.memory)
 
     def _tell_journal(self, problem: str) -> None:
         """Have the state show whether the journal works, once for each change."""
         if problem != self._core.parts.journal_problem:
             self._log.warning("journal", works=not problem, problem=problem)
             self._mailbox.put(JournalReport(problem))
+
+    def _perform_all(self, effects: Iterable[Effect]) -> None:
+        for effect in effects:
+            self._guarded(self._perform, effect)
 
     def _perform(self, effect: Effect) -> None:
         match effect:

@@ -5,15 +5,19 @@ from __future__ import annotations
 import fcntl
 import os
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from urllib.parse import quote
-
-from pydantic import ValidationError
+from zlib import crc32
 
 from nena_edge_agent.protocol.memory import Memory
 from nena_shared.program import StartError
 from nena_shared.vda5050.topics import RobotKey
+
+LEAST_ROOM = 16 * 1024
+"""Bytes for one record, at least."""
+CHECKSUM = 9
+"""Bytes of a record's checksum: eight digits and a space."""
 
 
 @contextmanager
@@ -40,14 +44,21 @@ def sole_user(folder: Path, robot: RobotKey) -> Iterator[None]:
 
 
 class Journal:
-    """Holds the newest record only; a record is there whole or not at all."""
+    """Holds the newest record and the one before it, each in its half of one file; no record is half there.
+
+    A record is written over the older one. The file keeps its size, so that the disk has to take these bytes
+    and nothing else; where a record needs more room, a new file takes the old one's place.
+    """
 
     def __init__(self, folder: Path, robot: RobotKey) -> None:
         self._folder = _at_home(folder)
-        self._file = self._folder / f"{_file_name(robot)}.json"
+        self._file = self._folder / f"{_file_name(robot)}.journal"
+        self._number = 0
+        """Of the newest record that is on the disk."""
+        self._made = False
 
     def read(self) -> Memory | None:
-        """Give the last record, None if there is none.
+        """Give the last record, None if there is none; to be called before the first :meth:`write`.
 
         Raises:
             StartError: the folder or the file cannot be used, with what to do.
@@ -62,27 +73,87 @@ class Journal:
         if content is None:
             return None
         try:
-            return Memory.model_validate_json(content)
-        except ValidationError as error:
+            self._number, record = _newest(content)
+            return Memory.model_validate_json(record)
+        except ValueError as error:
             message = f"the journal {self._file} is damaged; look at where the robot is, then remove the file"
             raise StartError(message) from error
 
     def write(self, memory: Memory) -> None:
-        """Replace the record; when this returns it survives the end of the process and of the power.
+        """Replace the record; when this returns it outlives the process, after :meth:`sync` a power cut.
 
-        Blocks for the time of the disk: to be called outside of the event loop's thread.
+        Both block for the time of the disk: to be called outside of the event loop's thread.
 
         Raises:
             OSError: it could not be written; the old record stands.
 
         """
+        record = memory.model_dump_json(exclude_defaults=True).encode()
+        if not self._overwrite(self._number + 1, record):
+            self._make_file(self._number + 1, record)
+            self._made = True
+
+    def sync(self) -> None:
+        """Wait until the disk has the record that was written last.
+
+        Raises:
+            OSError: the disk has failed; whether it has the record is not known.
+
+        """
+        with self._file.open("rb") as file:
+            os.fdatasync(file.fileno())
+        if self._made:
+            _sync_folder(self._folder)
+            self._made = False
+        self._number += 1
+
+    def _overwrite(self, number: int, record: bytes) -> bool:
+        """Write over the older record; tell whether there is a file with room for it."""
+        with suppress(FileNotFoundError), self._file.open("r+b") as file:
+            half = os.fstat(file.fileno()).st_size // 2
+            framed = _framed(number, record, half)
+            if len(framed) == half:
+                file.seek(number % 2 * half)
+                file.write(framed)
+                return True
+        return False
+
+    def _make_file(self, number: int, record: bytes) -> None:
+        half = max(LEAST_ROOM, 1 << (2 * len(record)).bit_length())
+        halves = [b" " * half, b" " * half]
+        halves[number % 2] = _framed(number, record, half)
         new = self._file.with_suffix(".new")
         with new.open("wb") as file:
-            file.write(memory.model_dump_json(exclude_defaults=True).encode())
+            file.write(b"".join(halves))
             file.flush()
             os.fsync(file.fileno())
         new.replace(self._file)
-        _sync_folder(self._folder)
+
+
+def _framed(number: int, record: bytes, size: int) -> bytes:
+    """Give a record with its number, filled up to ``size`` where it is shorter, after a checksum of all."""
+    rest = (b"%d\n%b" % (number, record)).ljust(size - CHECKSUM)
+    return b"%08x " % crc32(rest) + rest
+
+
+def _newest(content: bytes) -> tuple[int, bytes]:
+    """Give the newest record of a journal and its number; one that was being written may be torn.
+
+    Raises:
+        ValueError: there is none.
+
+    """
+    half = len(content) // 2
+    records = [_read(each) for each in (content[:half], content[half:])]
+    return max(each for each in records if each)
+
+
+def _read(framed: bytes) -> tuple[int, bytes] | None:
+    rest = framed[CHECKSUM:]
+    if framed[:CHECKSUM] != b"%08x " % crc32(rest):
+        return None
+    number, _, record = rest.partition(b"\n")
+    return int(number), record
 
 
 def _file_name(robot: RobotKey) -> str:

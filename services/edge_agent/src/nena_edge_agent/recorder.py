@@ -1,0 +1,98 @@
+"""Has the journal written in a thread, so that a slow disk delays the robot but never its link."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+
+from nena_edge_agent.journal import Journal
+from nena_edge_agent.protocol.memory import Memory
+
+PATIENCE = 2.0
+"""Seconds that the disk has to take a record; a robot that is told to stop cannot wait for longer."""
+
+Version = tuple[object, ...]
+"""Differs from another one when the memories differ that they are of."""
+
+
+class Recorder:
+    """Records what a robot must still know; a disk that fails or hangs is told, and the robot goes on.
+
+    To be used in turn: :meth:`write`, then what may be done once the record outlives the process, then
+    :meth:`sync`, then what may be done once it outlives a power cut.
+    """
+
+    def __init__(
+        self,
+        journal: Journal | None,
+        version: Version,
+        *,
+        tell: Callable[[str], None],
+        wake: Callable[[], None],
+    ) -> None:
+        """Prepare to record what differs from ``version``.
+
+        Args:
+            journal: where to; None: nowhere.
+            version: of what the journal holds.
+            tell: is told after each record what is wrong with the disk, "" for nothing.
+            wake: is called when a disk that hung has answered: the newest record can be written then.
+
+        """
+        self._journal = journal
+        self._durable = version
+        self._begun: Version | None = None
+        self._tell = tell
+        self._wake = wake
+        self._record: asyncio.Task[None] | None = None
+        self._deadline = 0.0
+
+    async def write(self, version: Version, memory: Callable[[], Memory]) -> None:
+        """Begin to record what is new; come back when it outlives the process, or the disk has failed."""
+        if self._journal is None or version == self._durable or self._hangs:
+            return  # while the disk hangs at an older record, a newer one must not get in between
+        loop = asyncio.get_running_loop()
+        self._begun, self._deadline = version, loop.time() + PATIENCE
+        written = asyncio.Event()
+        tell_written = partial(loop.call_soon_threadsafe, written.set)
+        work = asyncio.to_thread(_work, self._journal, memory(), tell_written)
+        self._record = asyncio.create_task(work, name="journal")
+        self._record.add_done_callback(lambda _: written.set())
+        with suppress(TimeoutError):
+            async with asyncio.timeout_at(self._deadline):
+                await written.wait()
+
+    async def sync(self) -> None:
+        """Come back when what was begun is on the disk, or the disk has failed."""
+        if self._record is None or self._begun is None:
+            return
+        version, self._begun = self._begun, None
+        patience = self._deadline - asyncio.get_running_loop().time()
+        done, _ = await asyncio.wait((self._record,), timeout=max(0.0, patience))
+        if not done:
+            self._record.add_done_callback(self._answered_late)
+            self._tell("the disk does not answer")
+        elif error := self._record.exception():
+            self._tell(str(error) or type(error).__name__)
+        else:
+            self._durable = version
+            self._tell("")
+
+    @property
+    def _hangs(self) -> bool:
+        return self._record is not None and not self._record.done()
+
+    def _answered_late(self, record: asyncio.Task[None]) -> None:
+        """Have the newest record written; what has become of the late one does not matter."""
+        if not record.cancelled():
+            record.exception()
+        self._wake()
+
+
+def _work(journal: Journal, memory: Memory, tell_written: Callable[[], object]) -> None:
+    """Live in a thread: write, tell, and wait for the disk."""
+    journal.write(memory)
+    tell_written()
+    journal.sync()
