@@ -9,3 +9,6 @@ EXAMPLES = int(os.environ.get("NENA_EXAMPLES", "2000"))
 
 PLANTS = int(os.environ.get("NENA_PLANTS", "16"))
 """Random plants on which a fleet is simulated."""
+
+RESTARTS = int(os.environ.get("NENA_RESTARTS", "24"))
+"""Moments of each order at which the edge agent dies."""

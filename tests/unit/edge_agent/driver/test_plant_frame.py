@@ -103,11 +103,13 @@ def test_goals_go_out_on_the_map() -> None:
 def test_an_initial_position_and_goals_of_before_go_out_on_the_map() -> None:
     driver, robot, _ = framed()
     driver.initialize_position(Pose(1.0, 2.0, 0.0, "hall"))
-    driver.reclaim(OwnGoals(("a", "b"), Pose(1.0, 2.0, 0.0, "hall")))
+    driver.reclaim(OwnGoals(("a", "b"), Pose(1.0, 2.0, 0.0, "hall"), Pose(3.0, 2.0, 0.0, "hall"), "a"))
     pose, goals = robot.told
     assert (6.0, -3.0, pi / 2) == close(pose)
     assert isinstance(goals, MapOwnGoals)
-    assert goals.goal_ids == ("a", "b")
+    assert (goals.goal_ids, goals.behind) == (("a", "b"), "a")
+    assert goals.given is not None
+    assert (6.0, 1.0, pi / 2) == close(goals.given)
     assert (6.0, -3.0, pi / 2) == close(goals.pose)
 
 

@@ -107,11 +107,14 @@ def test_what_navigation_has_taken_of_us_is_kept_for_a_restart() -> None:
     bench.do(OURS)
     assert bench.core.durable_version != before
 
-    own = Bench(memory=bench.core.memory(), ready=False).core.own_goals
+    memory = bench.core.memory()
+    own = Bench(memory=memory, ready=False).core.own_goals
 
     assert own is not None
     assert (own.goal_ids, own.pose) == (("A",), bench.goal.pose)
     bench.do(GoalTable())
+    assert bench.core.memory().own_goals == memory.own_goals, "what it has come to is not told yet"
+    bench.arrive()
     assert bench.core.memory().own_goals is None
 
 

@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from nena_edge_agent.driver.port import Halted, NavigationReport
+from nena_edge_agent.driver.port import Arrived, GoalReport, GoalTable, Halted, NavigationReport, OwnGoals
+from nena_edge_agent.protocol.capabilities import DriveStrategy
 from nena_edge_agent.protocol.effects import Halt, SetPosition, StartAction
 from nena_edge_agent.protocol.events import JournalReport, Started
 from nena_edge_agent.protocol.memory import Memory
@@ -141,3 +142,65 @@ def test_a_journal_that_cannot_be_written_is_shown_until_it_can() -> None:
 
     bench.do(JournalReport(""))
     assert not bench.errors
+
+
+def listed(*rows: tuple[str, str]) -> GoalTable:
+    """Give navigation's goals by id and status, none of somebody else."""
+    return GoalTable(tuple(GoalReport(name, False, status, status != "EXECUTING") for name, status in rows))
+
+
+def kept_goals(bench: Bench) -> OwnGoals | None:
+    """Give what another run would know of navigation's goals."""
+    return Bench(memory=bench.core.memory(), ready=False).core.own_goals
+
+
+def test_a_goal_is_known_before_it_is_given_and_until_its_end_is_told() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", "n2"))
+    pose = bench.goal.pose
+    assert kept_goals(bench) == OwnGoals((), pose, given=pose)
+
+    bench.do(listed(("g1", "EXECUTING")))
+    assert kept_goals(bench) == OwnGoals(("g1",), pose)
+
+    bench.do(listed(("g1", "SUCCEEDED")))
+    assert kept_goals(bench) == OwnGoals(("g1",), pose)
+
+    bench.do(Arrived(bench.goal.generation))
+    assert kept_goals(bench) == OwnGoals((), bench.goal.pose, given=bench.goal.pose, behind="g1")
+
+
+def test_the_goal_before_stays_known_while_the_next_one_replaces_it() -> None:
+    bench = Bench(strategy=DriveStrategy.PASS_THROUGH)
+    bench.send(order("n0", "n1", "n2"))
+    first = bench.goal.pose
+    bench.do(listed(("g1", "EXECUTING")), at(9.9))
+
+    second = bench.goal.pose
+    assert second != first
+    assert bench.core.own_goals == OwnGoals(("g1",), first, given=second, behind="g1")
+
+    bench.do(listed(("g1", "ABORTED"), ("g2", "EXECUTING")))
+    assert bench.core.own_goals == OwnGoals(("g2",), second)
+
+
+def test_an_agent_that_is_interrupted_twice_still_knows_its_goal() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    before = bench.core.own_goals
+
+    again = Bench(memory=bench.core.memory(), ready=False)
+    again.do(Started(), listed(("g1", "SUCCEEDED")), at(0.0), NavigationReport(available=True, reason=""))
+
+    assert again.core.own_goals == before
+
+
+def test_a_goal_that_was_stopped_is_nobodys_any_more() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.instant(action("c", "NONE", "cancelOrder"))
+    assert bench.core.own_goals is not None
+
+    bench.halted()
+
+    assert bench.core.own_goals is None

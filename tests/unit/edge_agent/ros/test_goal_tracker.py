@@ -651,6 +651,41 @@ class TestRestartOfTheAgent:
         talk.go_to(goal(1))
         assert (talk.given, talk.events) == ([1], [])
 
+    @pytest.mark.parametrize(
+        ("behind", "array"), [("", "A:2"), ("old", "old:4 A:2"), ("old", "old:4 A:2 B:6")]
+    )
+    def test_one_that_was_given_and_not_listed_before_the_restart_goes_on(
+        self, behind: str, array: str
+    ) -> None:
+        talk = self.unlisted(behind)
+        talk.array(array)
+        talk.ready()
+        talk.go_to(goal(1))
+        talk.at(5.0)
+        talk.array(array.replace("A:2", "A:4"))
+        assert (talk.given, talk.cancelled, talk.events) == ([], [], [Arrived(1)])
+
+    @pytest.mark.parametrize(("behind", "array"), [("old", "old:4"), ("older", "old:4"), ("old", "")])
+    def test_one_that_was_never_given_is_given(self, behind: str, array: str) -> None:
+        talk = self.unlisted(behind)
+        talk.array(array)
+        talk.ready()
+        talk.go_to(goal(1))
+        assert (talk.given, talk.events) == ([1], [])
+
+    def test_one_that_was_not_listed_before_the_restart_is_cancelled_with_a_halt(self) -> None:
+        talk = self.unlisted("old")
+        talk.array("old:4 A:2")
+        talk.halt()
+        assert talk.cancelled == ["A"]
+
+    def unlisted(self, behind: str) -> Conversation:
+        """Give a tracker that knows of a goal to x = 5 m that an earlier run was about to give."""
+        talk = Conversation()
+        place = MapPose(5.0, 0.0, 0.0, "hall")
+        talk.tracker.reclaim(MapOwnGoals((), place, given=place, behind=behind))
+        return talk
+
     def test_one_that_leads_elsewhere_is_replaced_without_a_cancel(self) -> None:
         talk = self.after_restart(9.0)
         talk.array("A:2")

@@ -20,7 +20,16 @@ from nena_edge_agent.driver.map_port import (
     MapPose,
     MapPoseReport,
 )
-from nena_edge_agent.driver.port import DriveGoal, DriverEvent, Emit, OwnGoals, PlanReport, Pose, PoseReport
+from nena_edge_agent.driver.port import (
+    DriveGoal,
+    DriveProgress,
+    DriverEvent,
+    Emit,
+    OwnGoals,
+    PlanReport,
+    Pose,
+    PoseReport,
+)
 from nena_shared.plant import transform
 from nena_shared.plant.map_transforms import parse_transform
 from nena_shared.plant.transform import MapTransform
@@ -74,6 +83,8 @@ class PlantFrame:
                 to_plant = self.on(map_id).to_plant
                 places = (to_plant(transform.MapPlace(x, y)) for x, y in points)
                 return PlanReport(tuple((place.x_m, place.y_m) for place in places))
+            case DriveProgress(left, recoveries, map_id):
+                return DriveProgress(self.on(map_id).length_to_plant(left), recoveries, map_id)
             case _:
                 return event
 
@@ -92,7 +103,9 @@ class PlantFrameDriver:
 
     def reclaim(self, goals: OwnGoals) -> None:
         """Hand on goals of an earlier run."""
-        self._driver.reclaim(MapOwnGoals(goals.goal_ids, self._frame.to_map(goals.pose)))
+        to_map = self._frame.to_map
+        given = to_map(goals.given) if goals.given else None
+        self._driver.reclaim(MapOwnGoals(goals.goal_ids, to_map(goals.pose), given, goals.behind))
 
     def go_to(self, goal: DriveGoal) -> None:
         """Hand on a goal."""

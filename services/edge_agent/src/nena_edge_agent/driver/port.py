@@ -143,10 +143,16 @@ class NavigationReport:
 
 @dataclass(frozen=True, slots=True)
 class OwnGoalsAt(Generic[P]):
-    """Goals of an earlier run of the program that had not ended; the last one leads to ``pose``."""
+    """Goals of an earlier run of the program that had not ended; the last one leads to ``pose``.
+
+    ``given`` is where a goal led to that was about to be given, or was and had not been listed yet; it would
+    be listed behind the goal ``behind`` ("": nobody knows).
+    """
 
     goal_ids: tuple[str, ...]
     pose: P
+    given: P | None = None
+    behind: str = ""
 
 
 class OwnGoals(OwnGoalsAt[Pose]):
@@ -175,6 +181,15 @@ class NoRouteReport:
     """The areas that navigation knows no way into, all of them; orders that lead there are refused."""
 
     areas: tuple[Circle, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class DriveProgress:
+    """What navigation says of the drive under way: metres of ``map_id`` that are left, recoveries so far."""
+
+    left: float
+    recoveries: int
+    map_id: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,6 +244,7 @@ FramelessEvent = (
     | BatteryReport
     | NavigationReport
     | BlockedReport
+    | DriveProgress
     | PositionInitialized
     | GoalTable
     | SessionReport

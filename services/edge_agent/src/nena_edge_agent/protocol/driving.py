@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import atan2
 
 from nena_edge_agent.driver.port import DriveGoal, OwnGoals, Pose
@@ -22,7 +22,8 @@ class GoalInFlight:
     time in s when it was asked to stop and has not answered. ``failed_at`` is the sequenceId of a node that
     was not reached; it is not tried again until the order changes. ``failures`` are the drives to the next
     node that have failed and are tried again, at ``retry_at`` in s; ``problem`` says why the last one did.
-    ``pose`` is where the last goal led to, ``own`` what navigation has taken of our goals, if it tells.
+    ``pose`` is where the last goal led to, ``own`` what navigation has or may have of our goals, and
+    ``listed_ids`` those that it listed last. ``unsettled``: what they have come to has not been told yet.
     """
 
     generation: int = 0
@@ -34,12 +35,34 @@ class GoalInFlight:
     problem: str = ""
     pose: Pose | None = None
     own: OwnGoals | None = None
+    listed_ids: tuple[str, ...] = ()
+    unsettled: bool = False
 
     def listed(self, goal_ids: tuple[str, ...]) -> None:
         """Note which goals of ours navigation drives to; a new one is the one that was given last."""
-        known = self.own.goal_ids if self.own else ()
-        pose = self.own.pose if self.own and set(goal_ids) <= set(known) else self.pose
-        self.own = OwnGoals(goal_ids, pose) if goal_ids and pose else None
+        own, self.listed_ids = self.own, goal_ids
+        if not goal_ids:
+            self.own = own if self.unsettled else None  # what they have come to is told in a moment
+        elif own and set(goal_ids) <= set(own.goal_ids):
+            self.own = replace(own, goal_ids=goal_ids)
+        else:
+            self.own = OwnGoals(goal_ids, self.pose) if self.pose else None
+
+    def give(self, pose: Pose, behind: str) -> None:
+        """Note that a goal to ``pose`` is about to be given, and which goal is listed last before it.
+
+        An earlier run may have given it already: then it is listed behind what was listed at that time.
+        """
+        own = self.own or OwnGoals((), pose)
+        again = self.unsettled and own.given is not None and _place(own.given) == _place(pose)
+        self.own = OwnGoals(own.goal_ids, own.pose, pose, own.behind if again else behind)
+        self.pose, self.unsettled = pose, True
+
+    def settle(self) -> None:
+        """Note that the drive is over; goals that navigation still drives to are ours as before."""
+        self.unsettled = False
+        if self.own:
+            self.own = OwnGoals(self.listed_ids, self.own.pose) if self.listed_ids else None
 
     def forget_failures(self) -> None:
         """Begin anew: another node is driven to, or the order has changed."""
@@ -48,6 +71,10 @@ class GoalInFlight:
     def retry(self, at: float, problem: str) -> None:
         """Note that the drive has failed and is tried again ``at`` a time in s."""
         self.target, self.failures, self.retry_at, self.problem = None, self.failures + 1, at, problem
+
+    def restore(self, own: OwnGoals) -> None:
+        """Take over what an earlier run knew; what has become of it is not told yet."""
+        self.own, self.pose, self.unsettled = own, own.given or own.pose, True
 
     @property
     def moving(self) -> bool:
@@ -83,6 +110,10 @@ def make_goal(
         deviation_theta=allowed if demanded else None,
         maximum_speed=maximum_speed,
     )
+
+
+def _place(pose: Pose) -> tuple[float, float, str]:
+    return pose.x, pose.y, pose.map_id
 
 
 def heading(pose: Pose, position: NodePosition) -> float:

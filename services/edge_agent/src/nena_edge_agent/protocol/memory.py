@@ -95,6 +95,8 @@ class OwnGoalsMemory(BaseModel):
 
     goal_ids: tuple[str, ...]
     pose: PoseMemory
+    given: PoseMemory | None = None
+    behind: str = ""
 
 
 class Memory(BaseModel):

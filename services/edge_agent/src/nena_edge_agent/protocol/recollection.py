@@ -10,6 +10,7 @@ from nena_edge_agent.protocol.memory import (
     ActionMemory,
     Memory,
     OwnGoalsMemory,
+    PoseMemory,
     ProgressMemory,
     ZoneSetMemory,
 )
@@ -58,15 +59,19 @@ def recollect(memory: Memory, capabilities: Capabilities) -> RobotParts:
             (AccessRequest(**dict(each)) for each in memory.zone_requests), memory.last_zone_request
         ),
     )
-    if memory.own_goals:
-        pose = Pose(**memory.own_goals.pose.model_dump())
-        parts.goal.own = OwnGoals(memory.own_goals.goal_ids, pose)
+    if own := memory.own_goals:
+        given = _pose(own.given) if own.given else None
+        parts.goal.restore(OwnGoals(own.goal_ids, _pose(own.pose), given, own.behind))
     parts.zone_sets.restore(tuple((each.zone_set, each.enabled) for each in memory.zone_sets))
     parts.actions.add(_record(kept) for kept in memory.actions)
     parts.instants.add(_record(kept) for kept in memory.instant_actions)
     queued = (parts.actions.get(action_id) for action_id in memory.queue)
     parts.queue.append(record.action for record in queued if record)
     return parts
+
+
+def _pose(kept: PoseMemory) -> Pose:
+    return Pose(kept.x, kept.y, kept.theta, kept.map_id)
 
 
 def _kept(record: ActionRecord) -> ActionMemory:

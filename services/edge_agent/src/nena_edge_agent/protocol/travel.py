@@ -47,6 +47,7 @@ class Travel:
         parts = self._parts
         if not parts.goal.is_current(event.generation):
             return
+        parts.goal.settle()
         pauses = parts.capabilities.external_goals is ExternalGoals.PAUSE
         if event.failure is DriveFailure.TAKEN_OVER and pauses:
             parts.goal.target = None  # it is given again when the other drive has ended
@@ -81,6 +82,7 @@ class Travel:
         """Note that the robot stands without a goal."""
         self._parts.goal.halting_since = None
         self._parts.goal.target = None
+        self._parts.goal.settle()
 
     def navigation_changed(self, report: NavigationReport) -> None:
         """Give the goal again once navigation is back: what it had before may be lost."""
@@ -199,11 +201,13 @@ class Travel:
             generation=goal.generation,
             maximum_speed=parts.progress.edges[0].maximum_speed,
         )
-        goal.pose = drive.pose
+        listed = parts.senses.goals.goals
+        goal.give(drive.pose, listed[-1].goal_id if listed else "")
         parts.effects.append(Drive(drive))
 
     def _traverse(self) -> None:
         self._parts.goal.target = None
+        self._parts.goal.settle()
         self._parts.goal.forget_failures()
         node, edge = self._parts.progress.traverse()
         self._flow.end_with_edge(edge)

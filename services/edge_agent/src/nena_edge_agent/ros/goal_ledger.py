@@ -26,7 +26,7 @@ class News:
 
 
 @dataclass(slots=True)
-class _Goal:
+class Goal:
     """A listed goal; ``past``: it had ended before the first array, and nobody knows whose it was."""
 
     ours: bool
@@ -44,8 +44,9 @@ class GoalLedger:
     def __init__(self, *, confirmation_time: float, settle_time: float) -> None:
         self._confirmation_time = confirmation_time
         self._settle_time = settle_time
-        self._goals: dict[str, _Goal] = {}
+        self._goals: dict[str, Goal] = {}
         self._orphans: frozenset[str] = frozenset()
+        self._given_behind: str | None = None
         self._servers: frozenset[str] = frozenset()
         self._replaced: frozenset[str] = frozenset()
         self._servers_since: float | None = None
@@ -53,6 +54,8 @@ class GoalLedger:
         self._claims = 0
         self._awaited = False
         self._given_at = -float("inf")
+        self.given_before: str | None = None
+        """The goal that an earlier run gave last and did not see listed, once it is."""
 
     @property
     def live(self) -> tuple[str, ...]:
@@ -120,6 +123,7 @@ class GoalLedger:
             self._goals.clear()
             self._array_seen = self._awaited = False
             self._claims = 0
+            self._given_behind = None
         return bool(gone)
 
     def _without_crashed(self, servers: frozenset[str]) -> frozenset[str]:
@@ -129,9 +133,13 @@ class GoalLedger:
         self._replaced &= servers
         return servers - self._replaced or servers
 
-    def reclaim(self, goal_ids: Sequence[str]) -> None:
-        """Take these for ours once they are listed: an earlier run of the program gave them."""
+    def reclaim(self, goal_ids: Sequence[str], given_behind: str | None = None) -> None:
+        """Take these for ours once they are listed: an earlier run of the program gave them.
+
+        So is the one that the first array lists behind ``given_behind`` ("": the last one), None: no other.
+        """
         self._orphans = frozenset(goal_ids)
+        self._given_behind = given_behind
 
     def given(self, now: float) -> None:
         """Note that a goal is given at ``now``."""
@@ -156,6 +164,7 @@ class GoalLedger:
             return News((), frozenset())
         first, self._array_seen = not self._array_seen, True
         before, self._goals = self._goals, {}
+        self._find_given_before([entry.goal_id for entry in entries])
         claimed = self._claim(
             [entry.goal_id for entry in entries if entry.goal_id not in before], first=first
         )
@@ -189,15 +198,25 @@ class GoalLedger:
             self._awaited = False
         return claimed
 
+    def _find_given_before(self, listed: list[str]) -> None:
+        """See whether navigation has a goal that an earlier run gave, and could not see listed any more."""
+        behind, self._given_behind = self._given_behind, None
+        if behind is None or (behind and behind not in listed):
+            return
+        later = listed[listed.index(behind) + 1 :] if behind else listed[-1:]
+        self.given_before = next((goal_id for goal_id in later if goal_id not in self._orphans), None)
+        if self.given_before:
+            self._orphans |= {self.given_before}
+
     def _expire(self, now: float) -> None:
         if now - self._given_at >= 2 * self._confirmation_time:
             self._claims = 0
 
 
-def _merged(old: _Goal | None, entry: GoalEntry, *, ours: bool) -> _Goal:
+def _merged(old: Goal | None, entry: GoalEntry, *, ours: bool) -> Goal:
     """Give the goal after ``entry``; an end stays an end, and an unknown status says nothing."""
     if old is None:
-        return _Goal(ours, entry.status)
+        return Goal(ours, entry.status)
     if old.status.terminal or entry.status is GoalStatus.UNKNOWN:
         return old
-    return _Goal(old.ours, entry.status, old.past)
+    return Goal(old.ours, entry.status, old.past)

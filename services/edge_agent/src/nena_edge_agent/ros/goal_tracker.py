@@ -46,7 +46,7 @@ RECLAIM_TIME = 10.0
 
 
 @dataclass(slots=True)
-class _Drive:
+class Drive:
     """The goal that the protocol core wants driven."""
 
     goal: MapGoal
@@ -77,7 +77,7 @@ class GoalTracker:
         )
         self._standstill = Standstill()
         self._navigation = NavigationReport(available=False, reason="Nav2 has not been looked for yet")
-        self._drive: _Drive | None = None
+        self._drive: Drive | None = None
         self._halt: _Halt | None = None
         self._cancels: dict[str, float] = {}
         self._pose: MapPose | None = None
@@ -109,12 +109,12 @@ class GoalTracker:
 
     def reclaim(self, goals: MapOwnGoals) -> None:
         """Take the goals of an earlier run for ours; to be called before anything else."""
-        self._ledger.reclaim(goals.goal_ids)
+        self._ledger.reclaim(goals.goal_ids, goals.behind if goals.given else None)
         self._reclaimed = goals
 
     def go_to(self, goal: MapGoal, now: float) -> list[Command]:
         """Drive to ``goal``; one that is driven is replaced, and not stopped for it."""
-        self._drive = _Drive(goal)
+        self._drive = Drive(goal)
         return self._advance(now)
 
     def drop(self, now: float) -> list[Command]:
@@ -133,12 +133,16 @@ class GoalTracker:
         news = self._ledger.update(entries, now)
         self._tell_table()
         drive = self._drive
-        if drive is not None and drive.times_given and news.claimed:
-            # Of a goal given twice, the server drives the one that it accepted last.
-            drive.goal_id, drive.reached_at = news.claimed[-1], None
+        if drive is not None and drive.times_given:
+            self._bind(drive, news.claimed)
         if drive is not None and drive.goal_id is not None and drive.reached_at is None:
             self._follow(drive, drive.goal_id, now, lost=drive.goal_id in news.lost)
         return self._advance(now)
+
+    def _bind(self, drive: Drive, claimed: tuple[str, ...]) -> None:
+        """Follow the new id that is ours: of a goal given twice, the server drives the one accepted last."""
+        if claimed:
+            drive.goal_id, drive.reached_at = claimed[-1], None
 
     def on_cancel_answer(self, goal_id: str, code: int | None, now: float) -> list[Command]:
         """Take the code of a cancel call, None where none came; the goal's status shows what it does."""
@@ -184,7 +188,7 @@ class GoalTracker:
         commands, self._out = self._out, []
         return commands
 
-    def _follow(self, drive: _Drive, goal_id: str, now: float, *, lost: bool) -> None:
+    def _follow(self, drive: Drive, goal_id: str, now: float, *, lost: bool) -> None:
         """Let the status of the goal's id take effect; 0 to 3 mean that it is still driven."""
         status = self._ledger.status(goal_id)
         if lost:
@@ -198,7 +202,7 @@ class GoalTracker:
         elif status is GoalStatus.ABORTED:
             self._fail_aborted(drive, goal_id)
 
-    def _fail_aborted(self, drive: _Drive, goal_id: str) -> None:
+    def _fail_aborted(self, drive: Drive, goal_id: str) -> None:
         other = self._ledger.taken_over(goal_id)
         if other is not None:
             text = f"the goal {goal_id} was replaced by a goal of somebody else ({other})"
@@ -250,16 +254,16 @@ class GoalTracker:
         else:
             self._fail(drive, DriveFailure.OUTSIDE_TOLERANCE, self._disagreement(drive.goal))
 
-    def _give_anew(self, drive: _Drive) -> None:
+    def _give_anew(self, drive: Drive) -> None:
         """Give a goal again that got the result of the one before it.
 
         A goal that comes in the very round in which Nav2 ends the one before is ended with it, undriven. The
         new goal has nothing to pre-empt, so this happens once.
         """
         log.info("a goal ended with the one before it and is given again", generation=drive.goal.generation)
-        self._drive = _Drive(drive.goal)
+        self._drive = Drive(drive.goal)
 
-    def _ask_for_pose(self, drive: _Drive, now: float) -> None:
+    def _ask_for_pose(self, drive: Drive, now: float) -> None:
         if drive.pose_asked_at is None or self._pose_at > drive.pose_asked_at:
             drive.pose_asked_at = now
             self._out.append(RequestPose())
@@ -292,15 +296,18 @@ class GoalTracker:
         elif self._may_give(now) and not self._goes_on(drive, now):
             drive.times_given += 1
             drive.preempts = drive.preempts or bool(self._ledger.live)
-            self._ledger.given(now)
-            self._out.append(PublishGoal(drive.goal))
+            self._publish(drive, now)
 
-    def _goes_on(self, drive: _Drive, now: float) -> bool:
+    def _publish(self, drive: Drive, now: float) -> None:
+        self._ledger.given(now)
+        self._out.append(PublishGoal(drive.goal))
+
+    def _goes_on(self, drive: Drive, now: float) -> bool:
         """Take up the goal of an earlier run, if it leads to the same place and runs or has got there."""
         goals, self._reclaimed = self._reclaimed, None
-        if goals is None or not _same_place(goals.pose, drive.goal):
+        goal_id, place = self._earlier(goals) if goals else (None, None)
+        if goal_id is None or place is None or not _same_place(place, drive.goal):
             return False
-        goal_id = goals.goal_ids[-1]
         status = self._ledger.status(goal_id)
         reached = status is GoalStatus.SUCCEEDED and self._may_agree(drive.goal)
         if not reached and status not in (GoalStatus.ACCEPTED, GoalStatus.EXECUTING):
@@ -309,6 +316,12 @@ class GoalTracker:
         drive.goal_id, drive.times_given = goal_id, 1
         drive.reached_at = now if reached else None
         return True
+
+    def _earlier(self, goals: MapOwnGoals) -> tuple[str | None, MapPose | None]:
+        """Give the newest goal of an earlier run that may still be driven, and where it leads to."""
+        if self._ledger.given_before:
+            return self._ledger.given_before, goals.given
+        return next(reversed(goals.goal_ids), None), goals.pose
 
     def _let_go_of_reclaimed(self, now: float) -> None:
         """Wait a while for somebody to want the goal of an earlier run."""
@@ -326,7 +339,7 @@ class GoalTracker:
         )
         return clear and self._navigation.available and self._ledger.settled(now)
 
-    def _refusal(self, drive: _Drive) -> str:
+    def _refusal(self, drive: Drive) -> str:
         if drive.times_given:
             return (
                 f"Nav2 has not taken the goal, given {drive.times_given} times: "
@@ -350,11 +363,11 @@ class GoalTracker:
                 self._cancels[goal_id] = now + self._settings.cancel_time
                 self._out.append(CancelGoal(goal_id))
 
-    def _arrive(self, drive: _Drive) -> None:
+    def _arrive(self, drive: Drive) -> None:
         self._drive = None
         self._report(Arrived(drive.goal.generation))
 
-    def _fail(self, drive: _Drive, failure: DriveFailure, description: str) -> None:
+    def _fail(self, drive: Drive, failure: DriveFailure, description: str) -> None:
         self._drive = None
         self._report(DriveFailed(drive.goal.generation, failure, description))
 

@@ -1,0 +1,60 @@
+"""An agent that dies at any moment of an order: what comes of it is what would have come without its death.
+
+The whole agent runs, with its journal on disk, over a link, a driver and actions that let it die before, in
+the middle of or after each thing that it does to the world, and before each thing that it hears. Then another
+agent goes on with the same journal and the same robot, which has driven on meanwhile.
+"""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+
+from support.examples import RESTARTS
+from support.restarts.life import Death, History, live
+from support.restarts.oracle import check, check_end
+from support.restarts.scenarios import SCENARIOS
+
+PAUSES = (0.3, 2.0, 20.0)
+"""Seconds without an agent: the robot is on its way, near to its goal, or has stood there for a while."""
+
+
+@pytest.fixture
+def undisturbed(scenario: str, tmp_path: Path) -> History:
+    history = live(SCENARIOS[scenario], tmp_path / "undisturbed")
+    check(history)
+    return history
+
+
+@pytest.mark.clause("6.6/restart", "7.2/headerId")
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_a_death_at_any_moment_leads_to_the_same_end(
+    scenario: str, undisturbed: History, tmp_path: Path
+) -> None:
+    moments = range(1, len(undisturbed.lives[0]) + 1)
+    chance = random.Random(scenario)
+    for moment in sorted(chance.sample(moments, min(RESTARTS, len(moments)))):
+        death = Death(moment, chance.choice(PAUSES))
+        _live_and_check([death], undisturbed, tmp_path / str(moment))
+
+
+@pytest.mark.clause("6.6/restart", "7.2/headerId")
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_so_do_several_deaths(scenario: str, undisturbed: History, tmp_path: Path) -> None:
+    chance = random.Random(scenario)
+    for number in range(RESTARTS // 4):
+        deaths = [Death(chance.randint(1, 60), chance.choice(PAUSES)) for _ in range(chance.randint(2, 5))]
+        _live_and_check(deaths, undisturbed, tmp_path / str(number))
+
+
+def _live_and_check(deaths: list[Death], undisturbed: History, folder: Path) -> None:
+    try:
+        history = live(undisturbed.scenario, folder, deaths)
+        check(history)
+        check_end(history, undisturbed)
+    except (AssertionError, TimeoutError) as error:
+        first = undisturbed.lives[0][deaths[0].moment - 1 : deaths[0].moment]
+        error.add_note(f"deaths: {deaths}, the first one at: {first}")
+        raise
