@@ -12,13 +12,13 @@ from prometheus_client import CollectorRegistry, Gauge, generate_latest
 from bench.figures import Figures
 from bench.state_cost import payload
 from nena_shared.clock import SystemClock
-from nena_shared.settings import HttpSettings
 from nena_shared.vda5050.brief.reader import read_brief
 from nena_shared.vda5050.brief.state import StateBrief
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.v2_1 import CODEC
+from nena_shared.web.server import HttpServer
+from nena_shared.web.settings import HttpSettings
 from nena_status_aggregator.aggregator import Aggregator
-from nena_status_aggregator.http_server import HttpServer, listen
 from nena_status_aggregator.rest.app import make_app
 from nena_status_aggregator.settings import AggregatorSettings, HistorySettings
 
@@ -46,20 +46,20 @@ class _LoopWatch:
 async def measure(robots: int) -> Figures:
     """Scrape an aggregator with so many robots over HTTP, beside ``generate_latest`` of as many series."""
     aggregator = _aggregator(robots)
-    with listen(HttpSettings(port=0)) as door:
-        server = HttpServer(make_app(aggregator))
-        serving = asyncio.create_task(server.serve(sockets=[door]), name="bench http")
-        url = f"http://127.0.0.1:{door.getsockname()[1]}/metrics"
-        first = await asyncio.to_thread(_get, url)
-        costs, watch = [await _scrape(url) for _ in range(SCRAPES)], _LoopWatch()
-        watching = asyncio.create_task(watch.run(), name="bench watch")
-        for _ in range(SCRAPES):
-            await asyncio.to_thread(_get, url)
-        watching.cancel()
-        with suppress(asyncio.CancelledError):
-            await watching
-        server.end()
-        await serving
+    settings = HttpSettings(port=0)
+    server = HttpServer(make_app(aggregator, settings), settings)
+    serving = asyncio.create_task(server.run(), name="bench http")
+    url = f"{server.url}/metrics"
+    first = await asyncio.to_thread(_get, url)
+    costs, watch = [await _scrape(url) for _ in range(SCRAPES)], _LoopWatch()
+    watching = asyncio.create_task(watch.run(), name="bench watch")
+    for _ in range(SCRAPES):
+        await asyncio.to_thread(_get, url)
+    watching.cancel()
+    with suppress(asyncio.CancelledError):
+        await watching
+    server.stop()
+    await serving
     return {
         "series_of_robots": first.count(b'serial_number="bench-'),
         "megabytes": round(len(first) / 1e6, 2),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -11,6 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from axe_playwright_python.async_playwright import Axe  # type: ignore[import-untyped]
 from playwright.async_api import Browser, Page
 
 from nena_shared.fleet_api.topics import FleetTopics
@@ -121,3 +123,13 @@ async def picture(page: Page, name: str) -> None:
     """Keep a picture of the page for the documentation, where a folder is named."""
     if PICTURES:
         await page.screenshot(path=Path(PICTURES) / f"{name}.png", animations="disabled")
+
+
+async def findings(page: Page) -> list[str]:
+    """What axe finds in a page, serious and critical."""
+    results = await Axe().run(page)
+    return [
+        f"{each['id']}: {json.dumps([node['html'] for node in each['nodes']])}"
+        for each in results.response["violations"]
+        if each["impact"] in ("serious", "critical")
+    ]

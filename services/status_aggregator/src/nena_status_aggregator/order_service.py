@@ -33,10 +33,12 @@ class OrderServiceDoor:
         """Prepare; ``url`` is where the order service's ``/v1`` is."""
         self._url = url.rstrip("/")
         self._timeout = httpx.Timeout(settings.timeout, connect=min(5.0, settings.timeout))
-        self._tls = ssl.create_default_context()
+        self._tls = ssl.create_default_context(cafile=settings.ca)
 
-    async def ask(self, method: str, path: str, query: str = "", body: bytes | None = None) -> Answer:
-        """Send one request; ``path`` is percent-encoded and begins below ``/v1/``.
+    async def ask(
+        self, method: str, path: str, query: str = "", body: bytes | None = None, *, token: str = ""
+    ) -> Answer:
+        """Send one request; ``path`` is percent-encoded and begins below ``/v1/``, ``token`` says who asks.
 
         Raises:
             OrderServiceAwayError: there was no answer. A command may have been carried out all the same.
@@ -44,6 +46,8 @@ class OrderServiceDoor:
         """
         url = f"{self._url}/v1/{path}" + (f"?{query}" if query else "")
         headers = {"content-type": "application/json"} if body is not None else {}
+        if token:
+            headers["authorization"] = f"Bearer {token}"
         try:
             async with httpx.AsyncClient(
                 timeout=self._timeout, verify=self._tls, trust_env=False, follow_redirects=False

@@ -7,8 +7,8 @@ import gc
 
 from nena_shared.clock import SystemClock
 from nena_shared.tasks import Supervisor
+from nena_shared.web.server import SHUTDOWN_PATIENCE, HttpServer
 from nena_status_aggregator.aggregator import Aggregator
-from nena_status_aggregator.http_server import GRACE, HttpServer, listen
 from nena_status_aggregator.rest.app import make_app
 from nena_status_aggregator.settings import AggregatorSettings
 
@@ -21,25 +21,25 @@ async def serve(settings: AggregatorSettings, stop: asyncio.Event) -> None:
     """Run the aggregator until ``stop`` is set.
 
     Raises:
+        ConfigurationError: the address is not protected, or a file for that cannot be used.
         StartError: the port is not to be had, or the history cannot be kept.
         TaskFailedError: a part of the program has failed.
 
     """
     gc.set_threshold(*GC_THRESHOLDS)
-    with listen(settings.http) as door:
-        aggregator = Aggregator(settings, SystemClock())
-        server = HttpServer(make_app(aggregator, settings.order_service))
+    aggregator = Aggregator(settings, SystemClock())
+    server = HttpServer(make_app(aggregator, settings.http, settings.order_service), settings.http)
+    if aggregator.history:
+        await aggregator.history.writer.open()
+    async with Supervisor() as tasks:
         if aggregator.history:
-            await aggregator.history.writer.open()
-        async with Supervisor() as tasks:
-            if aggregator.history:
-                tasks.start("history", aggregator.history.writer.run())
-            http = tasks.start("http", server.serve(sockets=[door]))
-            tasks.start("mqtt link", aggregator.link.run())
-            tasks.start("publish changes", aggregator.keep_publishing())
-            try:
-                await tasks.wait(stop)
-            finally:
-                aggregator.events.close()
-                server.end()
-                await asyncio.wait([http], timeout=GRACE + 1)
+            tasks.start("history", aggregator.history.writer.run())
+        http = tasks.start("http", server.run())
+        tasks.start("mqtt link", aggregator.link.run())
+        tasks.start("publish changes", aggregator.keep_publishing())
+        try:
+            await tasks.wait(stop)
+        finally:
+            aggregator.events.close()
+            server.stop()
+            await asyncio.wait([http], timeout=SHUTDOWN_PATIENCE + 1)

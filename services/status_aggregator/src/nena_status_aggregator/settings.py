@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator, Field, HttpUrl, SecretStr
 
-from nena_shared.settings import HttpSettings, ServiceSettings, SettingsGroup, TopicPrefix
+from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
+from nena_shared.web.settings import HttpSettings
 from nena_status_aggregator.share import Share
 
 
@@ -62,6 +64,9 @@ class OrderServiceSettings(SettingsGroup):
         None, description="Its address, e.g. http://127.0.0.1:8000; none: the panel gives no commands."
     )
     timeout: float = Field(60.0, gt=0, le=600, description="Seconds that it has to answer a command.")
+    ca: Path | None = Field(
+        None, description="PEM file: who vouches for it where the system's certificates do not."
+    )
     trusted_hosts: tuple[str, ...] = Field(
         ("127.0.0.1", "localhost", "::1"),
         description="Names and addresses under which browsers may reach this program to give commands.",

@@ -49,13 +49,13 @@ class AccessControl:
     app: ASGIApp
     settings: HttpSettings
     role_needed: RoleNeeded
+    book: UserBook | None
+    """Who may log in; None: nobody has to."""
     clock: Clock = field(default_factory=SystemClock)
-    _book: UserBook | None = field(init=False)
     _requests: RateLimit = field(init=False)
     _wrong_tokens: RateLimit = field(init=False)
 
     def __post_init__(self) -> None:
-        self._book = UserBook(self.settings.users) if self.settings.users else None
         self._requests = RateLimit(self.settings.requests_per_second, self.settings.burst)
         self._wrong_tokens = RateLimit(WRONG_TOKENS_PER_SECOND, WRONG_TOKENS_AT_ONCE)
 
@@ -70,36 +70,14 @@ class AccessControl:
                 return
         await self.app(scope, receive, send)
 
-    def who(self, token: str, address: str) -> User | None:
-        """Give whose token it is.
-
-        Raises:
-            Refused: too many wrong tokens came from there, or the file of users is broken.
-
-        """
-        if self._book is None:
-            return None
-        now = self.clock.monotonic()
-        self._check_rate(self._wrong_tokens, address, now, cost=0)
-        try:
-            user = self._book.who(token)
-        except ConfigurationError as error:
-            log.error("nobody is let in: the file of users cannot be used", problems=error.problems)  # noqa: TRY400
-            detail = "The file of users cannot be used; the service's log says why."
-            raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, detail) from error
-        if user is None:
-            self._wrong_tokens.wait(address, now)
-            log.warning("a token that nobody has", address=address)
-        return user
-
     def _let_in(self, scope: Scope) -> User | None:
         address = scope["client"][0] if scope.get("client") else "unknown"
         headers = Headers(scope=scope)
         role = self.role_needed(scope["method"], scope["path"])
         token = token_of(headers)
-        user = self.who(token, address) if token else None
+        user = self._who(token, address) if token and role else None
         self._check_rate(self._requests, f"user {user.name}" if user else address, self.clock.monotonic())
-        if self._book is None or role is None:
+        if self.book is None or role is None:
             return user
         if user is None:
             detail = "Log in: send your token as `Authorization: Bearer TOKEN`."
@@ -107,6 +85,22 @@ class AccessControl:
         if user.role < role:
             detail = f"{user.name} is {user.role.name.lower()}; this takes the role {role.name.lower()}."
             raise Refused(HTTPStatus.FORBIDDEN, detail)
+        return user
+
+    def _who(self, token: str, address: str) -> User | None:
+        if self.book is None:
+            return None
+        now = self.clock.monotonic()
+        self._check_rate(self._wrong_tokens, address, now, cost=0)
+        try:
+            user = self.book.who(token)
+        except ConfigurationError as error:
+            log.error("nobody is let in: the file of users cannot be used", problems=error.problems)  # noqa: TRY400
+            detail = "The file of users cannot be used; the service's log says why."
+            raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, detail) from error
+        if user is None:
+            self._wrong_tokens.wait(address, now)
+            log.warning("a token that nobody has", address=address)
         return user
 
     def _check_rate(self, limit: RateLimit, asker: str, now: float, *, cost: float = 1.0) -> None:

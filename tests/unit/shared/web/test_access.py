@@ -12,7 +12,7 @@ from starlette.routing import Route
 from nena_shared.clock import ManualClock
 from nena_shared.web.access import COOKIE, WRONG_TOKENS_AT_ONCE, AccessControl, reading_or
 from nena_shared.web.settings import HttpSettings
-from nena_shared.web.users import Role, User, hash_of, write_users
+from nena_shared.web.users import Role, User, UserBook, hash_of, write_users
 
 RULE = reading_or(Role.OPERATOR, everybody=frozenset({"/healthz"}))
 REQUESTS = 30
@@ -33,12 +33,11 @@ class Door:
             self.file,
             [User(name=role.name.lower(), role=role, token_sha256=hash_of(role.name)) for role in Role],
         )
-        settings = HttpSettings(
-            port=0, users=self.file if login else None, requests_per_second=1, burst=REQUESTS
-        )
+        settings = HttpSettings(port=0, requests_per_second=1, burst=REQUESTS)
+        book = UserBook(self.file) if login else None
         app = Starlette(routes=[Route("/{path:path}", who, methods=["GET", "POST", "DELETE"])])
         self.client = httpx.AsyncClient(
-            transport=httpx.ASGITransport(AccessControl(app, settings, RULE, self.clock)),
+            transport=httpx.ASGITransport(AccessControl(app, settings, RULE, book, self.clock)),
             base_url="http://door",
         )
 

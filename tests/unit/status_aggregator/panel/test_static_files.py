@@ -19,18 +19,20 @@ from nena_status_aggregator.fleet_model.session import SessionState
 from nena_status_aggregator.rest.app import PANEL
 
 LANGUAGES = ("en", "nl", "de")
-SCRIPTS = sorted(path for path in PANEL.rglob("*.js") if path.parent.name != "texts")
+SCRIPTS = sorted(path for path in PANEL.rglob("*.js") if "texts" not in path.parts)
 ENTRY = re.compile(r'^  "([\w.:]+)":\s+"((?:[^"\\]|\\.)*)",$', re.MULTILINE)
 KEY = re.compile(
     r'"((?:page|summary|theme|link|map|layer|robots?|condition|battery|progress|age|orders?|destination|state|messages|'
     r"language|filter|goal|fact|unit|connection|session|mode|reason|advice|errorAdvice|level|action|why|command|dispatch|"
-    r'position|form|operation|orderForm|drive|event|happening|history)\.[\w.]+)"'
+    r'position|form|login|operation|orderForm|drive|event|happening|history)\.[\w.]+)"'
 )
 MADE = re.compile(r"`([\w.]+\.)\$\{")
 
 
 def texts(language: str) -> dict[str, str]:
-    source = (PANEL / "texts" / f"{language}.js").read_text(encoding="utf-8")
+    folder = PANEL / "texts"
+    paths = [folder / f"{language}.js", *sorted((folder / language).glob("*.js"))]
+    source = "\n".join(path.read_text(encoding="utf-8") for path in paths)
     found = dict(ENTRY.findall(source))
     assert len(found) == source.count('",\n'), "a text that is not one line under its key"
     return found
@@ -56,9 +58,10 @@ class Page(HTMLParser):
             self.inline.append(data)
 
 
-def test_there_is_nothing_inline() -> None:
+@pytest.mark.parametrize("name", ["index.html", "login.html"])
+def test_there_is_nothing_inline(name: str) -> None:
     page = Page()
-    page.feed((PANEL / "index.html").read_text(encoding="utf-8"))
+    page.feed((PANEL / name).read_text(encoding="utf-8"))
     assert page.inline == []
 
 
@@ -69,8 +72,8 @@ def test_nothing_comes_from_another_host(path: Path) -> None:
 
 
 def test_every_text_that_is_used_is_in_the_catalogue_and_no_other() -> None:
-    source = "\n".join(path.read_text(encoding="utf-8") for path in (*SCRIPTS, PANEL / "index.html"))
-    named = set(KEY.findall(source)) | {"none", "destination"}
+    source = "\n".join(path.read_text(encoding="utf-8") for path in (*SCRIPTS, *PANEL.glob("*.html")))
+    named = {each for each in KEY.findall(source) if not each.endswith((".html", ".js"))} | {"none", "destination"}
     named |= {f"{key}.{form}" for key in named for form in ("one", "other", "title", "text")} & KEYS
     made = tuple(MADE.findall(source))
     bases = {key.rsplit(".", 1)[0] for key in KEYS}

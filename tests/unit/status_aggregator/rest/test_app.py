@@ -12,7 +12,7 @@ from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.rest.app import make_app
-from nena_status_aggregator.settings import AggregatorSettings, EventSettings
+from nena_status_aggregator.settings import AggregatorHttpSettings, AggregatorSettings, EventSettings
 from support.fleet_briefs import state
 from support.fleet_examples import ROBOT, START, factsheet, order_status, sample_plant
 
@@ -29,7 +29,8 @@ def aggregator(clock: ManualClock) -> Aggregator:
 
 @pytest.fixture
 async def client(aggregator: Aggregator) -> AsyncIterator[httpx.AsyncClient]:
-    transport = httpx.ASGITransport(make_app(aggregator), raise_app_exceptions=False)
+    app = make_app(aggregator, AggregatorHttpSettings())
+    transport = httpx.ASGITransport(app, raise_app_exceptions=False)
     async with httpx.AsyncClient(transport=transport, base_url="http://aggregator") as made:
         yield made
 
@@ -201,6 +202,7 @@ async def test_the_interface_is_described(client: httpx.AsyncClient) -> None:
         "/api/v1/robots/{manufacturer}/{serial}/actions",
         "/api/v1/orders",
         "/api/v1/plant",
+        "/api/v1/session",
         "/api/v1/control",
         "/api/v1/control/{path}",
         "/api/v1/events",

@@ -14,6 +14,7 @@ import pytest
 from pydantic import HttpUrl
 
 from nena_shared.clock import ManualClock
+from nena_shared.web.access import COOKIE
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.rest.app import make_app
 from nena_status_aggregator.rest.control import BODY_LIMIT
@@ -30,6 +31,7 @@ class Far:
 
     port: int = 0
     asked: list[tuple[str, str, Any]] = field(default_factory=list)
+    cookies: list[str | None] = field(default_factory=list)
     authorized: list[str | None] = field(default_factory=list)
 
 
@@ -46,7 +48,8 @@ def far() -> Iterator[Far]:
 
         def _answer(self, body: Any) -> None:
             far.asked.append((self.command, self.path, body))
-            far.authorized.append(self.headers.get("cookie"))
+            far.cookies.append(self.headers.get("cookie"))
+            far.authorized.append(self.headers.get("authorization"))
             status = 409 if "taken" in self.path else 201 if body else 200
             self.send_response(status)
             self.send_header(
@@ -71,7 +74,8 @@ def far() -> Iterator[Far]:
 def client_of(port: int | None, base: str = "http://127.0.0.1:8080") -> httpx.AsyncClient:
     settings = AggregatorSettings(history=HistorySettings(url=None))
     url = HttpUrl(f"http://127.0.0.1:{port}") if port else None
-    app = make_app(Aggregator(settings, ManualClock(start=START)), OrderServiceSettings(url=url, timeout=5))
+    aggregator = Aggregator(settings, ManualClock(start=START))
+    app = make_app(aggregator, settings.http, OrderServiceSettings(url=url, timeout=5))
     transport = httpx.ASGITransport(app, raise_app_exceptions=False)
     return httpx.AsyncClient(transport=transport, base_url=f"{base}/api/v1/control")
 
@@ -87,7 +91,16 @@ async def test_a_command_is_passed_on_with_its_answer(client: httpx.AsyncClient,
     assert (answer.status_code, answer.json()) == (201, {"name": "TO-1"})
     assert "set-cookie" not in answer.headers
     assert far.asked == [("POST", "/v1/transportOrders", ORDER)]
-    assert far.authorized == [None]
+    assert (far.cookies, far.authorized) == ([None], [None])
+
+
+@pytest.mark.parametrize("headers", [{"authorization": "Bearer t"}, {"cookie": f"{COOKIE}=t"}])
+async def test_the_order_service_hears_who_asks(
+    headers: dict[str, str], client: httpx.AsyncClient, far: Far
+) -> None:
+    await client.post("/transportOrders", json=ORDER, headers=headers)
+
+    assert (far.cookies, far.authorized) == ([None], ["Bearer t"])
 
 
 async def test_questions_keep_their_query_and_names_their_signs(client: httpx.AsyncClient, far: Far) -> None:

@@ -10,11 +10,15 @@ from starlette.responses import Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
+from nena_shared.web.access import AccessControl
+from nena_shared.web.settings import HttpSettings
+from nena_shared.web.users import UserBook
 from nena_status_aggregator import panel
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.metrics.exposition import Exposition
 from nena_status_aggregator.metrics.fleet_collector import DISTRIBUTION
-from nena_status_aggregator.rest import control, events, health, history, problem, resources
+from nena_status_aggregator.rest import control, events, health, history, problem, resources, session
+from nena_status_aggregator.rest.roles import make_rule
 from nena_status_aggregator.rest.security_headers import SecurityHeaders
 from nena_status_aggregator.settings import OrderServiceSettings
 
@@ -31,10 +35,16 @@ class PanelFiles(StaticFiles):
         return response
 
 
-def make_app(aggregator: Aggregator, order_service: OrderServiceSettings | None = None) -> FastAPI:
+def make_app(
+    aggregator: Aggregator, http: HttpSettings, order_service: OrderServiceSettings | None = None
+) -> FastAPI:
     """Make the application over ``aggregator``; it starts nothing by itself.
 
     Without ``order_service`` the panel gives no commands.
+
+    Raises:
+        ConfigurationError: the file of users cannot be used.
+
     """
     app = FastAPI(
         title="NeNa status aggregator",
@@ -44,7 +54,10 @@ def make_app(aggregator: Aggregator, order_service: OrderServiceSettings | None 
         redoc_url=None,
     )
     problem.install(app)
+    book = UserBook(http.users) if http.users else None
+    app.add_middleware(AccessControl, settings=http, role_needed=make_rule(http), book=book)
     app.add_middleware(SecurityHeaders)
+    app.include_router(session.make_router())
     app.include_router(resources.make_router(aggregator))
     app.include_router(history.make_router(aggregator.history))
     app.include_router(control.make_router(order_service or OrderServiceSettings()))

@@ -16,6 +16,7 @@ from urllib.parse import unquote, urlsplit
 from fastapi import APIRouter, Depends, Path, Request, Response
 from typing_extensions import TypedDict
 
+from nena_shared.web.access import token_of
 from nena_status_aggregator.order_service import OrderServiceAwayError, OrderServiceDoor
 from nena_status_aggregator.rest.problem import ProblemError
 from nena_status_aggregator.settings import OrderServiceSettings
@@ -57,7 +58,8 @@ def make_router(settings: OrderServiceSettings) -> APIRouter:
         path = resource_of(request)
         body = await _body(request) if request.method == "POST" else None
         try:
-            answer = await door.ask(request.method, path, request.url.query, body)
+            token = token_of(request.headers)
+            answer = await door.ask(request.method, path, request.url.query, body, token=token)
         except OrderServiceAwayError as error:
             detail = f"The order service does not answer ({error}). Is it running, and does "
             detail += "--order_service.url name it? Look at what it did before you ask again."

@@ -10,10 +10,9 @@ from starlette.exceptions import HTTPException
 
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.log import get_logger
+from nena_shared.web.problem import answer
 
 log = get_logger(__name__)
-
-MEDIA_TYPE = "application/problem+json"
 
 
 class ProblemError(Exception):
@@ -27,8 +26,7 @@ class ProblemError(Exception):
 
 def response(status: int, detail: str, errors: tuple[str, ...] = ()) -> Response:
     """Make the answer that tells a problem."""
-    problem = Problem(title=HTTPStatus(status).phrase, status=status, detail=detail, errors=errors)
-    return Response(problem.model_dump_json(by_alias=True), status, media_type=MEDIA_TYPE)
+    return answer(Problem(title=HTTPStatus(status).phrase, status=status, detail=detail, errors=errors))
 
 
 def install(app: FastAPI) -> None:
@@ -43,9 +41,9 @@ def install(app: FastAPI) -> None:
             detail = (
                 f"There is nothing at {request.url.path}. The resources are listed in /api/v1/openapi.json."
             )
-        answer = response(error.status_code, detail)
-        answer.headers.update(error.headers or {})
-        return answer
+        told = response(error.status_code, detail)
+        told.headers.update(error.headers or {})
+        return told
 
     async def on_invalid(_request: Request, error: RequestValidationError) -> Response:
         errors = tuple(f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors())

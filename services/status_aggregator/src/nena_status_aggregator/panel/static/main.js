@@ -6,6 +6,7 @@ import { EventLink } from "./event_link.js";
 import { FleetStore } from "./fleet_store.js";
 import { PlantStore } from "./plant_store.js";
 import { address, followView } from "./router.js";
+import { whoIsIt } from "./session.js";
 import "./components/fleet_map.js";
 import "./components/fleet_summary.js";
 import "./components/history_page.js";
@@ -18,6 +19,7 @@ import "./components/order_table.js";
 import "./components/robot_page.js";
 import "./components/robot_table.js";
 import "./components/theme_button.js";
+import "./components/user_menu.js";
 
 document.documentElement.lang = chosenLanguage();
 for (const node of document.querySelectorAll("[data-text]")) node.textContent = t(node.dataset.text);
@@ -26,12 +28,16 @@ const part = (name) => document.querySelector(`nena-${name}`);
 const store = new FleetStore();
 const plant = new PlantStore(store);
 const link = new EventLink(store, "api/v1/events");
-const fleet = { store, plant, link, enabled: await commandsEnabled() };
+const session = await whoIsIt();
+const enabled = await commandsEnabled();
+const noCommands = enabled ? { viewer: "login.noCommands" }[session?.role] : "command.off";
+const fleet = { store, plant, link, enabled, noCommands };
 const map = part("fleet-map");
 const views = { robots: part("robot-page"), orders: part("order-page"), newOrder: part("order-form"), history: part("history-page") };
 
 for (const name of ["fleet-summary", "message-health", "order-table", "robot-table"]) part(name).show(store);
 part("link-banner").show(store, link);
+part("user-menu").show(session);
 map.show(store, plant);
 for (const view of Object.values(views)) view.show(fleet);
 
@@ -61,5 +67,8 @@ function mark(id) {
   map.select(id);
 }
 
-link.addEventListener("state", () => document.body.classList.toggle("stale", !link.connected));
+link.addEventListener("state", () => {
+  document.body.classList.toggle("stale", !link.connected);
+  if (!link.connected) whoIsIt(); // the user may have been taken out
+});
 link.start();

@@ -17,7 +17,7 @@ class HistoryPage extends HTMLElement {
   #timeline = null;
   #playing = null;
 
-  /** Prepare; `fleet`: {store, link, plant, enabled}. */
+  /** Prepare; `fleet`: {store, link, plant, enabled, noCommands}. */
   show(fleet) {
     this.fleet = fleet;
   }

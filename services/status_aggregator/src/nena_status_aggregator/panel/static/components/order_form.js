@@ -12,7 +12,7 @@ import { address } from "../router.js";
 class OrderForm extends HTMLElement {
   #stops = [];
 
-  /** Prepare; `fleet`: {store, link, plant, enabled}. */
+  /** Prepare; `fleet`: {store, link, plant, enabled, noCommands}. */
   show(fleet) {
     this.fleet = fleet;
     fleet.plant.addEventListener("change", () => !this.hidden && this.open("new"));
@@ -26,8 +26,8 @@ class OrderForm extends HTMLElement {
     this.list = element("ol", { class: "stops" });
     const heading = element("h2", { tabindex: -1 }, t("orderForm.title"));
     const head = element("header", { class: "head" }, element("a", { href: "#/", class: "back" }, t("page.back")), heading);
-    const ready = this.fleet.enabled && this.fleet.plant.model;
-    const missing = t(this.fleet.enabled ? "map.empty.title" : "command.off");
+    const ready = !this.fleet.noCommands && this.fleet.plant.model;
+    const missing = t(this.fleet.noCommands ?? "map.empty.title");
     this.replaceChildren(head, ready ? this.#form() : element("p", { class: "hint" }, missing));
     if (ready) this.#addStop();
     heading.focus({ preventScroll: true });

@@ -12,7 +12,7 @@ class OrderPage extends HTMLElement {
   #name = null;
   #version = null;
 
-  /** Prepare; `fleet`: {store, link, plant, enabled}. */
+  /** Prepare; `fleet`: {store, link, plant, enabled, noCommands}. */
   show(fleet) {
     this.fleet = fleet;
     fleet.store.addEventListener("change", () => this.#name && this.#update());
@@ -60,8 +60,8 @@ class OrderPage extends HTMLElement {
       if (!this.sure.hidden) this.sure.focus();
     });
     this.sure.hidden = true;
-    this.off = element("p", { class: "hint" }, t("command.off"));
-    this.off.hidden = this.fleet.enabled;
+    this.off = element("p", { class: "hint" }, t(this.fleet.noCommands ?? ""));
+    this.off.hidden = !this.fleet.noCommands;
     return element("div", {}, element("div", { class: "actions" }, this.withdraw, this.sure), this.off, this.result);
   }
 
@@ -80,7 +80,7 @@ class OrderPage extends HTMLElement {
     setText(this.chip, t(`state.${order.state}`));
     setAttribute(this.chip, "data-state", order.state);
     this.why.show(causesOfOrder(order, this.fleet));
-    this.withdraw.disabled = !this.fleet.enabled || order.final;
+    this.withdraw.disabled = Boolean(this.fleet.noCommands) || order.final;
     if (order.final) this.sure.hidden = true;
     this.progress.box.hidden = order.progress === null;
     this.progress.bar.value = order.progress ?? 0;

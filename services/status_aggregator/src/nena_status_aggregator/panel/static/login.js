@@ -1,0 +1,21 @@
+// The page for logging in.
+
+import { chosenLanguage, t } from "./catalogue.js";
+import { setText } from "./dom.js";
+import { logIn } from "./session.js";
+import "./components/language_select.js";
+import "./components/theme_button.js";
+
+document.documentElement.lang = chosenLanguage();
+for (const node of document.querySelectorAll("[data-text]")) node.textContent = t(node.dataset.text);
+
+const form = document.querySelector("form");
+const problem = document.getElementById("problem");
+
+form.addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const refusal = await logIn(form.elements.token.value.trim());
+  if (refusal === null) return location.replace("./");
+  setText(problem, t(refusal));
+  form.elements.token.select();
+});

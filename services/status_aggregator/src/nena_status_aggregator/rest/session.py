@@ -1,0 +1,57 @@
+"""Who is logged in, and how a browser logs in and out.
+
+A browser shows the token of its user once, as every client does, and gets it back as a cookie that it sends
+from then on. Nothing of it is kept here: the token alone says who comes.
+"""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+
+from fastapi import APIRouter, Request, Response
+from typing_extensions import TypedDict
+
+from nena_shared.web.access import COOKIE, token_of
+from nena_shared.web.users import User
+from nena_status_aggregator.rest.roles import SESSION
+
+
+class Session(TypedDict):
+    """Who asks; nobody where nobody has to log in."""
+
+    user: str | None
+    role: str | None
+
+
+def make_router() -> APIRouter:
+    """Make the routes."""
+    router = APIRouter(prefix=SESSION, tags=["session"])
+
+    @router.get("")
+    async def session(request: Request) -> Session:
+        """Tell who asks; 401 where one has to log in first."""
+        return _of(request)
+
+    @router.post("")
+    async def log_in(request: Request, response: Response) -> Session:
+        """Keep the token of `Authorization: Bearer TOKEN` in the browser, until that is closed."""
+        response.set_cookie(
+            COOKIE,
+            token_of(request.headers),
+            httponly=True,
+            samesite="strict",
+            secure=request.url.scheme == "https",
+        )
+        return _of(request)
+
+    @router.delete("", status_code=HTTPStatus.NO_CONTENT)
+    async def log_out(response: Response) -> None:
+        """Have the browser forget the token."""
+        response.delete_cookie(COOKIE, httponly=True, samesite="strict")
+
+    return router
+
+
+def _of(request: Request) -> Session:
+    user: User | None = request.state.user
+    return {"user": user.name if user else None, "role": user.role.name.lower() if user else None}
