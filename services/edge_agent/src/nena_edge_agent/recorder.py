@@ -59,7 +59,7 @@ class Recorder:
         tell_written = partial(loop.call_soon_threadsafe, written.set)
         work = asyncio.to_thread(_work, self._journal, memory(), tell_written)
         self._record = asyncio.create_task(work, name="journal")
-        self._record.add_done_callback(lambda _: written.set())
+        self._record.add_done_callback(partial(_end, written))
         with suppress(TimeoutError):
             async with asyncio.timeout_at(self._deadline):
                 await written.wait()
@@ -72,7 +72,7 @@ class Recorder:
         patience = self._deadline - asyncio.get_running_loop().time()
         done, _ = await asyncio.wait((self._record,), timeout=max(0.0, patience))
         if not done:
-            self._record.add_done_callback(self._answered_late)
+            self._record.add_done_callback(lambda _: self._wake())
             self._tell("the disk does not answer")
         elif error := self._record.exception():
             self._tell(str(error) or type(error).__name__)
@@ -84,15 +84,16 @@ class Recorder:
     def _hangs(self) -> bool:
         return self._record is not None and not self._record.done()
 
-    def _answered_late(self, record: asyncio.Task[None]) -> None:
-        """Have the newest record written; what has become of the late one does not matter."""
-        if not record.cancelled():
-            record.exception()
-        self._wake()
-
 
 def _work(journal: Journal, memory: Memory, tell_written: Callable[[], object]) -> None:
     """Live in a thread: write, tell, and wait for the disk."""
     journal.write(memory)
     tell_written()
     journal.sync()
+
+
+def _end(written: asyncio.Event, record: asyncio.Task[None]) -> None:
+    """End the wait; that a record has failed which nobody waits for any more is no matter for the loop."""
+    if not record.cancelled():
+        record.exception()
+    written.set()
