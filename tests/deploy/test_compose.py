@@ -54,10 +54,10 @@ async def healthy(compose: Compose) -> Compose:
     return compose
 
 
-def read(url: str) -> Any:
+def read(url: str, **headers: str) -> Any:
     """Give what is there as JSON, or None while nothing is."""
     try:
-        answer = httpx.get(url, timeout=5.0)
+        answer = httpx.get(url, headers=headers, timeout=5.0)
     except httpx.HTTPError:
         return None
     return answer.json() if answer.is_success else None
@@ -66,7 +66,9 @@ def read(url: str) -> Any:
 def create(compose: Compose, *destinations: tuple[str, str]) -> str:
     """Create a transport order from locations and what is done there; give its name."""
     body = {"destinations": [{"locationName": place, "operation": done} for place, done in destinations]}
-    answer = httpx.post(f"{compose.url('REST_PORT')}/v1/transportOrders", json=body, timeout=10.0)
+    answer = httpx.post(
+        f"{compose.url('REST_PORT')}/v1/transportOrders", json=body, headers=compose.login, timeout=10.0
+    )
     assert answer.is_success, answer.text
     name: str = answer.json()["name"]
     return name
@@ -77,7 +79,7 @@ async def order_ended(compose: Compose, name: str) -> dict[str, Any]:
     final = {"FINISHED", "FAILED", "UNROUTABLE"}
 
     def ended() -> dict[str, Any] | None:
-        order = read(url)
+        order = read(url, **compose.login)
         return order if order and order["state"] in final else None
 
     return await until(ended, timeout=ORDER_WITHIN, what=f"the end of {name}")
@@ -102,9 +104,20 @@ async def test_what_was_ordered_survives_a_crash_of_the_order_service(healthy: C
     assert order["state"] == "FINISHED", order["reason"]
 
 
+@pytest.mark.usefixtures("healthy")
+def test_nobody_commands_without_the_token(compose: Compose) -> None:
+    for port, path in (("REST_PORT", "/v1/transportOrders"), ("PANEL_PORT", "/api/v1/fleet")):
+        assert httpx.get(compose.url(port) + path, timeout=10.0).status_code == 401
+        assert httpx.get(compose.url(port) + path, headers=compose.login, timeout=10.0).status_code == 200
+
+
 async def test_panel_and_prometheus_see_the_robots(healthy: Compose) -> None:
     fleet = await until(
-        lambda: (found := read(f"{healthy.url('PANEL_PORT')}/api/v1/fleet")) and found["robots"] and found
+        lambda: (
+            (found := read(f"{healthy.url('PANEL_PORT')}/api/v1/fleet", **healthy.login))
+            and found["robots"]
+            and found
+        )
     )
     assert {robot["serialNumber"] for robot in fleet["robots"]} >= {"robot-01", "robot-02"}
     url = f"{healthy.url('PROMETHEUS_PORT')}/api/v1/targets"

@@ -86,6 +86,12 @@ class Compose:
         """Run a command in a container."""
         return docker("exec", self.containers()[service]["Id"], *command)
 
+    @property
+    def login(self) -> dict[str, str]:
+        """The header of requests to REST and panel: the token that the first start has made."""
+        token = self.execute("order-service", "cat", "/var/lib/nena-access/users.toml.token").stdout.strip()
+        return {"authorization": f"Bearer {token}"}
+
     def logs(self) -> str:
         """Give what all of them logged of late."""
         return self.run("logs", "--no-color", "--tail", "30")

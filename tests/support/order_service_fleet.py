@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import ssl
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import ExitStack, asynccontextmanager
 from dataclasses import dataclass, field
@@ -106,20 +107,23 @@ class Fleet:
         version: str = "2.1.0",
     ) -> Program:
         """Start a loopback robot; it stands on the point `South 1` unless told otherwise."""
-        file = self.folder / f"{serial}.toml"
-        file.write_text(
-            AGENT_FILE.format(
-                interface=self.interface,
-                version=version,
-                serial=serial,
-                port=self.broker.port,
-                folder=self.folder / "journal",
-                count=count,
-                x=x,
-                y=y,
-                speed=speed,
-            )
+        content = AGENT_FILE.format(
+            interface=self.interface,
+            version=version,
+            serial=serial,
+            port=self.broker.port,
+            folder=self.folder / "journal",
+            count=count,
+            x=x,
+            y=y,
+            speed=speed,
         )
+        return self.agent_of(content, serial)
+
+    def agent_of(self, content: str, serial: str = "robot-01") -> Program:
+        """Start a robot with these settings, in TOML."""
+        file = self.folder / f"{serial}.toml"
+        file.write_text(content)
         agent = Program("nena-edge-agent", "--config", file, log=self.folder / f"{serial}.log")
         return self.stack.enter_context(agent)
 
@@ -136,13 +140,15 @@ class Fleet:
 
 
 @asynccontextmanager
-async def running(settings: OrderServiceSettings) -> AsyncIterator[httpx.AsyncClient]:
-    """Run the order service in this process until the block ends."""
+async def running(
+    settings: OrderServiceSettings, *, trust: ssl.SSLContext | None = None
+) -> AsyncIterator[httpx.AsyncClient]:
+    """Run the order service in this process until the block ends; with ``trust`` it is reached by TLS."""
     stop = asyncio.Event()
     task = asyncio.create_task(serve(settings, stop))
-    url = f"http://127.0.0.1:{settings.http.port}"
+    url = f"{'https' if trust else 'http'}://127.0.0.1:{settings.http.port}"
     try:
-        async with httpx.AsyncClient(base_url=url, timeout=20) as client:
+        async with httpx.AsyncClient(base_url=url, timeout=20, verify=trust or True) as client:
             await _answering(client, task)
             yield client
     finally:

@@ -118,13 +118,6 @@ class LogSettings(SettingsGroup):
     form: Literal["text", "json"] = Field("text", description="Lines for people, or JSON for machines.")
 
 
-class HttpSettings(SettingsGroup):
-    """Where an HTTP service listens."""
-
-    host: str = Field("127.0.0.1", description="Address to listen on; loopback unless you protect it.")
-    port: int = Field(ge=0, le=65535, description="TCP port to listen on; 0 takes a free one.")
-
-
 class ProgramSettings(BaseSettings):
     """What every program can be told."""
 

@@ -7,13 +7,13 @@ from pydantic import BaseModel, Field, ValidationError
 
 from nena_shared.settings import (
     ConfigurationError,
-    HttpSettings,
     MqttSettings,
     ServiceSettings,
     SettingsGroup,
     TopicPrefix,
     load,
 )
+from nena_shared.web.settings import HttpSettings
 
 
 class Robot(SettingsGroup):

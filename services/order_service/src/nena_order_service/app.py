@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fastapi import FastAPI
 
 from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.event_stream import EventStream
 from nena_order_service.fleet import FleetLink, OperationMap, RobotAddresses
-from nena_order_service.http_server import SHUTDOWN_PATIENCE, HttpServer
 from nena_order_service.kernel import Kernel
 from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.kernel.missions import MissionPlanner
+from nena_order_service.kernel.path_locks import PathLocks
 from nena_order_service.kernel.release import ReleasePolicy
 from nena_order_service.kernel.vehicles import VehicleRegistry
 from nena_order_service.mqtt_door import MqttDoor
 from nena_order_service.plant_file import load_plant
 from nena_order_service.rest.api import make_app
 from nena_order_service.rest.bodies import Readiness
+from nena_order_service.rest.roles import role_needed
 from nena_order_service.rest.standby import make_standby_app
 from nena_order_service.retained_sweep import RetainedSweep
 from nena_order_service.routing import Router, evaluators
@@ -36,6 +39,8 @@ from nena_shared.mqtt import MqttLink
 from nena_shared.plant import PlantModel
 from nena_shared.tasks import Supervisor
 from nena_shared.vda5050.topics import TopicScheme
+from nena_shared.web.access import protect
+from nena_shared.web.server import SHUTDOWN_PATIENCE, HttpServer
 
 log = get_logger(__name__)
 
@@ -54,6 +59,8 @@ class OrderService:
     sweep: RetainedSweep
     mqtt: MqttLink
     app: FastAPI
+    stream: EventStream
+    locks: PathLocks
 
 
 def build(settings: OrderServiceSettings, plant: PlantModel, store: Store, *, epoch: int = 0) -> OrderService:
@@ -65,8 +72,15 @@ def build(settings: OrderServiceSettings, plant: PlantModel, store: Store, *, ep
     """
     plant_json = plant.to_json().encode()
     clock = SystemClock()
-    kernel = _make_kernel(settings, plant, store, clock)
+    finder = _make_finder(settings, plant)
+    kernel = _make_kernel(settings, plant, finder, store, clock)
     requests = HostRequests(kernel, settings.kernel)
+
+    def apply_locks(locked: Mapping[str, bool]) -> None:
+        finder.set_locks(locked)
+        kernel.look()
+
+    locks = PathLocks(plant, store, apply=apply_locks, commit_timeout=settings.kernel.commit_timeout)
     client_id = f"nena-order-service-{settings.interface_name.replace('/', '-')}"
     if epoch:
         client_id += f"-{epoch}"  # the broker would let a new one push out an old one that hangs, and back
@@ -88,13 +102,17 @@ def build(settings: OrderServiceSettings, plant: PlantModel, store: Store, *, ep
     sweep = RetainedSweep(
         settings.mqtt, topics, client_id=f"{client_id}-sweep", mqtt=mqtt, kernel=kernel, door=door
     )
+    stream = EventStream(kernel, settings.events)
+    kernel.steps.listeners.append(stream)
     app = make_app(
         requests,
+        locks,
+        stream,
         plant_json=plant_json,
         readiness=lambda: readiness(mqtt, store),
         max_body=settings.max_body,
     )
-    return OrderService(store, kernel, fleet, door, sweep, mqtt, app)
+    return OrderService(store, kernel, fleet, door, sweep, mqtt, app, stream, locks)
 
 
 async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
@@ -115,13 +133,14 @@ async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
 async def _serve_alone(settings: OrderServiceSettings, plant: PlantModel, stop: asyncio.Event) -> None:
     lock = InstanceLock.take(settings.store.url)
     service = build(settings, plant, Store(open_database(settings.store.url), lock))
-    http = HttpServer(service.app, settings.http)
+    http = HttpServer(protect(service.app, settings.http, role_needed), settings.http)
     async with Supervisor() as supervisor:
         await _start(service, supervisor)
         answering = supervisor.start("http", http.run())
         try:
             await supervisor.wait(stop)
         finally:
+            service.stream.close()
             await _end_answering(http, answering)
             await _shut_down(service)
     service.store.close()
@@ -129,7 +148,8 @@ async def _serve_alone(settings: OrderServiceSettings, plant: PlantModel, stop: 
 
 async def _serve_shared(settings: OrderServiceSettings, plant: PlantModel, stop: asyncio.Event) -> None:
     lead = Lead(settings.store.url)
-    http = HttpServer(make_standby_app(lambda: lead.active_url, lambda: lead.problem), settings.http)
+    standby = make_standby_app(lambda: lead.active_url, lambda: lead.problem)
+    http = HttpServer(protect(standby, settings.http, role_needed), settings.http)
     service = None
     async with Supervisor() as supervisor:
         answering = supervisor.start("http", http.run())
@@ -137,9 +157,11 @@ async def _serve_shared(settings: OrderServiceSettings, plant: PlantModel, stop:
             if await lead.take(stop):
                 own_url = str(settings.public_url or http.url).rstrip("/")
                 service = await _take_over(settings, plant, lead, supervisor, own_url)
-                http.app = service.app
+                http.app = protect(service.app, settings.http, role_needed)
                 await supervisor.wait(stop)
         finally:
+            if service:
+                service.stream.close()
             await _end_answering(http, answering)
             if service:
                 await _shut_down(service)
@@ -165,6 +187,7 @@ async def _take_over(
 async def _start(service: OrderService, supervisor: Supervisor) -> None:
     """Take up what is in the store, then let all parts run."""
     supervisor.start("store", service.store.run())
+    await service.locks.load()
     await service.kernel.start(service.fleet)
     supervisor.start("mqtt", service.mqtt.run())
     supervisor.start("fleet control", service.fleet.run())
@@ -218,10 +241,14 @@ def _make_addresses(settings: OrderServiceSettings, registry: VehicleRegistry) -
     return addresses
 
 
+def _make_finder(settings: OrderServiceSettings, plant: PlantModel) -> WayFinder:
+    costs = evaluators(settings.routing.costs, plant)
+    return WayFinder(plant, Router(plant, costs), any_day=Router(plant, costs))
+
+
 def _make_kernel(
-    settings: OrderServiceSettings, plant: PlantModel, store: Store, clock: SystemClock
+    settings: OrderServiceSettings, plant: PlantModel, finder: WayFinder, store: Store, clock: SystemClock
 ) -> Kernel:
-    finder = WayFinder(plant, Router(plant, evaluators(settings.routing.costs, plant)))
     return Kernel(
         plant,
         store=store,

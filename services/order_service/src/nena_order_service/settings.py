@@ -9,7 +9,8 @@ from pydantic import Field, HttpUrl
 from nena_order_service.fleet import FleetSettings
 from nena_order_service.kernel.settings import KernelSettings
 from nena_order_service.routing import CostKey
-from nena_shared.settings import HttpSettings, ServiceSettings, SettingsGroup, TopicPrefix
+from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
+from nena_shared.web.settings import HttpSettings
 
 
 class StoreSettings(SettingsGroup):
@@ -32,6 +33,20 @@ class RoutingSettings(SettingsGroup):
     )
 
 
+class EventSettings(SettingsGroup):
+    """The event stream."""
+
+    backlog: int = Field(
+        1000,
+        ge=1,
+        description="Events that a client may be behind; above that it is brought up to date anew.",
+    )
+    replay_limit: int = Field(
+        10_000, ge=0, description="Changed orders that a client that comes back is told of at most."
+    )
+    clients: int = Field(100, ge=1, description="Clients that may follow the event stream at a time.")
+
+
 class OrderServiceSettings(ServiceSettings):
     """What the order service can be told."""
 
@@ -44,6 +59,7 @@ class OrderServiceSettings(ServiceSettings):
         description="Where hosts reach this order service: a standby sends them there while this one is the "
         "active one; none: http.host and http.port.",
     )
+    events: EventSettings = Field(default_factory=EventSettings, description="The event stream.")
     topic_prefix: TopicPrefix = Field(
         "nena/v1", description="First levels of the MQTT topics for hosts; a prefix for each fleet."
     )

@@ -17,7 +17,7 @@ from nena_shared.settings import ConfigurationError
 from nena_shared.web.problem import refusal
 from nena_shared.web.rate_limit import RateLimit
 from nena_shared.web.settings import HttpSettings
-from nena_shared.web.users import Role, User, UserBook
+from nena_shared.web.users import Role, User, UserBook, users_of
 
 log = get_logger(__name__)
 
@@ -85,6 +85,8 @@ class AccessControl:
         if user.role < role:
             detail = f"{user.name} is {user.role.name.lower()}; this takes the role {role.name.lower()}."
             raise Refused(HTTPStatus.FORBIDDEN, detail)
+        if role > Role.VIEWER:
+            log.info("command let in", user=user.name, method=scope["method"], path=scope["path"])
         return user
 
     def _who(self, token: str, address: str) -> User | None:
@@ -107,6 +109,16 @@ class AccessControl:
         if seconds := limit.wait(asker, now, cost=cost):
             detail = f"Too many requests. Ask again in {seconds:.1f} s."
             raise Refused(HTTPStatus.TOO_MANY_REQUESTS, detail, **{"retry-after": str(ceil(seconds))})
+
+
+def protect(app: ASGIApp, settings: HttpSettings, role_needed: RoleNeeded) -> AccessControl:
+    """Put access control before ``app``, with the users that the settings name.
+
+    Raises:
+        ConfigurationError: the file of users cannot be used.
+
+    """
+    return AccessControl(app, settings, role_needed, users_of(settings))
 
 
 def token_of(headers: Headers) -> str:

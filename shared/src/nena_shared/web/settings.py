@@ -19,6 +19,10 @@ class HttpSettings(SettingsGroup):
     users: Path | None = Field(
         None, description="File of those who may log in, made by `nena-deploy user add`; none: everybody may."
     )
+    first_user: bool = Field(
+        default=False,
+        description="Where the file of users is missing, make it with an admin; its token is put beside it.",
+    )
     tls_certificate: Path | None = Field(None, description="PEM file with the service's certificate: https.")
     tls_key: Path | None = Field(None, description="PEM file with the key of the certificate.")
     reverse_proxy: bool = Field(

@@ -23,7 +23,11 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
+from nena_shared.log import get_logger
 from nena_shared.settings import ConfigurationError
+from nena_shared.web.settings import HttpSettings
+
+log = get_logger(__name__)
 
 TOKEN_PREFIX = "nena_"  # noqa: S105 - what secret scanners know our tokens by
 TOKEN_BYTES = 32
@@ -70,6 +74,20 @@ def hash_of(token: str) -> str:
     return hashlib.sha256(token.encode()).hexdigest()
 
 
+def users_of(settings: HttpSettings) -> UserBook | None:
+    """Give those who may log in to a service; None: nobody has to.
+
+    Raises:
+        ConfigurationError: the file that the settings name cannot be used.
+
+    """
+    if settings.users is None:
+        return None
+    if settings.first_user and (secret := make_first_user(settings.users)):
+        log.warning("the first user is made: admin", token_file=str(secret))
+    return UserBook(settings.users)
+
+
 def read_users(path: Path) -> tuple[User, ...]:
     """Read a file of users.
 
@@ -100,13 +118,36 @@ def write_users(path: Path, users: Iterable[User]) -> None:
         lines += ["\n[[user]]\n", f'name = "{user.name}"\n', f'role = "{user.role.name.lower()}"\n']
         lines += [f'token_sha256 = "{user.token_sha256}"\n']
     draft = path.with_name(f".{path.name}.new")
-    with os.fdopen(
-        os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o640), "w", encoding="utf-8"
-    ) as file:
-        file.write("".join(lines))
-        file.flush()
-        os.fsync(file.fileno())
+    _write(draft, "".join(lines), 0o640)
     draft.replace(path)
+
+
+def make_first_user(path: Path) -> Path | None:
+    """Make the file of users where it is missing, with one admin; gives the file that holds the token.
+
+    Programs that start at the same time make it once. None: it is there.
+
+    Raises:
+        ConfigurationError: it cannot be written.
+
+    """
+    if path.exists():
+        return None
+    token, draft = new_token(), path.with_name(f".{path.name}.{secrets.token_hex(8)}")
+    told, secret = draft.with_name(f"{draft.name}.token"), path.with_name(f"{path.name}.token")
+    try:
+        write_users(draft, [User(name="admin", role=Role.ADMIN, token_sha256=hash_of(token))])
+        _write(told, f"{token}\n", 0o600)
+        os.link(draft, path)
+        told.replace(secret)
+    except FileExistsError:
+        return None
+    except OSError as error:
+        raise ConfigurationError([f"http.users: {path}: {error.strerror}"]) from error
+    finally:
+        draft.unlink(missing_ok=True)
+        told.unlink(missing_ok=True)
+    return secret
 
 
 class UserBook:
@@ -146,3 +187,11 @@ class UserBook:
         except OSError:
             return (0, 0, 0)
         return (status.st_ino, status.st_mtime_ns, status.st_size)
+
+
+def _write(path: Path, text: str, mode: int) -> None:
+    flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
+    with os.fdopen(os.open(path, flags, mode), "w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())

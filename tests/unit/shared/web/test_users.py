@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import stat
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_shared.settings import ConfigurationError
-from nena_shared.web.users import Role, User, UserBook, hash_of, new_token, read_users, write_users
+from nena_shared.web.settings import HttpSettings
+from nena_shared.web.users import (
+    Role,
+    User,
+    UserBook,
+    hash_of,
+    make_first_user,
+    new_token,
+    read_users,
+    users_of,
+    write_users,
+)
 
 names = st.from_regex(r"[A-Za-z0-9_.@-]{1,64}", fullmatch=True)
 users = st.builds(User, name=names, role=st.sampled_from(Role), token_sha256=st.text().map(hash_of))
@@ -75,6 +87,42 @@ def test_a_file_that_breaks_lets_nobody_in(tmp_path: Path) -> None:
     write_users(tmp_path / "u", [someone("ann", "a")])
 
     assert book.who("a") == someone("ann", "a")
+
+
+def test_the_first_user_is_made_once_and_its_token_is_for_its_owner_alone(tmp_path: Path) -> None:
+    file = tmp_path / "users.toml"
+    secret = make_first_user(file)
+
+    assert secret is not None
+    assert stat.S_IMODE(secret.stat().st_mode) == 0o600
+    user = UserBook(file).who(secret.read_text().strip())
+    assert user is not None
+    assert (user.name, user.role) == ("admin", Role.ADMIN)
+    assert make_first_user(file) is None
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["users.toml", "users.toml.token"]
+
+
+def test_programs_that_start_together_agree_on_the_first_user(tmp_path: Path) -> None:
+    file = tmp_path / "users.toml"
+    with ThreadPoolExecutor(8) as pool:
+        made = [each for each in pool.map(lambda _: make_first_user(file), range(8)) if each]
+
+    assert len(made) == 1
+    assert UserBook(file).who(made[0].read_text().strip()) is not None
+
+
+def test_a_place_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="No such file or directory"):
+        make_first_user(tmp_path / "none" / "users.toml")
+
+
+def test_the_settings_say_whether_one_has_to_log_in(tmp_path: Path) -> None:
+    file = tmp_path / "users.toml"
+
+    assert users_of(HttpSettings(port=0)) is None
+    with pytest.raises(ConfigurationError, match="No such file"):
+        users_of(HttpSettings(port=0, users=file))
+    assert users_of(HttpSettings(port=0, users=file, first_user=True)) is not None
 
 
 @pytest.mark.parametrize(

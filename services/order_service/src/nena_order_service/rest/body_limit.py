@@ -7,8 +7,7 @@ from http import HTTPStatus
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from nena_order_service.rest.problems import answer
-from nena_shared.fleet_api.transport_order import Problem
+from nena_shared.web.problem import refusal
 
 
 class BodyLimit:
@@ -41,8 +40,7 @@ class BodyLimit:
 
     async def _refuse(self, scope: Scope, receive: Receive, send: Send) -> None:
         status = HTTPStatus.REQUEST_ENTITY_TOO_LARGE
-        response = answer(Problem(title=status.phrase, status=status, detail=self._detail))
-        await response(scope, receive, send)
+        await refusal(status, self._detail)(scope, receive, send)
 
 
 def _announced(scope: Scope) -> int:

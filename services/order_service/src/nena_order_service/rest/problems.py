@@ -12,20 +12,9 @@ from starlette.exceptions import HTTPException
 from nena_order_service.problems import FORESEEN, problem_of
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.log import get_logger
+from nena_shared.web.problem import answer
 
 log = get_logger(__name__)
-
-MEDIA_TYPE = "application/problem+json"
-
-
-def answer(problem: Problem, headers: dict[str, str] | None = None) -> Response:
-    """Put a problem into a response."""
-    return Response(
-        problem.model_dump_json(by_alias=True, exclude_none=True),
-        status_code=problem.status,
-        media_type=MEDIA_TYPE,
-        headers=headers,
-    )
 
 
 def install(app: FastAPI) -> None:

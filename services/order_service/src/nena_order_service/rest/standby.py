@@ -10,6 +10,7 @@ from fastapi import FastAPI, Request, Response
 from nena_order_service.rest import problems
 from nena_order_service.rest.bodies import Readiness
 from nena_shared.fleet_api.transport_order import Problem
+from nena_shared.web.problem import answer
 
 RETRY_AFTER = "1"
 """Seconds; a takeover takes a few."""
@@ -66,4 +67,4 @@ def _go_there(active_url: str, path: str) -> Response:
     headers = {"Retry-After": RETRY_AFTER}
     if active_url:
         headers["Link"] = f'<{active_url}{path}>; rel="alternate"'
-    return problems.answer(problem, headers)
+    return answer(problem, headers)

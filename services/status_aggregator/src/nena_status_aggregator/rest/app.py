@@ -12,7 +12,7 @@ from starlette.types import Scope
 
 from nena_shared.web.access import AccessControl
 from nena_shared.web.settings import HttpSettings
-from nena_shared.web.users import UserBook
+from nena_shared.web.users import users_of
 from nena_status_aggregator import panel
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.metrics.exposition import Exposition
@@ -54,8 +54,7 @@ def make_app(
         redoc_url=None,
     )
     problem.install(app)
-    book = UserBook(http.users) if http.users else None
-    app.add_middleware(AccessControl, settings=http, role_needed=make_rule(http), book=book)
+    app.add_middleware(AccessControl, settings=http, role_needed=make_rule(http), book=users_of(http))
     app.add_middleware(SecurityHeaders)
     app.include_router(session.make_router())
     app.include_router(resources.make_router(aggregator))

@@ -1,0 +1,27 @@
+from __future__ import annotations
+
+import pytest
+
+from nena_order_service.rest.roles import role_needed
+from nena_shared.web.users import Role
+
+
+@pytest.mark.parametrize(
+    ("request_line", "role"),
+    [
+        ("GET /healthz", None),
+        ("GET /readyz", None),
+        ("GET /readyz/more", Role.VIEWER),
+        ("GET /openapi.json", Role.VIEWER),
+        ("GET /v1/transportOrders", Role.VIEWER),
+        ("HEAD /v1/vehicles", Role.VIEWER),
+        ("POST /v1/transportOrders", Role.OPERATOR),
+        ("POST /v1/transportOrders/TO-1/withdrawal", Role.OPERATOR),
+        ("PUT /v1/vehicles/Robot-01/pause", Role.OPERATOR),
+        ("GET /v1/plantModel", Role.VIEWER),
+        ("PUT /v1/plantModel", Role.ADMIN),
+        ("DELETE /anything", Role.OPERATOR),
+    ],
+)
+def test_what_a_request_takes(request_line: str, role: Role | None) -> None:
+    assert role_needed(*request_line.split()) == role
