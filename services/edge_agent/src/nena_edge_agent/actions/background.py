@@ -32,7 +32,12 @@ class BackgroundAction:
         self._report = report
         report(ActionReport(action_id, ActionStatus.RUNNING))
         self._task = asyncio.create_task(self._run(work), name=f"action {action_id}")
-        self._task.add_done_callback(self._ended)
+        self._task.add_done_callback(self._over)
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more comes of it."""
+        return self._task.done()
 
     def pause(self) -> None:
         """Do nothing: such actions declare that they cannot be held."""
@@ -56,7 +61,7 @@ class BackgroundAction:
             log.exception("an action failed", action=self._action_id)
             self._fail(f"the plug-in failed: {error}")
 
-    def _ended(self, task: asyncio.Task[None]) -> None:
+    def _over(self, task: asyncio.Task[None]) -> None:
         if task.cancelled():
             self._fail("cancelled")
 

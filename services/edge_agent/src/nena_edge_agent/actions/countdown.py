@@ -19,10 +19,11 @@ class Countdown:
         self._report = report
         self._done = done
         self._timer: asyncio.TimerHandle | None = None
+        self._ended = False
 
     def start(self) -> None:
         """Let the time run."""
-        self._timer = asyncio.get_running_loop().call_later(self._left, self._done)
+        self._timer = asyncio.get_running_loop().call_later(self._left, self._over)
         self._report(ActionReport(self._action_id, ActionStatus.RUNNING))
 
     def pause(self) -> None:
@@ -34,13 +35,19 @@ class Countdown:
 
     def resume(self) -> None:
         """Let the time run on."""
-        if self._timer is None:
+        if self._timer is None and not self._ended:
             self.start()
 
     def cancel(self) -> None:
         """End before the time is over."""
-        self._stop()
-        self._report(ActionReport(self._action_id, ActionStatus.FAILED, "cancelled"))
+        if not self._ended:
+            self._ended = True
+            self._stop()
+            self._report(ActionReport(self._action_id, ActionStatus.FAILED, "cancelled"))
+
+    def _over(self) -> None:
+        self._ended, self._timer = True, None
+        self._done()
 
     def _stop(self) -> None:
         if self._timer is not None:

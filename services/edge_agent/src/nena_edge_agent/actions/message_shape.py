@@ -53,6 +53,17 @@ class Listing:
     exactly: int | None = None
     most: int | None = None
 
+    def holds(self, count: int) -> bool:
+        """Tell whether there may be so many values."""
+        return self.exactly in (None, count) and (self.most is None or count <= self.most)
+
+    @property
+    def words(self) -> str:
+        """What it is, for people."""
+        if self.exactly is not None:
+            return f"an array of {self.exactly} values"
+        return "an array" if self.most is None else f"an array of {self.most} values at most"
+
 
 @dataclass(frozen=True, slots=True)
 class Record:
@@ -88,8 +99,7 @@ def problems(
             for key, value in template.items():
                 yield from _field_problems(key, value, shape, types, path)
         case list(), Listing():
-            for number, value in enumerate(template):
-                yield from problems(value, shape.item, types, f"{path}.{number}")
+            yield from _item_problems(template, shape, types, path)
         case str(), Listing() if whole(template):
             return  # an array as a whole; its items are looked at when it is there
         case _:
@@ -145,6 +155,15 @@ def _field_problems(
         yield from problems(value, shape, types, f"{path}.{key}")
 
 
+def _item_problems(
+    items: list[JsonValue], listing: Listing, types: Mapping[str, ValueDataType], path: str
+) -> Iterator[str]:
+    if not listing.holds(len(items)):
+        yield f"{path}: {items!r} is not {listing.words}"
+    for number, value in enumerate(items):
+        yield from problems(value, listing.item, types, f"{path}.{number}")
+
+
 def _scalar(value: JsonValue, scalar: Scalar, path: str) -> Any:  # noqa: ANN401
     match scalar.kind, value:
         case ScalarKind.TRUTH, bool():
@@ -168,11 +187,8 @@ def _limits(scalar: Scalar) -> str:
 
 
 def _listing(value: JsonValue, listing: Listing, path: str) -> list[Any]:
-    count = len(value) if isinstance(value, list) else -1
-    short = listing.exactly is not None and count != listing.exactly
-    if not isinstance(value, list) or short or (listing.most is not None and count > listing.most):
-        limit = listing.exactly if listing.exactly is not None else listing.most
-        text = f"{path}: {value!r} is not an array" + ("" if limit is None else f" of {limit} values")
+    if not isinstance(value, list) or not listing.holds(len(value)):
+        text = f"{path}: {value!r} is not {listing.words}"
         raise FieldError(text)
     return [conformed(each, listing.item, f"{path}.{number}") for number, each in enumerate(value)]
 

@@ -126,12 +126,12 @@ class _Steered(BackgroundAction):
 
     def pause(self) -> None:
         """Send what holds it."""
-        if self._command:
+        if self._command and not self.ended:
             self._command.pause(self._values)
             self._report(ActionReport(self._action_id, ActionStatus.PAUSED))
 
     def resume(self) -> None:
         """Send what has it go on."""
-        if self._command:
+        if self._command and not self.ended:
             self._command.resume(self._values)
             self._report(ActionReport(self._action_id, ActionStatus.RUNNING))

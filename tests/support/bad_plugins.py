@@ -1,0 +1,235 @@
+"""Plug-ins that do not keep the contract, each in its own way: the suite must find every one of them."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections.abc import Callable
+from typing import Any, cast
+
+from nena_edge_agent.actions.plugin import Report, RunningAction
+from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
+from nena_edge_agent.protocol.events import ActionReport
+from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
+from nena_shared.vda5050.state import Load
+
+NODE = (ActionScope.NODE,)
+GOOD = ActionDeclaration("good", NODE, pause_allowed=True, cancel_allowed=True)
+
+
+class Good:
+    """Keeps the contract; the bad ones differ from it in one point. Runs until it is cancelled, or 0.8 s."""
+
+    declaration = GOOD
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
+        return Running(action.action_id, report)
+
+
+class Running:
+    def __init__(self, action_id: str, report: Report, *, seconds: float = 0.8) -> None:
+        self.action_id = action_id
+        self.report = report
+        self.left = seconds
+        self.ended = False
+        self.tell(ActionStatus.RUNNING)
+        self.go_on()
+
+    def tell(self, status: ActionStatus, result: str | None = None) -> None:
+        self.report(ActionReport(self.action_id, status, result))
+
+    def go_on(self) -> None:
+        self.timer = asyncio.get_running_loop().call_later(self.left, self.finish)
+
+    def finish(self) -> None:
+        self.end(ActionStatus.FINISHED, "done")
+
+    def end(self, status: ActionStatus, result: str | None) -> None:
+        if not self.ended:
+            self.ended = True
+            self.timer.cancel()
+            self.tell(status, result)
+
+    def pause(self) -> None:
+        if not self.ended:
+            self.timer.cancel()
+            self.tell(ActionStatus.PAUSED)
+
+    def resume(self) -> None:
+        if not self.ended:
+            self.tell(ActionStatus.RUNNING)
+            self.go_on()
+
+    def cancel(self) -> None:
+        self.end(ActionStatus.FAILED, "cancelled")
+
+
+def made(kind: Callable[[str, Report], Any] = Running, declaration: ActionDeclaration = GOOD) -> Good:
+    """Make a plug-in whose actions are of ``kind``."""
+
+    class Made(Good):
+        def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
+            return cast("RunningAction", kind(action.action_id, report))
+
+    plugin = Made()
+    plugin.declaration = declaration
+    return plugin
+
+
+class Blocks(Running):
+    """Does its work in the agent's own thread."""
+
+    def __init__(self, action_id: str, report: Report) -> None:
+        time.sleep(0.7)
+        super().__init__(action_id, report)
+
+
+class BlocksLater(Running):
+    def finish(self) -> None:
+        end = time.monotonic() + 0.7
+        while time.monotonic() < end:
+            sum(range(1000))
+        super().finish()
+
+
+class Hangs(Running):
+    """Never comes back."""
+
+    def __init__(self, action_id: str, report: Report) -> None:
+        threading.Event().wait()
+        super().__init__(action_id, report)
+
+
+class Raises(Running):
+    def __init__(self, action_id: str, report: Report) -> None:  # noqa: ARG002
+        message = "no hydraulic pressure"
+        raise RuntimeError(message)
+
+
+class Silent(Running):
+    def tell(self, status: ActionStatus, result: str | None = None) -> None:
+        """Say nothing."""
+
+
+class TellsOfAnother(Running):
+    def tell(self, status: ActionStatus, result: str | None = None) -> None:
+        self.report(ActionReport("another", status, result))
+
+
+class TellsNoReports(Running):
+    def tell(self, status: ActionStatus, result: str | None = None) -> None:  # noqa: ARG002
+        self.report(cast("ActionReport", status.value))
+
+
+class EndsTwice(Running):
+    def finish(self) -> None:
+        super().finish()
+        self.tell(ActionStatus.FAILED, "after all")
+
+
+class NeverEnds(Running):
+    def go_on(self) -> None:
+        self.timer = asyncio.get_running_loop().call_later(3600, self.finish)
+
+
+class CannotGiveUp(Running):
+    def cancel(self) -> None:
+        """Go on."""
+
+
+class RaisesAtCancel(Running):
+    def cancel(self) -> None:
+        message = "not now"
+        raise RuntimeError(message)
+
+
+class GivesNoReason(Running):
+    def cancel(self) -> None:
+        self.end(ActionStatus.FAILED, None)
+
+
+class DoesNotHold(Running):
+    def pause(self) -> None:
+        """Go on."""
+
+
+class WorksInThePause(Running):
+    def pause(self) -> None:
+        if not self.ended:
+            self.tell(ActionStatus.PAUSED)
+            self.timer.cancel()
+            self.timer = asyncio.get_running_loop().call_later(0.05, self.tell, ActionStatus.RUNNING, "on")
+
+
+class TalksBehindTheEnd(Running):
+    def resume(self) -> None:
+        self.tell(ActionStatus.RUNNING)
+
+
+class LeavesATask(Running):
+    def __init__(self, action_id: str, report: Report) -> None:
+        super().__init__(action_id, report)
+        self.task = asyncio.create_task(asyncio.sleep(3600), name="forgotten")
+
+
+class LeavesAThread(Running):
+    def __init__(self, action_id: str, report: Report) -> None:
+        super().__init__(action_id, report)
+        threading.Thread(target=threading.Event().wait, args=(20,), name="forgotten", daemon=True).start()
+
+
+class OneAtATime(Good):
+    """Keeps its action in itself, so that a second one takes the place of the first."""
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
+        self.action_id = action.action_id
+
+        def tell(told: ActionReport) -> None:
+            report(ActionReport(self.action_id, told.status, told.result))
+
+        return Running(action.action_id, tell)
+
+
+def _check(_: Action) -> str | None:
+    message = "no check today"
+    raise KeyError(message)
+
+
+KEY = Parameter("key", ValueDataType.STRING)
+
+BAD: dict[str, tuple[Good, str]] = {
+    "blocks": (made(Blocks), "Does not block"),
+    "blocks later": (made(BlocksLater), "Does not block"),
+    "raises": (made(Raises), "Start to end"),
+    "gives nothing": (made(lambda *_: None), "Start to end"),
+    "gives no running action": (made(lambda *_: object()), "Start to end"),
+    "silent": (made(Silent), "Start to end"),
+    "tells of another": (made(TellsOfAnother), "Start to end"),
+    "tells no reports": (made(TellsNoReports), "Start to end"),
+    "ends twice": (made(EndsTwice), "Start to end"),
+    "never ends": (made(NeverEnds, ActionDeclaration("good", NODE)), "Start to end"),
+    "cannot give up": (made(CannotGiveUp), "Cancel"),
+    "raises at cancel": (made(RaisesAtCancel), "Cancel"),
+    "gives no reason": (made(GivesNoReason), "Cancel"),
+    "does not hold": (made(DoesNotHold), "Pause and resume"),
+    "works in the pause": (made(WorksInThePause), "Pause and resume"),
+    "talks behind the end": (made(TalksBehindTheEnd), "Behind the end"),
+    "leaves a task": (made(LeavesATask), "Nothing left"),
+    "leaves a thread": (made(LeavesAThread), "Nothing left"),
+    "one at a time": (OneAtATime(), "Two at a time"),
+    "is the agent's": (made(declaration=ActionDeclaration("cancelOrder", NODE)), "Declaration"),
+    "has no scope": (made(declaration=ActionDeclaration("good", ())), "Declaration"),
+    "has a key twice": (made(declaration=ActionDeclaration("good", NODE, (KEY, KEY))), "Declaration"),
+    "cannot be told": (
+        made(declaration=ActionDeclaration("good", NODE, description=cast("str", 7))),
+        "Declaration",
+    ),
+    "cannot judge": (made(declaration=ActionDeclaration("good", NODE, check=_check)), "Check beforehand"),
+    "judges by no sentence": (
+        made(declaration=ActionDeclaration("good", NODE, check=lambda _: cast("str", 7))),
+        "Check beforehand",
+    ),
+}
+"""By what is wrong: the plug-in, and the check that finds it."""
