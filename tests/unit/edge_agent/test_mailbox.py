@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import asyncio
 
-from nena_edge_agent.driver.port import Arrived, BatteryReport
+from nena_edge_agent.driver.port import Arrived, BatteryReport, DriveProgress
 from nena_edge_agent.mailbox import MESSAGE_LIMIT, Mailbox
 from nena_edge_agent.protocol.events import OrderReceived, Started
 from support.robot_core import at, order
@@ -18,13 +18,15 @@ def test_events_come_out_in_their_order_and_once() -> None:
     assert mailbox.empty
 
 
-def test_of_poses_and_battery_reports_only_the_newest_waits() -> None:
+def test_of_poses_battery_reports_and_progress_only_the_newest_waits() -> None:
     mailbox = Mailbox()
     for number in range(5):
         mailbox.put(at(float(number)))
         mailbox.put(BatteryReport(state_of_charge=float(number), charging=False))
+        mailbox.put(DriveProgress(float(number), 0, "map"))
 
-    assert mailbox.take() == [at(4.0), BatteryReport(state_of_charge=4.0, charging=False)]
+    newest = [at(4.0), BatteryReport(state_of_charge=4.0, charging=False), DriveProgress(4.0, 0, "map")]
+    assert mailbox.take() == newest
 
 
 def test_a_pose_stays_before_the_arrival_that_it_proves() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 
-from nena_edge_agent.driver.port import BatteryReport, GoalTable, PlanReport, PoseReport
+from nena_edge_agent.driver.port import BatteryReport, DriveProgress, GoalTable, PlanReport, PoseReport
 from nena_edge_agent.protocol.events import (
     Event,
     InstantActionsReceived,
@@ -19,13 +19,13 @@ MESSAGE_LIMIT = 100
 """Messages of fleet control that may wait."""
 
 _MESSAGES = (OrderReceived, InstantActionsReceived, ZoneSetReceived, ResponsesReceived, MessageRefused)
-_SUPERSEDED = (PoseReport, BatteryReport, GoalTable, PlanReport)
+_SUPERSEDED = (PoseReport, BatteryReport, GoalTable, PlanReport, DriveProgress)
 
 
 class Mailbox:
     """Collects events for one task.
 
-    Of poses, battery reports, plans and tables of goals only the newest waits. Messages beyond the limit are
+    Of poses, battery reports, plans, progress and tables of goals only the newest waits. Messages beyond the limit are
     dropped and counted: fleet control sends them again until a state echoes them. All else is an answer to
     something that the core has asked for, a handful per goal and action, and is never dropped.
     """

@@ -23,6 +23,7 @@ from nena_edge_agent.driver.port import (
     Arrived,
     BatteryReport,
     DriveGoal,
+    DriveProgress,
     DriverEvent,
     Halted,
     NavigationReport,
@@ -162,3 +163,8 @@ def test_there_and_back_is_the_same_place(text: str, x: float, y: float, theta: 
     back = frame.to_plant(frame.to_map(Pose(x, y, theta, "hall")))
     assert (back.x, back.y) == pytest.approx((x, y), abs=1e-6)
     assert cos(back.theta - theta) == pytest.approx(1.0)
+
+
+def test_the_way_that_is_left_is_in_metres_of_the_plant() -> None:
+    assert FRAME.event(DriveProgress(8.0, 1, "hall")) == DriveProgress(4.0, 1, "hall")
+    assert FRAME.event(DriveProgress(8.0, 1, "attic")) == DriveProgress(8.0, 1, "attic")

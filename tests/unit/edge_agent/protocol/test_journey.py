@@ -6,7 +6,7 @@ from datetime import timedelta
 
 import pytest
 
-from nena_edge_agent.driver.port import PlanReport
+from nena_edge_agent.driver.port import DriveProgress, PlanReport
 from nena_edge_agent.protocol.events import Started
 from nena_shared.vda5050.state import State
 from support.robot_core import HEADER, Bench, at, order
@@ -114,3 +114,14 @@ def test_after_a_restart_the_way_begins_at_the_last_node(bench: Bench) -> None:
     again = Bench(memory=bench.core.memory(), ready=False)
     again.do(at(6.0), Started())
     assert again.state.distance_since_last_node == pytest.approx(6.0)
+
+
+def test_what_is_left_is_what_navigation_says_where_it_sends_no_plan(bench: Bench) -> None:
+    drive(bench, 0.0, 5.0)
+    bench.do(DriveProgress(7.5, 2, "map"))
+    assert references(bench.state)["goalDistanceLeft"] == "7.50"
+    assert references(bench.state)["recoveries"] == "2"
+    drive(bench, 5.0, 10.0)
+    bench.arrive()
+    assert references(bench.state)["goalDistanceLeft"] == "10.00"
+    assert "recoveries" not in references(bench.state)

@@ -70,3 +70,21 @@ def test_begin_and_end_of_moving_are_noticed() -> None:
     moving = localisation()
     velocities = [(0.0, 0.0), (0.001, 0.0), (0.5, 0.0), (0.6, 0.0), (0.0, 0.4), (0.0, 0.0)]
     assert [moving.on_velocity(each) for each in velocities] == [True, False, True, False, False, True]
+
+
+def test_a_nearer_place_counts_until_a_pose_comes_that_is_newer() -> None:
+    known = localisation()
+    assert known.on_nearer(1.5, 2.0, 0.5, "map") is None
+    known.on_reading(READING)
+    nearer = MapPose(1.5, 2.0, 0.5, "hall")
+    assert known.on_nearer(1.5, 2.0, 0.5, "/map") == nearer
+    later = replace(READING, x=1.2, stamp=READING.stamp + 1)
+    assert known.on_reading(later, old=True) == nearer
+    latest = replace(READING, x=1.3, stamp=READING.stamp + 2)
+    assert known.on_reading(latest) == MapPose(1.3, 2.0, 0.5, "hall")
+
+
+def test_a_nearer_place_in_another_frame_is_passed_over() -> None:
+    known = localisation()
+    known.on_reading(READING)
+    assert known.on_nearer(1.5, 2.0, 0.5, "odom") is None

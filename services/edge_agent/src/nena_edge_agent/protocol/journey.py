@@ -77,9 +77,13 @@ class Journey:
         goal = parts.goal.pose
         if parts.goal.target is None or goal is None or pose is None:
             return None
-        plan = self.plan
-        left = _along(plan, pose) if plan else _apart(pose, goal)
-        return Way(self._since_node, left)
+        return Way(self._since_node, self._left_to(goal, pose))
+
+    @property
+    def recoveries(self) -> int:
+        """How often navigation has had to recover on the drive under way, as far as it tells."""
+        progress = self._parts.senses.progress
+        return progress.recoveries if progress and self._parts.goal.target is not None else 0
 
     @property
     def to_end(self) -> Way | None:
@@ -100,6 +104,13 @@ class Journey:
         if self._parts.goal.target is None or plan is None or goal is None:
             return None
         return plan if dist(plan.points[-1], (goal.x, goal.y)) <= PLAN_TOLERANCE else None
+
+    def _left_to(self, goal: Pose, pose: Pose) -> float:
+        """Give the way that is left to a goal: by the plan, else as navigation says it, else straight."""
+        plan, progress = self.plan, self._parts.senses.progress
+        if plan:
+            return _along(plan, pose)
+        return progress.left if progress else _apart(pose, goal)
 
     def _from_node(self) -> float:
         """Give the straight way from the last node to a robot that has left it."""

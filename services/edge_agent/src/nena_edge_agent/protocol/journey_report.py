@@ -19,6 +19,8 @@ def progress_information(journey: Journey) -> tuple[Information, ...]:
     if not known:
         return ()
     references = [each for name, way in known.items() for each in _references(name, way)]
+    if journey.recoveries:
+        references.append(_reference("recoveries", str(journey.recoveries)))
     sentences = [
         f"{way.left:.1f} m of the {name} are left, {way.percent} % driven" for name, way in known.items()
     ]

@@ -9,6 +9,7 @@ from nena_edge_agent.driver.port import (
     BatteryReport,
     BlockedReport,
     Circle,
+    DriveProgress,
     GoalTable,
     NavigationReport,
     PlanReport,
@@ -47,6 +48,7 @@ class Senses:
     goals: GoalTable = NO_GOALS
     blocked: BlockedReport | None = None
     plan: PlanReport | None = None
+    progress: DriveProgress | None = None
     safety: SafetyReport = SAFE
     pause_button: bool = False
     session: SessionReport | None = None

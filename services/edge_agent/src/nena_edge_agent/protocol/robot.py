@@ -11,6 +11,7 @@ from nena_edge_agent.driver.port import (
     BatteryReport,
     BlockedReport,
     DriveFailed,
+    DriveProgress,
     GoalTable,
     Halted,
     NavigationReport,
@@ -250,6 +251,7 @@ class RobotCore:
             Halted: lambda _: self._travel.halted(),
             NavigationReport: self._travel.navigation_changed,
             PlanReport: self._plan_reported,
+            DriveProgress: self._progress_reported,
             BlockedReport: self._blocked_reported,
             NoRouteReport: self._no_route_reported,
             PoseReport: self._pose_reported,
@@ -320,6 +322,9 @@ class RobotCore:
 
     def _session_reported(self, event: SessionReport) -> None:
         self._parts.senses.session = event
+
+    def _progress_reported(self, event: DriveProgress) -> None:
+        self._parts.senses.progress = event
 
     def _blocked_reported(self, event: BlockedReport) -> None:
         self._parts.senses.blocked = event if event.blocked else None

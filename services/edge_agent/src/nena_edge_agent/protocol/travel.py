@@ -201,6 +201,7 @@ class Travel:
             generation=goal.generation,
             maximum_speed=parts.progress.edges[0].maximum_speed,
         )
+        parts.senses.progress = None  # it was that of the goal before
         listed = parts.senses.goals.goals
         goal.give(drive.pose, listed[-1].goal_id if listed else "")
         parts.effects.append(Drive(drive))

@@ -15,6 +15,21 @@ class PublishGoal:
 
 
 @dataclass(frozen=True, slots=True)
+class SendGoal:
+    """Send the goal to the action's server, under this id; it answers."""
+
+    goal: MapGoal
+    goal_id: str
+
+
+@dataclass(frozen=True, slots=True)
+class AskResult:
+    """Ask the action's server for the result of the goal, which it gives when the goal has ended."""
+
+    goal_id: str
+
+
+@dataclass(frozen=True, slots=True)
 class CancelGoal:
     """Call the cancel service for this goal alone (zero stamp)."""
 
@@ -33,4 +48,4 @@ class Report:
     event: MapDriverEvent
 
 
-Command = PublishGoal | CancelGoal | RequestPose | Report
+Command = PublishGoal | SendGoal | AskResult | CancelGoal | RequestPose | Report

@@ -23,6 +23,7 @@ class Localisation:
         self._settings = settings
         self._map_id = map_id
         self._reading: PoseReading | None = None
+        self._nearer: MapPose | None = None
         self._velocity: tuple[float, float] | None = None
         self._frame_told: str | None = None
 
@@ -31,15 +32,29 @@ class Localisation:
         """Whether a pose has come."""
         return self._reading is not None
 
-    def on_reading(self, reading: PoseReading) -> MapPose | None:
-        """Take a pose; gives it in the plant's frame where it is new, and in the frame of the settings."""
+    def on_reading(self, reading: PoseReading, *, old: bool = False) -> MapPose | None:
+        """Take a pose; gives where the robot is by it, where it is new, and in the frame of the settings.
+
+        ``old``: a nearer place comes all the time, and stays.
+        """
         if reading.frame.removeprefix("/") != self._settings.frame:
             self._tell_frame(reading.frame)
             return None
         if self._reading is not None and _is_past(reading, self._reading):
             return None
         self._reading = reading
-        return self._pose(reading)
+        self._nearer = self._nearer if old else None
+        return self._nearer or self._pose(reading)
+
+    def on_nearer(self, x: float, y: float, yaw: float, frame: str) -> MapPose | None:
+        """Take a place (m, rad) that is newer than that of the pose; how sure it is, the pose still says.
+
+        None, and not taken, where it is in another frame or no pose has come.
+        """
+        if self._reading is None or frame.removeprefix("/") != self._settings.frame:
+            return None
+        self._nearer = MapPose(x, y, yaw, self._map_id)
+        return self._nearer
 
     def on_velocity(self, velocity: tuple[float, float]) -> bool:
         """Take m/s forward and rad/s; tells whether the robot has just begun or ceased to move."""
@@ -53,7 +68,8 @@ class Localisation:
         vx, omega = self._velocity or (None, None)
         sure = localized(self._reading, self._settings.localisation)
         problem = "" if sure else _spread(self._reading)
-        return MapPoseReport(self._pose(self._reading), localized=sure, vx=vx, omega=omega, problem=problem)
+        pose = self._nearer or self._pose(self._reading)
+        return MapPoseReport(pose, localized=sure, vx=vx, omega=omega, problem=problem)
 
     def _pose(self, reading: PoseReading) -> MapPose:
         return MapPose(reading.x, reading.y, reading.yaw, self._map_id)
