@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 
 import pytest
 
+from nena_shared.fleet_api.robot_map import topic_of_map
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import Vehicle
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
@@ -25,6 +26,7 @@ from support.fleet_examples import (
     visualization,
     way,
 )
+from support.robot_maps import robot_map
 from support.served_aggregator import EventReader, Served, serving
 
 pytestmark = pytest.mark.broker
@@ -241,3 +243,21 @@ async def test_a_robot_with_topics_of_its_own_in_the_plant_model_is_seen(
 
         peer.publish(own.of(ROBOT, Topic.CONNECTION), b"", retain=True)
     assert shown["connection"] == "ONLINE"
+
+
+async def test_the_map_of_a_robot_is_an_image_with_its_place(broker: Broker, served: Served) -> None:
+    robot = "/api/v1/robots/ACME/r1"
+    with MqttPeer(broker) as peer:
+        topic = topic_of_map(served.robots, ROBOT)
+        sent = robot_map(x=-2.0)
+        peer.publish(topic, sent.model_dump_json(by_alias=True), retain=True)
+        shown = await served.until(robot, lambda shown: shown.get("grid") is not None)
+        assert (shown["grid"]["x"], shown["grid"]["width"]) == (-2.0, 40)
+        image = await served.http.get(f"{robot}/map")
+        assert (image.headers["content-type"], image.content) == ("image/png", sent.png)
+        peer.publish(topic, b'{"mapId": "hall"}')
+        await served.metric('nena_messages_malformed_total{topic="robotMap"} 1.0')
+        assert (await served.http.get(f"{robot}/map")).content == sent.png
+        peer.publish(topic, b"", retain=True)
+        await served.until(robot, lambda shown: shown["grid"] is None)
+        assert (await served.http.get(f"{robot}/map")).status_code == 404

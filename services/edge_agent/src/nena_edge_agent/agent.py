@@ -47,6 +47,7 @@ from nena_edge_agent.recorder import Recorder
 from nena_edge_agent.schedule import StateSchedule, VisualizationSchedule
 from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings
 from nena_shared.clock import Clock
+from nena_shared.fleet_api.robot_map import RobotMap, topic_of_map
 from nena_shared.log import get_logger
 from nena_shared.mqtt import MqttLink, Outbound
 from nena_shared.tasks import Supervisor, TaskFailedError
@@ -125,6 +126,7 @@ class RobotAgent:
             interval=settings.interval.visualization, now=clock.monotonic()
         )
         self._greeting = False
+        self._map: Outbound | None = None
         self._link = self._connect(make_link)
 
     async def run(self, stop: asyncio.Event) -> None:
@@ -156,6 +158,12 @@ class RobotAgent:
         finally:
             self._runner.close()
             await self._driver.stop()
+
+    def publish_map(self, found: RobotMap) -> None:
+        """Have the broker keep what the robot's map looks like, now and after each connect."""
+        payload = found.model_dump_json(by_alias=True).encode()
+        self._map = Outbound(topic_of_map(self._topics, self.robot), payload, retain=True, keep=False)
+        self._link.publish(self._map)
 
     def cut_link(self, seconds: float) -> None:
         """Lose the broker without a farewell, for ``seconds``: for rehearsals."""
@@ -301,6 +309,8 @@ class RobotAgent:
         """Give what is published first on each connection; the robot's task sends the full state."""
         yield self._connection(ConnectionState.ONLINE)
         yield self._factsheet()
+        if self._map:
+            yield self._map
         self._greeting = True
         self._mailbox.wake()
 

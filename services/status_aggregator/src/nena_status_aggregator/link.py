@@ -10,6 +10,7 @@ from typing import TypeVar
 from pydantic import ValidationError
 
 from nena_shared.clock import Clock
+from nena_shared.fleet_api.robot_map import PAYLOAD_LIMIT, RobotMap, robot_of_map, topics_of_maps
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
@@ -100,6 +101,9 @@ class FleetLink:
                 scheme, MessageKind.VISUALIZATION, _in_brief(VisualizationBrief), self._take_visualization
             )
             self._hear(scheme, MessageKind.FACTSHEET, _in_full(Factsheet), self._take_factsheet)
+            read_map = partial(self._read_robot_map, scheme)
+            handle = partial(self._on_fleet_message, MessageKind.ROBOT_MAP, read_map)
+            self.mqtt.subscribe(topics_of_maps(scheme), handle)
 
     def _follow_orders(self) -> None:
         fleet = self._fleet_topics
@@ -158,6 +162,17 @@ class FleetLink:
 
     def _take_factsheet(self, key: RobotKey, message: Factsheet, at: Instant, _: Inbound) -> None:
         self._model.on_factsheet(key, message, at)
+
+    def _read_robot_map(self, scheme: TopicScheme, inbound: Inbound, at: Instant) -> None:
+        key = robot_of_map(scheme, inbound.topic)
+        if key is None or not self._share.has(key) or len(str(key)) > KEY_LENGTH:
+            return
+        if len(inbound.payload) > PAYLOAD_LIMIT:
+            problem = f"longer than {PAYLOAD_LIMIT} bytes"
+            self._malformed(MessageKind.ROBOT_MAP, inbound.topic, problem, at, key)
+            return
+        found = RobotMap.model_validate_json(inbound.payload) if inbound.payload else None
+        self._model.on_robot_map(key, found, at)
 
     def _read_plant_model(self, inbound: Inbound, _at: Instant) -> None:
         plant = PlantModel.from_json(inbound.payload) if inbound.payload else None

@@ -11,6 +11,7 @@ from nena_status_aggregator.fleet_model.robot_view import LIST_LIMIT, view_robot
 from nena_status_aggregator.fleet_model.views import RobotView
 from support.fleet_briefs import state
 from support.fleet_examples import ROBOT, START, factsheet
+from support.robot_maps import robot_map
 
 
 def shown(**fields: Any) -> RobotView:
@@ -64,3 +65,20 @@ def test_the_first_footprint_of_the_factsheet_is_the_outline() -> None:
     plain = view_robot(robot, silence_limit=35, skew_limit=2)["body"]
     assert plain is not None
     assert plain["outline"] is None
+
+
+def test_where_its_own_map_lies_is_told() -> None:
+    now = Instant.of(ManualClock(start=START))
+    robot = Robot(ROBOT, now)
+    assert view_robot(robot, silence_limit=35, skew_limit=2)["grid"] is None
+    robot.map = robot_map(x=-1.00004, theta=0.5)
+    assert view_robot(robot, silence_limit=35, skew_limit=2)["grid"] == {
+        "digest": "0123456789abcdef",
+        "mapId": "hall",
+        "x": -1.0,
+        "y": 0.0,
+        "theta": 0.5,
+        "resolution": 0.5,
+        "width": 40,
+        "height": 20,
+    }

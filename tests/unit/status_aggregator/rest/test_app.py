@@ -200,6 +200,7 @@ async def test_the_interface_is_described(client: httpx.AsyncClient) -> None:
         "/api/v1/fleet",
         "/api/v1/robots/{manufacturer}/{serial}",
         "/api/v1/robots/{manufacturer}/{serial}/actions",
+        "/api/v1/robots/{manufacturer}/{serial}/map",
         "/api/v1/orders",
         "/api/v1/plant",
         "/api/v1/session",

@@ -12,6 +12,7 @@ class MessageKind(StrEnum):
     STATE = "state"
     VISUALIZATION = "visualization"
     FACTSHEET = "factsheet"
+    ROBOT_MAP = "robotMap"
     ORDER_STATUS = "orderStatus"
     VEHICLE_STATUS = "vehicleStatus"
     PLANT_MODEL = "plantModel"

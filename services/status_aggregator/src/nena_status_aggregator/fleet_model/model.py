@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import inf
 
 from nena_shared.fleet_api.base import iso
+from nena_shared.fleet_api.robot_map import RobotMap
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant.model import PlantModel
@@ -16,6 +17,7 @@ from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet_model.chronicle import Chronicle, Tell
 from nena_status_aggregator.fleet_model.delta import Delta
 from nena_status_aggregator.fleet_model.instant import Instant
+from nena_status_aggregator.fleet_model.map_shelf import MapShelf
 from nena_status_aggregator.fleet_model.message_kind import MessageKind
 from nena_status_aggregator.fleet_model.order_book import OrderBook
 from nena_status_aggregator.fleet_model.order_view import view_order
@@ -54,6 +56,7 @@ class FleetModel:
         self.robots = RobotRegister(limits.robots, limits.silence)
         self.orders = OrderBook(limits.orders)
         self.statistics = Statistics()
+        self._maps = MapShelf()
         self._chronicle = Chronicle(self.statistics, tell, track_distance=limits.track_distance)
         self.plant: PlantModel | None = None
         self._key_of_vehicle: dict[str, RobotKey] = {}
@@ -95,6 +98,12 @@ class FleetModel:
         robot = self._meet(key, MessageKind.FACTSHEET, at)
         if robot is not None and self._is_news(robot, MessageKind.FACTSHEET, message):
             robot.factsheet = message
+
+    def on_robot_map(self, key: RobotKey, found: RobotMap | None, at: Instant) -> None:
+        """Take in what a robot's own map looks like, or that the broker keeps none any more."""
+        robot = self._meet(key, MessageKind.ROBOT_MAP, at)
+        if robot is not None:
+            robot.map = self._maps.shared(found) if found else None
 
     def on_malformed(
         self, kind: MessageKind, topic: str, problem: str, at: Instant, *, key: RobotKey | None = None

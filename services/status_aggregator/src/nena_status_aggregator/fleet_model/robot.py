@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import timedelta
 from math import inf
 
+from nena_shared.fleet_api.robot_map import RobotMap
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.vda5050.brief.state import PositionBrief, StateBrief, VelocityBrief, VisualizationBrief
 from nena_shared.vda5050.connection import Connection
@@ -42,6 +43,8 @@ class Robot:
         self.velocity: VelocityBrief | None = None
         self.factsheet: Factsheet | None = None
         self.vehicle: VehicleStatus | None = None
+        self.map: RobotMap | None = None
+        """What its own map looks like."""
         self.progress = OrderProgress()
         self.odometer = Odometer()
         self.tracked: PositionBrief | None = None

@@ -20,6 +20,7 @@ from nena_status_aggregator.fleet_model.views import (
     BatteryView,
     BodyView,
     ErrorView,
+    GridView,
     InformationView,
     KnownActionView,
     LoadView,
@@ -75,6 +76,7 @@ def view_robot(robot: Robot, *, silence_limit: float, skew_limit: float) -> Robo
         "velocity": _velocity(robot),
         "battery": _battery(state) if state else None,
         "maps": _maps(state) if state else None,
+        "grid": _grid(robot),
         "plan": _plan(state) if state else None,
         "loads": _loads(state) if state else None,
         "errors": [_error(each) for each in state.errors[:LIST_LIMIT]] if state else [],
@@ -130,6 +132,23 @@ def _maps(state: StateBrief) -> list[MapView] | None:
 def _plan(state: StateBrief) -> list[tuple[float, float]] | None:
     path = state.intermediate_path
     return [(round(each.x, 2), round(each.y, 2)) for each in path.polyline[:LIST_LIMIT]] if path else None
+
+
+def _grid(robot: Robot) -> GridView | None:
+    found = robot.map
+    if found is None:
+        return None
+    width, height = found.size
+    return {
+        "digest": found.digest,
+        "mapId": found.map_id,
+        "x": round(found.x, 4),
+        "y": round(found.y, 4),
+        "theta": round(found.theta, 6),
+        "resolution": found.resolution,
+        "width": width,
+        "height": height,
+    }
 
 
 def _loads(state: StateBrief) -> list[LoadView] | None:

@@ -40,6 +40,22 @@ class MapView(TypedDict):
     status: str
 
 
+class GridView(TypedDict):
+    """The robot's own map as an image: its lower left corner (m, rad), m per pixel, and pixels.
+
+    The image is at ``/api/v1/robots/{manufacturer}/{serial}/map``; another ``digest``: it is another one.
+    """
+
+    digest: str
+    mapId: str
+    x: float
+    y: float
+    theta: float
+    resolution: float
+    width: int
+    height: int
+
+
 class LoadView(TypedDict):
     """kg."""
 
@@ -167,6 +183,7 @@ class RobotView(TypedDict):
     velocity: VelocityView | None
     battery: BatteryView | None
     maps: list[MapView] | None
+    grid: GridView | None
     plan: list[tuple[float, float]] | None
     """The way that it means to drive next; m, in the frame of its map."""
     loads: list[LoadView] | None

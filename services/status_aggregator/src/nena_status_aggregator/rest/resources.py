@@ -83,6 +83,14 @@ def make_router(aggregator: Aggregator) -> APIRouter:
         missing = f"No factsheet of {manufacturer}/{serial} has come; the robot sends it when asked for it."
         return _json(view_known_actions(_found(known.factsheet if known else None, missing)))
 
+    @router.get("/robots/{manufacturer}/{serial}/map", response_class=Response)
+    async def robot_map(manufacturer: str, serial: str) -> Response:
+        """What one robot's own map looks like: a PNG image; the robot's `grid` says where it lies."""
+        known = model.robots.get(RobotKey(manufacturer, serial))
+        missing = f"No map of {manufacturer}/{serial} has come; NeNa's edge agent sends that of its Nav2."
+        found = _found(known.map if known else None, missing)
+        return Response(found.png, media_type="image/png", headers={"cache-control": "no-cache"})
+
     @router.get("/orders", responses={200: {"model": list[OrderView]}})
     async def orders() -> Response:
         """All transport orders that are kept."""

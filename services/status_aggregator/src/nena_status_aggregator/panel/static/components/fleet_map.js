@@ -5,6 +5,7 @@ import { element, emptyBox, setAttribute, setText } from "../dom.js";
 import { number } from "../format.js";
 import { icon } from "../icons.js";
 import { Gestures } from "../map/gestures.js";
+import { Grids } from "../map/grids.js";
 import { Painter, readColours } from "../map/painter.js";
 import { drawPlan, extent } from "../map/plant.js";
 import { Viewport } from "../map/viewport.js";
@@ -19,12 +20,14 @@ class FleetMap extends HTMLElement {
   #fitted = false;
   #pending = false;
   #places = [];
+  #grids = new Grids();
 
   show(store, plant) {
     this.store = store;
     this.#build();
     plant.addEventListener("change", () => this.#showPlant(plant.model));
     store.addEventListener("change", (event) => this.#change(event.detail));
+    this.#grids.addEventListener("change", () => this.#draw());
     new ResizeObserver(() => this.#resize()).observe(this.canvas);
     document.addEventListener("themechange", () => this.#recolour());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#recolour());
@@ -196,7 +199,8 @@ class FleetMap extends HTMLElement {
     const { selected, colours, pose } = this;
     const followed = this.following && this.#robots().find((robot) => robot.id === selected)?.position;
     if (followed) this.view.centre(followed.x, followed.y);
-    const scene = { plan: this.#plan, robots: this.#robots(), selected, colours, layers: this.layers.chosen, pose };
+    const grids = this.#grids.of(this.store.robots.values(), selected);
+    const scene = { plan: this.#plan, grids, robots: this.#robots(), selected, colours, layers: this.layers.chosen, pose };
     this.#places = this.painter.paint(this.view, scene);
     this.#drawScale();
   }

@@ -3,7 +3,7 @@
 const KEY = "nena-layers";
 
 /** The layers, from the ground up; names as in the catalogue under `layer.`. */
-export const LAYERS = ["blocks", "ways", "points", "locations", "names", "ahead", "goals", "plans", "robots", "robotNames"];
+export const LAYERS = ["grids", "blocks", "ways", "points", "locations", "names", "ahead", "goals", "plans", "robots", "robotNames"];
 
 /** Give what was chosen last; a layer that was never chosen is shown. */
 export function readLayers() {

@@ -33,14 +33,14 @@ export class Painter {
   }
 
   /**
-   * Paint everything. `scene`: {plan, robots, selected, colours, layers, pose}; gives where the robots are on the
+   * Paint everything. `scene`: {plan, grids, robots, selected, colours, layers, pose}; gives where the robots are on the
    * screen, as `[{robot, at}]`.
    */
   paint(view, scene) {
     const context = this.#context;
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, this.#canvas.width, this.#canvas.height);
-    if (scene.plan) context.drawImage(this.#planPicture(view, scene), 0, 0);
+    if (scene.plan || scene.grids.length) context.drawImage(this.#planPicture(view, scene), 0, 0);
     context.scale(devicePixelRatio, devicePixelRatio);
     const places = scene.robots.map((robot) => ({ robot, at: view.toScreen(robot.position.x, robot.position.y) }));
     const seen = places.filter(({ robot, at }) => robot.order?.active || inSight(view, at));
@@ -52,7 +52,8 @@ export class Painter {
   #planPicture(view, scene) {
     const { width, height } = this.#canvas;
     const wanted = [view.x, view.y, view.scale, width, height, scene.plan, scene.colours, scene.layers];
-    if (wanted.some((each, at) => each !== this.#painted[at])) {
+    wanted.push(...scene.grids.flatMap(({ grid, image }) => [grid, image]));
+    if (wanted.length !== this.#painted.length || wanted.some((each, at) => each !== this.#painted[at])) {
       this.#painted = wanted;
       Object.assign(this.#sheet, { width, height });
       const context = this.#sheet.getContext("2d");

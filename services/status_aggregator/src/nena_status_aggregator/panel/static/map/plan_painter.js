@@ -1,10 +1,13 @@
 // Paints the plan: blocks, ways, locations, points and their names. Sizes of signs are pixels.
 
+import { paintGrids } from "./grid_painter.js";
 import { Labels } from "./labels.js";
 import { middle, stroke, trace } from "./line.js";
 
-/** Paint the layers of a plan that are on. */
-export function paintPlan(context, view, { plan, colours, layers }) {
+/** Paint the maps of the robots and the layers of a plan, as far as they are on. */
+export function paintPlan(context, view, { plan, grids, colours, layers }) {
+  if (layers.grids) paintGrids(context, view, grids, colours.muted);
+  if (!plan) return;
   context.lineCap = "round";
   if (layers.blocks) for (const block of plan.blocks) paintBlock(context, view, block, colours);
   if (layers.ways) for (const way of plan.ways) paintWay(context, view, way, colours);

@@ -39,6 +39,7 @@ export const TEXTS = {
   "map.scale": "{length} m",
   "map.position": "x {x} m, y {y} m",
 
+  "layer.grids": "Karten der Roboter",
   "layer.blocks": "Blöcke",
   "layer.ways": "Wege",
   "layer.points": "Punkte",

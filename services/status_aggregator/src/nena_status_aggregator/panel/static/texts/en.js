@@ -39,6 +39,7 @@ export const TEXTS = {
   "map.scale": "{length} m",
   "map.position": "x {x} m, y {y} m",
 
+  "layer.grids": "Maps of the robots",
   "layer.blocks": "Blocks",
   "layer.ways": "Paths",
   "layer.points": "Points",

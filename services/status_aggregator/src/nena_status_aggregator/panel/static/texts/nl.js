@@ -39,6 +39,7 @@ export const TEXTS = {
   "map.scale": "{length} m",
   "map.position": "x {x} m, y {y} m",
 
+  "layer.grids": "Kaarten van de robots",
   "layer.blocks": "Blokken",
   "layer.ways": "Paden",
   "layer.points": "Punten",

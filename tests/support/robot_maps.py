@@ -1,0 +1,24 @@
+"""Maps of robots for tests."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from typing import Any
+
+from nena_edge_agent.occupancy_image import occupancy_image
+from nena_shared.fleet_api.robot_map import SIDE_LIMIT, RobotMap
+
+
+def room(width: int = 40, height: int = 20) -> bytes:
+    """Give the cells of an empty room with walls around it."""
+    row = bytes([100]) + bytes(width - 2) + bytes([100])
+    return bytes([100]) * width + row * (height - 2) + bytes([100]) * width
+
+
+def robot_map(
+    digest: str = "0123456789abcdef", *, width: int = 40, height: int = 20, **fields: Any
+) -> RobotMap:
+    """Make the map of such a room with cells of half a metre, but for ``fields``."""
+    png = occupancy_image(room(width, height), width, height, side_limit=SIDE_LIMIT).png
+    content = {"map_id": "hall", "resolution": 0.5, "x": 0.0, "y": 0.0, "theta": 0.0, **fields}
+    return RobotMap.model_validate({"digest": digest, "png": b64encode(png), **content})

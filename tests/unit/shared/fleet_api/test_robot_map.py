@@ -1,0 +1,90 @@
+from __future__ import annotations
+
+from base64 import b64encode
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from nena_shared.fleet_api import robot_map
+from nena_shared.fleet_api.robot_map import (
+    PAYLOAD_LIMIT,
+    PNG_LIMIT,
+    RobotMap,
+    png_size,
+    robot_of_map,
+    topic_of_map,
+    topics_of_maps,
+)
+from nena_shared.mqtt.topic_filter import matches
+from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
+from support import robot_maps
+
+SCHEME = TopicScheme("site/uagv", "v2")
+ROBOT = RobotKey("ACME", "0001")
+LEVEL = st.text("ab09_.:-", min_size=1, max_size=5)
+
+
+@given(levels=st.lists(LEVEL, min_size=1, max_size=3), manufacturer=LEVEL, serial_number=LEVEL)
+def test_the_robot_is_read_back_from_its_topic(
+    levels: list[str], manufacturer: str, serial_number: str
+) -> None:
+    scheme, robot = TopicScheme("/".join(levels), "v3"), RobotKey(manufacturer, serial_number)
+    topic = topic_of_map(scheme, robot)
+    assert robot_of_map(scheme, topic) == robot
+    assert matches(topics_of_maps(scheme), topic)
+
+
+@pytest.mark.parametrize(
+    "topic",
+    ["site/uagv/v2/r1/nena/map", "site/uagv/v3/ACME/0001/nena/map", "site/uagv/v2/ACME/0001/map", ""],
+)
+def test_another_topic_is_of_no_robot(topic: str) -> None:
+    assert robot_of_map(SCHEME, topic) is None
+
+
+def test_no_filter_of_the_standard_reaches_it() -> None:
+    topic = topic_of_map(SCHEME, ROBOT)
+    assert not any(matches(SCHEME.for_all(each), topic) for each in Topic)
+    assert SCHEME.robot_of(topic) is None
+
+
+def test_a_map_comes_back_as_it_was_sent() -> None:
+    sent = robot_maps.robot_map(theta=0.5)
+    payload = sent.model_dump_json(by_alias=True)
+    assert RobotMap.model_validate_json(payload) == sent
+    assert sent.size == (40, 20)
+    assert '"mapId":"hall"' in payload
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"png": b64encode(b"GIF89a" + bytes(40))},
+        {"png": b64encode(b"\x89PNG")},
+        {"digest": "../../etc"},
+        {"resolution": 0.0},
+        {"x": float("nan")},
+    ],
+)
+def test_what_is_no_map_is_refused(wrong: dict[str, Any]) -> None:
+    content = {**robot_maps.robot_map().model_dump(), **wrong}
+    with pytest.raises(ValidationError, match=next(iter(wrong))):
+        RobotMap.model_validate(content)
+
+
+@pytest.mark.parametrize("limit", ["SIDE_LIMIT", "PNG_LIMIT"])
+def test_an_image_that_is_too_large_is_refused(limit: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(robot_map, limit, 30)
+    with pytest.raises(ValidationError, match="must be a PNG image of at most"):
+        robot_maps.robot_map()
+
+
+def test_the_largest_image_fits_into_a_message() -> None:
+    assert len(b64encode(bytes(PNG_LIMIT))) + 10_000 < PAYLOAD_LIMIT
+
+
+def test_what_is_no_image_has_no_size() -> None:
+    assert png_size(b"") is None
