@@ -75,8 +75,8 @@ smoke: $(STAMP) action-types broker ## the demo without a person: two robots, tw
 demo: $(STAMP) action-types broker ## start everything on this machine, run the main job, and keep it running until Ctrl-C
 	$(BIN)/nena-demo run
 
-bench: $(STAMP) action-types broker ## measure latencies, CPU per message and memory; writes bench.json
-	PYTHONPATH=tests $(BIN)/python -m bench.run --output bench.json
+bench: $(STAMP) action-types broker ## measure latencies, CPU per message and memory; writes bench.json (ENTRIES="edge_agent ..." for some)
+	PYTHONPATH=tests $(BIN)/python -m bench.run --output bench.json $(if $(ENTRIES),--entries $(ENTRIES))
 
 conversations: $(STAMP) broker ## record the conversations in tests/fixtures anew, from real agents
 	PYTHONPATH=tests $(BIN)/python -m support.conversations

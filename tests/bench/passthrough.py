@@ -1,6 +1,7 @@
-"""The yardstick of (b): MQTT in, goal_pose out, with bare paho and rclpy and nothing in between.
+"""The yardstick of (b) and (h): MQTT in, goal_pose out; a status in, a message of a state's size out.
 
-Run as a process of its own: ``bench.passthrough PORT DOMAIN_ID NAMESPACE TOPIC``; ends when its input closes.
+Bare paho and rclpy, and nothing in between. Run as a process of its own: ``bench.passthrough PORT DOMAIN_ID
+NAMESPACE TOPIC ANSWER_TOPIC SIZE``; ends when its input closes.
 """
 
 from __future__ import annotations
@@ -8,23 +9,28 @@ from __future__ import annotations
 import json
 import os
 import sys
+import threading
 
 os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
 
 import rclpy
+from action_msgs.msg import GoalStatusArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
 
+from bench.nav2_stand_in import LATCHED, STATUS_TOPIC
 from bench.wire import Wire
 
 
 def main() -> None:
     """Pass messages on until the input closes."""
-    port, domain_id, namespace, topic = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3], sys.argv[4]
+    port, domain_id, namespace, topic, answer_topic, size = sys.argv[1:]
     context = Context()
-    rclpy.init(context=context, domain_id=domain_id)
+    rclpy.init(context=context, domain_id=int(domain_id))
     node = rclpy.create_node("bench_passthrough", namespace=namespace, context=context)
     publisher = node.create_publisher(PoseStamped, "goal_pose", 1)
+    answer = b"x" * int(size)
 
     def pass_on(_topic: str, payload: bytes, _moment: float) -> None:
         place = json.loads(payload)
@@ -34,13 +40,22 @@ def main() -> None:
         pose.pose.position.y = float(place["y"])
         publisher.publish(pose)
 
-    wire = Wire(port, "bench-passthrough", (topic,), pass_on)
+    wire = Wire(int(port), "bench-passthrough", (topic,), pass_on)
+    node.create_subscription(
+        GoalStatusArray, STATUS_TOPIC, lambda _statuses: wire.publish(answer_topic, answer), LATCHED
+    )
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    thread = threading.Thread(target=executor.spin, daemon=True)
+    thread.start()
     sys.stdout.write("ready\n")
     sys.stdout.flush()
     sys.stdin.read()
     wire.close()
+    executor.shutdown()
     node.destroy_node()
     context.try_shutdown()
+    thread.join(timeout=5.0)
 
 
 if __name__ == "__main__":

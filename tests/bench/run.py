@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import asyncio
 import json
+import os
 import platform
 import shutil
 import sys
 import tempfile
 import time
+from collections.abc import Awaitable, Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -17,15 +19,11 @@ from typing import Any
 import httpx
 import psutil
 
-from bench import aggregator_load, core_cost, plant_cost, rest_to_wire, state_cost, wire_to_goal
+from bench import aggregator_load, core_cost, edge_agent, plant_cost, rest_to_wire, state_cost
 from bench.robots import InstantRobots, Start
 from nena_demo import stack
-from nena_demo.broker import start_broker
-from nena_demo.ports import free_port
 from nena_demo.processes import Child, Processes, console_script
-from nena_shared.vda5050.topics import RobotKey
 
-DOMAIN_ID = 78
 LOOPBACK_ROBOTS = 50
 READY_SECONDS = 60.0
 STARTS = (
@@ -38,24 +36,29 @@ async def main() -> None:
     """Run what was asked for and write the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--output", type=Path, default=Path("bench.json"))
-    parser.add_argument("--samples", type=int, default=200, help="orders per latency")
+    parser.add_argument(
+        "--entries",
+        nargs="*",
+        choices=ENTRIES,
+        metavar="ENTRY",
+        help=f"what to measure: {', '.join(ENTRIES)}; all, if none is named",
+    )
+    parser.add_argument("--samples", type=int, default=300, help="orders per latency")
     parser.add_argument("--seconds", type=float, default=10.0, help="of states for the CPU figures")
     arguments = parser.parse_args()
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     folder = Path(tempfile.mkdtemp(prefix="nena-bench-"))
+    figures: dict[str, Any] = {
+        "when": datetime.now(UTC).isoformat(timespec="seconds"),
+        "machine": f"{platform.machine()}, {psutil.cpu_count()} cores, Python {platform.python_version()}",
+        "load_before": os.getloadavg()[0],
+    }
     try:
-        figures = {
-            "when": datetime.now(UTC).isoformat(timespec="seconds"),
-            "machine": f"{platform.machine()}, {psutil.cpu_count()} cores, "
-            f"Python {platform.python_version()}",
-            "services": await _services(folder / "services", arguments.samples, arguments.seconds),
-            "edge_agent": await _edge_agent(folder / "agent", arguments.samples),
-            "memory_50_loopback_robots": await _memory(folder / "memory"),
-            "e_core_cost": core_cost.measure(),
-            "f_plant": plant_cost.measure(),
-            "g_aggregator": await aggregator_load.measure(folder / "aggregator", arguments.seconds),
-        }
+        for name in arguments.entries or ENTRIES:
+            figures[name] = await ENTRIES[name](folder / name, arguments.samples, arguments.seconds)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+    figures["load_after"] = os.getloadavg()[0]
     text = json.dumps(figures, indent=2)
     arguments.output.write_text(text + "\n", encoding="utf-8")
     sys.stdout.write(text + "\n")
@@ -75,20 +78,7 @@ async def _services(folder: Path, samples: int, seconds: float) -> dict[str, Any
         return {"a_rest_to_wire": latency, "c_cpu_per_state": cost}
 
 
-async def _edge_agent(folder: Path, samples: int) -> dict[str, Any]:
-    """(b), and (d) for a robot on ROS."""
-    choices = stack.Choices(domain_id=DOMAIN_ID, time_factor=10.0)
-    async with Processes(folder) as processes:
-        port = free_port()
-        await start_broker(processes, port, "mosquitto")
-        await stack.start_robots(processes, choices, stack.environment(folder, port))
-        latency = await asyncio.to_thread(
-            wire_to_goal.measure, port, DOMAIN_ID, "r1", RobotKey("NeNa", "robot-01"), samples
-        )
-        return {"b_wire_to_goal": latency, "d_rss_mb": _memory_of(processes.children)}
-
-
-async def _memory(folder: Path) -> dict[str, float]:
+async def _memory(folder: Path, _samples: int, _seconds: float) -> dict[str, float]:
     """(d): all processes with 50 loopback robots that report."""
     async with Processes(folder) as processes:
         running = await stack.start_services(processes, stack.Choices())
@@ -122,6 +112,29 @@ def _memory_of(children: list[Child]) -> dict[str, float]:
     return {
         child.name: round(psutil.Process(child.process.pid).memory_info().rss / 1e6, 1) for child in children
     }
+
+
+async def _core(_folder: Path, _samples: int, _seconds: float) -> dict[str, Any]:
+    return core_cost.measure()
+
+
+async def _plant(_folder: Path, _samples: int, _seconds: float) -> dict[str, Any]:
+    return plant_cost.measure()
+
+
+async def _aggregator(folder: Path, _samples: int, seconds: float) -> dict[str, Any]:
+    return await aggregator_load.measure(folder, seconds)
+
+
+ENTRIES: dict[str, Callable[[Path, int, float], Awaitable[dict[str, Any]]]] = {
+    "services": _services,
+    "edge_agent": edge_agent.measure,
+    "memory": _memory,
+    "core": _core,
+    "plant": _plant,
+    "aggregator": _aggregator,
+}
+"""What can be measured: each gets a folder, orders per latency, and seconds for figures of CPU."""
 
 
 if __name__ == "__main__":
