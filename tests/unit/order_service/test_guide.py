@@ -9,7 +9,12 @@ import httpx
 import pytest
 from pydantic import BaseModel
 
-from nena_order_service.rest.bodies import DispatchRequest, InstantActionRequest, WithdrawalRequest
+from nena_order_service.rest.bodies import (
+    DispatchRequest,
+    InstantActionRequest,
+    PathLockRequest,
+    WithdrawalRequest,
+)
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 
@@ -20,8 +25,9 @@ BODIES: dict[str, type[BaseModel]] = {
     "/withdrawal": WithdrawalRequest,
     "/dispatch": DispatchRequest,
     "/instantActions": InstantActionRequest,
+    "/lock": PathLockRequest,
 }
-EXAMPLES = re.findall(r"\$nena(\S+) -H 'Content-Type: application/json' -d '(\{.*?\})'\n", GUIDE, re.DOTALL)
+EXAMPLES = re.findall(r"\$nena(\S+?)"? -H 'Content-Type: application/json' -d '(\{.*?\})'\n", GUIDE, re.DOTALL)
 
 
 @pytest.mark.parametrize(("path", "body"), EXAMPLES)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fastapi import FastAPI
@@ -75,12 +74,13 @@ def build(settings: OrderServiceSettings, plant: PlantModel, store: Store, *, ep
     finder = _make_finder(settings, plant)
     kernel = _make_kernel(settings, plant, finder, store, clock)
     requests = HostRequests(kernel, settings.kernel)
-
-    def apply_locks(locked: Mapping[str, bool]) -> None:
-        finder.set_locks(locked)
-        kernel.look()
-
-    locks = PathLocks(plant, store, apply=apply_locks, commit_timeout=settings.kernel.commit_timeout)
+    locks = PathLocks(
+        plant,
+        store,
+        apply=finder.set_locks,
+        changed=kernel.look,
+        commit_timeout=settings.kernel.commit_timeout,
+    )
     client_id = f"nena-order-service-{settings.interface_name.replace('/', '-')}"
     if epoch:
         client_id += f"-{epoch}"  # the broker would let a new one push out an old one that hangs, and back

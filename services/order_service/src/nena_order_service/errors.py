@@ -69,3 +69,32 @@ class StoreNotReadyError(Exception):
             f"The store takes nothing at present ({reason}), so nothing is promised. "
             "Try again with the same idempotencyKey; /readyz tells when the store is back."
         )
+
+
+class TooManyClientsError(Exception):
+    """There is no room for another client of the event stream."""
+
+    def __init__(self, limit: int) -> None:
+        super().__init__(
+            f"{limit} clients follow the events already. Try again later, or raise events.clients."
+        )
+
+
+class VersionChangedError(Exception):
+    """What is to be changed is not any more as the request has seen it."""
+
+    def __init__(self, name: str, wanted: str, present: int) -> None:
+        super().__init__(
+            f"{name!r} has changed: it is version {present} now, and {wanted} is asked for. "
+            "Read it again, and ask again if it still shall be changed."
+        )
+        self.name = name
+        self.present = present
+
+
+class UnknownPathError(Exception):
+    """There is no path of this name."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"There is no path {name!r}. GET /v1/paths lists them.")
+        self.name = name

@@ -16,6 +16,9 @@ STATUS: dict[type[Exception], HTTPStatus] = {
     errors.UnknownOrderError: HTTPStatus.NOT_FOUND,
     errors.UnknownVehicleError: HTTPStatus.NOT_FOUND,
     errors.StoreNotReadyError: HTTPStatus.SERVICE_UNAVAILABLE,
+    errors.TooManyClientsError: HTTPStatus.SERVICE_UNAVAILABLE,
+    errors.UnknownPathError: HTTPStatus.NOT_FOUND,
+    errors.VersionChangedError: HTTPStatus.PRECONDITION_FAILED,
 }
 
 FORESEEN: tuple[type[Exception], ...] = (InvalidRequestError, *STATUS)

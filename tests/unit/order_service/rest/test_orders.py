@@ -221,3 +221,30 @@ async def test_store_that_takes_nothing_promises_nothing(
     found = problem(await client.post(ORDERS, json=BODY), 503)
     assert "disk full" in found.detail
     assert service.kernel.book.dispatchable() == ()
+
+
+async def test_version_is_the_tag_of_an_order(client: httpx.AsyncClient) -> None:
+    made = await client.post(ORDERS, json={**BODY, "name": "T-1"})
+    tag = made.headers["etag"]
+    assert tag == f'"{made.json()["version"]}"'
+    same = await client.get(f"{ORDERS}/T-1", headers={"If-None-Match": tag})
+    assert (same.status_code, same.content, same.headers["etag"]) == (304, b"", tag)
+    other = await client.get(f"{ORDERS}/T-1", headers={"If-None-Match": '"99"'})
+    assert (other.status_code, other.headers["etag"]) == (200, tag)
+
+
+async def test_order_that_has_changed_meanwhile_is_not_withdrawn(client: httpx.AsyncClient) -> None:
+    made = await client.post(ORDERS, json={**BODY, "name": "T-1"})
+    stale = await client.post(f"{ORDERS}/T-1/withdrawal", headers={"If-Match": '"1"'})
+    assert "'T-1' has changed" in problem(stale, 412).detail
+    assert (await client.get(f"{ORDERS}/T-1")).json()["state"] == "DISPATCHABLE"
+    fresh = await client.post(f"{ORDERS}/T-1/withdrawal", headers={"If-Match": made.headers["etag"]})
+    assert (fresh.status_code, fresh.json()["state"]) == (200, "FAILED")
+    assert fresh.headers["etag"] != made.headers["etag"]
+
+
+async def test_delivery_of_an_order_is_told(client: httpx.AsyncClient) -> None:
+    await client.post(ORDERS, json={**BODY, "name": "T-1"})
+    told = (await client.get(f"{ORDERS}/T-1/delivery")).json()
+    assert (told["transportOrder"], told["phase"]) == ("T-1", "NONE")
+    problem(await client.get(f"{ORDERS}/T-9/delivery"), 404)

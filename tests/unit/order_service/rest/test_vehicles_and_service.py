@@ -95,3 +95,17 @@ async def test_openapi_describes_every_path(client: httpx.AsyncClient) -> None:
         "/v1/vehicles/{name}/instantActions",
         "/v1/plantModel",
     } <= set(paths)
+
+
+async def test_vehicles_are_filtered_and_paged(client: httpx.AsyncClient) -> None:
+    async def names(**query: str) -> list[str]:
+        answer = await client.get("/v1/vehicles", params=query)
+        return [vehicle["name"] for vehicle in answer.json()["vehicles"]]
+
+    assert await names(limit="1") == ["Robot-01"]
+    page = (await client.get("/v1/vehicles", params={"limit": "1"})).json()
+    assert await names(after=page["next"]) == ["Robot-02"]
+    assert (await client.get("/v1/vehicles", params={"after": "Robot-01"})).json()["next"] is None
+    assert await names(state="UNKNOWN", processingState="IDLE") == ["Robot-01", "Robot-02"]
+    assert await names(state="IDLE") == []
+    assert (await client.get("/v1/vehicles", params={"after": "R2D2"})).status_code == 404

@@ -13,6 +13,7 @@ from nena_order_service.store.database import (
     read_changes,
     read_order,
     read_orders,
+    read_path_locks,
     read_unfinished,
     write,
 )
@@ -179,4 +180,4 @@ def test_locks_of_paths_are_replaced_and_read_again(url: str) -> None:
         made.path_locks["A --- B"] = locked
         assert made
         write(engine, made)
-        assert read_unfinished(engine).path_locks == {"A --- B": locked}
+        assert read_path_locks(engine) == {"A --- B": locked}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from math import hypot
@@ -52,9 +52,19 @@ class WayFinder:
     From a coordinate the way goes on at the nearest point.
     """
 
-    def __init__(self, plant: PlantModel, router: Router) -> None:
+    def __init__(self, plant: PlantModel, router: Router, any_day: Router | None = None) -> None:
+        """Use a router; ``any_day`` is another one, for what could be done if hosts unlocked paths."""
         self._plant = plant
         self._router = router
+        self._any_day = any_day or router
+
+    def set_locks(self, locks: Mapping[str, bool]) -> None:
+        """Lock or unlock paths by name, over what the plant model says.
+
+        A path that is locked this way closes ways now, but makes no order unroutable for good.
+        """
+        self._any_day.set_locks({path: locked for path, locked in locks.items() if not locked})
+        self._router.set_locks(locks)
 
     def find(
         self,
@@ -70,6 +80,17 @@ class WayFinder:
             NoRouteError: some destination cannot be reached from the one before.
 
         """
+        return self._find(self._router, start, destinations, vehicle=vehicle, avoid=avoid)
+
+    def _find(
+        self,
+        router: Router,
+        start: str,
+        destinations: Sequence[Destination],
+        *,
+        vehicle: Vehicle | None = None,
+        avoid: Collection[str] = frozenset(),
+    ) -> Way:
         legs: list[Leg] = []
         for free, group in groupby(destinations, lambda each: each.coordinate is not None):
             if free:
@@ -78,7 +99,7 @@ class WayFinder:
                     start = self._nearest(coordinate)
             else:
                 choices = [access_points(each, self._plant) for each in group]
-                routes = self._router.route_through(start, choices, vehicle=vehicle, avoid=avoid)
+                routes = router.route_through(start, choices, vehicle=vehicle, avoid=avoid)
                 legs.extend(Leg(route.cost, route) for route in routes)
                 start = routes[-1].destination
         return Way(tuple(legs))
@@ -93,7 +114,7 @@ class WayFinder:
         reason = "The first destination has no access point."
         for start in starts:
             try:
-                self.find(start, destinations, avoid=avoid)
+                self._find(self._any_day, start, destinations, avoid=avoid)
             except NoRouteError as error:
                 reason = str(error)
             else:

@@ -16,15 +16,19 @@ from nena_order_service.errors import (
     UnknownOrderError,
     UnknownVehicleError,
     VehicleNotReachedError,
+    VersionChangedError,
 )
 from nena_order_service.fleet import InstantActionEnded, LinkStatus
 from nena_order_service.fleet.operations import fresh_id
+from nena_order_service.kernel.delivery_status import delivery_status
+from nena_order_service.kernel.etag import ETag
 from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.kernel.settings import KernelSettings
 from nena_order_service.kernel.vehicles import FleetVehicle
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.validation import check_request
 from nena_order_service.store.database import OrderFilter
+from nena_shared.fleet_api.delivery import DeliveryStatus
 from nena_shared.fleet_api.transport_order import TransportOrderRequest, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant import MapPose, PlantPose, Point
@@ -80,13 +84,18 @@ class HostRequests:
         await self._committed()
         return self._visible(known), False
 
-    async def withdraw(self, name: str, reason: str) -> TransportOrderStatus:
-        """Withdraw an order: it fails at once, or when the vehicle that works on it has let it go."""
+    async def withdraw(self, name: str, reason: str, *, seen: ETag | None = None) -> TransportOrderStatus:
+        """Withdraw an order: it fails at once, or when the vehicle that works on it has let it go.
+
+        Only if it still is as the caller has ``seen`` it; None: whatever it is now.
+        """
         order = self._kernel.book.named(name) or await self._kernel.store.order(name=name)
         if order is None:
             raise UnknownOrderError(name)
         if order.state.final:
             raise OrderEndedError(name, order.state)
+        if seen is not None and not seen.fits(order.status.version):
+            raise VersionChangedError(name, str(seen), order.status.version)
         self._require_store()
         self._kernel.withdraw(order.number, reason)
         await self._committed()
@@ -102,6 +111,12 @@ class HostRequests:
     async def orders(self, wanted: OrderFilter) -> tuple[TransportOrder, ...]:
         """Give a page of orders, newest first."""
         return await self._kernel.store.orders(wanted)
+
+    async def delivery(self, name: str) -> DeliveryStatus:
+        """Tell how far an order has come on its way to its robot."""
+        order = await self.order(name)
+        vehicle = self._kernel.registry.named(order.processing_vehicle)
+        return delivery_status(order, self._kernel.view(vehicle) if vehicle else None)
 
     def vehicles(self) -> tuple[VehicleStatus, ...]:
         """Give all vehicles."""

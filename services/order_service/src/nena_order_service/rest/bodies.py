@@ -1,4 +1,4 @@
-"""Bodies that only the REST door has."""
+"""Bodies of the doors that nobody else needs to know."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, JsonValue, model_validator
 
 from nena_shared.fleet_api.base import ObjectName, Request, Resource
+from nena_shared.fleet_api.path import PathStatus
 from nena_shared.fleet_api.transport_order import Coordinate, Destination, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.vda5050.action import ActionStatus, BlockingType
@@ -25,6 +26,20 @@ class VehicleList(Resource):
     """All vehicles, those of the plant model first."""
 
     vehicles: tuple[VehicleStatus, ...]
+    next: str | None = None
+    """Give it as ``after`` for those that follow; None: these are the last ones."""
+
+
+class PathList(Resource):
+    """All paths."""
+
+    paths: tuple[PathStatus, ...]
+
+
+class PathLockRequest(Request):
+    """Locks or unlocks a path."""
+
+    locked: bool
 
 
 class WithdrawalRequest(Request):

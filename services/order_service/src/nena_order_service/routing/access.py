@@ -1,5 +1,7 @@
 """Where a vehicle may drive at all, whatever it costs."""
 
+from collections.abc import Mapping
+
 from nena_order_service.routing.profile import RoutingProfile
 from nena_shared.plant import DirectedEdge, Path, PlantModel, Point
 from nena_shared.plant.geometry import MM_PER_M
@@ -14,14 +16,18 @@ class Access:
     on a point which is closed to it may leave.
     """
 
-    def __init__(self, plant: PlantModel, profile: RoutingProfile) -> None:
+    def __init__(
+        self, plant: PlantModel, profile: RoutingProfile, locks: Mapping[str, bool] | None = None
+    ) -> None:
+        """Look at a plant; `locks` says of paths whether they are locked, over what the plant says."""
         self._points = plant.points_by_name
         self._profile = profile
+        self._locks = locks or {}
 
     def allows(self, edge: DirectedEdge) -> bool:
         """Whether such a vehicle may drive along the edge."""
         return (
-            not edge.path.locked
+            not self._locks.get(edge.path.name, edge.path.locked)
             and self._profile.speed_mm_s(edge) > 0
             and self._path_is_open(edge.path)
             and self._point_is_open(self._points[edge.destination])

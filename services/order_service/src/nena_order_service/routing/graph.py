@@ -1,6 +1,6 @@
 """The graph that is searched: what one kind of vehicle may drive, and what each edge costs it."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from itertools import chain, pairwise
 from math import isfinite
@@ -26,8 +26,14 @@ class RoutingGraph:
     edge too. Raises ValueError for a cost below 0, which no evaluator may return.
     """
 
-    def __init__(self, plant: PlantModel, costs: Sequence[CostEvaluator], profile: RoutingProfile) -> None:
-        access = Access(plant, profile)
+    def __init__(
+        self,
+        plant: PlantModel,
+        costs: Sequence[CostEvaluator],
+        profile: RoutingProfile,
+        locks: Mapping[str, bool] | None = None,
+    ) -> None:
+        access = Access(plant, profile, locks)
         self._indices = {point.name: index for index, point in enumerate(plant.points)}
         self._graph: rx.PyDiGraph[str, Step] = rx.PyDiGraph()
         self._graph.add_nodes_from(list(self._indices))

@@ -23,6 +23,12 @@ class Router:
         self._costs = tuple(costs)
         # As many as there are kinds of vehicle.
         self._graphs: dict[RoutingProfile, RoutingGraph] = {}
+        self._locks: dict[str, bool] = {}
+
+    def set_locks(self, locks: Mapping[str, bool]) -> None:
+        """Lock or unlock paths by name, over what the plant model says; replaces what was set before."""
+        self._locks = dict(locks)
+        self._graphs.clear()
 
     def route(
         self,
@@ -81,7 +87,7 @@ class Router:
     def _graph(self, vehicle: Vehicle | None, avoid: Collection[str], *, loaded: bool | None) -> RoutingGraph:
         profile = RoutingProfile.of(vehicle, self._plant.vehicle_types, loaded=loaded)
         if profile not in self._graphs:
-            self._graphs[profile] = RoutingGraph(self._plant, self._costs, profile)
+            self._graphs[profile] = RoutingGraph(self._plant, self._costs, profile, self._locks)
         graph = self._graphs[profile]
         return graph.without(*self._resources(avoid)) if avoid else graph
 

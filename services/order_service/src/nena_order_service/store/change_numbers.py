@@ -17,6 +17,8 @@ class ChangeNumbers:
     def __init__(self) -> None:
         self.last = 0
         """The last number given."""
+        self.told = 0
+        """The last number of a change that was told."""
         self._untold: dict[str, deque[tuple[int, int]]] = {}
         """Versions and their numbers, by the orders' names."""
 
@@ -28,20 +30,26 @@ class ChangeNumbers:
             versions = self._untold.setdefault(order.name, deque())
             versions.append((order.status.version, change.change_number))
 
-    def of(self, name: str, version: int) -> int:
-        """Give the number of a version that is told now; versions are told in their order.
+    def begin(self, last: int) -> None:
+        """Go on behind the last number of the store."""
+        self.last = self.told = last
 
-        0 for one that is told without being changed.
+    def of(self, name: str, version: int) -> tuple[int, bool]:
+        """Give the number of a version that is told now, and whether it is the last version of its change.
+
+        Versions are told in their order. The number is 0 for one that is told without having been changed.
         """
         versions = self._untold.get(name)
         while versions and versions[0][0] < version:
             versions.popleft()
         if not versions:
             self._untold.pop(name, None)
-            return 0
-        number = versions[0][1]
-        if versions[0][0] == version:
-            versions.popleft()
+            return 0, False
+        last_version, number = versions[0]
+        if last_version > version:
+            return number, False
+        self.told = number
+        versions.popleft()
         if not versions:
             del self._untold[name]
-        return number
+        return number, True

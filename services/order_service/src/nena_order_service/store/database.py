@@ -55,8 +55,6 @@ class Unfinished:
     """Documents of vehicles by their robots' keys."""
     last_change: int = 0
     """The number of the last change of any order; 0 for none."""
-    path_locks: dict[str, bool] = field(default_factory=dict)
-    """Whether hosts have locked or unlocked a path, by its name."""
 
 
 def open_database(url: str) -> Engine:
@@ -171,10 +169,15 @@ def _read_unfinished(engine: Engine) -> Unfinished:
         query = select(orders).where(orders.c.state.not_in(FINAL_STATES)).order_by(orders.c.number)
         found = _read_orders(connection, connection.execute(query).all())
         documents = {row.order_number: row.document for row in connection.execute(select(missions))}
-        locks = {row.path: row.locked for row in connection.execute(select(schema.path_locks))}
         last = connection.execute(select(func.max(orders.c.number))).scalar() or 0
         last_change = connection.execute(select(func.max(orders.c.change_number))).scalar() or 0
-        return Unfinished(found, documents, last, read_vehicles(connection), last_change, locks)
+        return Unfinished(found, documents, last, read_vehicles(connection), last_change)
+
+
+def read_path_locks(engine: Engine) -> dict[str, bool]:
+    """Read whether hosts have locked or unlocked a path, by its name."""
+    with engine.connect() as connection:
+        return {row.path: row.locked for row in connection.execute(select(schema.path_locks))}
 
 
 def read_order(

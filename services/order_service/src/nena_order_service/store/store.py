@@ -123,7 +123,7 @@ class Store:
     async def unfinished(self) -> Unfinished:
         """Read all that a restart takes up."""
         found = await self._read(lambda: database.read_unfinished(self._engine))
-        self.numbers.last = found.last_change
+        self.numbers.begin(found.last_change)
         return found
 
     async def order(
@@ -137,6 +137,10 @@ class Store:
     async def orders(self, wanted: OrderFilter) -> tuple[TransportOrder, ...]:
         """Read a page of orders, newest first."""
         return await self._read(lambda: database.read_orders(self._engine, wanted))
+
+    async def path_locks(self) -> dict[str, bool]:
+        """Read whether hosts have locked or unlocked a path, by its name."""
+        return await self._read(lambda: database.read_path_locks(self._engine))
 
     async def changes_after(self, number: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:
         """Read the orders that have changed since this change, each with the number of its last one."""

@@ -16,15 +16,20 @@ from nena_shared.tasks import Supervisor
 
 
 @pytest.fixture
-async def service(tmp_path: Path) -> AsyncIterator[OrderService]:
-    """Give an order service without a broker, so that orders are taken and wait."""
-    settings = OrderServiceSettings(
+def settings(tmp_path: Path) -> OrderServiceSettings:
+    return OrderServiceSettings(
         plant=sample_plant_path(), store=StoreSettings(url=f"sqlite:///{tmp_path}/orders.db"), max_body=4096
     )
+
+
+@pytest.fixture
+async def service(settings: OrderServiceSettings) -> AsyncIterator[OrderService]:
+    """Give an order service without a broker, so that orders are taken and wait."""
     store = Store(open_database(settings.store.url))
     made = build(settings, load_plant(settings.plant), store)
     async with Supervisor() as supervisor:
         supervisor.start("store", made.store.run())
+        await made.locks.load()
         await made.kernel.start(made.fleet)
         yield made
     made.store.close()

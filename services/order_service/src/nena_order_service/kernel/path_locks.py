@@ -1,0 +1,105 @@
+"""Paths that hosts lock and unlock, over what the plant model says; kept in the store."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+
+from nena_order_service.errors import StoreNotReadyError, UnknownPathError
+from nena_order_service.store.changes import Changes
+from nena_order_service.store.store import Store
+from nena_shared.fleet_api.path import PathStatus
+from nena_shared.log import get_logger
+from nena_shared.plant import Path, PlantModel
+
+log = get_logger(__name__)
+
+
+class PathLocks:
+    """Routes that are made from now on keep to it; vehicles that are under way go on."""
+
+    def __init__(
+        self,
+        plant: PlantModel,
+        store: Store,
+        *,
+        apply: Callable[[Mapping[str, bool]], None],
+        changed: Callable[[], None],
+        commit_timeout: float,
+    ) -> None:
+        """Begin with what the plant model says.
+
+        Args:
+            plant: the plant.
+            store: where it is kept.
+            apply: is given all that hosts have said, by the paths' names, whenever that changes.
+            changed: is told when a host has changed it.
+            commit_timeout: seconds that the store has to take a change.
+
+        """
+        self._plant = plant
+        self._store = store
+        self._apply = apply
+        self._changed = changed
+        self._commit_timeout = commit_timeout
+        self._locks: dict[str, bool] = {}
+
+    async def load(self) -> None:
+        """Take up what hosts have said before a restart, of paths that there still are."""
+        stored = await self._store.path_locks()
+        self._locks = {name: locked for name, locked in stored.items() if name in self._plant.paths_by_name}
+        if self._locks:
+            self._apply(self._locks)
+
+    def all(self) -> tuple[PathStatus, ...]:
+        """Give all paths."""
+        return tuple(self._status(path) for path in self._plant.paths)
+
+    def get(self, name: str) -> PathStatus:
+        """Give a path; raises UnknownPathError."""
+        return self._status(self._path(name))
+
+    async def set(self, name: str, *, locked: bool) -> PathStatus:
+        """Lock or unlock a path; it is committed when this returns.
+
+        Raises:
+            UnknownPathError: there is no such path.
+            StoreNotReadyError: nothing is promised.
+
+        """
+        path = self._path(name)
+        if not self._store.ready:
+            raise StoreNotReadyError(self._store.why_not_ready)
+        changes = Changes()
+        changes.path_locks[name] = locked
+        done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._store.commit(changes, lambda: self._committed(name, locked=locked, done=done))
+        try:
+            async with asyncio.timeout(self._commit_timeout):
+                await done
+        except TimeoutError:
+            raise StoreNotReadyError("it has not answered in time") from None
+        return self._status(path)
+
+    def _committed(self, name: str, *, locked: bool, done: asyncio.Future[None]) -> None:
+        self._locks[name] = locked
+        log.info("path locked" if locked else "path unlocked", path=name)
+        self._apply(self._locks)
+        self._changed()
+        if not done.done():
+            done.set_result(None)
+
+    def _path(self, name: str) -> Path:
+        path = self._plant.paths_by_name.get(name)
+        if path is None:
+            raise UnknownPathError(name)
+        return path
+
+    def _status(self, path: Path) -> PathStatus:
+        return PathStatus(
+            name=path.name,
+            source_point=path.source,
+            destination_point=path.destination,
+            locked=self._locks.get(path.name, path.locked),
+            locked_in_plant_model=path.locked,
+        )

@@ -1,0 +1,77 @@
+"""Vehicles at ``/v1/vehicles``."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from itertools import islice
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Response
+
+from nena_order_service import vehicle_commands
+from nena_order_service.errors import UnknownVehicleError
+from nena_order_service.kernel.host_requests import HostRequests
+from nena_order_service.rest import responses
+from nena_order_service.rest.bodies import (
+    DispatchRequest,
+    InstantActionAnswer,
+    InstantActionRequest,
+    VehicleList,
+)
+from nena_order_service.rest.responses import as_json
+from nena_shared.fleet_api.base import ObjectName
+from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
+
+
+def make_router(requests: HostRequests) -> APIRouter:
+    """Make the routes over what hosts may ask for."""
+    router = APIRouter(prefix="/v1/vehicles", tags=["vehicles"])
+
+    @router.get("", response_model=VehicleList)
+    async def list_vehicles(
+        state: Annotated[list[VehicleState] | None, Query()] = None,
+        processing_state: Annotated[list[ProcessingState] | None, Query(alias="processingState")] = None,
+        limit: Annotated[int, Query(ge=1, le=10_000)] = 10_000,
+        after: Annotated[ObjectName | None, Query()] = None,
+    ) -> Response:
+        """List the vehicles, and robots that are not in the plant model."""
+        states, processing = state or tuple(VehicleState), processing_state or tuple(ProcessingState)
+        chosen = (each for each in _behind(after, requests) if each.state in states)
+        found = [*islice((each for each in chosen if each.processing_state in processing), limit + 1)]
+        page = tuple(found[:limit])
+        return as_json(VehicleList(vehicles=page, next=page[-1].name if len(found) > limit else None))
+
+    @router.get("/{name}", response_model=VehicleStatus)
+    async def show(name: str) -> Response:
+        """Show a vehicle."""
+        return as_json(requests.vehicle(name))
+
+    @router.post("/{name}/dispatch", status_code=HTTPStatus.CREATED, response_model=TransportOrderStatus)
+    async def dispatch(name: str, request: DispatchRequest) -> Response:
+        """Send a vehicle to a point, location or coordinate, by a transport order that is only for it."""
+        order, new = await vehicle_commands.dispatch(requests, name, request)
+        return responses.created(order, new=new)
+
+    @router.post(
+        "/{name}/instantActions",
+        response_model=InstantActionAnswer,
+        responses={HTTPStatus.ACCEPTED: {"model": InstantActionAnswer, "description": "It goes on."}},
+    )
+    async def instant_action(name: str, request: InstantActionRequest) -> Response:
+        """Let a vehicle do something at once; waits a while for the end of it."""
+        answer = await vehicle_commands.instant_action(requests, name, request)
+        return as_json(answer, HTTPStatus.ACCEPTED if answer.status == "PENDING" else HTTPStatus.OK)
+
+    return router
+
+
+def _behind(name: str | None, requests: HostRequests) -> tuple[VehicleStatus, ...]:
+    """Give the vehicles behind the one of this name; None: all."""
+    vehicles = requests.vehicles()
+    if name is None:
+        return vehicles
+    names = [each.name for each in vehicles]
+    if name not in names:
+        raise UnknownVehicleError(name)
+    return vehicles[names.index(name) + 1 :]

@@ -1,0 +1,77 @@
+"""Locks of paths by REST, and what the router makes of them."""
+
+from __future__ import annotations
+
+import httpx
+import pytest
+
+from nena_order_service.app import OrderService, build
+from nena_order_service.routing import NoRouteError
+from nena_order_service.settings import OrderServiceSettings
+from nena_shared.fleet_api.transport_order import Destination
+
+
+def _to(point: str) -> Destination:
+    return Destination(location_name=point)
+
+
+async def lock(client: httpx.AsyncClient, name: str, *, locked: bool) -> httpx.Response:
+    return await client.put(f"/v1/paths/{name}/lock", json={"locked": locked})
+
+
+async def test_paths_are_listed_and_locked(client: httpx.AsyncClient, service: OrderService) -> None:
+    paths = (await client.get("/v1/paths")).json()["paths"]
+    assert {path["name"] for path in paths} == {path.name for path in service.kernel.plant.paths}
+    name = paths[0]["name"]
+    answer = await lock(client, name, locked=True)
+    assert (answer.status_code, answer.json()["locked"]) == (200, True)
+    assert answer.json()["lockedInPlantModel"] is False
+    assert (await client.get(f"/v1/paths/{name}")).json() == answer.json()
+    assert await service.store.path_locks() == {name: True}
+    assert (await lock(client, name, locked=False)).json()["locked"] is False
+
+
+async def test_unknown_path_and_bad_request_are_problems(client: httpx.AsyncClient) -> None:
+    assert (await lock(client, "Nowhere --- Else", locked=True)).status_code == 404
+    assert (await client.get("/v1/paths/Nowhere")).status_code == 404
+    name = (await client.get("/v1/paths")).json()["paths"][0]["name"]
+    assert (await client.put(f"/v1/paths/{name}/lock", json={"locked": "perhaps"})).status_code == 422
+
+
+async def test_routes_keep_off_locked_paths_and_orders_wait_for_them(
+    client: httpx.AsyncClient, service: OrderService
+) -> None:
+    finder = service.kernel._finder
+    plant = service.kernel.plant
+    start, goal = plant.points[0].name, plant.points[-1].name
+    before = finder.find(start, [_to(goal)])
+    for path in plant.paths:
+        if goal in (path.destination, path.source):
+            await lock(client, path.name, locked=True)
+    with pytest.raises(NoRouteError):
+        finder.find(start, [_to(goal)])
+    made = await client.post("/v1/transportOrders", json={"destinations": [{"locationName": goal}]})
+    assert made.json()["state"] == "DISPATCHABLE"
+    for path in plant.paths:
+        await lock(client, path.name, locked=False)
+    assert finder.find(start, [_to(goal)]) == before
+
+
+async def test_locks_stand_over_a_restart(
+    client: httpx.AsyncClient, service: OrderService, settings: OrderServiceSettings
+) -> None:
+    name = (await client.get("/v1/paths")).json()["paths"][0]["name"]
+    await lock(client, name, locked=True)
+    again = build(settings, service.kernel.plant, service.store)
+    await again.locks.load()
+    assert again.locks.get(name).locked
+
+
+async def test_store_that_takes_nothing_promises_nothing(
+    client: httpx.AsyncClient, service: OrderService
+) -> None:
+    name = (await client.get("/v1/paths")).json()["paths"][0]["name"]
+    service.store.problem = "disk full"
+    assert (await lock(client, name, locked=True)).status_code == 503
+    service.store.problem = ""
+    assert not service.locks.get(name).locked
