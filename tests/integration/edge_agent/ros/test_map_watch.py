@@ -10,6 +10,7 @@ import pytest
 
 from nena_edge_agent.ros.map_watch import MapWatch
 from nena_edge_agent.ros.session import RosSession
+from nena_edge_agent.settings import EdgeAgentSettings
 from nena_robot_simulator.grid_map import GridMap
 from nena_robot_simulator.messages import map_message
 from nena_shared.fleet_api.robot_map import RobotMap
@@ -74,3 +75,17 @@ def test_a_grid_with_too_few_cells_is_refused_and_the_next_one_is_told() -> None
     with pytest.raises(ValueError, match="no grid"):
         watch.read(map_message(grid(cells=bytes(7)), "map", 0))
     assert watch.read(map_message(grid(), "map", 0)) is not None
+
+
+def test_the_settings_say_where_the_map_is_and_how_the_plant_lies_on_it() -> None:
+    settings = EdgeAgentSettings.model_validate(
+        {
+            "manufacturer": "ACME",
+            "serial_number": "r1",
+            "map_id": "hall",
+            "map_transforms": {"hall": "scale=2"},
+        }
+    )
+    found = MapWatch.of(settings).read(map_message(grid(), "map", 0))
+    assert found is not None
+    assert (found.map_id, found.resolution) == ("hall", 0.25)

@@ -6,8 +6,9 @@ import base64
 import hashlib
 from collections.abc import Callable
 from math import atan2
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
+from nena_edge_agent.driver.plant_frame import PlantFrame
 from nena_edge_agent.occupancy_image import occupancy_image
 from nena_shared.fleet_api.robot_map import PNG_LIMIT, SIDE_LIMIT, RobotMap
 from nena_shared.log import get_logger
@@ -15,6 +16,7 @@ from nena_shared.plant.transform import MapPose, MapTransform
 
 if TYPE_CHECKING:
     from nena_edge_agent.ros.session import RosSession
+    from nena_edge_agent.settings import EdgeAgentSettings
 
 log = get_logger(__name__)
 
@@ -32,6 +34,12 @@ class MapWatch:
         self._transform = transform
         self._digest = ""
         self.tell: Callable[[RobotMap], None] = lambda _: None
+
+    @classmethod
+    def of(cls, settings: EdgeAgentSettings) -> Self:
+        """Make the watch of a robot with these settings."""
+        frame = PlantFrame.of(settings.map_transforms)
+        return cls(settings.ros.names.map, settings.map_id, frame.on(settings.map_id))
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401 - rclpy carries no types
         """Subscribe on a new node."""

@@ -67,6 +67,7 @@ class RosNames(SettingsGroup):
     )
     battery: RosName = Field("battery_state", description="Topic of the battery's state.")
     plan: RosName = Field("plan", description="Topic of Nav2's plan, for the way that is left.")
+    map: RosName = Field("map", description="Topic of the robot's map, which is shown beside the plant.")
     odometry: RosName = Field("odom", description="Topic of the odometry.")
     lifecycle: RosName = Field(
         "lifecycle_manager_navigation/is_active",
