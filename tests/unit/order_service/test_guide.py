@@ -27,7 +27,7 @@ BODIES: dict[str, type[BaseModel]] = {
     "/instantActions": InstantActionRequest,
     "/lock": PathLockRequest,
 }
-EXAMPLES = re.findall(r"\$nena(\S+?)"? -H 'Content-Type: application/json' -d '(\{.*?\})'\n", GUIDE, re.DOTALL)
+EXAMPLES = re.findall(r"\$nena(\S+) -H 'Content-Type: application/json' -d '(\{.*?\})'\n", GUIDE, re.DOTALL)
 
 
 @pytest.mark.parametrize(("path", "body"), EXAMPLES)
