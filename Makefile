@@ -6,14 +6,15 @@ BIN := $(VENV)/bin
 # The first interpreter in range that really runs; `make PYTHON=...` overrides it.
 PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
 	$$p -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && command -v $$p && break; done)
-DISTRIBUTIONS := shared services/edge_agent services/order_service services/status_aggregator services/robot_simulator demo cli
+DISTRIBUTIONS := shared services/edge_agent services/order_service services/status_aggregator services/robot_simulator demo cli deploy/tool
 # Processes that run tests side by side; ROS, brokers and ports are their own in each test.
 WORKERS ?= 2
 # What failed side by side has one more try, alone (docs/decisions/0015). Nothing failed but the coverage: no try.
 AGAIN = { echo "== once more, alone: what failed above" >&2; \
 	$(BIN)/pytest --last-failed --last-failed-no-failures none --maxfail 1 && $(BIN)/coverage report --format=total --fail-under=85; }
 # Tests of which more examples find more.
-SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/order_service/traffic/test_simulation.py
+SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/order_service/traffic/test_simulation.py \
+	tests/unit/edge_agent/test_restart_safety.py tests/integration/edge_agent/ros/test_kills.py
 STAMP := $(VENV)/.set-up
 
 .DEFAULT_GOAL := help
@@ -56,7 +57,7 @@ conformance: $(STAMP) ## write docs/vda5050.md anew: how the standard is kept, a
 	PYTHONPATH=tests $(BIN)/python -m conformance.table
 
 soak: $(STAMP) ## the tests that guard the cores, with many more examples: about half an hour on two cores
-	NENA_EXAMPLES=100000 NENA_PLANTS=400 $(BIN)/pytest -n $(WORKERS) --timeout 7200 $(SOAK)
+	NENA_EXAMPLES=100000 NENA_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 $(BIN)/pytest -n $(WORKERS) --timeout 7200 $(SOAK)
 
 # A command that makes the base images ready first, where no registry does: make compose-test IMAGES=...
 IMAGES ?=

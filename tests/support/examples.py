@@ -10,5 +10,8 @@ EXAMPLES = int(os.environ.get("NENA_EXAMPLES", "2000"))
 PLANTS = int(os.environ.get("NENA_PLANTS", "16"))
 """Random plants on which a fleet is simulated."""
 
+KILLS = int(os.environ.get("NENA_KILLS", "5"))
+"""How often the process of an edge agent is killed while it drives."""
+
 RESTARTS = int(os.environ.get("NENA_RESTARTS", "24"))
 """Moments of each order at which the edge agent dies."""

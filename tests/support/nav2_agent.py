@@ -48,10 +48,11 @@ class Bench:
         self._folder = folder
 
     @contextmanager
-    def simulator(self, **robot: Any) -> Iterator[SimulatorProcess]:
+    def simulator(self, *options: str, **robot: Any) -> Iterator[SimulatorProcess]:
         """Run the robot as a program of its own; ``robot`` holds fields of its settings."""
         fields = json.dumps([{"domain_id": self._domain_id, **robot}])
-        with SimulatorProcess("--time_factor", "5", "--robots", fields, directory=self._folder) as process:
+        options = ("--time_factor", "5", "--robots", fields, *options)
+        with SimulatorProcess(*options, directory=self._folder) as process:
             process.wait_for_line("robot ready")
             yield process
 
@@ -59,6 +60,11 @@ class Bench:
     def speed(self) -> float:
         """How fast the robot is by its odometry, m/s."""
         return abs(self._odometry.messages[-1].twist.twist.linear.x) if self._odometry.messages else 0.0
+
+    @property
+    def places(self) -> list[float]:
+        """Where the robot has been by its odometry: x, m."""
+        return [each.pose.pose.position.x for each in self._odometry.messages]
 
     async def moves(self) -> None:
         """Wait until the robot drives; then navigation has taken its goal."""

@@ -69,6 +69,12 @@ class FatedJournal(Journal):
         super().write(memory)
         self.fate.spares("after: write the journal")
 
+    def sync(self) -> None:
+        """Wait for the disk."""
+        if self.fate.alive:
+            super().sync()
+            self.fate.spares("after: wait for the disk")
+
 
 def live(scenario: Scenario, folder: Path, deaths: Sequence[Death] = ()) -> History:
     """Let a robot live through ``scenario``; its agent dies once for each of ``deaths``."""

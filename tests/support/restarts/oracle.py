@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -29,10 +29,8 @@ def check(history: History) -> None:
         AssertionError: something does not hold.
 
     """
-    _headers_rise(history)
-    for before, after in pairwise(history.fleet.states):
-        _states_agree(before, after)
-    _orders_do_not_come_back(history.fleet.states)
+    check_headers((each.topic, each.payload) for each in history.wire.published)
+    check_states(history.fleet.states)
     _nothing_is_driven_twice(history)
     _nothing_is_done_twice(history)
 
@@ -85,12 +83,31 @@ def _interrupted(history: History) -> set[str]:
     return {each.action_id for each in failed}
 
 
-def _headers_rise(history: History) -> None:
+def check_headers(messages: Iterable[tuple[str, bytes]]) -> None:
+    """Check that the headerId rises in the messages of each topic, last wills left out.
+
+    Raises:
+        AssertionError: it does not.
+
+    """
     last: dict[str, int] = {}
-    for message in history.wire.published:
-        number = json.loads(message.payload)["headerId"]
-        assert number > last.get(message.topic, -1), f"headerId {number} of {message.topic} does not rise"
-        last[message.topic] = number
+    for topic, payload in messages:
+        number = json.loads(payload)["headerId"]
+        assert number > last.get(topic, -1), f"headerId {number} of {topic} does not rise"
+        last[topic] = number
+
+
+def check_states(states: Sequence[State]) -> None:
+    """Check that no state takes back what one before it has shown.
+
+    Raises:
+        AssertionError: one does.
+
+    """
+    for before, after in pairwise(states):
+        _states_agree(before, after)
+    changes = [after.order_id for before, after in pairwise(states) if before.order_id != after.order_id]
+    assert len(changes) == len(set(changes)), f"an order comes back: {changes}"
 
 
 def _states_agree(before: State, after: State) -> None:
@@ -105,11 +122,6 @@ def _states_agree(before: State, after: State) -> None:
         if each.action_status in FINAL:
             shown = now.get(each.action_id, each.action_status)
             assert shown is each.action_status, f"{each.action_id}: {each.action_status}, then {shown}"
-
-
-def _orders_do_not_come_back(states: Sequence[State]) -> None:
-    changes = [after.order_id for before, after in pairwise(states) if before.order_id != after.order_id]
-    assert len(changes) == len(set(changes)), f"an order comes back: {changes}"
 
 
 def _nothing_is_driven_twice(history: History) -> None:

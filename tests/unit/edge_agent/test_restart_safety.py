@@ -8,7 +8,9 @@ agent goes on with the same journal and the same robot, which has driven on mean
 from __future__ import annotations
 
 import random
+from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -22,8 +24,16 @@ PAUSES = (0.3, 2.0, 20.0)
 
 
 @pytest.fixture
-def undisturbed(scenario: str, tmp_path: Path) -> History:
-    history = live(SCENARIOS[scenario], tmp_path / "undisturbed")
+def folder() -> Iterator[Path]:
+    """Give a folder for journals, in memory where that can be had: the disk is not the point."""
+    memory = Path("/dev/shm")  # noqa: S108 - the folder in it is our own
+    with TemporaryDirectory(dir=memory if memory.is_dir() else None, prefix="nena-test-") as name:
+        yield Path(name)
+
+
+@pytest.fixture
+def undisturbed(scenario: str, folder: Path) -> History:
+    history = live(SCENARIOS[scenario], folder / "undisturbed")
     check(history)
     return history
 
@@ -31,22 +41,22 @@ def undisturbed(scenario: str, tmp_path: Path) -> History:
 @pytest.mark.clause("6.6/restart", "7.2/headerId")
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_a_death_at_any_moment_leads_to_the_same_end(
-    scenario: str, undisturbed: History, tmp_path: Path
+    scenario: str, undisturbed: History, folder: Path
 ) -> None:
     moments = range(1, len(undisturbed.lives[0]) + 1)
     chance = random.Random(scenario)
     for moment in sorted(chance.sample(moments, min(RESTARTS, len(moments)))):
         death = Death(moment, chance.choice(PAUSES))
-        _live_and_check([death], undisturbed, tmp_path / str(moment))
+        _live_and_check([death], undisturbed, folder / str(moment))
 
 
 @pytest.mark.clause("6.6/restart", "7.2/headerId")
 @pytest.mark.parametrize("scenario", SCENARIOS)
-def test_so_do_several_deaths(scenario: str, undisturbed: History, tmp_path: Path) -> None:
+def test_so_do_several_deaths(scenario: str, undisturbed: History, folder: Path) -> None:
     chance = random.Random(scenario)
     for number in range(RESTARTS // 4):
         deaths = [Death(chance.randint(1, 60), chance.choice(PAUSES)) for _ in range(chance.randint(2, 5))]
-        _live_and_check(deaths, undisturbed, tmp_path / str(number))
+        _live_and_check(deaths, undisturbed, folder / str(number))
 
 
 def _live_and_check(deaths: list[Death], undisturbed: History, folder: Path) -> None:

@@ -146,7 +146,12 @@ def test_a_journal_that_cannot_be_written_is_shown_until_it_can() -> None:
 
 def listed(*rows: tuple[str, str]) -> GoalTable:
     """Give navigation's goals by id and status, none of somebody else."""
-    return GoalTable(tuple(GoalReport(name, False, status, status != "EXECUTING") for name, status in rows))
+    return GoalTable(
+        tuple(
+            GoalReport(name, external=False, status=status, ended=status != "EXECUTING")
+            for name, status in rows
+        )
+    )
 
 
 def kept_goals(bench: Bench) -> OwnGoals | None:

@@ -1,0 +1,178 @@
+"""The agent's process, killed again and again while its robot drives: no order notices.
+
+Broker, agent and robot are processes of their own; only the agent is killed, at moments that are counted in
+its messages and drawn by chance.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import random
+from collections.abc import Iterator, Sequence
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import pytest
+from action_msgs.msg import GoalStatusArray
+
+from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.topics import Topic
+from nena_shared.vda5050.versions import codec_for
+from support.broker import Broker
+from support.examples import KILLS
+from support.nav2_agent import Bench, ready
+from support.restarts.oracle import check_headers, check_states
+from support.robot_core import action, order
+from support.ros import LATCHED, RosPeer
+from support.waiting import until
+
+pytestmark = [pytest.mark.ros, pytest.mark.broker]
+
+OPERATIONS = [
+    {"action_type": "pick", "seconds": 0.3, "load": "take"},
+    {"action_type": "drop", "seconds": 0.3, "load": "give"},
+]
+OPTIONS = (
+    *("--operations", json.dumps(OPERATIONS), "--interval.visualization", "0.1"),
+    *("--drive.strategy", "pass_through", "--drive.external_goals", "fail"),
+)
+MOST_STATES = 8
+"""Of an agent, until it is killed."""
+MOST_MORE = 15
+"""Messages of any kind after the last of these: about a second and a half."""
+
+
+class Witness:
+    """Sends orders as fleet control does, and keeps all that the robot has said."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._codec = codec_for("2.1.0")
+        self._taken = 0
+        self.states: list[State] = []
+        self.orders: list[Order] = []
+        self.enough = False
+
+    async def hears(self, *, states: int, more: int) -> None:
+        """Wait for so many states from now on, and for so many messages after them."""
+        history, topic, start = self._bench.mqtt.history, self._bench.fleet.topic(Topic.STATE), self.messages
+        await until(
+            lambda: sum(each.topic == topic for each in history[start:]) >= states,
+            timeout=60.0,
+            what=f"{states} states",
+        )
+        enough = self.messages + more
+        await until(lambda: self.messages >= enough, timeout=30.0, what=f"{more} messages")
+
+    @property
+    def messages(self) -> int:
+        """How many messages there were."""
+        return len(self._bench.mqtt.history)
+
+    @property
+    def state(self) -> State:
+        """The newest state."""
+        topic = self._bench.fleet.topic(Topic.STATE)
+        new = self._bench.mqtt.history[self._taken :]
+        self._taken += len(new)
+        self.states += [self._codec.decode(State, each.payload) for each in new if each.topic == topic]
+        return self.states[-1]
+
+    async def serve(self) -> None:
+        """Have the robot do one order after another, until it is enough."""
+        for number in count(1):
+            if self.enough:
+                return
+            await self._do(_order(number))
+
+    async def _do(self, message: Order) -> None:
+        self.orders.append(message)
+        while self.state.order_id != message.order_id:
+            self._bench.fleet.send(message)
+            await self._patiently(lambda: self.state.order_id == message.order_id)
+        await until(lambda: self._is_over(message), timeout=60.0, what=f"the end of {message.order_id}")
+
+    async def _patiently(self, condition: Any) -> None:
+        try:
+            await until(condition, timeout=2.0)
+        except AssertionError:
+            return  # the agent was not there to hear it
+
+    def _is_over(self, message: Order) -> bool:
+        state = self.state
+        over = all(each.action_status.ended for each in state.action_states)
+        return state.order_id == message.order_id and not state.node_states and over and not state.driving
+
+
+@pytest.fixture
+def bench(
+    broker: Broker, interface_name: str, peer: RosPeer, domain_id: int, tmp_path: Path
+) -> Iterator[Bench]:
+    bench = Bench(broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path)
+    with bench.mqtt:
+        yield bench
+
+
+@pytest.mark.timeout(60 + 20 * KILLS)
+@pytest.mark.clause("6.6/restart", "7.2/headerId")
+@pytest.mark.parametrize(
+    ("actions", "kills"), [("--actions", KILLS - KILLS // 2), ("--no-actions", KILLS // 2)]
+)
+async def test_an_agent_that_is_killed_again_and_again_does_its_orders(
+    bench: Bench, actions: str, kills: int
+) -> None:
+    """``actions``: whether goals go to Nav2 by its action or by topic."""
+    arrays = bench.ros.subscribe(GoalStatusArray, "navigate_to_pose/_action/status", LATCHED)
+    chance, witness = random.Random(kills), Witness(bench)
+    with bench.simulator(actions), bench.agent_process(*OPTIONS) as agent:
+        await bench.fleet.state(ready)
+        orders = asyncio.create_task(witness.serve())
+        for _ in range(kills):
+            await witness.hears(states=chance.randint(1, MOST_STATES), more=chance.randint(0, MOST_MORE))
+            agent.kill()
+            agent.restart()
+        witness.enough = True
+        await orders
+
+    check_states(witness.states)
+    said = [(each.topic, each.payload) for each in bench.mqtt.history if _is_the_robots(bench, each.topic)]
+    check_headers((topic, payload) for topic, payload in said if b"CONNECTIONBROKEN" not in payload)
+    for message in witness.orders:
+        last = [state for state in witness.states if state.order_id == message.order_id][-1]
+        assert {each.action_status.value for each in last.action_states} == {"FINISHED"}
+        assert not last.errors
+    assert turns(bench.places) == len(witness.orders) - 1, "the robot has driven back"
+    given = {bytes(e.goal_info.goal_id.uuid) for a in arrays.messages for e in a.status_list}
+    needed = sum(len(each.nodes) - 1 for each in witness.orders)
+    assert needed <= len(given) <= needed + kills // 2, "goals under way are not taken up again"
+
+
+def turns(places: Sequence[float]) -> int:
+    """Count how often the robot, which drives along x, has turned back by a metre or more."""
+    count, furthest, forward = 0, places[0], True
+    for x in places:
+        ahead = x - furthest if forward else furthest - x
+        if ahead > 0:
+            furthest = x
+        elif ahead < -1.0:
+            count, furthest, forward = count + 1, x, not forward
+    return count
+
+
+def _order(number: int) -> Order:
+    """Make the way there, or the way back."""
+    names = ["n0", "n1", "n2", "n3"][:: 1 if number % 2 else -1]
+    kind = "pick" if number % 2 else "drop"
+    actions = {
+        "n1": [action(f"load {number}", "HARD", kind)],
+        names[-1]: [action(f"wait {number}", "SOFT", "wait", duration=0.3)],
+    }
+    return order(*names, order_id=f"o{number}", node_actions=actions)
+
+
+def _is_the_robots(bench: Bench, topic: str) -> bool:
+    kinds = (Topic.STATE, Topic.VISUALIZATION, Topic.CONNECTION, Topic.FACTSHEET)
+    return topic in {bench.fleet.topic(each) for each in kinds}
