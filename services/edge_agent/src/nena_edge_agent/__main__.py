@@ -5,12 +5,16 @@ from __future__ import annotations
 import asyncio
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
+from nena_edge_agent.actions import check_plugin
+from nena_edge_agent.actions.installed import installed
 from nena_edge_agent.actions.log_report import LogReport
 from nena_edge_agent.actions.map_transforms import MapTransforms
-from nena_edge_agent.actions.plugin import ActionPlugin
+from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext
+from nena_edge_agent.actions.ready_made import operations_beside, ready_made
 from nena_edge_agent.actions.registry import ActionRegistry
-from nena_edge_agent.actions.timed_operation import TimedOperation
+from nena_edge_agent.actions.robot_ports import RobotPorts
 from nena_edge_agent.actions.wait import Wait
 from nena_edge_agent.actions.zone_set_download import ZoneSetDownload
 from nena_edge_agent.agent import RobotAgent
@@ -25,6 +29,7 @@ from nena_edge_agent.loopback.rehearsal import rehearsal_actions
 from nena_edge_agent.maps.actions import map_actions
 from nena_edge_agent.maps.selection import map_store
 from nena_edge_agent.maps.store import MapStore
+from nena_edge_agent.ros.plugin_port import PluginRos
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.log import get_logger
@@ -37,7 +42,7 @@ PROGRAM = "nena-edge-agent"
 DESCRIPTION = (
     "Makes a ROS 2 robot with Nav2 a VDA 5050 robot: takes orders and instant actions over MQTT, drives, and "
     "reports. Try it without a robot: nena-edge-agent --driver loopback. Find out which link is missing: "
-    "nena-edge-agent doctor"
+    "nena-edge-agent doctor. Try a plug-in for actions: nena-edge-agent check-plugin NAME"
 )
 
 log = get_logger(__name__)
@@ -72,15 +77,18 @@ async def _serve_alone(settings: EdgeAgentSettings, stop: asyncio.Event) -> None
 def _agent_maker(
     settings: EdgeAgentSettings, index: int, robot: RobotKey, bench: Bench, clock: Clock
 ) -> Callable[[], RobotAgent]:
-    make_driver = driver_maker(settings, index, clock, bench)
+    ros = PluginRos() if settings.driver == "nav2" else None
+    ports = RobotPorts(ros, settings.actions)
+    driver = driver_maker(settings, index, clock, bench, guests=(ros,) if ros else ())
     store = map_store(settings, robot)
-    registry = make_registry(settings, bench, store)
+    context = PluginContext(robot, ports.drive, ros)
+    registry = make_registry(settings, bench, store, context)
 
     def make() -> RobotAgent:
         agent = RobotAgent(
             settings,
             robot.serial_number,
-            make_driver=make_driver,
+            make_driver=ports.joined(driver),
             registry=registry,
             clock=clock,
             maps=store.maps if store else (),
@@ -91,9 +99,19 @@ def _agent_maker(
     return make
 
 
-def make_registry(settings: EdgeAgentSettings, bench: Bench, store: MapStore | None = None) -> ActionRegistry:
+def make_registry(
+    settings: EdgeAgentSettings,
+    bench: Bench,
+    store: MapStore | None = None,
+    context: PluginContext | None = None,
+) -> ActionRegistry:
     """Give the actions of one robot; a loopback robot charges its battery, and rehearses if it is to."""
-    plugins: list[ActionPlugin] = [*(TimedOperation(each) for each in settings.operations), Wait()]
+    context = context or PluginContext(
+        RobotKey(settings.manufacturer, settings.serial_number), RobotPorts(None, settings.actions).drive
+    )
+    found = installed(context, settings.actions)
+    operations = operations_beside(found, settings)
+    plugins: list[ActionPlugin] = [*ready_made(operations, context, settings.actions), Wait()]
     plugins += [
         LogReport(settings.log_report),
         ZoneSetDownload(codec_for(settings.version), settings.download),
@@ -104,9 +122,12 @@ def make_registry(settings: EdgeAgentSettings, bench: Bench, store: MapStore | N
         plugins.append(MapTransforms(settings.map_transforms))
     if settings.driver == "loopback":
         plugins = [ChargingWatch(each, bench.set_charging) for each in plugins]
+        found = replace(
+            found, plugins=tuple(ChargingWatch(each, bench.set_charging) for each in found.plugins)
+        )
         if settings.loopback.rehearsal:
             plugins.extend(rehearsal_actions())
-    return ActionRegistry(plugins)
+    return ActionRegistry(plugins, found)
 
 
 async def _run_all(
@@ -130,6 +151,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = sys.argv[1:] if argv is None else list(argv)
     if arguments[:1] == ["doctor"]:
         return doctor.main(arguments[1:])
+    if arguments[:1] == [check_plugin.COMMAND]:
+        return check_plugin.main(arguments[1:])
     return run(EdgeAgentSettings, serve, program=PROGRAM, description=DESCRIPTION, argv=arguments)
 
 

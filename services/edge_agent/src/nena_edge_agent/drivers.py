@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from nena_edge_agent.agent import DriverMaker
 from nena_edge_agent.driver.map_port import MapDriver, MapEmit
@@ -11,19 +11,26 @@ from nena_edge_agent.driver.port import Driver, Emit, Pose
 from nena_edge_agent.loopback.bench import Bench
 from nena_edge_agent.loopback.driver import LoopbackDriver
 from nena_edge_agent.protocol.events import Event
+from nena_edge_agent.ros.guest import NodeGuest
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
 from nena_shared.program import StartError
 
 
-def driver_maker(settings: EdgeAgentSettings, index: int, clock: Clock, bench: Bench) -> DriverMaker:
+def driver_maker(
+    settings: EdgeAgentSettings, index: int, clock: Clock, bench: Bench, *, guests: Sequence[NodeGuest] = ()
+) -> DriverMaker:
     """Give what makes the driver of robot ``index``, from 0; ``bench`` gets hold of a loopback robot.
+
+    ``guests`` have topics and services of their own on the nodes of another one.
 
     Raises:
         StartError: ROS 2 for Python is wanted and missing.
 
     """
-    return _nav2(settings, clock) if settings.driver == "nav2" else _loopback(settings, index, clock, bench)
+    if settings.driver == "nav2":
+        return _nav2(settings, clock, guests)
+    return _loopback(settings, index, clock, bench)
 
 
 def _loopback(settings: EdgeAgentSettings, index: int, clock: Clock, bench: Bench) -> DriverMaker:
@@ -37,7 +44,7 @@ def _loopback(settings: EdgeAgentSettings, index: int, clock: Clock, bench: Benc
     return make
 
 
-def _nav2(settings: EdgeAgentSettings, clock: Clock) -> DriverMaker:
+def _nav2(settings: EdgeAgentSettings, clock: Clock, guests: Sequence[NodeGuest]) -> DriverMaker:
     try:
         from nena_edge_agent.ros.driver import make_driver  # noqa: PLC0415 - the loopback needs no ROS
     except ImportError as error:
@@ -49,7 +56,7 @@ def _nav2(settings: EdgeAgentSettings, clock: Clock) -> DriverMaker:
 
     def make(emit: Emit, _: Pose | None) -> Driver:
         def make_on_map(emit_on_map: MapEmit) -> MapDriver:
-            return make_driver(settings.ros, settings.map_id, emit_on_map, clock)
+            return make_driver(settings.ros, settings.map_id, emit_on_map, clock, guests)
 
         return PlantFrameDriver(make_on_map, PlantFrame.of(settings.map_transforms), emit)
 

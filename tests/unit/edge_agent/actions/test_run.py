@@ -11,7 +11,7 @@ import pytest
 
 from nena_edge_agent.actions.ended import ENDED
 from nena_edge_agent.actions.plugin import Report, RunningAction
-from nena_edge_agent.actions.run import LONGEST_RESULT, Patience, Run
+from nena_edge_agent.actions.run import LONGEST_RESULT, PROGRESS_INTERVAL, Patience, Run
 from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import Action, ActionStatus
@@ -194,8 +194,22 @@ async def test_progress_is_told_now_and_then() -> None:
     for number in range(50):
         trial.plugin.report(ActionReport("a", ActionStatus.RUNNING, f"{number} %"))
 
-    assert len(trial.told) < 50
-    assert trial.told[1].result == "0 %"
+    assert [each.result for each in trial.told] == [None, "0 %"]
+    await until(lambda: len(trial.told) == 3, timeout=30)
+    assert trial.told[2].result == "49 %"
+
+
+async def test_progress_that_waits_goes_with_the_end() -> None:
+    trial = Trial(Puppet())
+    trial.plugin.report(RUNNING)
+    for number in range(3):
+        trial.plugin.report(ActionReport("a", ActionStatus.RUNNING, f"{number} %"))
+    trial.plugin.report(FINISHED)
+    yardstick = asyncio.Event()
+    asyncio.get_running_loop().call_later(PROGRESS_INTERVAL * 1.5, yardstick.set)
+    await yardstick.wait()
+
+    assert [each.result for each in trial.told] == [None, "0 %", None]
 
 
 async def test_a_long_result_is_cut() -> None:

@@ -18,7 +18,7 @@ from nena_shared.vda5050.state import Load
 log = get_logger(__name__)
 
 PROGRESS_INTERVAL = 0.5
-"""Seconds between two reports of progress; what comes faster is passed over."""
+"""Seconds between two reports of progress; of what comes faster only the newest is told."""
 LONGEST_RESULT = 1000
 """Characters of a result; the rest is cut off, for it comes with every state."""
 
@@ -48,7 +48,7 @@ class Run:
         self._log = log.bind(action=action.action_id, action_type=action.action_type)
         self._running: RunningAction | None = None
         self._status = ActionStatus.INITIALIZING
-        self._progress_at = -inf
+        self._progress = _Progress(self._loop, self._tell)
         self._heard = ""
         self._answer: asyncio.TimerHandle | None = None
         self._limit = _Stopwatch(self._loop, plugin.declaration.timeout, self._over_time)
@@ -127,13 +127,12 @@ class Run:
             self._go_on(report)
 
     def _go_on(self, report: ActionReport) -> None:
-        now, before = self._loop.time(), self._status
+        before, self._status = self._status, report.status
         self._heard = report.result or self._heard
         if report.status is before is ActionStatus.RUNNING:
-            if now - self._progress_at < PROGRESS_INTERVAL:
-                return
-            self._progress_at = now
-        self._status = report.status
+            self._progress.take(report)
+            return
+        self._progress.drop()
         if before is ActionStatus.INITIALIZING or report.status is ActionStatus.PAUSED:
             self._stop_expecting()
         self._limit.run(on=report.status is ActionStatus.RUNNING)
@@ -165,6 +164,7 @@ class Run:
     def _end(self) -> None:
         self.ended = True
         self._stop_expecting()
+        self._progress.drop()
         self._limit.run(on=False)
 
     def _tell(self, report: ActionReport) -> None:
@@ -187,6 +187,36 @@ class Run:
         if self._answer is not None:
             self._answer.cancel()
             self._answer = None
+
+
+class _Progress:
+    """Passes reports of progress on, the newest each :data:`PROGRESS_INTERVAL` at most."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, tell: Report) -> None:
+        self._loop = loop
+        self._tell = tell
+        self._told_at = -inf
+        self._timer: asyncio.TimerHandle | None = None
+
+    def take(self, report: ActionReport) -> None:
+        """Tell it now, or in place of one that waits."""
+        self.drop()
+        due = self._told_at + PROGRESS_INTERVAL
+        if due <= self._loop.time():
+            self._tell_now(report)
+        else:
+            self._timer = self._loop.call_at(due, self._tell_now, report)
+
+    def drop(self) -> None:
+        """Forget what waits."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _tell_now(self, report: ActionReport) -> None:
+        self.drop()
+        self._told_at = self._loop.time()
+        self._tell(report)
 
 
 class _Stopwatch:

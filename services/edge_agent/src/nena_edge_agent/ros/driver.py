@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -36,6 +36,7 @@ from nena_edge_agent.ros.commands import CancelGoal, Command, PublishGoal, Repor
 from nena_edge_agent.ros.environment import prepare_environment
 from nena_edge_agent.ros.goal_status import GoalEntry
 from nena_edge_agent.ros.goal_tracker import GoalTracker
+from nena_edge_agent.ros.guest import NodeGuest
 from nena_edge_agent.ros.initial_position import InitialPosition, PublishInitialPose
 from nena_edge_agent.ros.localisation import Localisation
 from nena_edge_agent.ros.movement_watch import MovementWatch
@@ -55,16 +56,26 @@ TICK = 0.05
 """Seconds between two looks at the time while something is waited for."""
 
 
-def make_driver(settings: RosSettings, map_id: str, emit: MapEmit, clock: Clock) -> MapDriver:
+def make_driver(
+    settings: RosSettings, map_id: str, emit: MapEmit, clock: Clock, guests: Sequence[NodeGuest] = ()
+) -> MapDriver:
     """Make the driver of the robot that ``settings`` name; its poses are on the map ``map_id``."""
-    return Nav2Driver(settings, map_id, emit, clock)
+    return Nav2Driver(settings, map_id, emit, clock, guests)
 
 
 class Nav2Driver:
     """One robot with Nav2. Events are told from the loop itself, never from within a call of a method."""
 
-    def __init__(self, settings: RosSettings, map_id: str, emit: MapEmit, clock: Clock) -> None:
+    def __init__(
+        self,
+        settings: RosSettings,
+        map_id: str,
+        emit: MapEmit,
+        clock: Clock,
+        guests: Sequence[NodeGuest] = (),
+    ) -> None:
         self._settings = settings
+        self._guests = guests
         self._map_id = map_id
         self._emit = emit
         self._clock = clock
@@ -163,7 +174,7 @@ class Nav2Driver:
         listeners = Listeners(
             self._on_statuses, self._on_pose, self._on_velocity, self._on_battery, self._on_plan
         )
-        node = Nav2Node(self._settings, listeners)
+        node = Nav2Node(self._settings, listeners, self._guests)
         await node.start(self._on_failure)
         self._node, self._failure = node, ""
 
