@@ -12,10 +12,10 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from rclpy.qos import qos_profile_system_default
 
 from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapPose
-from nena_edge_agent.driver.port import Arrived, DriveFailed, GoalReport, GoalTable, Halted, NavigationReport
 from nena_edge_agent.driver.map_port import MapPoseReport as PoseTold
+from nena_edge_agent.driver.port import Arrived, DriveFailed, GoalReport, GoalTable, Halted, NavigationReport
 from nena_edge_agent.ros.driver import Nav2Driver
-from nena_edge_agent.ros.settings import GoalSettings, RosSettings
+from nena_edge_agent.ros.settings import GoalSettings, Navigation, RosSettings
 from nena_robot_simulator.messages import pose_message, stamp_of
 from nena_robot_simulator.pose import Pose as Place
 from nena_shared.clock import SystemClock
@@ -40,7 +40,7 @@ class DrivenRobot:
     def __init__(self, domain_id: int, namespace: str = "", **settings: Any) -> None:
         self.events: list[Told] = []
         self._goals: dict[str, GoalReport] = {}
-        fields = {"goals": QUICK, "watch_period": 0.1, **settings}
+        fields = {"goals": QUICK, "watch_period": 0.1, "navigation": Navigation.TOPICS, **settings}
         chosen = RosSettings(domain_id=domain_id, namespace=namespace, **fields)
         self.driver = Nav2Driver(chosen, MAP, self._hear, SystemClock())
 

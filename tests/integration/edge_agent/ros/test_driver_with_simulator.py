@@ -24,7 +24,8 @@ from nena_edge_agent.driver.port import (
     NavigationReport,
     PositionInitialized,
 )
-from nena_edge_agent.ros.settings import LocalisationSettings
+from nena_edge_agent.ros.settings import LocalisationSettings, Navigation
+from support.action_types import needs_action_types
 from support.nav2_driver import MAP, DrivenRobot, goal_at
 from support.ros import BEST_EFFORT, LATCHED, RosPeer, wait_until
 from support.simulator import goal, publisher_to, simulated_robot
@@ -49,10 +50,11 @@ def statuses(peer: RosPeer, namespace: str = "") -> list[int]:
     return [entry.status for entry in array.status_list]
 
 
-@pytest.fixture
-async def robot(domain_id: int) -> AsyncIterator[DrivenRobot]:
+@pytest.fixture(params=[Navigation.TOPICS, pytest.param(Navigation.ACTION, marks=needs_action_types)])
+async def robot(domain_id: int, request: pytest.FixtureRequest) -> AsyncIterator[DrivenRobot]:
+    """Give a robot that is driven by topics, and then one that is driven by the action."""
     with simulated_robot(domain_id):
-        async with DrivenRobot(domain_id) as started:
+        async with DrivenRobot(domain_id, navigation=request.param) as started:
             yield await started.ready()
 
 

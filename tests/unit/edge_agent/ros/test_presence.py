@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from nena_edge_agent.ros.presence import Lifecycle, LifecycleWatch, Presence, judge
-from nena_edge_agent.ros.settings import RosSettings
+from nena_edge_agent.ros.settings import Navigation, RosSettings
 
 SETTINGS = RosSettings(namespace="r1", domain_id=7)
 GID = frozenset({"gid"})
@@ -52,3 +52,27 @@ def test_service_that_goes_takes_its_word_with_it() -> None:
     watch.judge(there=True, active=False)
     assert watch.judge(there=False, active=None) is Lifecycle.ABSENT
     assert watch.judge(there=True, active=None) is Lifecycle.ABSENT
+
+
+@pytest.mark.parametrize(
+    ("navigation", "listeners", "action", "available"),
+    [
+        ("auto", 1, False, True),
+        ("auto", 0, True, True),
+        ("auto", 0, False, False),
+        ("topics", 1, False, True),
+        ("topics", 0, True, False),
+        ("action", 0, True, True),
+        ("action", 1, False, False),
+    ],
+)
+def test_goals_are_taken_by_a_door_that_is_wanted(
+    navigation: Navigation, listeners: int, *, action: bool, available: bool
+) -> None:
+    settings = RosSettings(namespace="r1", domain_id=7, navigation=Navigation(navigation))
+    seen = Presence(GID, listeners, Lifecycle.ACTIVE, action)
+    report = judge(seen, settings, pose_known=True)
+    assert report.available is available
+    assert ("no node serves the action navigate_to_pose" in report.reason) is (
+        navigation == "action" and not action
+    )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 from nena_edge_agent.driver.port import NavigationReport
-from nena_edge_agent.ros.settings import RosSettings
+from nena_edge_agent.ros.settings import Navigation, RosSettings
 
 MISSES = 2
 """Calls without an answer after which a service counts as silent."""
@@ -24,11 +24,16 @@ class Lifecycle(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Presence:
-    """What the ROS graph shows of Nav2; ``servers``: endpoint ids of the status array's publishers."""
+    """What the ROS graph shows of Nav2.
+
+    ``servers`` are the endpoint ids of the status array's publishers; ``action``: the action's server is
+    there, and this machine can speak to it.
+    """
 
     servers: frozenset[str]
     goal_listeners: int
     lifecycle: Lifecycle
+    action: bool = False
 
 
 class LifecycleWatch:
@@ -56,13 +61,22 @@ def judge(presence: Presence, settings: RosSettings, *, pose_known: bool) -> Nav
     return NavigationReport(available=missing is None, reason=missing or "")
 
 
+def _door_open(presence: Presence, navigation: Navigation) -> bool:
+    """Tell whether somebody takes goals in a way that the settings allow."""
+    by_topic = presence.goal_listeners > 0 and navigation is not Navigation.ACTION
+    return by_topic or (presence.action and navigation is not Navigation.TOPICS)
+
+
 def _missing(presence: Presence, settings: RosSettings, *, pose_known: bool) -> str | None:
     names = settings.names
     where = f"in namespace {settings.namespace}, domain {settings.domain_id}"
     if not presence.servers:
         return f"no node publishes {names.status} {where}: is Nav2 running there?"
-    if not presence.goal_listeners:
-        return f"no node listens to {names.goal_pose} {where}: is bt_navigator configured?"
+    if not _door_open(presence, settings.navigation):
+        door = f"listens to {names.goal_pose}"
+        if settings.navigation is Navigation.ACTION:
+            door = f"serves the action {names.action}"
+        return f"no node {door} {where}: is bt_navigator configured?"
     if presence.lifecycle is Lifecycle.INACTIVE:
         return f"{names.lifecycle} {where} says that Nav2 is not active: activate it on the robot"
     if presence.lifecycle is Lifecycle.SILENT:

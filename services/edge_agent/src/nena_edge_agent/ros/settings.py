@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from enum import StrEnum
 from typing import Annotated
 
 from pydantic import AfterValidator, Field
@@ -48,9 +49,20 @@ Namespace = Annotated[str, Field(max_length=200), AfterValidator(_ros_namespace)
 """A ROS namespace; read back with a leading slash."""
 RosName = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_ros_name)]
 NodeName = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(_ros_node_name)]
+DomainId = Annotated[int, Field(ge=0, le=232)]
+"""Above, Fast DDS ends the program without a word."""
 Seconds = Annotated[float, Field(gt=0, le=600, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Radians = Annotated[float, Field(gt=0, le=math.pi)]
+
+
+class Navigation(StrEnum):
+    """How goals are given to Nav2."""
+
+    AUTO = "auto"
+    """By its action where this machine has the types and the robot the server, else by topics."""
+    TOPICS = "topics"
+    ACTION = "action"
 
 
 class RosNames(SettingsGroup):
@@ -58,7 +70,7 @@ class RosNames(SettingsGroup):
 
     goal_pose: RosName = Field("goal_pose", description="Topic on which Nav2 takes goals.")
     action: RosName = Field(
-        "navigate_to_pose", description="Nav2's action; its status and its cancel service are used."
+        "navigate_to_pose", description="Nav2's action; driving by topics uses its status and cancelling."
     )
     pose: RosName = Field("amcl_pose", description="Topic of the localisation's pose.")
     initial_pose: RosName = Field("initialpose", description="Topic on which the localisation is told.")
@@ -131,12 +143,25 @@ class RosSettings(SettingsGroup):
     """The robot's ROS side."""
 
     namespace: Namespace = Field("/", description="The robot's ROS namespace; none: '/'.")
-    domain_id: int = Field(0, ge=0, le=232, description="The robot's ROS domain id.")
+    domain_id: DomainId = Field(0, description="The robot's ROS domain id.")
+    start_session: bool = Field(
+        default=True,
+        description="Whether the program joins the ROS graph when it starts, or waits for the instant action "
+        "nena:startRosSession.",
+    )
+    session_retry: Seconds = Field(
+        1.0, description="Seconds before a session that could not begin is tried again; doubles each time."
+    )
     node_name: NodeName = Field("nena_edge_agent", description="Name of this program's ROS node.")
     frame: str = Field(
         "map", min_length=1, max_length=200, description="Frame of goals and poses: Nav2's global frame."
     )
     names: RosNames = Field(default_factory=RosNames, description="Topics and services.")
+    navigation: Navigation = Field(
+        Navigation.AUTO,
+        description="How goals are given: by the topic (topics), by Nav2's action, which needs nav2_msgs "
+        "(action), or by the action where nav2_msgs and its server are there (auto).",
+    )
     battery_scale: BatteryScale = Field(
         "fraction", description="Whether the battery's percentage is sent as 0 to 1 or as 0 to 100."
     )
