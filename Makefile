@@ -7,6 +7,7 @@ BIN := $(VENV)/bin
 PYTHON ?= $(shell for p in python3.12 python3.13 python3.11 python3; do \
 	$$p -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && command -v $$p && break; done)
 DISTRIBUTIONS := shared services/edge_agent services/order_service services/status_aggregator services/robot_simulator demo cli deploy/tool
+SOURCES := $(DISTRIBUTIONS:%=%/src)
 # Processes that run tests side by side; ROS, brokers and ports are their own in each test.
 WORKERS ?= 2
 # What failed side by side has one more try, alone (docs/decisions/0015). Nothing failed but the coverage: no try.
@@ -18,7 +19,7 @@ SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/order_se
 STAMP := $(VENV)/.set-up
 
 .DEFAULT_GOAL := help
-.PHONY: help setup action-types lock format lint test soak compose-test colcon-test smoke demo bench conversations hooks clean broker browser
+.PHONY: help setup action-types lock format lint test soak compose-test colcon-test smoke demo bench conversations hooks clean broker browser sbom
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -44,11 +45,19 @@ lock: $(STAMP) ## pin requirements/dev.in with hashes again
 format: $(STAMP) ## put the code into the agreed form
 	$(BIN)/ruff check --fix --quiet . ; $(BIN)/ruff format --quiet .
 
-lint: $(STAMP) ## style, types, import rules
+sbom: $(STAMP) ## write what each program is made of (CycloneDX) to build/sbom
+	@mkdir -p build/sbom
+	for each in order_service status_aggregator edge_agent-ros robot_simulator-ros; do \
+		$(BIN)/cyclonedx-py requirements requirements/$$each.txt --pyproject services/$${each%-ros}/pyproject.toml \
+			--mc-type application --output-reproducible -o build/sbom/$$each.json; done
+
+lint: $(STAMP) ## style, types, import rules, what is known to be unsafe
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/bandit --quiet -ll --recursive $(SOURCES)
+	deploy/audit
 
 test: $(STAMP) action-types broker browser ## every test, with branch coverage; TESTS=path for a part of them
 	$(BIN)/pytest $(if $(TESTS),$(TESTS),-n $(WORKERS) --cov --cov-report=xml --cov-fail-under=85 || $(AGAIN))

@@ -14,6 +14,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 import os
+import re
 import secrets
 import tomllib
 from collections.abc import Iterable
@@ -28,6 +29,9 @@ from nena_shared.settings import ConfigurationError
 from nena_shared.web.settings import HttpSettings
 
 log = get_logger(__name__)
+
+NAME = re.compile(r"[A-Za-z0-9_.@-]{1,64}")
+"""What a user may be called."""
 
 TOKEN_PREFIX = "nena_"  # noqa: S105 - what secret scanners know our tokens by
 TOKEN_BYTES = 32
@@ -53,7 +57,7 @@ class User(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    name: str = Field(pattern=r"^[A-Za-z0-9_.@-]{1,64}$")
+    name: str = Field(pattern=f"^{NAME.pattern}$")
     role: Annotated[Role, BeforeValidator(_role)]
     token_sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
 

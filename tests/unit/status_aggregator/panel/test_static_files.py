@@ -73,7 +73,10 @@ def test_nothing_comes_from_another_host(path: Path) -> None:
 
 def test_every_text_that_is_used_is_in_the_catalogue_and_no_other() -> None:
     source = "\n".join(path.read_text(encoding="utf-8") for path in (*SCRIPTS, *PANEL.glob("*.html")))
-    named = {each for each in KEY.findall(source) if not each.endswith((".html", ".js"))} | {"none", "destination"}
+    named = {each for each in KEY.findall(source) if not each.endswith((".html", ".js"))} | {
+        "none",
+        "destination",
+    }
     named |= {f"{key}.{form}" for key in named for form in ("one", "other", "title", "text")} & KEYS
     made = tuple(MADE.findall(source))
     bases = {key.rsplit(".", 1)[0] for key in KEYS}

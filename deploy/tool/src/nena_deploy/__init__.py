@@ -1,0 +1,1 @@
+"""Certificates, the broker's access list and users of a NeNa site."""

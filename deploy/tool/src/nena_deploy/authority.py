@@ -1,0 +1,160 @@
+"""The site's own authority: it vouches for the broker, for robots and for services, and takes that back."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from datetime import UTC, datetime, timedelta
+from ipaddress import ip_address
+from pathlib import Path
+from typing import NamedTuple, Self
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+AUTHORITY_DAYS = 3650
+SKEW = timedelta(hours=1)
+"""How far the clock of a robot may be behind."""
+
+
+class Pair(NamedTuple):
+    """A certificate and its key, as PEM."""
+
+    certificate: bytes
+    key: bytes
+    serial_number: int
+
+
+class Authority:
+    """Signs with its key; whoever has that key can be anybody at the site."""
+
+    def __init__(self, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
+        self._certificate = certificate
+        self._key = key
+
+    @classmethod
+    def new(cls, name: str, now: datetime) -> Self:
+        """Make one, good for ten years."""
+        key = ec.generate_private_key(ec.SECP256R1())
+        subject = _name(name)
+        built = (
+            _builder(subject, subject, key, now, AUTHORITY_DAYS)
+            .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+            .add_extension(_usage(signs=True), critical=True)
+        )
+        return cls(built.sign(key, hashes.SHA256()), key)
+
+    @classmethod
+    def load(cls, certificate: Path, key: Path) -> Self:
+        """Read what :attr:`pem` and :meth:`key_pem` gave."""
+        private = serialization.load_pem_private_key(key.read_bytes(), None)
+        if not isinstance(private, ec.EllipticCurvePrivateKey):
+            message = f"{key} is no key of an authority made here"
+            raise TypeError(message)
+        return cls(x509.load_pem_x509_certificate(certificate.read_bytes()), private)
+
+    @property
+    def pem(self) -> bytes:
+        """Its own certificate, which everybody at the site has."""
+        return self._certificate.public_bytes(serialization.Encoding.PEM)
+
+    def key_pem(self) -> bytes:
+        """Give its key, which nobody else may have."""
+        return _private(self._key)
+
+    def for_server(self, hosts: Iterable[str], now: datetime, days: int) -> Pair:
+        """Vouch for a server that is reached under these names and addresses."""
+        names = list(hosts)
+        alternatives = x509.SubjectAlternativeName([_host(each) for each in names])
+        return self._sign(names[0], now, days, alternatives, server=True)
+
+    def for_client(self, name: str, now: datetime, days: int) -> Pair:
+        """Vouch for a client, whose user name this is."""
+        return self._sign(name, now, days, None, server=False)
+
+    def revocations(self, certificates: Iterable[int], now: datetime) -> bytes:
+        """Take back certificates by their serial numbers; gives the list as PEM."""
+        issued = self._certificate.not_valid_after_utc
+        builder = x509.CertificateRevocationListBuilder(self._certificate.subject, now, issued)
+        for each in certificates:
+            revoked = x509.RevokedCertificateBuilder().serial_number(each).revocation_date(now).build()
+            builder = builder.add_revoked_certificate(revoked)
+        return builder.sign(self._key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
+
+    def _sign(
+        self, name: str, now: datetime, days: int, more: x509.SubjectAlternativeName | None, *, server: bool
+    ) -> Pair:
+        key = ec.generate_private_key(ec.SECP256R1())
+        purpose = ExtendedKeyUsageOID.SERVER_AUTH if server else ExtendedKeyUsageOID.CLIENT_AUTH
+        built = (
+            _builder(_name(name), self._certificate.subject, key, now, days)
+            .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+            .add_extension(_usage(signs=False), critical=True)
+            .add_extension(x509.ExtendedKeyUsage([purpose]), critical=False)
+        )
+        if more is not None:
+            built = built.add_extension(more, critical=False)
+        signed = built.sign(self._key, hashes.SHA256())
+        return Pair(signed.public_bytes(serialization.Encoding.PEM), _private(key), signed.serial_number)
+
+
+def write_secret(path: Path, content: bytes) -> None:
+    """Write a file that its owner alone reads."""
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as file:
+        file.write(content)
+
+
+def expiry(certificate: Path) -> datetime:
+    """Tell until when a certificate is good."""
+    return x509.load_pem_x509_certificate(certificate.read_bytes()).not_valid_after_utc
+
+
+def utc_now() -> datetime:
+    """Give the time of day."""
+    return datetime.now(UTC)
+
+
+def _builder(
+    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePrivateKey, now: datetime, days: int
+) -> x509.CertificateBuilder:
+    return (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(issuer)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - SKEW)
+        .not_valid_after(now + timedelta(days=days))
+    )
+
+
+def _usage(*, signs: bool) -> x509.KeyUsage:
+    return x509.KeyUsage(
+        digital_signature=not signs,
+        key_cert_sign=signs,
+        crl_sign=signs,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        encipher_only=False,
+        decipher_only=False,
+    )
+
+
+def _host(text: str) -> x509.GeneralName:
+    try:
+        return x509.IPAddress(ip_address(text))
+    except ValueError:
+        return x509.DNSName(text)
+
+
+def _name(text: str) -> x509.Name:
+    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, text)])
+
+
+def _private(key: ec.EllipticCurvePrivateKey) -> bytes:
+    form, plain = serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+    return key.private_bytes(serialization.Encoding.PEM, form, plain)

@@ -1,0 +1,187 @@
+"""A site's folder: the authority, the broker's files, and a folder for each identity."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path, PurePosixPath
+from typing import Self
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from nena_deploy.access_list import access_list
+from nena_deploy.authority import Authority, Pair, utc_now, write_secret
+from nena_deploy.broker_configuration import broker_configuration
+from nena_deploy.identity import Identity, IdentityError, Kind
+from nena_deploy.topics import SiteTopics
+
+SERVICES = (Kind.ORDER_SERVICE, Kind.STATUS_AGGREGATOR)
+
+SETTINGS = """\
+# Settings of {name} for the broker: add them to its own, or name this file with --config.
+[mqtt]
+host = "{host}"
+port = {port}
+
+[mqtt.tls]
+ca = "{folder}/ca.pem"
+certificate = "{folder}/certificate.pem"
+key = "{folder}/key.pem"
+"""
+
+
+class SiteError(Exception):
+    """A folder is no site, or is one already; the text says what to do."""
+
+
+class _Register(BaseModel):
+    """What a site knows of itself; in ``site.json``."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    hosts: tuple[str, ...]
+    port: int
+    topics: SiteTopics
+    identities: list[Identity] = []
+    revoked: list[int] = []
+
+
+class Site:
+    """What has been made for a site; each change is written at once."""
+
+    def __init__(self, folder: Path, register: _Register, authority: Authority) -> None:
+        self.folder = folder
+        self._register = register
+        self._authority = authority
+
+    @classmethod
+    def new(
+        cls,
+        folder: Path,
+        *,
+        hosts: tuple[str, ...],
+        port: int,
+        topics: SiteTopics,
+        days: int,
+        broker_folder: PurePosixPath | None = None,
+        data_folder: PurePosixPath,
+    ) -> Self:
+        """Make a site with its broker and its services.
+
+        Args:
+            folder: is made; its key of the authority has to be kept safe.
+            hosts: names and addresses under which clients reach the broker.
+            port: the broker's TCP port.
+            topics: first levels of the topics.
+            days: how long certificates are good.
+            broker_folder: where the broker will find its files; None: where they are made.
+            data_folder: where the broker keeps retained messages.
+
+        Raises:
+            SiteError: there is something at that place.
+
+        """
+        if folder.exists() and any(folder.iterdir()):
+            message = f"{folder} is not empty: name a new folder."
+            raise SiteError(message)
+        broker, now = folder / "broker", utc_now()
+        for each in (folder, broker, folder / "authority"):
+            each.mkdir(parents=True, exist_ok=True)
+        folder.chmod(0o750)
+        (folder / "authority").chmod(0o700)
+        authority = Authority.new(f"NeNa at {hosts[0]}", now)
+        (folder / "authority" / "ca.pem").write_bytes(authority.pem)
+        write_secret(folder / "authority" / "ca-key.pem", authority.key_pem())
+        server = authority.for_server(hosts, now, days)
+        (broker / "ca.pem").write_bytes(authority.pem)
+        (broker / "broker.pem").write_bytes(server.certificate)
+        write_secret(broker / "broker-key.pem", server.key)
+        shown = broker_folder or PurePosixPath(broker.absolute())
+        (broker / "mosquitto.conf").write_text(broker_configuration(shown, data_folder, port))
+        site = cls(folder, _Register(hosts=hosts, port=port, topics=topics), authority)
+        for kind in SERVICES:
+            site.add(kind, kind, days=days)
+        return site
+
+    @classmethod
+    def open(cls, folder: Path) -> Self:
+        """Read a site.
+
+        Raises:
+            SiteError: the folder is none.
+
+        """
+        try:
+            register = _Register.model_validate_json((folder / "site.json").read_bytes())
+            authority = Authority.load(folder / "authority" / "ca.pem", folder / "authority" / "ca-key.pem")
+        except (OSError, ValidationError, ValueError, TypeError) as error:
+            message = f"{folder} is no site of nena-deploy ({error}). Make one with `nena-deploy init`."
+            raise SiteError(message) from error
+        return cls(folder, register, authority)
+
+    def __iter__(self) -> Iterator[Identity]:
+        """Give all identities."""
+        return iter(self._register.identities)
+
+    def folder_of(self, identity: Identity) -> Path:
+        """Tell where an identity's files are."""
+        return self.folder / identity.folder
+
+    def add(self, kind: Kind, name: str, *, days: int) -> Path:
+        """Give somebody an identity; who has one gets a new certificate, and the old one counts no more.
+
+        Gives the folder to bring there: certificate, key, the authority's certificate, settings.
+        """
+        pair = self._authority.for_client(name, utc_now(), days)
+        identity = Identity(kind=kind, name=name, certificate=pair.serial_number)
+        self._drop(kind, name)
+        self._register.identities.append(identity)
+        folder = self.folder_of(identity)
+        folder.mkdir(parents=True, exist_ok=True)
+        self._fill(folder, identity, pair)
+        self._save()
+        return folder
+
+    def remove(self, kind: Kind, name: str) -> None:
+        """Take an identity back: its certificate, its rights and its files.
+
+        Raises:
+            IdentityError: there is none of this name.
+
+        """
+        identity = self._drop(kind, name)
+        if identity is None:
+            message = f"There is no {kind} {name}. `nena-deploy list` shows who there is."
+            raise IdentityError(message)
+        shutil.rmtree(self.folder_of(identity), ignore_errors=True)
+        self._save()
+
+    def _drop(self, kind: Kind, name: str) -> Identity | None:
+        found = next((each for each in self if (each.kind, each.name) == (kind, name)), None)
+        if found:
+            self._register.identities.remove(found)
+            self._register.revoked.append(found.certificate)
+        return found
+
+    def _fill(self, folder: Path, identity: Identity, pair: Pair) -> None:
+        (folder / "ca.pem").write_bytes(self._authority.pem)
+        (folder / "certificate.pem").write_bytes(pair.certificate)
+        write_secret(folder / "key.pem", pair.key)
+        host, port = self._register.hosts[0], self._register.port
+        text = SETTINGS.format(name=identity.name, host=host, port=port, folder="/etc/nena")
+        (folder / "mqtt.toml").write_text(text)
+
+    def _save(self, now: datetime | None = None) -> None:
+        """Write what the broker reads, then what we read: a change that was cut off is made again."""
+        broker = self.folder / "broker"
+        revoked = self._authority.revocations(self._register.revoked, now or utc_now())
+        _replace(broker / "access.list", access_list(self, self._register.topics).encode())
+        _replace(broker / "revoked.pem", revoked)
+        _replace(self.folder / "site.json", self._register.model_dump_json(indent=2).encode())
+
+
+def _replace(path: Path, content: bytes) -> None:
+    draft = path.with_name(f".{path.name}.new")
+    draft.write_bytes(content)
+    draft.replace(path)

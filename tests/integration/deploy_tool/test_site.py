@@ -1,0 +1,227 @@
+"""A site of nena-deploy at a real Mosquitto: who gets in, and what each may not do."""
+
+from __future__ import annotations
+
+import asyncio
+import getpass
+import shutil
+import signal
+import subprocess
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
+from pathlib import Path, PurePosixPath
+
+import pytest
+
+from nena_deploy.identity import Kind
+from nena_deploy.site import Site
+from nena_deploy.topics import SiteTopics
+from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.settings import MqttSettings, MqttTlsSettings
+from support.broker import free_port, mosquitto
+from support.waiting import until
+
+pytestmark = pytest.mark.broker
+
+ROBOT_1 = (Kind.ROBOT, "ACME/1")
+ROBOT_2 = (Kind.ROBOT, "ACME/2")
+HOST = (Kind.HOST, "wms")
+ORDER_SERVICE = (Kind.ORDER_SERVICE, "order-service")
+AGGREGATOR = (Kind.STATUS_AGGREGATOR, "status-aggregator")
+
+
+class Client:
+    """Somebody at the site's broker, and what came to it."""
+
+    def __init__(self, settings: MqttSettings, name: str, *filters: str) -> None:
+        self.link = MqttLink(settings, client_id=name)
+        self.came: list[Inbound] = []
+        for each in filters:
+            self.link.subscribe(each, self.came.append)
+
+    def publish(self, *topics: str) -> None:
+        """Publish under each topic; the payload is the topic."""
+        for topic in topics:
+            self.link.publish(Outbound(topic, topic.encode()))
+
+    @property
+    def topics(self) -> list[str]:
+        """Under which topics something came."""
+        return [each.topic for each in self.came]
+
+
+class Running:
+    """A site with its broker."""
+
+    def __init__(self, folder: Path) -> None:
+        self.port = free_port()
+        data = folder / "data"
+        data.mkdir()
+        self.site = Site.new(
+            folder / "site",
+            hosts=("127.0.0.1",),
+            port=self.port,
+            topics=SiteTopics(),
+            days=1,
+            data_folder=PurePosixPath(data),
+        )
+        for kind, name in (ROBOT_1, ROBOT_2, HOST):
+            self.site.add(kind, name, days=1)
+        self._configuration = folder / "mosquitto.conf"
+        made = (self.site.folder / "broker" / "mosquitto.conf").read_text()
+        own = f"user {getpass.getuser()}\nlistener {self.port} 127.0.0.1"
+        self._configuration.write_text(made.replace(f"listener {self.port}", own))
+        self.process = self._start()
+
+    def restart(self) -> None:
+        """End the broker, and start it with what the site has now."""
+        self.end()
+        self.process = self._start()
+
+    def end(self) -> None:
+        self.process.send_signal(signal.SIGTERM)
+        self.process.wait(20)
+
+    def folder_of(self, kind: Kind, name: str) -> Path:
+        identity = next(each for each in self.site if (each.kind, each.name) == (kind, name))
+        return self.site.folder_of(identity)
+
+    def settings_in(self, folder: Path) -> MqttSettings:
+        tls = MqttTlsSettings(
+            ca=folder / "ca.pem", certificate=folder / "certificate.pem", key=folder / "key.pem"
+        )
+        return MqttSettings(port=self.port, tls=tls, reconnect_min=0.05, reconnect_max=0.2)
+
+    @asynccontextmanager
+    async def client(self, who: tuple[Kind, str], *filters: str) -> AsyncIterator[Client]:
+        """Be somebody, until the block ends."""
+        async with connected(Client(self.settings_in(self.folder_of(*who)), who[1], *filters)) as client:
+            await until(lambda: client.link.state.connected, timeout=30, what=f"{who[1]} is let in")
+            yield client
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        command = [mosquitto(), "-c", str(self._configuration)]
+        return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+@asynccontextmanager
+async def connected(client: Client) -> AsyncIterator[Client]:
+    task = asyncio.create_task(client.link.run())
+    try:
+        yield client
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+@pytest.fixture
+def running(tmp_path: Path) -> Iterator[Running]:
+    made = Running(tmp_path)
+    yield made
+    made.end()
+
+
+async def test_the_main_job_is_possible(running: Running) -> None:
+    """Orders reach the robot that they are for, and its states everybody who is to see them."""
+    state, order = "vda5050/v3/ACME/1/state", "vda5050/v3/ACME/1/order"
+    asked, told = "nena/v1/hosts/wms/transportOrders/create", "nena/v1/transportOrders/T/status"
+    async with (
+        running.client(ROBOT_1, order) as robot,
+        running.client(
+            ORDER_SERVICE, "vda5050/v3/+/+/state", "nena/v1/hosts/+/transportOrders/create"
+        ) as service,
+        running.client(AGGREGATOR, "vda5050/v3/#", "nena/v1/#") as aggregator,
+        running.client(HOST, "nena/v1/transportOrders/+/status") as host,
+    ):
+        host.publish(asked)
+        await until(lambda: asked in service.topics, timeout=30)
+        service.publish(order, told)
+        await until(lambda: order in robot.topics and told in host.topics, timeout=30)
+        robot.publish(state)
+        await until(lambda: state in service.topics and state in aggregator.topics, timeout=30)
+
+
+async def test_a_robot_cannot_command_its_neighbour_or_speak_for_it(running: Running) -> None:
+    forbidden = [
+        "uagv/v2/ACME/2/order",
+        "uagv/v2/ACME/2/instantActions",
+        "uagv/v2/ACME/2/state",
+        "uagv/v2/ACME/1/order",
+        "nena/v1/hosts/wms/transportOrders/create",
+        "nena/v1/plantModel",
+    ]
+    async with (
+        running.client(AGGREGATOR, "uagv/v2/#", "nena/v1/#") as watcher,
+        running.client(ROBOT_2, "uagv/v2/ACME/2/order", "uagv/v2/ACME/2/instantActions") as neighbour,
+        running.client(ROBOT_1) as robot,
+    ):
+        robot.publish(*forbidden, "uagv/v2/ACME/1/state")
+        await until(lambda: watcher.came, timeout=30)
+
+        assert watcher.topics == ["uagv/v2/ACME/1/state"], "what was sent before it never came"
+        assert neighbour.came == []
+
+
+async def test_a_robot_does_not_read_the_orders_of_others(running: Running) -> None:
+    async with (
+        running.client(ROBOT_1, "uagv/v2/+/+/order", "#") as robot,
+        running.client(ORDER_SERVICE) as service,
+    ):
+        service.publish("uagv/v2/ACME/2/order", "uagv/v2/ACME/1/order")
+        await until(lambda: robot.came, timeout=30)
+
+        assert set(robot.topics) == {"uagv/v2/ACME/1/order"}
+
+
+async def test_a_host_neither_commands_robots_nor_speaks_for_another_host(running: Running) -> None:
+    async with (
+        running.client(ORDER_SERVICE, "nena/v1/hosts/#") as service,
+        running.client(ROBOT_1, "uagv/v2/ACME/1/order") as robot,
+        running.client(HOST) as host,
+    ):
+        own = "nena/v1/hosts/wms/transportOrders/create"
+        host.publish("uagv/v2/ACME/1/order", "nena/v1/hosts/mes/transportOrders/create", own)
+        await until(lambda: service.came, timeout=30)
+
+        assert service.topics == [own]
+        assert robot.came == []
+
+
+async def test_the_aggregator_only_watches(running: Running) -> None:
+    async with (
+        running.client(ROBOT_1, "uagv/v2/ACME/1/order") as robot,
+        running.client(ORDER_SERVICE) as service,
+        running.client(AGGREGATOR) as aggregator,
+    ):
+        aggregator.publish("uagv/v2/ACME/1/order")
+        assert await aggregator.link.drain(30)
+        service.publish("uagv/v2/ACME/1/order")
+        await until(lambda: robot.came, timeout=30)
+
+        assert len(robot.came) == 1
+
+
+async def test_who_is_removed_is_not_let_in_again(running: Running, tmp_path: Path) -> None:
+    shutil.copytree(running.folder_of(*ROBOT_1), tmp_path / "stolen")
+    running.site.remove(*ROBOT_1)
+    running.restart()
+    async with running.client(ROBOT_2):
+        pass  # the broker is there
+
+    async with connected(Client(running.settings_in(tmp_path / "stolen"), "gone")) as gone:
+        await until(lambda: gone.link.state.last_error, timeout=30)
+
+        assert gone.link.state.connects == 0
+
+
+async def test_who_is_added_has_its_rights_without_a_restart(running: Running) -> None:
+    new = (Kind.ROBOT, "ACME/3")
+    async with running.client(AGGREGATOR, "uagv/v2/#") as watcher:
+        running.site.add(*new, days=1)
+        running.process.send_signal(signal.SIGHUP)
+        async with running.client(new) as robot:
+            robot.publish("uagv/v2/ACME/1/state", "uagv/v2/ACME/3/state")
+            await until(lambda: watcher.came, timeout=30)
+
+        assert watcher.topics == ["uagv/v2/ACME/3/state"]
+        assert watcher.link.state.connects == 1, "nobody else has noticed"
