@@ -30,6 +30,7 @@ from nena_edge_agent.maps.actions import map_actions
 from nena_edge_agent.maps.selection import map_store
 from nena_edge_agent.maps.store import MapStore
 from nena_edge_agent.ros.plugin_port import PluginRos
+from nena_edge_agent.ros.session_actions import SessionSwitch, session_actions, session_switch
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.log import get_logger
@@ -79,10 +80,12 @@ def _agent_maker(
 ) -> Callable[[], RobotAgent]:
     ros = PluginRos() if settings.driver == "nav2" else None
     ports = RobotPorts(ros, settings.actions)
-    driver = driver_maker(settings, index, clock, bench, guests=(ros,) if ros else ())
+    journal = settings.journal.folder if settings.journal.enabled else None
+    switch = session_switch(settings.ros, journal, robot)
+    driver = driver_maker(settings, index, clock, bench, switch, guests=(ros,) if ros else ())
     store = map_store(settings, robot)
     context = PluginContext(robot, ports.drive, ros)
-    registry = make_registry(settings, bench, store, context)
+    registry = make_registry(settings, bench, store, switch, context)
 
     def make() -> RobotAgent:
         agent = RobotAgent(
@@ -103,6 +106,7 @@ def make_registry(
     settings: EdgeAgentSettings,
     bench: Bench,
     store: MapStore | None = None,
+    switch: SessionSwitch | None = None,
     context: PluginContext | None = None,
 ) -> ActionRegistry:
     """Give the actions of one robot; a loopback robot charges its battery, and rehearses if it is to."""
@@ -118,6 +122,8 @@ def make_registry(
     ]
     if store:
         plugins.extend(map_actions(store, settings.download))
+    if settings.driver == "nav2" and switch:
+        plugins.extend(session_actions(switch))
     if settings.driver == "nav2" and settings.map_transforms:
         plugins.append(MapTransforms(settings.map_transforms))
     if settings.driver == "loopback":

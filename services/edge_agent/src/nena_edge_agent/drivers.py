@@ -12,24 +12,32 @@ from nena_edge_agent.loopback.bench import Bench
 from nena_edge_agent.loopback.driver import LoopbackDriver
 from nena_edge_agent.protocol.events import Event
 from nena_edge_agent.ros.guest import NodeGuest
+from nena_edge_agent.ros.session_actions import SessionSwitch
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
 from nena_shared.program import StartError
 
 
 def driver_maker(
-    settings: EdgeAgentSettings, index: int, clock: Clock, bench: Bench, *, guests: Sequence[NodeGuest] = ()
+    settings: EdgeAgentSettings,
+    index: int,
+    clock: Clock,
+    bench: Bench,
+    switch: SessionSwitch,
+    *,
+    guests: Sequence[NodeGuest] = (),
 ) -> DriverMaker:
-    """Give what makes the driver of robot ``index``, from 0; ``bench`` gets hold of a loopback robot.
+    """Give what makes the driver of robot ``index``, from 0.
 
-    ``guests`` have topics and services of their own on the nodes of another one.
+    ``bench`` gets hold of a loopback robot, ``switch`` of the ROS session of another one, on whose nodes
+    ``guests`` have topics and services of their own.
 
     Raises:
         StartError: ROS 2 for Python is wanted and missing.
 
     """
     if settings.driver == "nav2":
-        return _nav2(settings, clock, guests)
+        return _nav2(settings, clock, switch, guests)
     return _loopback(settings, index, clock, bench)
 
 
@@ -44,9 +52,11 @@ def _loopback(settings: EdgeAgentSettings, index: int, clock: Clock, bench: Benc
     return make
 
 
-def _nav2(settings: EdgeAgentSettings, clock: Clock, guests: Sequence[NodeGuest]) -> DriverMaker:
+def _nav2(
+    settings: EdgeAgentSettings, clock: Clock, switch: SessionSwitch, guests: Sequence[NodeGuest]
+) -> DriverMaker:
     try:
-        from nena_edge_agent.ros.driver import make_driver  # noqa: PLC0415 - the loopback needs no ROS
+        from nena_edge_agent.ros.driver import Nav2Driver  # noqa: PLC0415 - the loopback needs no ROS
     except ImportError as error:
         message = (
             f"ROS 2 for Python is missing ({error.name}); install nena-edge-agent[ros], or source the "
@@ -56,7 +66,11 @@ def _nav2(settings: EdgeAgentSettings, clock: Clock, guests: Sequence[NodeGuest]
 
     def make(emit: Emit, _: Pose | None) -> Driver:
         def make_on_map(emit_on_map: MapEmit) -> MapDriver:
-            return make_driver(settings.ros, settings.map_id, emit_on_map, clock, guests)
+            driver = Nav2Driver(
+                switch.address.applied(settings.ros), settings.map_id, emit_on_map, clock, guests
+            )
+            switch.attach(driver.session)
+            return driver
 
         return PlantFrameDriver(make_on_map, PlantFrame.of(settings.map_transforms), emit)
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from std_msgs.msg import String
 
-from nena_edge_agent.driver.map_port import MapPoseReport
 from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure, GoalReport, NavigationReport
 from nena_edge_agent.ros.settings import GoalSettings
 from support.nav2_driver import QUICK, DrivenRobot, goal_at
@@ -113,28 +112,6 @@ async def test_ros_thread_that_fails_is_told_and_made_anew(domain_id: int) -> No
             await until(lambda: robot.all(NavigationReport)[-1].available, what="the node again")
             robot.driver.go_to(goal_at(2, 3.0))
             assert await robot.hears(Arrived) == Arrived(2)
-
-
-async def test_twenty_starts_and_stops_leave_nothing_behind(domain_id: int) -> None:
-    def threads() -> int:
-        return len(list(Path("/proc/self/task").iterdir()))
-
-    def descriptors() -> int:
-        return len(list(Path("/proc/self/fd").iterdir()))
-
-    async def live_to_hear_a_pose() -> None:
-        async with DrivenRobot(domain_id) as robot:
-            await robot.hears(MapPoseReport)
-
-    with simulated_robot(domain_id):
-        await live_to_hear_a_pose()  # what is loaded once stays
-        before = threads(), descriptors()
-        for _ in range(20):
-            async with DrivenRobot(domain_id):
-                pass
-        await live_to_hear_a_pose()
-        await until(lambda: (threads(), descriptors()) <= before, what=f"threads and descriptors at {before}")
-        assert descriptors() <= before[1]
 
 
 async def test_stop_is_bounded_where_nav2_does_not_stop_the_robot(domain_id: int, tmp_path: Path) -> None:

@@ -48,3 +48,24 @@ def test_bare_environment_is_set_up_and_the_log_directory_goes_with_the_program(
 def test_rclpy_is_not_loaded_before_the_driver_is_started(module: str) -> None:
     program = f"import sys, nena_edge_agent.ros.{module}\nassert 'rclpy' not in sys.modules"
     subprocess.run([sys.executable, "-c", program], check=True, timeout=30)
+
+
+def test_threads_share_memory_pools(tmp_path: Path) -> None:
+    program = (
+        "import ctypes, threading\n"
+        "from nena_edge_agent.ros.environment import POOLS, prepare_environment\n"
+        "prepare_environment()\n"
+        "libc, together = ctypes.CDLL(None), threading.Barrier(8)\n"
+        "def allocate():\n"
+        "    together.wait()\n"
+        "    libc.malloc(10_000)\n"
+        "    together.wait()\n"
+        "threads = [threading.Thread(target=allocate) for _ in range(8)]\n"
+        "[each.start() for each in threads], [each.join() for each in threads]\n"
+        "libc.fopen.restype = ctypes.c_void_p\n"
+        f"file = ctypes.c_void_p(libc.fopen({str(tmp_path / 'pools').encode()!r}, b'w'))\n"
+        "libc.malloc_info(0, file), libc.fclose(file)\n"
+        f"assert open({str(tmp_path / 'pools')!r}).read().count('<heap nr=') <= POOLS\n"
+    )
+    environment = {name: value for name, value in os.environ.items() if name != "MALLOC_ARENA_MAX"}
+    subprocess.run([sys.executable, "-c", program], env=environment, check=True, timeout=30)

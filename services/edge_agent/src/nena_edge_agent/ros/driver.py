@@ -9,12 +9,11 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Iterable, Sequence
-from contextlib import AsyncExitStack
+from contextlib import AsyncExitStack, suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from nena_edge_agent.driver.map_port import (
-    MapDriver,
     MapDriverEvent,
     MapEmit,
     MapGoal,
@@ -29,20 +28,34 @@ from nena_edge_agent.driver.port import (
     Halted,
     NavigationReport,
     PositionInitialized,
+    SessionReport,
 )
 from nena_edge_agent.ros import presence
+from nena_edge_agent.ros.action_feedback import FeedbackFilter, FeedbackReading
+from nena_edge_agent.ros.action_side import ActionSide
+from nena_edge_agent.ros.action_tracker import ActionTracker
+from nena_edge_agent.ros.address import RosAddress
 from nena_edge_agent.ros.battery import Battery, BatteryReading
-from nena_edge_agent.ros.commands import CancelGoal, Command, PublishGoal, Report, RequestPose
+from nena_edge_agent.ros.commands import (
+    AskResult,
+    CancelGoal,
+    Command,
+    PublishGoal,
+    Report,
+    RequestPose,
+    SendGoal,
+)
 from nena_edge_agent.ros.environment import prepare_environment
+from nena_edge_agent.ros.goal_mark import GoalMark
 from nena_edge_agent.ros.goal_status import GoalEntry
-from nena_edge_agent.ros.goal_tracker import GoalTracker
 from nena_edge_agent.ros.guest import NodeGuest
 from nena_edge_agent.ros.initial_position import InitialPosition, PublishInitialPose
 from nena_edge_agent.ros.localisation import Localisation
 from nena_edge_agent.ros.movement_watch import MovementWatch
 from nena_edge_agent.ros.pose import PoseReading
 from nena_edge_agent.ros.pose_watch import PoseWatch
-from nena_edge_agent.ros.session_state import SessionError
+from nena_edge_agent.ros.session_keeper import SessionKeeper
+from nena_edge_agent.ros.session_state import SessionError, SessionState
 from nena_edge_agent.ros.settings import RosSettings
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
@@ -54,13 +67,6 @@ if TYPE_CHECKING:
 
 TICK = 0.05
 """Seconds between two looks at the time while something is waited for."""
-
-
-def make_driver(
-    settings: RosSettings, map_id: str, emit: MapEmit, clock: Clock, guests: Sequence[NodeGuest] = ()
-) -> MapDriver:
-    """Make the driver of the robot that ``settings`` name; its poses are on the map ``map_id``."""
-    return Nav2Driver(settings, map_id, emit, clock, guests)
 
 
 class Nav2Driver:
@@ -79,19 +85,26 @@ class Nav2Driver:
         self._map_id = map_id
         self._emit = emit
         self._clock = clock
-        self._log = get_logger(__name__).bind(namespace=settings.namespace, domain_id=settings.domain_id)
-        self._tracker = GoalTracker(settings.goals)
-        self._initial_position = InitialPosition(settings.localisation)
-        self._localisation = Localisation(settings, map_id)
-        self._battery = Battery(settings.battery_scale)
-        self._movement = MovementWatch(settings.goals.blocked_after)
-        self._pose_watch = PoseWatch(
-            timeout=settings.localisation.pose_timeout, wait=settings.goals.pose_wait
+        self._log = get_logger(__name__)
+        self.session = SessionKeeper(
+            RosAddress.of(settings),
+            begin=self._open_node,
+            end=self._close_node,
+            tell=self._on_session,
+            clock=clock,
+            retry=settings.session_retry,
         )
+        self._tracker = ActionTracker(settings.goals, GoalMark(settings.node_name))
+        self._action = ActionSide(
+            self._tracker, apply=self._apply, on_feedback=self._on_feedback, clock=clock
+        )
+        self._feedback = FeedbackFilter()
+        self._initial_position = InitialPosition(settings.localisation)
+        self._battery = Battery(settings.battery_scale)
+        self._forget_place()
         self._blocked = False
         self._navigation: NavigationReport | None = None
         self._node: Nav2Node | None = None
-        self._failure = ""
         self._tasks = Supervisor()
         self._stack = AsyncExitStack()
         self._ticking: asyncio.TimerHandle | None = None
@@ -99,25 +112,24 @@ class Nav2Driver:
         self._stopped = False
 
     async def start(self) -> None:
-        """Join the ROS graph and look for Nav2 from now on; it need not be there yet.
+        """Join the ROS graph, if it is set so, and look for Nav2 from now on; it need not be there yet.
 
         Raises:
-            StartError: rclpy is missing, or ROS refuses.
+            StartError: rclpy is missing, or what the settings ask for beside it.
 
         """
         self._loop = asyncio.get_running_loop()
         prepare_environment()
         try:
-            await self._open_node()
+            import nena_edge_agent.ros.nav2_node  # noqa: F401, PLC0415 - rclpy reads the environment now
         except ImportError as error:
             message = (
                 f"ROS 2 for Python cannot be loaded ({error}): source the robot's ROS installation before "
                 "the start, or install nena-edge-agent[ros]"
             )
             raise StartError(message) from error
-        except SessionError as error:
-            message = f"{error}; namespace {self._settings.namespace}, domain {self._settings.domain_id}"
-            raise StartError(message) from error
+        self._action.check(self._settings)
+        await self._begin_session()
         await self._stack.enter_async_context(self._tasks)
         self._tasks.start("watch Nav2", forever("watch Nav2", self._watch), vital=False)
 
@@ -130,9 +142,7 @@ class Nav2Driver:
         if self._ticking is not None:
             self._ticking.cancel()
         await self._stack.aclose()
-        if self._node is not None:
-            node, self._node = self._node, None
-            await node.stop()
+        await self.session.stop()
 
     def reclaim(self, goals: MapOwnGoals) -> None:
         """Go on with a goal of an earlier run, where Nav2 still drives to it."""
@@ -167,16 +177,50 @@ class Nav2Driver:
             return
         self._apply(self._initial_position.ask(pose, self._clock.monotonic()))
 
-    async def _open_node(self) -> None:
-        """Load rclpy, which reads the environment as it is loaded, and join the graph."""
-        from nena_edge_agent.ros.nav2_node import Listeners, Nav2Node  # noqa: PLC0415 - see above
+    async def _begin_session(self) -> None:
+        """Join the graph as far as the settings want it; where ROS refuses, it is tried again later."""
+        if not self._settings.start_session:
+            self.session.tell_off()
+            return
+        with suppress(SessionError):  # it is told, and tried again
+            await self.session.start()
 
+    async def _open_node(self, address: RosAddress) -> None:
+        from nena_edge_agent.ros.nav2_node import Listeners, Nav2Node  # noqa: PLC0415 - needs rclpy
+
+        self._settings = address.applied(self._settings)
         listeners = Listeners(
             self._on_statuses, self._on_pose, self._on_velocity, self._on_battery, self._on_plan
         )
-        node = Nav2Node(self._settings, listeners, self._guests)
+        guests = (*self._guests, *self._action.new_door(self._settings))
+        node = Nav2Node(self._settings, listeners, guests)
         await node.start(self._on_failure)
-        self._node, self._failure = node, ""
+        self._node = node
+
+    async def _close_node(self) -> None:
+        """Leave the graph with the robot at a stand."""
+        if (self._tracker.busy or self._tracker.driving) and not self._stopped:
+            await self._stand()
+        node, self._node = self._node, None
+        if node is not None:
+            await node.stop()
+
+    def _lose_place(self) -> None:
+        """Say that nobody knows where the robot is now."""
+        report = self._localisation.report()
+        self._forget_place()
+        if report is not None:
+            problem = "its ROS session is not active"
+            self._tell(replace(report, localized=False, vx=None, omega=None, problem=problem))
+
+    def _forget_place(self) -> None:
+        """Begin anew to learn where the robot is: it may be another one, or be pushed around."""
+        settings = self._settings
+        self._localisation = Localisation(settings, self._map_id)
+        self._movement = MovementWatch(settings.goals.blocked_after)
+        self._pose_watch = PoseWatch(
+            timeout=settings.localisation.pose_timeout, wait=settings.goals.pose_wait
+        )
 
     async def _stand(self) -> None:
         self.halt()
@@ -189,14 +233,15 @@ class Nav2Driver:
             )
 
     async def _watch(self) -> None:
-        """Look at Nav2 once; a node that has failed is made anew first."""
-        if self._failure:
-            await self._open_node()
-        if self._node is not None:
-            seen = await self._node.presence()
-            report = presence.judge(seen, self._settings, pose_known=self._localisation.known)
-            self._on_navigation(seen.servers, report)
-            self._watch_drive()
+        """Look at Nav2 once; a session that has failed is begun anew first."""
+        await self.session.look()
+        async with self.session.step:
+            if self._node is not None:
+                seen = await self._node.presence()
+                seen = replace(seen, action=self._action.look())
+                report = presence.judge(seen, self._settings, pose_known=self._localisation.known)
+                self._on_navigation(seen.servers, report)
+                self._watch_drive()
         await asyncio.sleep(self._settings.watch_period)
 
     def _on_navigation(self, servers: frozenset[str], report: NavigationReport) -> None:
@@ -224,24 +269,47 @@ class Nav2Driver:
             self._report_pose()
 
     def _on_failure(self, reason: str) -> None:
-        self._node, self._failure = None, reason
-        self._on_navigation(
-            frozenset(), NavigationReport(available=False, reason=f"the ROS session has failed: {reason}")
-        )
+        self._node = None
+        self.session.failed(reason)
+
+    def _on_session(self, report: SessionReport) -> None:
+        """Tell of the session; without one there is no Nav2, and with a new one it is looked for."""
+        self._tell(report)
+        if report.state is SessionState.NOT_ACTIVE:
+            self._lose_place()
+        if report.state not in (SessionState.INITIATING, SessionState.ACTIVE):
+            text = f"its ROS session is {report.state}"
+            reason = f"{text}: {report.reason}" if report.reason else text
+            self._on_navigation(frozenset(), NavigationReport(available=False, reason=reason))
 
     def _on_statuses(self, entries: list[GoalEntry]) -> None:
         self._apply(self._tracker.on_statuses(entries, self._clock.monotonic()))
 
     def _on_pose(self, reading: PoseReading) -> None:
-        pose = self._localisation.on_reading(reading)
+        now = self._clock.monotonic()
+        old = self._tracker.driving and self._feedback.fresh(now)
+        pose = self._localisation.on_reading(reading, old=old)
         if pose is None:
             return
-        now = self._clock.monotonic()
         self._movement.on_pose(pose, now)
         self._pose_watch.on_pose(now)
         self._report_pose()
         self._apply(self._tracker.on_pose(pose, now))
         self._apply(self._initial_position.on_pose(pose))
+
+    def _on_feedback(self, reading: FeedbackReading) -> None:
+        """Take the place and the way that is left, which feedback tells more often than the localisation."""
+        now = self._clock.monotonic()
+        if reading.goal_id != self._tracker.goal_id:
+            return
+        if self._feedback.moved(reading, now):
+            pose = self._localisation.on_nearer(reading.x, reading.y, reading.yaw, reading.frame)
+            if pose is not None:
+                self._movement.on_pose(pose, now)
+                self._report_pose()
+                self._apply(self._tracker.on_pose(pose, now))
+        if progress := self._feedback.progress(reading, self._map_id, now):
+            self._tell(progress)
 
     def _on_velocity(self, velocity: tuple[float, float]) -> None:
         now = self._clock.monotonic()
@@ -292,6 +360,10 @@ class Nav2Driver:
             case PublishGoal(goal):
                 self._log.info("goal given", generation=goal.generation, x=goal.pose.x, y=goal.pose.y)
                 node.publish_goal(goal.pose)
+            case SendGoal(goal, goal_id):
+                self._tasks.start("send a goal", self._action.send(goal, goal_id), vital=False)
+            case AskResult(goal_id):
+                self._action.ask_result(goal_id)
             case PublishInitialPose(pose):
                 node.publish_initial_pose(pose)
             case CancelGoal(goal_id):

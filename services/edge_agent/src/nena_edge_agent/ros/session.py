@@ -69,7 +69,10 @@ class RosSession:
                 await self._began.wait()
         except TimeoutError:
             self.state, self.reason = SessionState.FAILED, f"ROS did not start within {seconds:g} s"
-            self._stop.set()
+            self._end_thread()
+        except asyncio.CancelledError:
+            self._end_thread()
+            raise
         if self.state is SessionState.FAILED:
             raise SessionError(self.reason)
         self._on_failure = on_failure
@@ -79,8 +82,7 @@ class RosSession:
         if self.state is not SessionState.ACTIVE:
             return
         self.state = SessionState.TERMINATING
-        self._stop.set()
-        self._executor.create_task(lambda: None)  # lets the thread look at the event
+        self._end_thread()
         try:
             async with asyncio.timeout(seconds):
                 await self._ended.wait()
@@ -141,6 +143,11 @@ class RosSession:
             self._loop.call_soon_threadsafe(function)
         except RuntimeError:
             log.debug("the event loop has ended before ROS")
+
+    def _end_thread(self) -> None:
+        self._stop.set()
+        if self._executor is not None:
+            self._executor.create_task(lambda: None)  # lets the thread look at the event
 
     def _run(self, populate: Callable[[Any], None]) -> None:
         """Live in the thread: open, spin, close."""
