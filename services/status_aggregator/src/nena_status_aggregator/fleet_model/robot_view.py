@@ -13,7 +13,7 @@ from nena_shared.vda5050.brief.state import (
 )
 from nena_shared.vda5050.factsheet import Factsheet, MobileRobotGeometry
 from nena_status_aggregator.fleet_model.robot import Robot
-from nena_status_aggregator.fleet_model.session import session_of
+from nena_status_aggregator.fleet_model.session import ros_session, session_of
 from nena_status_aggregator.fleet_model.views import (
     ActionView,
     AheadView,
@@ -28,6 +28,7 @@ from nena_status_aggregator.fleet_model.views import (
     PositionView,
     RobotOrderView,
     RobotView,
+    RosSessionView,
     VehicleView,
     VelocityView,
 )
@@ -66,6 +67,7 @@ def view_robot(robot: Robot, *, silence_limit: float, skew_limit: float) -> Robo
         "connection": robot.connection.connection_state.value if robot.connection else None,
         "connectionSince": iso(robot.connection_since) if robot.connection else None,
         "session": session_of(robot.condition, state).value,
+        "rosSession": _ros_session(state) if state else None,
         "lastState": iso(robot.state_at.utc) if state else None,
         "silenceLimit": silence_limit,
         "clockSkew": None if skew is None or abs(skew) < skew_limit else float(round(skew)),
@@ -89,6 +91,17 @@ def view_robot(robot: Robot, *, silence_limit: float, skew_limit: float) -> Robo
         "vehicle": _vehicle(robot),
         "malformed": robot.malformed,
         "problem": short(robot.problem) or None,
+    }
+
+
+def _ros_session(state: StateBrief) -> RosSessionView | None:
+    told = ros_session(state)
+    if told is None:
+        return None
+    return {
+        "state": told.state.value,
+        "namespace": short(told.namespace) or "",
+        "domainId": short(told.domain_id) or "",
     }
 
 

@@ -157,6 +157,14 @@ class VehicleView(TypedDict):
     currentPosition: str | None
 
 
+class RosSessionView(TypedDict):
+    """Where in the ROS graph a robot's edge agent is, or will be when its session starts."""
+
+    state: str
+    namespace: str
+    domainId: str
+
+
 class RobotView(TypedDict):
     """One robot. Times are UTC; ages are left to the reader, who knows what time it is."""
 
@@ -173,6 +181,7 @@ class RobotView(TypedDict):
     connection: str | None
     connectionSince: str | None
     session: str
+    rosSession: RosSessionView | None
     lastState: str | None
     silenceLimit: float
     clockSkew: float | None

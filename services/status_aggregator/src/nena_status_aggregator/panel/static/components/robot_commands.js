@@ -7,12 +7,13 @@ import { actionForm } from "../forms/action_form.js";
 import { outcome, run } from "../forms/command_form.js";
 import { dispatchForm } from "../forms/dispatch_form.js";
 import { positionForm } from "../forms/position_form.js";
+import { sessionForm } from "../forms/session_form.js";
 
 class RobotCommands extends HTMLElement {
   #open = null;
 
-  /** Prepare for one robot; `enabled`: whether there is an order service to command it. */
-  show({ store, plant, enabled }, robotId) {
+  /** Prepare for one robot; `noCommands`: key of the text that says why there are none. */
+  show({ store, plant, noCommands }, robotId) {
     this.store = store;
     this.plant = plant;
     this.robotId = robotId;
@@ -27,17 +28,34 @@ class RobotCommands extends HTMLElement {
       this.#direct("command.cancel", () => this.#cancel()),
       this.#opener("command.action", () => actionForm(this.#vehicle, this.#robot)),
     ];
-    this.enabled = enabled;
+    this.driverOn = this.#direct("command.driverOn", () => this.#act("nena:startRosSession"));
+    this.driverOff = this.#direct("command.driverOff", () => this.#act("nena:stopRosSession"));
+    this.sessionButtons = [
+      this.driverOn,
+      this.driverOff,
+      this.#opener("command.address", () => sessionForm(this.#vehicle, this.#robot.rosSession)),
+    ];
+    this.buttons.push(...this.sessionButtons);
+    this.noCommands = noCommands;
     this.replaceChildren(element("div", { class: "actions" }, ...this.buttons), this.note, this.result, this.place);
     this.update();
   }
 
   /** Take in that the robot has changed. */
   update() {
-    const possible = this.enabled && Boolean(this.#vehicle);
+    const possible = !this.noCommands && Boolean(this.#vehicle);
     for (const each of this.buttons) each.disabled = !possible;
+    this.#updateSession(possible);
     this.note.hidden = possible;
-    this.note.textContent = t(this.enabled ? "command.unknownVehicle" : "command.off");
+    this.note.textContent = t(this.noCommands ?? "command.unknownVehicle");
+  }
+
+  // A robot without a ROS session has no driver to switch; one in a state is not switched into that state.
+  #updateSession(possible) {
+    const state = this.#robot?.rosSession?.state;
+    for (const each of this.sessionButtons) each.hidden = !state;
+    this.driverOn.disabled = !possible || ["ACTIVE", "INITIATING"].includes(state);
+    this.driverOff.disabled = !possible || ["NOT_ACTIVE", "TERMINATING"].includes(state);
   }
 
   get #robot() {

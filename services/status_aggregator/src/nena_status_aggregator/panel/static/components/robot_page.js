@@ -14,7 +14,7 @@ const TICK = 1000;
 class RobotPage extends HTMLElement {
   #id = null;
 
-  /** Prepare; `fleet`: {store, link, plant, enabled}. */
+  /** Prepare; `fleet`: {store, link, plant, enabled, noCommands}. */
   show(fleet) {
     this.fleet = fleet;
     fleet.store.addEventListener("change", (event) => {
@@ -146,6 +146,7 @@ function factsOf(robot, now) {
   return [
     ["fact.connection", t(`connection.${robot.connection ?? "NONE"}`)],
     ["fact.session", t(`session.${robot.session}`)],
+    ["fact.ros", robot.rosSession && t("fact.rosText", robot.rosSession), true],
     ["fact.lastState", robot.lastState && t("orders.created", { age: age((now - Date.parse(robot.lastState)) / 1000) })],
     ["fact.mode", robot.operatingMode && t(`mode.${robot.operatingMode}`)],
     ["fact.position", at && t("map.position", { x: number(at.x, 2), y: number(at.y, 2) })],

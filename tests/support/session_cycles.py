@@ -1,0 +1,106 @@
+"""Starts and stops a driver's ROS session again and again, and prints what is left of it, as JSON.
+
+Run as a program of its own, beside a simulated robot: ``python -m support.session_cycles DOMAIN_ID CYCLES``.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import json
+import os
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from nena_edge_agent.driver.map_port import MapPoseReport
+from nena_edge_agent.driver.port import SessionReport
+from nena_shared.log import configure
+from nena_shared.settings import LogSettings
+from support.nav2_driver import DrivenRobot
+from support.waiting import until
+
+WARM_UP = 10
+"""Cycles before the first look: what is loaded or pooled once stays."""
+
+
+@dataclass(frozen=True, slots=True)
+class Left:
+    """What a process has: threads, descriptors, resident bytes."""
+
+    threads: int
+    descriptors: int
+    memory: int
+
+    @classmethod
+    def now(cls) -> Left:
+        gc.collect()
+        process = psutil.Process()
+        return cls(process.num_threads(), process.num_fds(), process.memory_info().rss)
+
+
+def measured(domain_id: int, cycles: int) -> dict[str, Any]:
+    """Run this module as a program, and give what it prints."""
+    command = [sys.executable, "-m", "support.session_cycles", str(domain_id), str(cycles)]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    done = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, timeout=120 + cycles)
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+async def _cycle(robot: DrivenRobot, cycles: int) -> None:
+    for _ in range(cycles):
+        await robot.driver.session.start()
+        await robot.driver.session.stop()
+        await _off(robot)
+        states = [report.state for report in robot.all(SessionReport)]
+        assert states == ["INITIATING", "ACTIVE", "TERMINATING", "NOT_ACTIVE"], states
+        robot.events.clear()
+
+
+async def _off(robot: DrivenRobot) -> None:
+    """Wait until the driver has told that the session has ended."""
+    await robot.hears(SessionReport, lambda report: report.state == "NOT_ACTIVE")
+
+
+async def _live(robot: DrivenRobot) -> None:
+    """Be there for long enough to hear where the robot is."""
+    await robot.driver.session.start()
+    await robot.hears(MapPoseReport, seconds=30.0)
+    await robot.driver.session.stop()
+    await _off(robot)
+    robot.events.clear()
+
+
+async def main() -> None:
+    """Measure."""
+    domain_id, cycles = map(int, sys.argv[1:])
+    async with DrivenRobot(domain_id, start_session=False) as robot:
+        await _off(robot)
+        robot.events.clear()
+        await _live(robot)
+        await _cycle(robot, WARM_UP)
+        before, began = Left.now(), time.perf_counter()
+        await _cycle(robot, cycles)
+        seconds = time.perf_counter() - began
+        await _live(robot)
+        await until(lambda: Left.now().threads <= before.threads, timeout=30.0, what=f"{before} again")
+        after = Left.now()
+    figures = {
+        "cycles": cycles,
+        "threads_more": after.threads - before.threads,
+        "descriptors_more": after.descriptors - before.descriptors,
+        "memory_more_mb": round((after.memory - before.memory) / 1e6, 2),
+        "ms_per_cycle": round(seconds / cycles * 1e3, 1),
+    }
+    sys.stdout.write(json.dumps(figures))
+
+
+if __name__ == "__main__":
+    configure(LogSettings(level="error"))
+    asyncio.run(main())
