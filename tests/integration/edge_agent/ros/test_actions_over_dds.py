@@ -226,7 +226,7 @@ async def factsheet(fleet: FleetControl) -> dict[str, Any]:
     return sheet
 
 
-@pytest.mark.clause("6.2.3/pick", "6.2.3/drop", "6.1.4.3", "6.10")
+@pytest.mark.clause("6.2.3/pick", "6.1.4.3", "6.10")
 @pytest.mark.usefixtures("lift")
 async def test_a_whole_order_loads_drives_docks_and_unloads(bench: Bench) -> None:
     operations = [*OPERATIONS[:2], {"kind": "dock", "action_type": "dock", "forward": 1.0, "timeout": 60.0}]

@@ -5,12 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 
 from pydantic import JsonValue
 
 from nena_edge_agent.actions.answer import Answer
-from nena_edge_agent.actions.background import BackgroundAction, Work, WorkFailedError
+from nena_edge_agent.actions.background import BackgroundAction, WorkFailedError
 from nena_edge_agent.actions.call import Call
 from nena_edge_agent.actions.command import Command
 from nena_edge_agent.actions.message_shape import FieldError
@@ -67,71 +66,82 @@ class RosOperation:
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
         """Begin."""
         values = self._values.of(action)
-        work = partial(self._work, action.action_id, values, report)
-        return _Steered(action.action_id, work, report, self._steps.command, values)
+        return _Running(action.action_id, self._steps, values, report, charging=self._charging)
 
-    async def _work(self, action_id: str, values: Values, report: Report) -> ActionReport:
-        steps = self._steps
+
+class _Running(BackgroundAction):
+    """One run of the steps, which messages can hold where the command has such."""
+
+    def __init__(
+        self, action_id: str, steps: Steps, values: Values, report: Report, *, charging: bool | None
+    ) -> None:
+        self._steps = steps
+        self._values = values
+        self._charging = charging
+        self._commanded = False
+        self._free = asyncio.Event()
+        self._free.set()
+        super().__init__(action_id, self._work, report)
+
+    def pause(self) -> None:
+        """Send what holds it; what was not sent yet is held back."""
+        if self._steps.command and not self.ended:
+            self._free.clear()
+            if self._commanded:
+                self._steps.command.pause(self._values)
+            self._report(ActionReport(self._action_id, ActionStatus.PAUSED))
+
+    def resume(self) -> None:
+        """Send what has it go on."""
+        if self._steps.command and not self.ended:
+            self._free.set()
+            if self._commanded:
+                self._steps.command.resume(self._values)
+            self._report(ActionReport(self._action_id, ActionStatus.RUNNING))
+
+    async def _work(self) -> ActionReport:
         try:
-            if steps.command:
-                await steps.command.heard()
-            result = await self._do(action_id, values, report)
+            if self._steps.command:
+                await self._steps.command.heard()
+            result = await self._do()
         except (RosError, FieldError) as error:
             raise WorkFailedError(str(error)) from error
-        return ActionReport(action_id, ActionStatus.FINISHED, result, charging=self._charging)
+        return ActionReport(self._action_id, ActionStatus.FINISHED, result, charging=self._charging)
 
-    async def _do(self, action_id: str, values: Values, report: Report) -> str | None:
+    async def _do(self) -> str | None:
         """Do the steps; the answer is listened to from before the first, so that none is missed."""
         steps, result = self._steps, None
-
-        def progress(text: str) -> None:
-            report(ActionReport(action_id, ActionStatus.RUNNING, text))
-
-        answered = steps.answer.expect(values, progress) if steps.answer else None
+        answered = steps.answer.expect(self._values, self._progress) if steps.answer else None
         try:
             if steps.command:
-                steps.command.begin(values)
+                await self._command(steps.command)
             if steps.call:
-                result = await steps.call.do(values)
+                result = await steps.call.do(self._values)
             if steps.answer and answered:
-                progress(steps.answer.words)
+                self._progress(steps.answer.words)
                 result = await answered
             if steps.lasting:
                 await asyncio.get_running_loop().create_future()
         except asyncio.CancelledError:
-            self._take_back(values)
+            self._take_back()
             raise
         finally:
             if answered:
                 answered.cancel()
         return result
 
-    def _take_back(self, values: Values) -> None:
-        if self._steps.command:
+    async def _command(self, command: Command) -> None:
+        await self._free.wait()
+        command.begin(self._values)
+        self._commanded = True
+
+    def _progress(self, text: str) -> None:
+        if self._free.is_set():
+            self._report(ActionReport(self._action_id, ActionStatus.RUNNING, text))
+
+    def _take_back(self) -> None:
+        if self._steps.command and self._commanded:
             try:
-                self._steps.command.cancel(values)
+                self._steps.command.cancel(self._values)
             except (RosError, FieldError) as error:
                 log.warning("an action could not be taken back", reason=str(error))
-
-
-class _Steered(BackgroundAction):
-    """Steps that can be held by messages."""
-
-    def __init__(
-        self, action_id: str, work: Work, report: Report, command: Command | None, values: Values
-    ) -> None:
-        super().__init__(action_id, work, report)
-        self._command = command
-        self._values = values
-
-    def pause(self) -> None:
-        """Send what holds it."""
-        if self._command and not self.ended:
-            self._command.pause(self._values)
-            self._report(ActionReport(self._action_id, ActionStatus.PAUSED))
-
-    def resume(self) -> None:
-        """Send what has it go on."""
-        if self._command and not self.ended:
-            self._command.resume(self._values)
-            self._report(ActionReport(self._action_id, ActionStatus.RUNNING))

@@ -1,0 +1,57 @@
+"""All that an author of action plug-ins needs, in one import; it changes by announcement only."""
+
+from nena_edge_agent.actions.background import BackgroundAction, WorkFailedError
+from nena_edge_agent.actions.plugin import (
+    ActionPlugin,
+    PluginContext,
+    PluginFactory,
+    PluginUnavailableError,
+    Report,
+    RunningAction,
+)
+from nena_edge_agent.actions.ports import (
+    DriveError,
+    DrivePort,
+    Fields,
+    Publisher,
+    RosError,
+    RosPort,
+    ServiceClient,
+    TopicQos,
+)
+from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.protocol.declaration import ActionDeclaration, LoadChange, Parameter
+from nena_edge_agent.protocol.events import ActionReport
+from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
+from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
+from nena_shared.vda5050.state import Load
+
+__all__ = [
+    "Action",
+    "ActionDeclaration",
+    "ActionPlugin",
+    "ActionReport",
+    "ActionScope",
+    "ActionStatus",
+    "BackgroundAction",
+    "BlockingType",
+    "DriveError",
+    "DrivePort",
+    "Fields",
+    "Load",
+    "LoadChange",
+    "Parameter",
+    "PluginContext",
+    "PluginFactory",
+    "PluginUnavailableError",
+    "Pose",
+    "Publisher",
+    "Report",
+    "RosError",
+    "RosPort",
+    "RunningAction",
+    "ServiceClient",
+    "TopicQos",
+    "ValueDataType",
+    "WorkFailedError",
+]

@@ -1,0 +1,77 @@
+"""A ROS port in the test's hands: what is published is kept, and the test says what comes."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from pydantic import JsonValue
+
+from nena_edge_agent.actions.ports import Fields, Publisher, RosError, ServiceClient, TopicQos
+
+
+class ScriptedRos:
+    """``services`` are the responses of those that are there; ``listeners`` hear what is published."""
+
+    def __init__(self) -> None:
+        self.published: list[tuple[str, dict[str, Any]]] = []
+        self.called: list[tuple[str, dict[str, Any]]] = []
+        self.services: dict[str, Fields] = {}
+        self.listeners = 1
+        self.active = True
+        self.replies: dict[str, Callable[[dict[str, Any]], None]] = {}
+        """What happens when something is published on a topic."""
+        self._handlers: dict[str, list[Callable[[Fields], None]]] = defaultdict(list)
+
+    def publisher(self, topic: str, type_name: str) -> Publisher:  # noqa: ARG002
+        return _Publisher(self, topic)
+
+    def subscribe(
+        self,
+        topic: str,
+        type_name: str,  # noqa: ARG002
+        handle: Callable[[Fields], None],
+        *,
+        qos: TopicQos = TopicQos.RELIABLE,  # noqa: ARG002
+    ) -> None:
+        self._handlers[topic].append(handle)
+
+    def client(self, service: str, type_name: str) -> ServiceClient:  # noqa: ARG002
+        return _Client(self, service)
+
+    def say(self, topic: str, **fields: Any) -> None:
+        """Let a message come."""
+        for handle in self._handlers[topic]:
+            handle(fields)
+
+
+class _Publisher:
+    def __init__(self, ros: ScriptedRos, topic: str) -> None:
+        self._ros = ros
+        self._topic = topic
+
+    @property
+    def listeners(self) -> int:
+        return self._ros.listeners
+
+    def publish(self, fields: Mapping[str, JsonValue]) -> None:
+        if not self._ros.active:
+            message = "the robot's ROS session is not active"
+            raise RosError(message)
+        self._ros.published.append((self._topic, dict(fields)))
+        if reply := self._ros.replies.get(self._topic):
+            reply(dict(fields))
+
+
+class _Client:
+    def __init__(self, ros: ScriptedRos, service: str) -> None:
+        self._ros = ros
+        self._service = service
+
+    async def call(self, fields: Mapping[str, JsonValue], *, seconds: float) -> Fields:  # noqa: ARG002
+        self._ros.called.append((self._service, dict(fields)))
+        if self._service not in self._ros.services:
+            message = f"nobody offers the service {self._service}"
+            raise RosError(message)
+        return self._ros.services[self._service]
