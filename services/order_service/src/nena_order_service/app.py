@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from dataclasses import dataclass
 
 from fastapi import FastAPI
 
+from nena_order_service.asyncapi import document
 from nena_order_service.dispatch.way import WayFinder
 from nena_order_service.event_stream import EventStream
 from nena_order_service.fleet import FleetLink, OperationMap, RobotAddresses
@@ -16,6 +18,7 @@ from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.path_locks import PathLocks
 from nena_order_service.kernel.release import ReleasePolicy
 from nena_order_service.kernel.vehicles import VehicleRegistry
+from nena_order_service.mqtt_commands import MqttCommands, Verbs
 from nena_order_service.mqtt_door import MqttDoor
 from nena_order_service.plant_file import load_plant
 from nena_order_service.rest.api import make_app
@@ -58,6 +61,7 @@ class OrderService:
     sweep: RetainedSweep
     mqtt: MqttLink
     app: FastAPI
+    commands: MqttCommands
     stream: EventStream
     locks: PathLocks
 
@@ -102,6 +106,7 @@ def build(settings: OrderServiceSettings, plant: PlantModel, store: Store, *, ep
     sweep = RetainedSweep(
         settings.mqtt, topics, client_id=f"{client_id}-sweep", mqtt=mqtt, kernel=kernel, door=door
     )
+    commands = MqttCommands(mqtt, topics, Verbs(requests, locks), max_body=settings.max_body)
     stream = EventStream(kernel, settings.events)
     kernel.steps.listeners.append(stream)
     app = make_app(
@@ -109,10 +114,11 @@ def build(settings: OrderServiceSettings, plant: PlantModel, store: Store, *, ep
         locks,
         stream,
         plant_json=plant_json,
+        asyncapi=json.dumps(document(topics)).encode(),
         readiness=lambda: readiness(mqtt, store),
         max_body=settings.max_body,
     )
-    return OrderService(store, kernel, fleet, door, sweep, mqtt, app, stream, locks)
+    return OrderService(store, kernel, fleet, door, sweep, mqtt, app, commands, stream, locks)
 
 
 async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
@@ -203,6 +209,7 @@ async def _end_answering(http: HttpServer, answering: asyncio.Task[None]) -> Non
 async def _shut_down(service: OrderService) -> None:
     """Write and send what waits."""
     await service.door.close()
+    await service.commands.close()
     if not await service.store.drain(DRAIN_PATIENCE):
         log.error("the store has not taken all that was not answered yet", reason=service.store.problem)
     await service.mqtt.drain(DRAIN_PATIENCE)

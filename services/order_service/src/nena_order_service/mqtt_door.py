@@ -7,10 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from http import HTTPStatus
 
-from pydantic import ValidationError
-
 from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.kernel.kernel import Kernel
+from nena_order_service.mqtt_requests import REQUESTS_LIMIT, read_request, too_many
 from nena_order_service.problems import FORESEEN, problem_of
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import (
@@ -22,12 +21,8 @@ from nena_shared.fleet_api.transport_order import (
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
-from nena_shared.vda5050.malformed import problems_of
 
 log = get_logger(__name__)
-
-REQUESTS_LIMIT = 1000
-"""Requests that may be in work at the same time; one more is answered with 503."""
 
 
 @dataclass(slots=True)
@@ -102,37 +97,17 @@ class MqttDoor:
             return  # somebody clears a retained request
         host = self._topics.host_of(message.topic)
         self.counters.requests += 1
-        request = self._read(message)
+        request = read_request(message, TransportOrderRequest, max_body=self._max_body)
         if isinstance(request, Problem):
             self.counters.malformed += 1
             log.warning("creation request refused", host=host, reason=request.detail, errors=request.errors)
             self._refuse(host, request)
         elif len(self._tasks) >= REQUESTS_LIMIT:
-            status = HTTPStatus.SERVICE_UNAVAILABLE
-            detail = f"{REQUESTS_LIMIT} requests are in work already. Send again when they are answered."
-            self._refuse(host, Problem(title="Too many requests", status=status, detail=detail), request)
+            self._refuse(host, too_many(), request)
         else:
             task = asyncio.create_task(self._create(host, request), name=f"creation for {host}")
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)
-
-    def _read(self, message: Inbound) -> TransportOrderRequest | Problem:
-        if message.retained:
-            detail = "The request is retained, so it would come again. Publish it without the retain flag."
-            return Problem(title="Retained request", status=HTTPStatus.BAD_REQUEST, detail=detail)
-        if len(message.payload) > self._max_body:
-            detail = f"The request is longer than {self._max_body} bytes. Send less at once."
-            return Problem(title="Too long", status=HTTPStatus.REQUEST_ENTITY_TOO_LARGE, detail=detail)
-        try:
-            return TransportOrderRequest.model_validate_json(message.payload, by_alias=True, by_name=False)
-        except ValidationError as error:
-            no_json = any(item["type"] == "json_invalid" for item in error.errors(include_input=False))
-            return Problem(
-                title="Not JSON" if no_json else "Request does not fit",
-                status=HTTPStatus.BAD_REQUEST if no_json else HTTPStatus.UNPROCESSABLE_ENTITY,
-                detail="The request has not the form that it needs. Correct what errors names.",
-                errors=tuple(problems_of(error)),
-            )
 
     async def _create(self, host: str, request: TransportOrderRequest) -> None:
         try:

@@ -24,6 +24,19 @@ class FleetTopics:
         """Where ``host`` gets its :class:`CreationAnswer`."""
         return f"{self.prefix}/hosts/{host}/transportOrders/answer"
 
+    @property
+    def commands(self) -> str:
+        """Filter of the topics on which hosts ask for anything else."""
+        return self.command("+", "+")
+
+    def command(self, host: str, name: str) -> str:
+        """Where ``host`` publishes the command of this name."""
+        return f"{self.prefix}/hosts/{host}/commands/{name}"
+
+    def command_answer(self, host: str, name: str) -> str:
+        """Where ``host`` gets the answer."""
+        return f"{self.command(host, name)}/answer"
+
     def host_of(self, topic: str) -> str:
         """Tell which host asked on ``topic``."""
         return topic.removeprefix(f"{self.prefix}/hosts/").split("/", 1)[0]

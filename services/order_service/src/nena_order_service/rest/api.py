@@ -6,6 +6,7 @@ from collections.abc import Callable
 from http import HTTPStatus
 
 from fastapi import APIRouter, FastAPI, Response
+from starlette.responses import PlainTextResponse
 
 from nena_order_service.event_stream import EventStream
 from nena_order_service.kernel.host_requests import HostRequests
@@ -13,7 +14,12 @@ from nena_order_service.kernel.path_locks import PathLocks
 from nena_order_service.rest import events, paths, problems, transport_orders, vehicles
 from nena_order_service.rest.bodies import Readiness
 from nena_order_service.rest.body_limit import BodyLimit
-from nena_order_service.rest.responses import PROBLEMS, as_json
+from nena_order_service.rest.responses import as_json
+from nena_shared.web.described import describe_problems
+
+NOT_READY: dict[int | str, dict[str, object]] = {
+    503: {"model": Readiness, "description": "What is missing, and what that means."}
+}
 
 
 def make_app(
@@ -22,6 +28,7 @@ def make_app(
     stream: EventStream,
     *,
     plant_json: bytes,
+    asyncapi: bytes,
     readiness: Callable[[], Readiness],
     max_body: int,
 ) -> FastAPI:
@@ -32,7 +39,6 @@ def make_app(
         version="1",
         docs_url=None,
         redoc_url=None,
-        responses=PROBLEMS,
     )
     app.add_middleware(BodyLimit, limit=max_body)
     problems.install(app)
@@ -40,11 +46,12 @@ def make_app(
     app.include_router(vehicles.make_router(requests))
     app.include_router(paths.make_router(locks))
     app.include_router(events.make_router(stream))
-    app.include_router(_service(plant_json, readiness))
+    app.include_router(_service(plant_json, asyncapi, readiness))
+    describe_problems(app)
     return app
 
 
-def _service(plant_json: bytes, readiness: Callable[[], Readiness]) -> APIRouter:
+def _service(plant_json: bytes, asyncapi: bytes, readiness: Callable[[], Readiness]) -> APIRouter:
     router = APIRouter()
 
     @router.get("/v1/plantModel", tags=["plant model"])
@@ -52,12 +59,17 @@ def _service(plant_json: bytes, readiness: Callable[[], Readiness]) -> APIRouter
         """Give the plant model; lengths in mm, angles in degrees."""
         return Response(plant_json, media_type="application/json")
 
-    @router.get("/healthz", tags=["service"])
+    @router.get("/asyncapi.json", tags=["service"])
+    async def mqtt_door() -> Response:
+        """Describe the MQTT door (AsyncAPI 3.0)."""
+        return Response(asyncapi, media_type="application/json")
+
+    @router.get("/healthz", tags=["service"], response_class=PlainTextResponse)
     async def alive() -> Response:
         """Tell that the process runs."""
         return Response("ok\n", media_type="text/plain")
 
-    @router.get("/readyz", tags=["service"], response_model=Readiness)
+    @router.get("/readyz", tags=["service"], response_model=Readiness, responses=NOT_READY)
     async def ready() -> Response:
         """Tell whether broker and store are there."""
         now = readiness()

@@ -10,12 +10,7 @@ from fastapi import Header, Response
 from pydantic import BaseModel
 
 from nena_order_service.kernel.etag import ETag
-from nena_shared.fleet_api.transport_order import Problem, TransportOrderStatus
-
-PROBLEMS: dict[int | str, dict[str, object]] = {
-    "4XX": {"model": Problem, "description": "What is wrong with the request, and what to do."},
-    "5XX": {"model": Problem, "description": "What failed, and what to do."},
-}
+from nena_shared.fleet_api.transport_order import TransportOrderStatus
 
 IfMatch = Annotated[
     str | None,

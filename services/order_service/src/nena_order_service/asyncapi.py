@@ -1,0 +1,150 @@
+"""Describes the MQTT door as an AsyncAPI 3.0 document, made of the topics and bodies that it uses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from pydantic import BaseModel
+from pydantic.json_schema import JsonSchemaMode, models_json_schema
+
+from nena_order_service.mqtt_commands import COMMANDS, CommandAnswer
+from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.fleet_api.transport_order import CreationAnswer, TransportOrderRequest, TransportOrderStatus
+from nena_shared.fleet_api.vehicle import VehicleStatus
+
+PARAMETERS = {
+    "host": "A name that the host has chosen for itself.",
+    "transportOrder": "Name of a transport order.",
+    "serialNumber": "Serial number of a vehicle's robot.",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One kind of topic."""
+
+    name: str
+    address: str
+    action: Literal["send", "receive"]
+    """What the order service does there."""
+    body: type[BaseModel] | None
+    """None: the plant model, which has a form of its own."""
+    summary: str
+    retained: bool = False
+    parameters: tuple[str, ...] = ("host",)
+
+
+def channels(topics: FleetTopics) -> tuple[Channel, ...]:
+    """Give all channels of the door."""
+    host = "{host}"
+    commands = [
+        channel
+        for name, body in COMMANDS.items()
+        for channel in (
+            Channel(name, topics.command(host, name), "receive", body, (body.__doc__ or "").strip()),
+            Channel(
+                f"{name}Answer",
+                topics.command_answer(host, name),
+                "send",
+                CommandAnswer,
+                f"Answers {name}.",
+            ),
+        )
+    ]
+    return (
+        Channel(
+            "create",
+            topics.creation_request(host),
+            "receive",
+            TransportOrderRequest,
+            "Asks for a transport order; not retained.",
+        ),
+        Channel("createAnswer", topics.creation_answer(host), "send", CreationAnswer, "Answers create."),
+        *commands,
+        Channel(
+            "transportOrderStatus",
+            topics.order_status("{transportOrder}"),
+            "send",
+            TransportOrderStatus,
+            "Each change of an order, retained while it lives; an empty message after the last clears it.",
+            retained=True,
+            parameters=("transportOrder",),
+        ),
+        Channel(
+            "vehicleStatus",
+            topics.vehicle_status("{serialNumber}"),
+            "send",
+            VehicleStatus,
+            "Each change of a vehicle.",
+            retained=True,
+            parameters=("serialNumber",),
+        ),
+        Channel(
+            "plantModel",
+            topics.plant_model,
+            "send",
+            None,
+            "The plant model as NeNa writes it; lengths in mm, angles in degrees.",
+            retained=True,
+            parameters=(),
+        ),
+    )
+
+
+def document(topics: FleetTopics) -> dict[str, Any]:
+    """Give the document."""
+    described = channels(topics)
+    return {
+        "asyncapi": "3.0.0",
+        "info": {
+            "title": "NeNa order service",
+            "version": "1",
+            "description": "Transport orders and vehicles over MQTT 3.1.1, quality of service 1.",
+        },
+        "defaultContentType": "application/json",
+        "channels": {each.name: _channel(each) for each in described},
+        "operations": {each.name: _operation(each) for each in described},
+        "components": {
+            "messages": {each.name: _message(each) for each in described},
+            "schemas": _schemas(described),
+        },
+    }
+
+
+def _channel(channel: Channel) -> dict[str, Any]:
+    return {
+        "address": channel.address,
+        "description": channel.summary,
+        "parameters": {name: {"description": PARAMETERS[name]} for name in channel.parameters},
+        "messages": {channel.name: {"$ref": f"#/components/messages/{channel.name}"}},
+    }
+
+
+def _operation(channel: Channel) -> dict[str, Any]:
+    made: dict[str, Any] = {
+        "action": channel.action,
+        "channel": {"$ref": f"#/channels/{channel.name}"},
+        "summary": channel.summary,
+        "messages": [{"$ref": f"#/channels/{channel.name}/messages/{channel.name}"}],
+        "bindings": {"mqtt": {"qos": 1, "retain": channel.retained}},
+    }
+    if channel.action == "receive":
+        made["reply"] = {"channel": {"$ref": f"#/channels/{channel.name}Answer"}}
+    return made
+
+
+def _message(channel: Channel) -> dict[str, Any]:
+    schema = {"$ref": f"#/components/schemas/{channel.body.__name__}"} if channel.body else {"type": "object"}
+    return {"name": channel.name, "contentType": "application/json", "payload": schema}
+
+
+def _schemas(described: tuple[Channel, ...]) -> dict[str, Any]:
+    modes: dict[type[BaseModel], JsonSchemaMode] = {
+        each.body: "validation" if each.action == "receive" else "serialization"
+        for each in described
+        if each.body
+    }
+    _, made = models_json_schema(list(modes.items()), ref_template="#/components/schemas/{model}")
+    schemas: dict[str, Any] = made["$defs"]
+    return schemas

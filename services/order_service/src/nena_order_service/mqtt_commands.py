@@ -1,0 +1,202 @@
+"""The MQTT door's commands: what hosts may ask for besides the creation of orders."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from http import HTTPStatus
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from nena_order_service import vehicle_commands
+from nena_order_service.kernel.etag import ETag
+from nena_order_service.kernel.host_requests import HostRequests
+from nena_order_service.kernel.path_locks import PathLocks
+from nena_order_service.mqtt_requests import REQUESTS_LIMIT, read_request, too_many
+from nena_order_service.problems import FORESEEN, problem_of
+from nena_order_service.rest.bodies import (
+    DispatchRequest,
+    InstantActionAnswer,
+    InstantActionRequest,
+    PathLockRequest,
+    WithdrawalRequest,
+)
+from nena_shared.fleet_api.base import ObjectName, Request, Resource
+from nena_shared.fleet_api.delivery import DeliveryStatus
+from nena_shared.fleet_api.path import PathStatus
+from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.fleet_api.transport_order import Problem, TransportOrderStatus
+from nena_shared.log import get_logger
+from nena_shared.mqtt import Inbound, MqttLink, Outbound
+
+log = get_logger(__name__)
+
+
+class Command(Request):
+    """Something that a host asks for."""
+
+    request_id: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+    """Comes back in the answer."""
+
+
+class WithdrawCommand(Command, WithdrawalRequest):
+    """Asks for the end of a transport order."""
+
+    transport_order: ObjectName
+    version: int | None = None
+    """Only if it still has this version."""
+
+
+class DeliveryCommand(Command):
+    """Asks how far a transport order has come on its way to its robot."""
+
+    transport_order: ObjectName
+
+
+class DispatchCommand(Command, DispatchRequest):
+    """Sends a vehicle somewhere."""
+
+    vehicle: ObjectName
+
+
+class InstantActionCommand(Command, InstantActionRequest):
+    """Lets a vehicle do something at once."""
+
+    vehicle: ObjectName
+
+
+class LockPathCommand(Command, PathLockRequest):
+    """Locks or unlocks a path."""
+
+    path: ObjectName
+
+
+class CommandAnswer(Resource):
+    """Answer to a command: what has become of it, or a problem."""
+
+    status: int
+    """As over HTTP."""
+    request_id: str | None = None
+    transport_order: TransportOrderStatus | None = None
+    delivery: DeliveryStatus | None = None
+    instant_action: InstantActionAnswer | None = None
+    path: PathStatus | None = None
+    problem: Problem | None = None
+
+
+COMMANDS: dict[str, type[Command]] = {
+    "withdraw": WithdrawCommand,
+    "delivery": DeliveryCommand,
+    "dispatch": DispatchCommand,
+    "instantAction": InstantActionCommand,
+    "lockPath": LockPathCommand,
+}
+"""The bodies by the commands' names."""
+
+Verb = Callable[[Any], Awaitable[CommandAnswer]]
+"""Does what a command asks for."""
+
+
+class Verbs:
+    """Does what commands ask for; each gives what REST would answer, and raises the same errors."""
+
+    def __init__(self, requests: HostRequests, locks: PathLocks) -> None:
+        self._requests = requests
+        self._locks = locks
+        self.by_name: dict[str, Verb] = {
+            "withdraw": self.withdraw,
+            "delivery": self.delivery,
+            "dispatch": self.dispatch,
+            "instantAction": self.instant_action,
+            "lockPath": self.lock_path,
+        }
+
+    async def withdraw(self, command: WithdrawCommand) -> CommandAnswer:
+        """Withdraw an order."""
+        seen = None if command.version is None else ETag.of(command.version)
+        order = await self._requests.withdraw(command.transport_order, command.reason, seen=seen)
+        return CommandAnswer(status=HTTPStatus.OK, transport_order=order)
+
+    async def delivery(self, command: DeliveryCommand) -> CommandAnswer:
+        """Tell the delivery of an order."""
+        delivery = await self._requests.delivery(command.transport_order)
+        return CommandAnswer(status=HTTPStatus.OK, delivery=delivery)
+
+    async def dispatch(self, command: DispatchCommand) -> CommandAnswer:
+        """Send a vehicle somewhere."""
+        order, new = await vehicle_commands.dispatch(self._requests, command.vehicle, command)
+        status = HTTPStatus.CREATED if new else HTTPStatus.OK
+        return CommandAnswer(status=status, transport_order=order)
+
+    async def instant_action(self, command: InstantActionCommand) -> CommandAnswer:
+        """Let a vehicle do something at once."""
+        answer = await vehicle_commands.instant_action(self._requests, command.vehicle, command)
+        status = HTTPStatus.ACCEPTED if answer.status == "PENDING" else HTTPStatus.OK
+        return CommandAnswer(status=status, instant_action=answer)
+
+    async def lock_path(self, command: LockPathCommand) -> CommandAnswer:
+        """Lock or unlock a path."""
+        path = await self._locks.set(command.path, locked=command.locked)
+        return CommandAnswer(status=HTTPStatus.OK, path=path)
+
+
+class MqttCommands:
+    """Takes commands and answers each on the topic of its host."""
+
+    def __init__(self, mqtt: MqttLink, topics: FleetTopics, verbs: Verbs, *, max_body: int) -> None:
+        self._mqtt = mqtt
+        self._topics = topics
+        self._verbs = verbs.by_name
+        self._max_body = max_body
+        self._tasks: set[asyncio.Task[None]] = set()
+        mqtt.subscribe(topics.commands, self._command_came)
+
+    async def close(self) -> None:
+        """End the work on commands."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def _command_came(self, message: Inbound) -> None:
+        if not message.payload:
+            return  # somebody clears a retained command
+        host, name = self._topics.host_of(message.topic), message.topic.rsplit("/", 1)[-1]
+        verb = self._verbs.get(name)
+        if verb is None:
+            self._answer(host, name, _refusal(_unknown(name)))
+            return
+        command = read_request(message, COMMANDS[name], max_body=self._max_body)
+        if isinstance(command, Problem):
+            log.warning("command refused", host=host, command=name, reason=command.detail)
+            self._answer(host, name, _refusal(command))
+        elif len(self._tasks) >= REQUESTS_LIMIT:
+            self._answer(host, name, _refusal(too_many(), command))
+        else:
+            task = asyncio.create_task(self._do(host, name, verb, command), name=f"{name} for {host}")
+            self._tasks.add(task)
+            task.add_done_callback(self._tasks.discard)
+
+    async def _do(self, host: str, name: str, verb: Verb, command: Command) -> None:
+        try:
+            answer = await verb(command)
+        except Exception as error:
+            if not isinstance(error, FORESEEN):
+                log.exception("command failed", host=host, command=name)
+            answer = _refusal(problem_of(error))
+        self._answer(host, name, answer.model_copy(update={"request_id": command.request_id}))
+
+    def _answer(self, host: str, name: str, answer: CommandAnswer) -> None:
+        body = answer.model_dump_json(by_alias=True, exclude_none=True).encode()
+        self._mqtt.publish(Outbound(self._topics.command_answer(host, name), body))
+
+
+def _refusal(problem: Problem, command: Command | None = None) -> CommandAnswer:
+    request_id = command.request_id if command else None
+    return CommandAnswer(status=problem.status, request_id=request_id, problem=problem)
+
+
+def _unknown(name: str) -> Problem:
+    known = ", ".join(COMMANDS)
+    detail = f"There is no command {name!r}. Take one of {known}."
+    return Problem(title="Unknown command", status=HTTPStatus.NOT_FOUND, detail=detail)

@@ -1,0 +1,46 @@
+"""Reads requests that hosts publish."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from typing import TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from nena_shared.fleet_api.transport_order import Problem
+from nena_shared.mqtt import Inbound
+from nena_shared.vda5050.malformed import problems_of
+
+M = TypeVar("M", bound=BaseModel)
+
+REQUESTS_LIMIT = 1000
+"""Requests that may be in work at the same time; one more is answered with 503."""
+
+
+def read_request(message: Inbound, model: type[M], *, max_body: int) -> M | Problem:
+    """Give the request, or what is wrong with it.
+
+    A retained request is refused: the broker would deliver it again at each connect.
+    """
+    if message.retained:
+        detail = "The request is retained, so it would come again. Publish it without the retain flag."
+        return Problem(title="Retained request", status=HTTPStatus.BAD_REQUEST, detail=detail)
+    if len(message.payload) > max_body:
+        detail = f"The request is longer than {max_body} bytes. Send less at once."
+        return Problem(title="Too long", status=HTTPStatus.REQUEST_ENTITY_TOO_LARGE, detail=detail)
+    try:
+        return model.model_validate_json(message.payload, by_alias=True, by_name=False)
+    except ValidationError as error:
+        no_json = any(item["type"] == "json_invalid" for item in error.errors(include_input=False))
+        return Problem(
+            title="Not JSON" if no_json else "Request does not fit",
+            status=HTTPStatus.BAD_REQUEST if no_json else HTTPStatus.UNPROCESSABLE_ENTITY,
+            detail="The request has not the form that it needs. Correct what errors names.",
+            errors=tuple(problems_of(error)),
+        )
+
+
+def too_many() -> Problem:
+    """Say that no more requests can be taken now."""
+    detail = f"{REQUESTS_LIMIT} requests are in work already. Send again when they are answered."
+    return Problem(title="Too many requests", status=HTTPStatus.SERVICE_UNAVAILABLE, detail=detail)

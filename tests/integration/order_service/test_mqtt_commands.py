@@ -1,0 +1,156 @@
+"""Every topic of the MQTT door in use, with a real broker and a robot; each message as the document says."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Awaitable, Callable
+from itertools import count
+from typing import Any
+
+import httpx
+import pytest
+from jsonschema import Draft202012Validator
+
+from support.broker import MqttPeer
+from support.order_service_fleet import Fleet, awaited, order_in, vehicle_idle
+
+pytestmark = pytest.mark.broker
+
+Start = Callable[..., Awaitable[httpx.AsyncClient]]
+
+NUMBERS = count()
+
+
+class Host:
+    """A host called wms."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        self._topics = f"{fleet.prefix}/hosts/wms"
+        self._peer: MqttPeer = fleet.peer(f"{fleet.prefix}/#")
+
+    async def ask(self, command: str, *, retain: bool = False, **body: object) -> dict[str, Any]:
+        request_id = f"r-{next(NUMBERS)}"
+        payload = json.dumps({"requestId": request_id, **body})
+        return await self.send(command, payload, request_id, retain=retain)
+
+    async def send(
+        self, command: str, payload: str, request_id: str | None = None, *, retain: bool = False
+    ) -> dict[str, Any]:
+        topic = f"{self._topics}/commands/{command}"
+        before = len(self._peer.received(f"{topic}/answer"))
+        self._peer.publish(topic, payload, retain=retain)
+
+        def answers() -> list[dict[str, Any]]:
+            return [json.loads(each.payload) for each in self._peer.received(f"{topic}/answer")[before:]]
+
+        await self._peer.wait_for(
+            f"{topic}/answer", lambda _: any(a.get("requestId") == request_id for a in answers()), timeout=30
+        )
+        return next(answer for answer in answers() if answer.get("requestId") == request_id)
+
+    async def create(self, name: str, *stops: dict[str, str]) -> None:
+        body = {"name": name, "destinations": list(stops)}
+        self._peer.publish(f"{self._topics}/transportOrders/create", json.dumps(body))
+        await self._peer.wait_for(f"{self._topics}/transportOrders/answer", timeout=30)
+
+    def heard(self) -> list[tuple[str, bytes]]:
+        return [(each.topic, each.payload) for each in self._peer.history]
+
+
+@pytest.fixture
+def host(fleet: Fleet) -> Host:
+    return Host(fleet)
+
+
+async def listening(client: httpx.AsyncClient) -> None:
+    """Wait until the order service hears what is published."""
+
+    async def status() -> int:
+        return (await client.get("/readyz")).status_code
+
+    await awaited(status, lambda told: told == 200, seconds=30, what="the broker is connected")
+
+
+def misfits(document: dict[str, Any], messages: list[tuple[str, bytes]]) -> tuple[list[str], set[str]]:
+    """Give what is wrong with messages, and the channels that they were on."""
+    addresses = {
+        re.compile(re.sub(r"\\\{\w+\\\}", "[^/]+", re.escape(channel["address"]))): name
+        for name, channel in document["channels"].items()
+    }
+    wrong, used = [], set()
+    for topic, payload in messages:
+        name = next((name for address, name in addresses.items() if address.fullmatch(topic)), None)
+        if name is None:
+            wrong.append(f"{topic} is not in the document")
+            continue
+        used.add(name)
+        if payload:
+            schema = {
+                **document["components"]["messages"][name]["payload"],
+                "components": document["components"],
+            }
+            errors = Draft202012Validator(schema).iter_errors(json.loads(payload))
+            wrong.extend(f"{topic}: {error.message}" for error in errors)
+    return wrong, used
+
+
+async def test_every_command_does_its_work_as_the_document_says(
+    fleet: Fleet, service: Start, host: Host
+) -> None:
+    client = await service()
+    fleet.agent(speed=4.0)
+    await vehicle_idle(client)
+    await host.create("T-1", {"locationName": "Packing stand"})
+    await order_in(client, "T-1", "BEING_PROCESSED")
+
+    delivery = await host.ask("delivery", transportOrder="T-1")
+    assert (delivery["status"], delivery["delivery"]["transportOrder"]) == (200, "T-1")
+    assert delivery["delivery"]["phase"] in ("SENT", "DELIVERED")
+    paused = await host.ask("instantAction", vehicle="Robot-01", actionType="pause")
+    assert (paused["status"], paused["instantAction"]["status"]) == (200, "FINISHED")
+    path = (await client.get("/v1/paths")).json()["paths"][0]["name"]
+    assert (await host.ask("lockPath", path=path, locked=True))["path"]["locked"] is True
+    assert (await host.ask("lockPath", path=path, locked=False))["path"]["locked"] is False
+    sent = await host.ask("dispatch", vehicle="Robot-01", point="South 2")
+    assert (sent["status"], sent["transportOrder"]["intendedVehicle"]) == (201, "Robot-01")
+    name = sent["transportOrder"]["name"]
+    stale = await host.ask("withdraw", transportOrder=name, version=99)
+    assert (stale["status"], "has changed" in stale["problem"]["detail"]) == (412, True)
+    withdrawn = await host.ask("withdraw", transportOrder=name, reason="not needed")
+    assert (withdrawn["status"], withdrawn["transportOrder"]["state"]) == (200, "FAILED")
+    assert (await host.ask("instantAction", vehicle="Robot-01", actionType="resume"))["status"] == 200
+    await order_in(client, "T-1", "FINISHED")
+
+    document = (await client.get("/asyncapi.json")).json()
+    wrong, used = misfits(document, host.heard())
+    assert wrong == []
+    assert used == set(document["channels"])
+
+
+@pytest.mark.parametrize(
+    ("command", "body", "status"),
+    [
+        ("withdraw", {"transportOrder": "T-9"}, 404),
+        ("delivery", {"transportOrder": "T-9"}, 404),
+        ("dispatch", {"vehicle": "R2D2", "point": "South 2"}, 404),
+        ("dispatch", {"vehicle": "Robot-01"}, 422),
+        ("instantAction", {"vehicle": "Robot-01", "actionType": "pause"}, 409),
+        ("lockPath", {"path": "Nowhere", "locked": True}, 404),
+        ("lockPath", {"path": "Nowhere"}, 422),
+        ("dance", {}, 404),
+    ],
+)
+async def test_what_cannot_be_done_is_a_problem(
+    service: Start, host: Host, command: str, body: dict[str, object], status: int
+) -> None:
+    await listening(await service())
+    answer = await host.send(command, json.dumps(body))
+    assert (answer["status"], answer["problem"]["status"]) == (status, status)
+
+
+async def test_bad_commands_are_told_so_and_the_next_one_is_heard(service: Start, host: Host) -> None:
+    await listening(await service(max_body=1024))
+    assert (await host.send("withdraw", "{"))["status"] == 400
+    assert (await host.send("withdraw", "x" * 2000))["status"] == 413
+    assert (await host.ask("delivery", transportOrder="T-9"))["status"] == 404

@@ -1,0 +1,45 @@
+from __future__ import annotations
+
+import pytest
+
+from nena_order_service.mqtt_commands import DeliveryCommand
+from nena_order_service.mqtt_requests import read_request, too_many
+from nena_shared.fleet_api.transport_order import Problem
+from nena_shared.mqtt import Inbound
+
+
+def read(payload: bytes, *, retained: bool = False) -> DeliveryCommand | Problem:
+    return read_request(Inbound("t", payload, retained), DeliveryCommand, max_body=100)
+
+
+def test_request_that_fits_is_read() -> None:
+    assert read(b'{"transportOrder": "T-1"}') == DeliveryCommand(transport_order="T-1")
+
+
+@pytest.mark.parametrize(
+    ("payload", "status"),
+    [
+        (b"{", 400),
+        (b"\xff", 400),
+        (b"[]", 422),
+        (b"{}", 422),
+        (b'{"transport_order": "T-1"}', 422),
+        (b'{"transportOrder": "T-1", "colour": "red"}', 422),
+        (b" " * 101, 413),
+    ],
+)
+def test_any_other_is_a_problem(payload: bytes, status: int) -> None:
+    problem = read(payload)
+    assert isinstance(problem, Problem)
+    assert problem.status == status
+
+
+def test_retained_request_is_refused() -> None:
+    problem = read(b'{"transportOrder": "T-1"}', retained=True)
+    assert isinstance(problem, Problem)
+    assert problem.status == 400
+    assert "retain" in problem.detail
+
+
+def test_too_many_are_told_to_wait() -> None:
+    assert too_many().status == 503
