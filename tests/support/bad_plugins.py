@@ -20,7 +20,7 @@ GOOD = ActionDeclaration("good", NODE, pause_allowed=True, cancel_allowed=True)
 
 
 class Good:
-    """Keeps the contract; the bad ones differ from it in one point. Runs until it is cancelled, or 0.8 s."""
+    """Keeps the contract; the bad ones differ from it in one point. Runs until it is cancelled, or 2 s."""
 
     declaration = GOOD
 
@@ -29,7 +29,7 @@ class Good:
 
 
 class Running:
-    def __init__(self, action_id: str, report: Report, *, seconds: float = 0.8) -> None:
+    def __init__(self, action_id: str, report: Report, *, seconds: float = 2.0) -> None:
         self.action_id = action_id
         self.report = report
         self.left = seconds

@@ -19,7 +19,7 @@ SEEN_AT_THE_END = ("Nothing left", "Does not block")
 
 
 def findings(
-    plugin: ActionPlugin, *, seconds: float = 1.5, checks: Sequence[Check] = CHECKS
+    plugin: ActionPlugin, *, seconds: float = 30.0, checks: Sequence[Check] = CHECKS
 ) -> dict[str, Finding]:
     subject = Subject(plugin, patience=PATIENCE, seconds=seconds)
     return {each.check: each for each in findings_of(subject, checks)}
@@ -30,7 +30,7 @@ def named(name: str) -> Check:
 
 
 def test_a_good_plug_in_keeps_it() -> None:
-    found = findings(Good(), seconds=30.0)
+    found = findings(Good())
 
     assert {each.verdict for each in found.values()} == {Verdict.OK}, found
 
@@ -38,8 +38,10 @@ def test_a_good_plug_in_keeps_it() -> None:
 @pytest.mark.parametrize("name", list(BAD))
 def test_a_bad_plug_in_is_found(name: str) -> None:
     plugin, check = BAD[name]
+    seconds = 1.0 if name == "never ends" else 30.0
 
-    found = findings(plugin, checks=[ends if check in SEEN_AT_THE_END else named(check)])[check]
+    checks = [ends if check in SEEN_AT_THE_END else named(check)]
+    found = findings(plugin, seconds=seconds, checks=checks)[check]
 
     assert found.verdict is Verdict.BROKEN, found
     assert found.text
@@ -55,7 +57,7 @@ def test_one_that_hangs_is_found_with_the_place() -> None:
 
 
 def test_what_gives_no_occasion_is_not_called_good() -> None:
-    found = findings(made(NeverEnds, ActionDeclaration("good", NODE, timeout=60.0)))
+    found = findings(made(NeverEnds, ActionDeclaration("good", NODE, timeout=60.0)), seconds=1.0)
 
     assert found["Start to end"].verdict is Verdict.NOT_SEEN
     assert "fails after 60 s" in found["Start to end"].text

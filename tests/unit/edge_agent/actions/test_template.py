@@ -47,7 +47,7 @@ def test_what_is_no_template_is_found_with_its_place(template: JsonValue, proble
     )
 
 
-@given(st.text(max_size=20))
+@given(st.text("{}ab1. _", max_size=20))
 def test_a_value_is_never_read_as_a_template(value: str) -> None:
     assert filled("<{name}>", {"name": value}) == f"<{value}>"
     assert filled("{name}", {"name": value}) == value

@@ -72,7 +72,7 @@ async def declares(subject: Subject) -> str:
     if len(set(keys)) < len(keys):
         text = f"two parameters have the same key: {', '.join(keys)}"
         raise BrokenError(text, "give each parameter a key of its own")
-    _encoded(declaration)
+    await asyncio.to_thread(_encoded, declaration)  # which takes its time, and is not the plug-in's fault
     scopes, parameters = ", ".join(declaration.scopes), ", ".join(keys) or "none"
     return f"'{declaration.action_type}' for {scopes}; parameters: {parameters}"
 

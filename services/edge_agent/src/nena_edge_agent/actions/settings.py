@@ -25,7 +25,7 @@ FieldValues = dict[str, JsonValue]
 class ParameterSettings(SettingsGroup):
     """A parameter that orders give an action: for the factsheet, for the checks, and for messages."""
 
-    key: str = Field(pattern=r"[A-Za-z_][A-Za-z0-9_]*", max_length=100, description="Its name in orders.")
+    key: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=100, description="Its name in orders.")
     type: ValueDataType = Field(ValueDataType.STRING, description="BOOL, NUMBER, INTEGER, STRING, ...")
     required: bool = Field(default=True, description="Whether an order without it is refused.")
     description: str = Field("", description="For people.")

@@ -1,0 +1,68 @@
+"""The command check-plugin: what it prints, and its exit status."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from nena_edge_agent.actions.check_plugin import main, report
+from nena_edge_agent.actions.contract import Finding, Verdict
+
+SETTINGS = """
+[[operations]]
+kind = "service"
+action_type = "clamp"
+[operations.call]
+service = "clamp"
+type = "std_srvs/srv/SetBool"
+fields = { %s = true }
+"""
+
+
+def settings(folder: Path, field: str = "data") -> str:
+    file = folder / "agent.toml"
+    file.write_text(SETTINGS % field, encoding="utf-8")
+    return str(file)
+
+
+def test_an_action_of_the_settings_is_tried_without_a_robot(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["clamp", "--config", settings(tmp_path), "--patience", "1"]) == 0
+
+    out = capsys.readouterr().out
+    assert out.startswith("clamp\n  ok        Declaration: 'clamp' for NODE; parameters: none\n")
+    assert "not seen  Cancel: declares that it cannot be cancelled" in out
+    assert out.endswith("It keeps to the contract.\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "field", "problem"),
+    [
+        ("clmp", "data", "setting NAME: 'clmp' is none of the plug-ins"),
+        (
+            "clamp",
+            "dat",
+            "setting operations.0.call.fields.dat: std_srvs/srv/SetBool request has no such field",
+        ),
+    ],
+)
+def test_a_mistake_is_told_in_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, field: str, problem: str
+) -> None:
+    assert main([name, "--config", settings(tmp_path, field)]) == 2
+    assert problem in capsys.readouterr().err
+
+
+def test_parameters_are_those_of_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["wait", "--parameters", '{"duration": "long"}', "--patience", "1"]) == 0
+    assert "not seen  Check beforehand: action 'wait': parameter 'duration'" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main(["wait", "--parameters", "[1]"])
+
+
+def test_what_is_broken_comes_with_what_to_do() -> None:
+    text = report("lift", [Finding("Cancel", Verdict.BROKEN, "no end", "report FAILED")])
+
+    assert text == "lift\n  BROKEN    Cancel: no end\n            -> report FAILED\n  1 broken\n"

@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+from math import pi
+
+import pytest
+from pydantic import ValidationError
+
+from nena_edge_agent.actions.docking import Docking, beside
+from nena_edge_agent.actions.dry_ports import DryDrive
+from nena_edge_agent.actions.settings import DockOperationSettings
+from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.protocol.events import ActionReport
+from nena_shared.vda5050.factsheet import ActionScope
+from support.robot_core import action
+from support.waiting import until
+
+
+@pytest.mark.parametrize(
+    ("theta", "ahead", "left", "turn", "place"),
+    [
+        (0.0, 0.5, 0.0, 0.0, (1.5, 2.0, 0.0)),
+        (pi / 2, 0.5, 0.0, 0.0, (1.0, 2.5, pi / 2)),
+        (0.0, -0.5, 0.0, 0.0, (0.5, 2.0, 0.0)),
+        (pi / 2, 0.0, 1.0, 0.0, (0.0, 2.0, pi / 2)),
+        (pi, 1.0, 1.0, -pi / 2, (0.0, 1.0, pi / 2)),
+    ],
+)
+def test_the_offset_is_in_the_robots_own_frame(
+    theta: float, ahead: float, left: float, turn: float, place: tuple[float, float, float]
+) -> None:
+    there = beside(Pose(1.0, 2.0, theta, "hall"), ahead, left, turn)
+
+    assert (there.x, there.y, there.theta) == pytest.approx(place)
+    assert there.map_id == "hall"
+
+
+def docking(**settings: object) -> tuple[Docking, DryDrive]:
+    drive = DryDrive()
+    full = {"kind": "dock", "action_type": "dock", "forward": 0.8, **settings}
+    return Docking(DockOperationSettings.model_validate(full), drive), drive
+
+
+async def end(plugin: Docking, **parameters: float) -> ActionReport:
+    reports: list[ActionReport] = []
+    plugin.start(action("a", "HARD", "dock", **parameters), (), reports.append)  # type: ignore[arg-type]
+    return await until(lambda: next((each for each in reports if each.status.ended), None), timeout=30)
+
+
+async def test_it_drives_as_far_as_it_is_set_to() -> None:
+    plugin, drive = docking()
+
+    assert (await end(plugin)).status == "FINISHED"
+    assert drive.pose is not None
+    assert drive.pose.x == pytest.approx(0.8)
+
+
+async def test_an_order_may_say_how_far_within_bounds_where_it_is_set_so() -> None:
+    plugin, drive = docking(adjustable=True)
+    too_far = plugin.declaration.problem(action("a", "HARD", "dock", forward=0.9), ActionScope.NODE)
+    assert too_far == "action 'dock': parameter 'forward' must be at least -0.8 and at most 0.8"
+
+    assert (await end(plugin, forward=-0.2)).status == "FINISHED"
+    assert drive.pose is not None
+    assert drive.pose.x == pytest.approx(-0.2)
+
+
+async def test_a_robot_that_does_not_know_where_it_is_does_not_dock() -> None:
+    plugin, drive = docking()
+    drive.pose = None
+
+    report = await end(plugin)
+    assert (report.status, report.result) == ("FAILED", "the robot does not know where it is")
+
+
+@pytest.mark.parametrize("settings", [{"scopes": ["EDGE"]}, {"blocking_types": ["NONE", "HARD"]}])
+def test_it_drives_only_while_the_order_stands(settings: dict[str, object]) -> None:
+    with pytest.raises(ValidationError, match="SOFT or HARD"):
+        docking(**settings)

@@ -1,0 +1,136 @@
+"""Drives of actions by the driver's port, beside those of the core."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+import pytest
+
+from nena_edge_agent.actions.drive import ActionDrive
+from nena_edge_agent.actions.ports import DriveError
+from nena_edge_agent.driver.port import (
+    Arrived,
+    DriveFailed,
+    DriveFailure,
+    DriveGoal,
+    Halted,
+    OwnGoals,
+    Pose,
+    PoseReport,
+)
+from support.waiting import until
+
+PLACE = Pose(1.0, 2.0, 0.5, "hall")
+
+
+class Driver:
+    """Keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.goals: list[DriveGoal] = []
+        self.halts = 0
+        self.on_halt: Callable[[], None] = lambda: None
+
+    async def start(self) -> None:
+        """Nothing to start."""
+
+    async def stop(self) -> None:
+        """Nothing to stop."""
+
+    def reclaim(self, goals: OwnGoals) -> None:
+        """Nothing to reclaim."""
+
+    def limit_speed(self, speed: float | None) -> None:
+        """Nothing to limit."""
+
+    def initialize_position(self, pose: Pose) -> None:
+        """Nothing to initialise."""
+
+    def go_to(self, goal: DriveGoal) -> None:
+        self.goals.append(goal)
+
+    def halt(self) -> None:
+        self.halts += 1
+        self.on_halt()
+
+
+def begun() -> tuple[ActionDrive, Driver]:
+    drive, driver = ActionDrive(), Driver()
+    drive.attach(driver)
+    return drive, driver
+
+
+async def driving(drive: ActionDrive, driver: Driver) -> asyncio.Task[None]:
+    before = len(driver.goals)
+    task = asyncio.create_task(drive.drive(PLACE, deviation_xy=0.1, maximum_speed=0.3))
+    await until(lambda: len(driver.goals) > before, timeout=30)
+    return task
+
+
+async def test_it_ends_with_the_arrival_of_its_own_goal() -> None:
+    drive, driver = begun()
+    task = await driving(drive, driver)
+    goal = driver.goals[0]
+    assert (goal.pose, goal.deviation_xy, goal.maximum_speed) == (PLACE, 0.1, 0.3)
+    assert goal.generation < 0  # the core's are above zero
+
+    drive.hear(Arrived(1))
+    await asyncio.sleep(0)
+    assert not task.done()
+    drive.hear(Arrived(goal.generation))
+
+    await asyncio.wait_for(task, 30)
+
+
+async def test_a_drive_that_fails_says_why() -> None:
+    drive, driver = begun()
+    task = await driving(drive, driver)
+    drive.hear(DriveFailed(driver.goals[0].generation, DriveFailure.ABORTED, "a wall"))
+
+    with pytest.raises(DriveError, match=r"a wall \(ABORTED\)"):
+        await asyncio.wait_for(task, 30)
+
+
+async def test_one_that_is_given_up_ends_when_the_robot_stands() -> None:
+    drive, driver = begun()
+    task = await driving(drive, driver)
+    task.cancel()
+    await until(lambda: driver.halts, timeout=30)
+    assert not task.done()
+    drive.hear(Halted())
+    with pytest.raises(asyncio.CancelledError):
+        await asyncio.wait_for(task, 30)
+
+    again = await driving(drive, driver)  # the next one may begin
+    assert driver.goals[1].generation < driver.goals[0].generation
+    again.cancel()
+    driver.on_halt = lambda: drive.hear(Halted())
+    await asyncio.wait([again], timeout=30)
+
+
+async def test_two_cannot_drive_at_a_time() -> None:
+    drive, driver = begun()
+    driver.on_halt = lambda: drive.hear(Halted())
+    task = await driving(drive, driver)
+    with pytest.raises(DriveError, match="another action drives"):
+        await drive.drive(PLACE, deviation_xy=0.1)
+    task.cancel()
+    await asyncio.wait([task], timeout=30)
+
+
+async def test_without_a_driver_nothing_drives() -> None:
+    with pytest.raises(DriveError, match="not there yet"):
+        await ActionDrive().drive(PLACE, deviation_xy=0.1)
+
+
+def test_the_pose_is_one_that_can_be_trusted() -> None:
+    drive, _ = begun()
+
+    def pose(*, localized: bool) -> Pose | None:
+        drive.hear(PoseReport(PLACE, localized=localized))
+        return drive.pose
+
+    assert drive.pose is None
+    assert pose(localized=True) == PLACE
+    assert pose(localized=False) is None

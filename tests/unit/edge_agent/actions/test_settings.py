@@ -1,0 +1,66 @@
+"""Settings of ready-made actions: what does not go together is refused where it stands."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from nena_edge_agent.actions.settings import (
+    ChargeOperationSettings,
+    OperationSettings,
+    ParameterSettings,
+    TurnSignalSettings,
+)
+from nena_edge_agent.settings import EdgeAgentSettings
+
+COMMAND = {"topic": "lift", "type": "std_msgs/msg/String"}
+
+
+def operations(*tables: dict[str, Any]) -> tuple[Any, ...]:
+    return EdgeAgentSettings.model_validate({"operations": tables}).operations
+
+
+def test_a_table_without_a_kind_takes_a_set_time() -> None:
+    (timed,) = operations({"action_type": "pick", "seconds": 2})
+
+    assert isinstance(timed, OperationSettings)
+    assert timed.seconds == 2.0
+
+
+@pytest.mark.parametrize(
+    ("table", "problem"),
+    [
+        ({"kind": "topik", "action_type": "x"}, "topik"),
+        ({"kind": "topic", "action_type": "x"}, "command"),
+        ({"kind": "signal", "action_type": "x"}, "answer"),
+        ({"kind": "topic", "action_type": "x", "command": {**COMMAND, "on_pause": {}}}, "belong together"),
+        ({"kind": "topic", "action_type": "x", "command": {**COMMAND, "topic": "a b"}}, "ROS name"),
+        ({"kind": "turn_signal", "values": {"left": 1}}, "'off' too"),
+        ({"action_type": "x", "scopes": []}, "scopes"),
+        ({"action_type": "x", "secnds": 1}, "secnds"),
+        ({"action_type": "x", "parameters": [{"key": "a b"}]}, "parameters"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(table: dict[str, Any], problem: str) -> None:
+    with pytest.raises(ValidationError, match=problem):
+        operations(table)
+
+
+def test_a_parameter_with_values_takes_their_names() -> None:
+    declared = ParameterSettings(key="side", values={"left": 1, "right": 2}).declared
+
+    assert declared.choices == ("left", "right")
+    assert declared.problem("middle") == "parameter 'side' must be one of left, right"
+    assert declared.problem("left") is None
+    assert declared.words == "one of left, right"
+
+
+def test_what_confirms_charging_is_the_battery_unless_it_is_said() -> None:
+    begins = ChargeOperationSettings(kind="charge")
+    ends = ChargeOperationSettings(kind="charge", action_type="stopCharging", charging=False)
+
+    assert begins.confirmation.match == {"power_supply_status": [1, 4]}
+    assert ends.confirmation.match == {"power_supply_status": [0, 2, 3]}
+    assert TurnSignalSettings(kind="turn_signal").values["off"] == "off"
