@@ -59,8 +59,7 @@ class AggregatorProcess:
 
     async def url(self) -> str:
         """Wait until it serves, and say where."""
-        line = await self.logged("http listening")
-        return f"http://{line['host']}:{line['port']}"
+        return str((await self.logged("http listening"))["url"])
 
     def end(self) -> int:
         """Ask it to end, and give its exit status."""

@@ -15,6 +15,7 @@ from typing import Any
 from axe_playwright_python.async_playwright import Axe  # type: ignore[import-untyped]
 from playwright.async_api import Browser, Page
 
+from nena_shared.fleet_api.robot_map import topic_of_map
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.base import Header
@@ -23,6 +24,7 @@ from nena_shared.vda5050.v2_1 import CODEC
 from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, MqttPeer, free_port
 from support.fleet_examples import ROBOT, START, order_status, sample_plant
+from support.robot_maps import robot_map
 from support.waiting import LOOK_EVERY
 
 PICTURES = os.environ.get("NENA_SCREENSHOTS")
@@ -69,6 +71,12 @@ class Hall:
     def publish_plant(self) -> None:
         """Publish the sample plant, as the order service does."""
         self.peer.publish(self.fleet.plant_model, sample_plant().to_json(), retain=True)
+
+    def publish_map(self) -> None:
+        """Publish the map of the hall with its walls, as the edge agent of a robot does."""
+        seen = robot_map(x=-1.0, y=-1.0, resolution=0.1, width=260, height=142)
+        topic = topic_of_map(self.robots, ROBOT)
+        self.peer.publish(topic, seen.model_dump_json(by_alias=True), retain=True)
 
     def publish_order(
         self, version: int, state: TransportOrderState, name: str = "TO-1", **fields: Any

@@ -10,13 +10,11 @@ from math import pi, sin
 import pytest
 from playwright.async_api import Browser, CDPSession, Page, expect
 
-from nena_shared.fleet_api.robot_map import topic_of_map
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.topics import RobotKey, Topic
 from support.fleet_examples import ROBOT, connection, factsheet, position, state, way
 from support.panel import Hall, becomes, opened, picture, seconds_now
-from support.robot_maps import robot_map
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -98,8 +96,7 @@ async def test_the_robots_own_map_lies_under_the_plan_and_is_switched_off(
     with hall.aggregator() as aggregator:
         await aggregator.logged("broker connected")
         hall.publish_plant()
-        seen = robot_map(x=-1.0, y=-1.0, resolution=0.1, width=260, height=142)
-        hall.peer.publish(topic_of_map(hall.robots, ROBOT), seen.model_dump_json(by_alias=True), retain=True)
+        hall.publish_map()
         busy_robot(hall)
         async with opened(browser, hall.url) as page:
             await expect(page.locator("tr[data-robot='ACME/r1']")).to_contain_text("Busy")

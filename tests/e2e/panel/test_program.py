@@ -39,8 +39,8 @@ def test_a_port_in_use_is_one_clear_line() -> None:
         with AggregatorProcess("--http.port", str(port)) as aggregator:
             assert aggregator.process.wait(20) == 1
             assert aggregator.output == (
-                f"nena-status-aggregator: port {port} of 127.0.0.1 is in use; end the program that has it, "
-                "or choose another port with --http.port (0: any free one)\n"
+                f"nena-status-aggregator: cannot listen on 127.0.0.1 port {port}: Address already in use. "
+                "Set http.port to a free port (0 takes any) or end the program that has it.\n"
             )
 
 

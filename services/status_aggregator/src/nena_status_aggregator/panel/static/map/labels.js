@@ -9,10 +9,12 @@ const widths = new Map();
 export class Labels {
   #taken = [];
 
-  constructor(context, width, colours) {
+  /** `plates`: each text stands on a plate, so that it can be read over others that are there already. */
+  constructor(context, width, colours, { plates = false } = {}) {
     this.context = context;
     this.width = width;
     this.colours = colours;
+    this.plates = plates;
   }
 
   /** Write a text `distance` pixels from the middle of its thing. */
@@ -26,6 +28,7 @@ export class Labels {
     if (!free && !important) return;
     const box = free ?? boxes[0];
     this.#taken.push(box);
+    if (this.plates) this.#paintPlate(box);
     const y = (box[1] + box[3]) / 2;
     context.textAlign = "center";
     context.textBaseline = "middle";
@@ -35,6 +38,16 @@ export class Labels {
     context.strokeText(text, x, y);
     context.fillStyle = important ? colours.ink : colours.muted;
     context.fillText(text, x, y);
+  }
+
+  #paintPlate([left, top, right, bottom]) {
+    const { context } = this;
+    context.globalAlpha = 0.9;
+    context.fillStyle = this.colours.surface;
+    context.beginPath();
+    context.roundRect(left, top, right - left, bottom - top, 3);
+    context.fill();
+    context.globalAlpha = 1;
   }
 }
 
