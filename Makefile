@@ -19,7 +19,7 @@ SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/order_se
 STAMP := $(VENV)/.set-up
 
 .DEFAULT_GOAL := help
-.PHONY: help setup action-types lock format lint test soak compose-test colcon-test smoke demo bench conversations hooks clean broker browser sbom
+.PHONY: help setup action-types lock format lint test soak compose-test colcon-test smoke demo bench conversations hooks clean broker browser sbom fuzz
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -67,6 +67,9 @@ conformance: $(STAMP) ## write docs/vda5050.md anew: how the standard is kept, a
 
 soak: $(STAMP) ## the tests that guard the cores, with many more examples: about half an hour on two cores
 	NENA_EXAMPLES=100000 NENA_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 $(BIN)/pytest -n $(WORKERS) --timeout 7200 $(SOAK)
+
+fuzz: $(STAMP) broker ## every parser and both HTTP interfaces against damaged and generated input, for long
+	NENA_FUZZ_EXAMPLES=200 NENA_FUZZ_MESSAGES=20000 $(BIN)/pytest -n $(WORKERS) --timeout 7200 tests/fuzz
 
 # A command that makes the base images ready first, where no registry does: make compose-test IMAGES=...
 IMAGES ?=

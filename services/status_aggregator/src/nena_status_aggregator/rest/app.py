@@ -11,6 +11,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
 from nena_shared.web.access import AccessControl
+from nena_shared.web.described import describe_problems
 from nena_shared.web.settings import HttpSettings
 from nena_shared.web.users import users_of
 from nena_status_aggregator import panel
@@ -62,5 +63,6 @@ def make_app(
     app.include_router(control.make_router(order_service or OrderServiceSettings()))
     app.include_router(events.make_router(aggregator.events))
     app.include_router(health.make_router(aggregator, Exposition(aggregator)))
+    describe_problems(app)
     app.mount("/", PanelFiles(directory=PANEL, html=True), name="panel")
     return app

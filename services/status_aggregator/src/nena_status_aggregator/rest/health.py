@@ -6,6 +6,7 @@ from http import HTTPStatus
 
 from fastapi import APIRouter, Response
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
+from starlette.responses import PlainTextResponse
 
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.metrics.exposition import Exposition
@@ -32,7 +33,7 @@ def make_router(aggregator: Aggregator, exposition: Exposition) -> APIRouter:
             raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, detail)
         return {"status": "ready"}
 
-    @router.get("/metrics")
+    @router.get("/metrics", response_class=PlainTextResponse)
     async def metrics() -> Response:
         """Give all metrics in Prometheus's text format."""
         return Response(await exposition.text(), media_type=CONTENT_TYPE_PLAIN_0_0_4)

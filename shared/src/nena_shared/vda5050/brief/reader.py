@@ -38,8 +38,10 @@ def _read_plain(kind: type[B], codec: Codec, payload: bytes) -> B | None:
     if len(payload) > MAXIMUM_PAYLOAD:
         return None
     try:
+        if not payload.isascii():
+            payload.decode()  # the decoder does not look at what it passes over
         brief: B = _DECODERS[codec.version, kind].decode(payload)
-    except (DecodeError, UnicodeDecodeError):
+    except (DecodeError, UnicodeDecodeError, RecursionError):
         return None
     major = brief.version.partition(".")[0]
     return brief if "v" + major == codec.major_version else None

@@ -1,0 +1,112 @@
+"""Every reader of VDA 5050 messages, with what was really said and what became of it: read, or refused."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from random import Random
+from typing import Any
+
+import pytest
+
+from nena_cli.vda5050.checker import Checker
+from nena_cli.vda5050.recording import Entry, read_file
+from nena_shared.vda5050.brief.reader import read_brief
+from nena_shared.vda5050.brief.state import StateBrief, VisualizationBrief
+from nena_shared.vda5050.malformed import MalformedMessageError
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.topics import Topic
+from nena_shared.vda5050.versions import CODECS, codec_of_header, reader_of, version_of
+from nena_shared.vda5050.visualization import Visualization
+from support.conversations import FOLDER
+from support.damage import damaged
+
+MESSAGES = int(os.environ.get("NENA_FUZZ_MESSAGES", "600"))
+"""For each version and topic."""
+READABLE = 5000
+"""Signs."""
+SAID = [(version, topic) for version, codec in CODECS.items() for topic in codec.kinds]
+BRIEFS: dict[Topic, Any] = {Topic.STATE: StateBrief, Topic.VISUALIZATION: VisualizationBrief}
+
+
+@cache
+def recorded(version: str) -> tuple[Entry, ...]:
+    """Give all that was recorded in a version."""
+    return tuple(entry for file in sorted(FOLDER.glob(f"{version}-*.jsonl")) for entry in read_file(file))
+
+
+def samples(version: str, topic: Topic) -> list[bytes]:
+    found = [each.payload for each in recorded(version) if each.topic.endswith(f"/{topic}") and each.payload]
+    if topic is Topic.VISUALIZATION:  # no recording has one: it is made of the states
+        states = (CODECS[version].decode(State, each) for each in samples(version, Topic.STATE))
+        found = [CODECS[version].encode(_shown(each)) for each in states if each.mobile_robot_position]
+    assert found, f"no recorded conversation has a {topic} of {version}"
+    return found
+
+
+def _shown(state: State) -> Visualization:
+    return Visualization(
+        header_id=state.header_id,
+        timestamp=state.timestamp,
+        version=state.version,
+        manufacturer=state.manufacturer,
+        serial_number=state.serial_number,
+        reference_state_header_id=state.header_id,
+        mobile_robot_position=state.mobile_robot_position,
+        velocity=state.velocity,
+    )
+
+
+@pytest.mark.parametrize(("version", "topic"), SAID)
+def test_what_comes_is_read_or_refused(version: str, topic: Topic) -> None:
+    codec, chance = CODECS[version], Random(f"{version} {topic}")
+    found = samples(version, topic)
+    outcomes, longest = {True: 0, False: 0}, 0
+    for _ in range(MESSAGES):
+        payload = damaged(chance.choice(found), chance)
+        version_of(payload)
+        codec_of_header(payload)
+        reader_of(payload, codec.major_version)
+        try:
+            codec.decode(codec.kinds[topic], payload)
+        except MalformedMessageError as error:
+            outcomes[False] += 1
+            longest = max(longest, len(str(error)))
+        else:
+            outcomes[True] += 1
+
+    assert longest < READABLE, "a refusal is for people, also that of something huge"
+    assert min(outcomes.values()) > MESSAGES / 20, f"nearly all read or refused: {outcomes}"
+
+
+@pytest.mark.parametrize("topic", BRIEFS)
+@pytest.mark.parametrize("version", CODECS)
+def test_what_is_read_in_brief_is_what_the_codec_takes(version: str, topic: Topic) -> None:
+    codec, chance = CODECS[version], Random(f"{version} {topic} in brief")
+    found = samples(version, topic)
+    for _ in range(MESSAGES):
+        payload = damaged(chance.choice(found), chance)
+        try:
+            codec.decode(codec.kinds[topic], payload)
+            taken = True
+        except MalformedMessageError:
+            taken = False
+        try:
+            read_brief(BRIEFS[topic], codec, payload)
+        except MalformedMessageError:
+            assert not taken, payload[:2000]
+        else:
+            assert taken, payload[:2000]
+
+
+@pytest.mark.parametrize("version", CODECS)
+def test_the_checker_says_what_is_wrong_and_goes_on(version: str) -> None:
+    chance, checker = Random(version), Checker()
+    entries = [
+        entry if chance.random() < 0.5 else Entry(entry.time, entry.topic, damaged(entry.payload, chance))
+        for entry in recorded(version)
+    ]
+    findings = [finding for entry in entries for finding in checker.take(entry)]
+
+    assert findings
+    assert checker.checked + len(findings) >= len(entries) / 2

@@ -1,0 +1,132 @@
+"""Messages that went wrong on their way, or were made to do harm; the same for the same seed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from random import Random
+from typing import Any
+
+VALUES: tuple[Any, ...] = (
+    None,
+    True,
+    False,
+    -1,
+    0,
+    2**31,
+    2**63,
+    10**400,
+    -1.5,
+    1e308,
+    "",
+    "x" * 100_000,
+    "\u0000",
+    "\ud800",
+    "NaN",
+    "../../etc/passwd",
+    "#",
+    "+/+/+",
+    "2.1.0",
+    "9.9.9",
+    "1970-01-01T00:00:00.000Z",
+    "9999-12-31T23:59:59.999Z",
+    "INITIALIZING",
+    [],
+    {},
+    [[]],
+    [None],
+    [1] * 10_000,
+    {"actionId": "a", "actionType": "cancelOrder", "blockingType": "HARD"},
+)
+"""What a field may be given instead of what belongs there."""
+
+DEPTH = 100_000
+
+
+def damaged(payload: bytes, chance: Random) -> bytes:
+    """Give one message made from ``payload``: cut, bent, blown up, or another one altogether."""
+    return chance.choice(WAYS)(payload, chance)
+
+
+def _cut(payload: bytes, chance: Random) -> bytes:
+    return payload[: chance.randrange(len(payload) + 1)]
+
+
+def _bent(payload: bytes, chance: Random) -> bytes:
+    wrong = bytearray(payload)
+    for _ in range(chance.randint(1, 4)):
+        wrong[chance.randrange(len(wrong))] = chance.randrange(256)
+    return bytes(wrong)
+
+
+def _other_encoding(payload: bytes, chance: Random) -> bytes:
+    text = payload.decode(errors="replace")
+    return text.encode(chance.choice(["utf-16", "utf-32", "utf-8-sig", "cp037"]), errors="replace")
+
+
+def _deep(_payload: bytes, chance: Random) -> bytes:
+    return chance.choice([b"[", b'{"a":']) * DEPTH
+
+
+def _no_json(_payload: bytes, chance: Random) -> bytes:
+    return chance.choice([b"", b"\x00", b"null", b"[]", b'"order"', b"NaN", b"-", chance.randbytes(200)])
+
+
+def _replaced(payload: bytes, chance: Random) -> bytes:
+    """Put something else into one place of the message, take it away, or say it twice."""
+    message = json.loads(payload)
+    spots = _spots(message)
+    if not spots:
+        return payload
+    holder, key = chance.choice(spots)
+    kind = chance.randrange(4)
+    if kind == 0:
+        del holder[key]
+    elif kind == 1 and isinstance(holder, list):
+        holder.insert(0, holder[key])
+    elif kind == 2 and isinstance(holder, dict):
+        holder[f"{key}x"] = holder.pop(key)
+    else:
+        holder[key] = chance.choice(VALUES)
+    return json.dumps(message, ensure_ascii=chance.random() < 0.5).encode("utf-8", errors="surrogatepass")
+
+
+def _replaced_much(payload: bytes, chance: Random) -> bytes:
+    for _ in range(chance.randint(2, 6)):
+        try:
+            payload = _replaced(payload, chance)
+        except ValueError:
+            return payload
+    return payload
+
+
+def _as_it_was(payload: bytes, _chance: Random) -> bytes:
+    """Say again what was said long ago: the header is an old one."""
+    return payload
+
+
+def _spots(value: Any) -> list[tuple[Any, Any]]:
+    """Give all places in a JSON value, each by what holds it and its key there."""
+    if isinstance(value, dict):
+        inside = list(value.items())
+    elif isinstance(value, list):
+        inside = list(enumerate(value))
+    else:
+        return []
+    return [(value, key) for key, _ in inside] + [spot for _, each in inside for spot in _spots(each)]
+
+
+WAYS: tuple[Callable[[bytes, Random], bytes], ...] = (
+    _cut,
+    _bent,
+    _other_encoding,
+    _deep,
+    _no_json,
+    _replaced,
+    _replaced,
+    _replaced,
+    _replaced,
+    _replaced_much,
+    _replaced_much,
+    _as_it_was,
+)
