@@ -7,6 +7,7 @@ import json
 from dataclasses import dataclass
 
 from fastapi import FastAPI
+from starlette.types import ASGIApp
 
 from nena_order_service.asyncapi import document
 from nena_order_service.dispatch.way import WayFinder
@@ -23,6 +24,7 @@ from nena_order_service.mqtt_door import MqttDoor
 from nena_order_service.plant_file import load_plant
 from nena_order_service.rest.api import make_app
 from nena_order_service.rest.bodies import Readiness
+from nena_order_service.rest.opentcs import app as opentcs
 from nena_order_service.rest.roles import role_needed
 from nena_order_service.rest.standby import make_standby_app
 from nena_order_service.retained_sweep import RetainedSweep
@@ -117,6 +119,9 @@ def build(settings: OrderServiceSettings, plant: PlantModel, store: Store, *, ep
         asyncapi=json.dumps(document(topics)).encode(),
         readiness=lambda: readiness(mqtt, store),
         max_body=settings.max_body,
+        mounted={settings.opentcs_prefix: opentcs.make_app(requests, locks, plant, kernel.look)}
+        if settings.opentcs_prefix
+        else {},
     )
     return OrderService(store, kernel, fleet, door, sweep, mqtt, app, commands, stream, locks)
 
@@ -139,7 +144,7 @@ async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
 async def _serve_alone(settings: OrderServiceSettings, plant: PlantModel, stop: asyncio.Event) -> None:
     lock = InstanceLock.take(settings.store.url)
     service = build(settings, plant, Store(open_database(settings.store.url), lock))
-    http = HttpServer(protect(service.app, settings.http, role_needed), settings.http)
+    http = HttpServer(_guarded(service.app, settings), settings.http)
     async with Supervisor() as supervisor:
         await _start(service, supervisor)
         answering = supervisor.start("http", http.run())
@@ -155,7 +160,7 @@ async def _serve_alone(settings: OrderServiceSettings, plant: PlantModel, stop: 
 async def _serve_shared(settings: OrderServiceSettings, plant: PlantModel, stop: asyncio.Event) -> None:
     lead = Lead(settings.store.url)
     standby = make_standby_app(lambda: lead.active_url, lambda: lead.problem)
-    http = HttpServer(protect(standby, settings.http, role_needed), settings.http)
+    http = HttpServer(_guarded(standby, settings), settings.http)
     service = None
     async with Supervisor() as supervisor:
         answering = supervisor.start("http", http.run())
@@ -163,7 +168,7 @@ async def _serve_shared(settings: OrderServiceSettings, plant: PlantModel, stop:
             if await lead.take(stop):
                 own_url = str(settings.public_url or http.url).rstrip("/")
                 service = await _take_over(settings, plant, lead, supervisor, own_url)
-                http.app = protect(service.app, settings.http, role_needed)
+                http.app = _guarded(service.app, settings)
                 await supervisor.wait(stop)
         finally:
             if service:
@@ -174,6 +179,10 @@ async def _serve_shared(settings: OrderServiceSettings, plant: PlantModel, stop:
     if service:
         service.store.close()
     await lead.close()
+
+
+def _guarded(app: ASGIApp, settings: OrderServiceSettings) -> ASGIApp:
+    return opentcs.AccessKey(protect(app, settings.http, role_needed))
 
 
 async def _take_over(

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
-from pydantic import Field, HttpUrl
+from pydantic import AfterValidator, Field, HttpUrl
 
 from nena_order_service.fleet import FleetSettings
 from nena_order_service.kernel.settings import KernelSettings
 from nena_order_service.routing import CostKey
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
 from nena_shared.web.settings import HttpSettings
+
+
+def _not_our_own(path: str) -> str:
+    if path.split("/")[1:2] == ["v1"]:
+        message = "/v1 is this program's own API"
+        raise ValueError(message)
+    return path
 
 
 class StoreSettings(SettingsGroup):
@@ -60,6 +68,11 @@ class OrderServiceSettings(ServiceSettings):
         "active one; none: http.host and http.port.",
     )
     events: EventSettings = Field(default_factory=EventSettings, description="The event stream.")
+    opentcs_prefix: Annotated[str, AfterValidator(_not_our_own)] = Field(
+        "/opentcs",
+        pattern=r"^(/[A-Za-z0-9_.-]+)*$",
+        description="Path before openTCS's web API, version 1, for orders and vehicles; empty: not served.",
+    )
     topic_prefix: TopicPrefix = Field(
         "nena/v1", description="First levels of the MQTT topics for hosts; a prefix for each fleet."
     )

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from http import HTTPStatus
 
 from fastapi import APIRouter, FastAPI, Response
 from starlette.responses import PlainTextResponse
+from starlette.types import ASGIApp
 
 from nena_order_service.event_stream import EventStream
 from nena_order_service.kernel.host_requests import HostRequests
@@ -31,8 +32,9 @@ def make_app(
     asyncapi: bytes,
     readiness: Callable[[], Readiness],
     max_body: int,
+    mounted: Mapping[str, ASGIApp],
 ) -> FastAPI:
-    """Make the ASGI application."""
+    """Make the ASGI application; ``mounted`` are other ones, by the paths below which they answer."""
     app = FastAPI(
         title="NeNa order service",
         description="Transport orders and vehicles. Every error is a problem (RFC 9457).",
@@ -47,6 +49,8 @@ def make_app(
     app.include_router(paths.make_router(locks))
     app.include_router(events.make_router(stream))
     app.include_router(_service(plant_json, asyncapi, readiness))
+    for path, other in mounted.items():
+        app.mount(path, other)
     describe_problems(app)
     return app
 

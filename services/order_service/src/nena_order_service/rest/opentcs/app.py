@@ -1,0 +1,158 @@
+"""The routes of openTCS's web API that a host uses; mounted where the settings say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from http import HTTPStatus
+from typing import Annotated
+
+from fastapi import APIRouter, FastAPI, Query, Response
+from pydantic import BaseModel, TypeAdapter
+from starlette.datastructures import MutableHeaders
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from nena_order_service import vehicle_commands
+from nena_order_service.errors import NameTakenError
+from nena_order_service.kernel.host_requests import HostRequests
+from nena_order_service.kernel.path_locks import PathLocks
+from nena_order_service.rest.bodies import InstantActionRequest
+from nena_order_service.rest.opentcs import errors
+from nena_order_service.rest.opentcs.bodies import CreationRequest, TransportOrderState, VehicleState
+from nena_order_service.rest.opentcs.errors import NotPossibleError
+from nena_order_service.store.database import OrderFilter
+from nena_shared.fleet_api.transport_order import TransportOrderRequest
+from nena_shared.fleet_api.vehicle import ProcessingState
+from nena_shared.plant import PlantModel
+
+LISTED = 1000
+"""Orders that a list has at most, the newest; openTCS has no pages."""
+
+REASON = "withdrawn by a host of openTCS's web API"
+
+KEY_HEADER = "x-api-access-key"
+
+_ORDERS = TypeAdapter(list[TransportOrderState])
+_VEHICLES = TypeAdapter(list[VehicleState])
+
+
+class AccessKey:
+    """ASGI middleware: takes openTCS's key for the token that this program asks for."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on, with its key as its token."""
+        if scope["type"] == "http":
+            headers = MutableHeaders(scope=scope)
+            key = headers.get(KEY_HEADER)
+            if key and "authorization" not in headers:
+                headers["authorization"] = f"Bearer {key}"
+        await self._app(scope, receive, send)
+
+
+def make_app(
+    requests: HostRequests, locks: PathLocks, plant: PlantModel, dispatch: Callable[[], None]
+) -> FastAPI:
+    """Make the ASGI application; ``dispatch`` has the dispatcher look again."""
+    app = FastAPI(title="openTCS web API, version 1, as NeNa serves it", docs_url=None, redoc_url=None)
+    errors.install(app)
+    app.include_router(_orders(requests, dispatch), prefix="/v1/transportOrders")
+    app.include_router(_vehicles(requests, plant), prefix="/v1/vehicles")
+    app.include_router(_plant(locks, dispatch), prefix="/v1")
+    return app
+
+
+def _json(body: BaseModel) -> Response:
+    return Response(body.model_dump_json(by_alias=True), media_type="application/json")
+
+
+def _done() -> Response:
+    return Response(status_code=HTTPStatus.OK)
+
+
+def _orders(requests: HostRequests, dispatch: Callable[[], None]) -> APIRouter:
+    router = APIRouter()
+
+    @router.get("", response_model=list[TransportOrderState])
+    async def list_orders(
+        intended_vehicle: Annotated[str | None, Query(alias="intendedVehicle")] = None,
+    ) -> Response:
+        found = await requests.orders(OrderFilter(intended_vehicle=intended_vehicle, limit=LISTED))
+        orders = [TransportOrderState.of(each.status) for each in found]
+        return Response(_ORDERS.dump_json(orders, by_alias=True), media_type="application/json")
+
+    @router.post("/dispatcher/trigger")
+    async def trigger() -> Response:
+        dispatch()
+        return _done()
+
+    @router.get("/{name}", response_model=TransportOrderState)
+    async def show(name: str) -> Response:
+        return _json(TransportOrderState.of(await requests.order(name)))
+
+    @router.post("/{name}", response_model=TransportOrderState)
+    async def create(name: str, body: CreationRequest) -> Response:
+        if body.not_supported:
+            raise NotPossibleError(*body.not_supported)
+        order, new = await requests.create(TransportOrderRequest.model_validate(body.request(name)))
+        if not new:
+            raise NameTakenError(name)
+        return _json(TransportOrderState.of(order))
+
+    @router.post("/{name}/withdrawal")
+    async def withdraw(name: str) -> Response:
+        await requests.withdraw(name, REASON)
+        return _done()
+
+    return router
+
+
+def _vehicles(requests: HostRequests, plant: PlantModel) -> APIRouter:
+    router = APIRouter()
+    models = {vehicle.name: vehicle for vehicle in plant.vehicles}
+
+    @router.get("", response_model=list[VehicleState])
+    async def list_vehicles(
+        proc_state: Annotated[ProcessingState | None, Query(alias="procState")] = None,
+    ) -> Response:
+        chosen = (v for v in requests.vehicles() if proc_state in (None, v.processing_state))
+        states = [VehicleState.of(each, models.get(each.name)) for each in chosen]
+        return Response(_VEHICLES.dump_json(states, by_alias=True), media_type="application/json")
+
+    @router.get("/{name}", response_model=VehicleState)
+    async def show(name: str) -> Response:
+        return _json(VehicleState.of(requests.vehicle(name), models.get(name)))
+
+    @router.post("/{name}/withdrawal")
+    async def withdraw(name: str) -> Response:
+        order = requests.vehicle(name).transport_order
+        if order is not None:
+            await requests.withdraw(order, REASON)
+        return _done()
+
+    @router.put("/{name}/paused")
+    async def pause(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> Response:
+        request = InstantActionRequest(action_type="pause" if new_value else "resume")
+        told = await vehicle_commands.instant_action(requests, name, request)
+        if told.status == "FAILED":
+            raise NotPossibleError(told.reason)
+        return _done()
+
+    return router
+
+
+def _plant(locks: PathLocks, dispatch: Callable[[], None]) -> APIRouter:
+    router = APIRouter()
+
+    @router.post("/dispatcher/trigger")
+    async def trigger() -> Response:
+        dispatch()
+        return _done()
+
+    @router.put("/paths/{name:path}/locked")
+    async def lock(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> Response:
+        await locks.set(name, locked=new_value)
+        return _done()
+
+    return router

@@ -1,0 +1,225 @@
+"""Bodies as openTCS's web API has them, made from and into NeNa's own."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from math import degrees
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field
+from pydantic.alias_generators import to_camel
+
+from nena_shared.fleet_api.base import Moment
+from nena_shared.fleet_api.transport_order import (
+    Destination,
+    DriveOrderStatus,
+    Property,
+    TransportOrderRequest,
+    TransportOrderStatus,
+)
+from nena_shared.fleet_api.vehicle import PrecisePosition, VehicleStatus
+from nena_shared.plant import BoundingBox, Vehicle
+
+MM_PER_M = 1000.0
+
+END_OF_TIME = datetime(9999, 12, 31, 23, 59, 59, tzinfo=UTC)
+"""What openTCS says of an order without a deadline, as near as it can be written."""
+
+
+class Body(BaseModel):
+    """A JSON object; fields that openTCS has and NeNa has not are passed over."""
+
+    model_config = ConfigDict(
+        frozen=True,
+        extra="ignore",
+        alias_generator=to_camel,
+        validate_by_name=True,
+        validate_by_alias=True,
+        allow_inf_nan=False,
+    )
+
+
+class DestinationRequest(Body):
+    """One stop."""
+
+    location_name: Annotated[str, Field(min_length=1, max_length=200)]
+    operation: Annotated[str, Field(min_length=1, max_length=200)] = "NOP"
+    properties: Annotated[tuple[Property, ...], Field(max_length=100)] | None = None
+
+
+class CreationRequest(Body):
+    """Asks for a transport order; its name stands in the path."""
+
+    incomplete_name: bool = False
+    deadline: Moment | None = None
+    intended_vehicle: str | None = None
+    type: Annotated[str, Field(min_length=1, max_length=100)] | None = None
+    destinations: Annotated[tuple[DestinationRequest, ...], Field(min_length=1, max_length=100)]
+    properties: Annotated[tuple[Property, ...], Field(max_length=100)] | None = None
+    dependencies: tuple[str, ...] | None = None
+    wrapping_sequence: str | None = None
+
+    @property
+    def not_supported(self) -> tuple[str, ...]:
+        """Say what it asks for that there is not."""
+        found = []
+        if self.dependencies:
+            found.append("dependencies are not supported; create the order when the others are finished")
+        if self.wrapping_sequence:
+            found.append("wrappingSequence is not supported; give one order all the destinations")
+        return tuple(found)
+
+    def request(self, name: str) -> dict[str, Any]:
+        """Give the body of NeNa's own request; not yet validated."""
+        return {
+            "name": name,
+            "incompleteName": self.incomplete_name,
+            "destinations": [
+                Destination(
+                    location_name=each.location_name,
+                    operation=each.operation,
+                    properties=each.properties or (),
+                )
+                for each in self.destinations
+            ],
+            "intendedVehicle": self.intended_vehicle,
+            "type": self.type or TransportOrderRequest.model_fields["type"].default,
+            "deadline": self.deadline,
+            "properties": self.properties or (),
+        }
+
+
+class DestinationState(Body):
+    """One stop as it stands."""
+
+    location_name: str
+    operation: str
+    state: str
+    properties: tuple[Property, ...]
+
+    @classmethod
+    def of(cls, drive_order: DriveOrderStatus) -> Self:
+        """Tell it of a drive order; a coordinate has no name."""
+        destination = drive_order.destination
+        return cls(
+            location_name=destination.location_name or "",
+            operation=destination.operation,
+            state=drive_order.state.value,
+            properties=destination.properties,
+        )
+
+
+class TransportOrderState(Body):
+    """A transport order as it stands."""
+
+    name: str
+    type: str
+    state: str
+    category: str
+    intended_vehicle: str | None
+    processing_vehicle: str | None
+    dispensable: bool = False
+    peripheral_reservation_token: str | None = None
+    wrapping_sequence: str | None = None
+    dependencies: tuple[str, ...] = ()
+    creation_time: Moment
+    deadline: Moment
+    finished_time: Moment | None
+    destinations: tuple[DestinationState, ...]
+    properties: tuple[Property, ...]
+
+    @classmethod
+    def of(cls, order: TransportOrderStatus) -> Self:
+        """Tell it of one of NeNa's orders."""
+        return cls(
+            name=order.name,
+            type=order.type,
+            category=order.type,
+            state=order.state.value,
+            intended_vehicle=order.intended_vehicle,
+            processing_vehicle=order.processing_vehicle,
+            creation_time=order.created,
+            deadline=order.deadline or END_OF_TIME,
+            finished_time=order.finished,
+            destinations=tuple(DestinationState.of(each) for each in order.drive_orders),
+            properties=order.properties,
+        )
+
+
+class Triple(Body):
+    """A position in mm."""
+
+    x: int
+    y: int
+    z: int = 0
+
+    @classmethod
+    def of(cls, position: PrecisePosition) -> Self:
+        """Give it in whole mm of the plant's frame."""
+        return cls(x=round(position.x * MM_PER_M), y=round(position.y * MM_PER_M))
+
+
+class Size(Body):
+    """How large a vehicle is, in mm."""
+
+    length: int
+    width: int
+    height: int
+    reference_offset: dict[str, int]
+
+    @classmethod
+    def of(cls, box: BoundingBox) -> Self:
+        """Tell it of a vehicle of the plant model."""
+        offset = {"x": box.reference_offset_x_mm, "y": box.reference_offset_y_mm}
+        return cls(length=box.length_mm, width=box.width_mm, height=box.height_mm, reference_offset=offset)
+
+
+class VehicleState(Body):
+    """A vehicle as it stands."""
+
+    name: str
+    properties: dict[str, str]
+    length: int
+    bounding_box: Size
+    energy_level_good: int
+    energy_level_critical: int
+    energy_level_sufficiently_recharged: int
+    energy_level_fully_recharged: int
+    energy_level: int
+    integration_level: str = "TO_BE_UTILIZED"
+    paused: bool = False
+    proc_state: str
+    transport_order: str | None
+    current_position: str | None
+    precise_position: Triple | None
+    orientation_angle: float | None
+    """Degrees."""
+    state: str
+    allocated_resources: tuple[tuple[str, ...], ...] = ()
+    claimed_resources: tuple[tuple[str, ...], ...] = ()
+    acceptable_order_types: tuple[dict[str, Any], ...] = ({"name": "*", "priority": 0},)
+    allowed_order_types: tuple[str, ...] = ("*",)
+    envelope_key: str | None = None
+
+    @classmethod
+    def of(cls, status: VehicleStatus, model: Vehicle | None) -> Self:
+        """Tell it of one of NeNa's vehicles, and what the plant model says of it."""
+        model = model or Vehicle(name=status.name)
+        position, levels = status.precise_position, model.energy_thresholds
+        return cls(
+            name=status.name,
+            properties=dict(model.properties),
+            length=model.bounding_box.length_mm,
+            bounding_box=Size.of(model.bounding_box),
+            energy_level_good=levels.good,
+            energy_level_critical=levels.critical,
+            energy_level_sufficiently_recharged=levels.sufficiently_recharged,
+            energy_level_fully_recharged=levels.fully_recharged,
+            energy_level=round(status.energy_level or 0),
+            proc_state=status.processing_state.value,
+            transport_order=status.transport_order,
+            current_position=status.current_position,
+            precise_position=Triple.of(position) if position else None,
+            orientation_angle=round(degrees(position.theta), 3) if position else None,
+            state=status.state.value,
+        )

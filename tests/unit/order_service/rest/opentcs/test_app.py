@@ -1,0 +1,164 @@
+"""openTCS's web API as a client of it calls it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import httpx
+import pytest
+from pydantic import ValidationError
+
+from nena_demo.plants import sample_plant_path
+from nena_order_service.app import OrderService
+from nena_order_service.rest.opentcs.app import AccessKey
+from nena_order_service.settings import OrderServiceSettings
+
+API = "/opentcs/v1"
+BODY: dict[str, Any] = {
+    "deadline": "2035-01-01T00:00:00Z",
+    "intendedVehicle": "Robot-01",
+    "destinations": [
+        {
+            "locationName": "Goods in",
+            "operation": "Load cargo",
+            "properties": [{"key": "a", "value": "b"}],
+        },
+        {"locationName": "South 2", "operation": "MOVE"},
+    ],
+    "properties": [{"key": "pallet", "value": "4711"}],
+    "dependencies": [],
+    "wrappingSequence": None,
+    "dispensable": False,
+    "peripheralReservationToken": None,
+}
+
+
+async def test_order_is_created_shown_and_listed(client: httpx.AsyncClient) -> None:
+    made = await client.post(f"{API}/transportOrders/T-1", json=BODY)
+    assert made.status_code == 200
+    order = made.json()
+    assert (order["name"], order["state"], order["type"]) == ("T-1", "DISPATCHABLE", "-")
+    assert (order["intendedVehicle"], order["processingVehicle"]) == ("Robot-01", None)
+    assert order["deadline"] == "2035-01-01T00:00:00.000Z"
+    assert order["destinations"][0] == {**BODY["destinations"][0], "state": "PRISTINE"}
+    assert order["properties"] == BODY["properties"]
+    assert (await client.get(f"{API}/transportOrders/T-1")).json() == order
+    assert (await client.get(f"{API}/transportOrders")).json() == [order]
+    none = await client.get(f"{API}/transportOrders", params={"intendedVehicle": "Robot-02"})
+    assert none.json() == []
+
+
+async def test_incomplete_name_is_completed(client: httpx.AsyncClient) -> None:
+    made = await client.post(f"{API}/transportOrders/Night-", json={**BODY, "incompleteName": True})
+    assert made.json()["name"].startswith("Night-")
+    assert made.json()["name"] != "Night-"
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "status", "said"),
+    [
+        ("T-1", {}, 409, "'T-1'"),
+        ("T-2", {"destinations": []}, 400, "destinations"),
+        ("T-2", {"destinations": [{"locationName": "Nowhere", "operation": "NOP"}]}, 404, "Nowhere"),
+        ("T-2", {"destinations": [{"locationName": "Goods in", "operation": "Fly"}]}, 400, "Fly"),
+        ("T-2", {"dependencies": ["T-1"]}, 400, "dependencies"),
+        ("T-2", {"wrappingSequence": "S"}, 400, "wrappingSequence"),
+        ("T 2", {}, 400, "name"),
+    ],
+)
+async def test_what_cannot_be_created_is_told_in_a_list_of_sentences(
+    client: httpx.AsyncClient, name: str, change: dict[str, Any], status: int, said: str
+) -> None:
+    await client.post(f"{API}/transportOrders/T-1", json=BODY)
+    answer = await client.post(f"{API}/transportOrders/{name}", json={**BODY, **change})
+    assert answer.status_code == status
+    assert any(said in sentence for sentence in answer.json())
+
+
+async def test_withdrawal_of_an_order_and_of_a_vehicle(client: httpx.AsyncClient) -> None:
+    await client.post(f"{API}/transportOrders/T-1", json=BODY)
+    done = await client.post(f"{API}/transportOrders/T-1/withdrawal", params={"immediate": "true"})
+    assert (done.status_code, done.content) == (200, b"")
+    assert (await client.get(f"{API}/transportOrders/T-1")).json()["state"] == "FAILED"
+    assert (await client.post(f"{API}/transportOrders/T-9/withdrawal")).status_code == 404
+    assert (await client.post(f"{API}/vehicles/Robot-01/withdrawal")).status_code == 200
+    assert (await client.post(f"{API}/vehicles/R2D2/withdrawal")).status_code == 404
+
+
+async def test_vehicles_are_shown_as_the_plant_model_has_them(client: httpx.AsyncClient) -> None:
+    vehicles = (await client.get(f"{API}/vehicles")).json()
+    assert [vehicle["name"] for vehicle in vehicles] == ["Robot-01", "Robot-02"]
+    one = (await client.get(f"{API}/vehicles/Robot-01")).json()
+    assert one == vehicles[0]
+    assert (one["state"], one["procState"], one["transportOrder"]) == ("UNKNOWN", "IDLE", None)
+    assert set(one["boundingBox"]) == {"length", "width", "height", "referenceOffset"}
+    assert one["properties"]["vda5050:serialNumber"] == "robot-01"
+    assert (await client.get(f"{API}/vehicles", params={"procState": "PROCESSING_ORDER"})).json() == []
+    assert (await client.get(f"{API}/vehicles", params={"procState": "DANCING"})).status_code == 400
+    assert (await client.get(f"{API}/vehicles/R2D2")).status_code == 404
+
+
+async def test_paths_are_locked_and_the_dispatcher_is_triggered(
+    client: httpx.AsyncClient, service: OrderService
+) -> None:
+    path = service.kernel.plant.paths[0].name
+    for value in (True, False):
+        url = f"{API}/paths/{path}/locked"
+        assert (await client.put(url, params={"newValue": str(value).lower()})).status_code == 200
+        assert service.locks.get(path).locked is value
+    assert (await client.put(f"{API}/paths/{path}/locked")).status_code == 400
+    for url in (f"{API}/dispatcher/trigger", f"{API}/transportOrders/dispatcher/trigger"):
+        assert (await client.post(url)).status_code == 200
+
+
+async def test_robot_that_is_away_cannot_be_paused(client: httpx.AsyncClient) -> None:
+    answer = await client.put(f"{API}/vehicles/Robot-01/paused", params={"newValue": "true"})
+    assert answer.status_code == 409
+    assert "Robot-01" in answer.json()[0]
+
+
+async def test_unknown_routes_are_told_in_the_same_form(client: httpx.AsyncClient) -> None:
+    answer = await client.get(f"{API}/orderSequences")
+    assert (answer.status_code, answer.json()) == (404, ["Not Found"])
+
+
+async def test_fault_gives_no_inside_view(
+    client: httpx.AsyncClient, service: OrderService, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        message = "secret"
+        raise KeyError(message)
+
+    monkeypatch.setattr(service.kernel, "create", fail)
+    answer = await client.post(f"{API}/transportOrders/T-1", json=BODY)
+    assert answer.status_code == 500
+    assert "secret" not in answer.text
+
+
+@pytest.mark.parametrize("prefix", ["/v1", "/v1/x", "opentcs", "/a//b"])
+def test_prefix_must_be_a_path_of_its_own(prefix: str) -> None:
+    with pytest.raises(ValidationError, match="opentcs_prefix"):
+        OrderServiceSettings(plant=sample_plant_path(), opentcs_prefix=prefix)
+
+
+@pytest.mark.parametrize(
+    ("headers", "expected"),
+    [
+        ({"X-Api-Access-Key": "k"}, "Bearer k"),
+        ({"X-Api-Access-Key": "k", "Authorization": "Bearer t"}, "Bearer t"),
+        ({}, None),
+    ],
+)
+async def test_key_is_taken_for_the_token(headers: dict[str, str], expected: str | None) -> None:
+    seen: list[str | None] = []
+
+    async def app(scope: Any, _receive: Any, send: Any) -> None:
+        given = dict(scope["headers"]).get(b"authorization")
+        seen.append(given.decode() if given else None)
+        await send({"type": "http.response.start", "status": 204, "headers": []})
+        await send({"type": "http.response.body"})
+
+    transport = httpx.ASGITransport(AccessKey(app))
+    async with httpx.AsyncClient(transport=transport, base_url="http://order-service") as client:
+        await client.get("/", headers=headers)
+    assert seen == [expected]
