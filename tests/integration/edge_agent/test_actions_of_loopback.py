@@ -1,0 +1,90 @@
+"""A loopback robot over a broker: actions that use ROS are refused, or rehearsed; its load stays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from nena_shared.vda5050.action import Action
+from support.broker import Broker, MqttPeer
+from support.edge_agent import FleetControl, agent_settings, ended, error_types, running_agent, status_of
+from support.robot_core import action, order
+
+pytestmark = pytest.mark.broker
+
+COMMAND = {
+    "topic": "lift",
+    "type": "acme_msgs/msg/Lift",
+    "fields": {"height": "{height}"},
+    "on_cancel": {"stop": True},
+}
+HEIGHT = {"key": "height", "type": "NUMBER", "maximum": 2}
+
+
+def lifting(action_type: str, load: str) -> dict[str, Any]:
+    return {
+        "kind": "topic",
+        "action_type": action_type,
+        "load": load,
+        "parameters": [HEIGHT],
+        "command": COMMAND,
+    }
+
+
+OPERATIONS = [lifting("pick", "take"), lifting("drop", "give"), {"kind": "dock", "action_type": "dock"}]
+
+
+@pytest.fixture
+def fleet(broker: Broker, interface_name: str) -> Iterator[FleetControl]:
+    with MqttPeer(broker, f"{interface_name}/#") as peer:
+        yield FleetControl(peer, interface_name)
+
+
+def hard(action_id: str, action_type: str, **parameters: Any) -> Action:
+    return action(action_id, "HARD", action_type, **parameters)
+
+
+@pytest.mark.clause("6.1.4.3")
+async def test_without_ros_such_an_action_is_refused_before_the_robot_drives(
+    broker: Broker, interface_name: str, fleet: FleetControl, tmp_path: Path
+) -> None:
+    async with running_agent(agent_settings(broker, interface_name, tmp_path, operations=OPERATIONS)):
+        await fleet.state(within=30)
+        fleet.send(order("n0", "n1", node_actions={"n1": [hard("p", "pick", height=1)]}))
+        state = await fleet.state(error_types, within=30)
+
+        assert error_types(state) == ["orderError"]
+        assert "it uses ROS, which this robot does not have" in state["errors"][0]["errorDescription"]
+        assert state["lastNodeId"] == ""
+
+
+@pytest.mark.clause("6.2.3/pick", "7.8/loads")
+async def test_rehearsed_actions_do_a_whole_order_and_the_load_outlives_the_agent(
+    broker: Broker, interface_name: str, fleet: FleetControl, tmp_path: Path
+) -> None:
+    actions = {"without_ros": "rehearse", "rehearsal_seconds": 0.05}
+    settings = agent_settings(broker, interface_name, tmp_path, operations=OPERATIONS, actions=actions)
+    async with running_agent(settings):
+        await fleet.state(within=30)
+        fleet.send(order("n0", order_id="high", node_actions={"n0": [hard("x", "pick", height=3)]}))
+        await fleet.state(lambda state: error_types(state) == ["orderError"], within=30)
+        taken = {"n0": [hard("p", "pick", height=1, loadId="box")], "n1": [hard("k", "dock")]}
+        fleet.send(order("n0", "n1", order_id="fetch", node_actions=taken))
+        done = await fleet.state(ended("fetch"), within=30)
+        assert [status_of(done, each) for each in ("p", "k")] == ["FINISHED"] * 2
+        assert done["agvPosition"]["x"] == pytest.approx(10.5, abs=0.15)
+
+    fleet.peer.clear()
+    async with running_agent(settings):
+        again = await fleet.state(within=30)
+        assert [each["loadId"] for each in again["loads"]] == ["box"]
+
+        fleet.send(order("n1", order_id="twice", node_actions={"n1": [hard("p2", "pick", height=1)]}))
+        refused = await fleet.state(lambda state: error_types(state) == ["orderError"], within=30)
+        assert "loaded already" in refused["errors"][0]["errorDescription"]
+
+        fleet.send(order("n1", order_id="bring", node_actions={"n1": [hard("d", "drop", height=0)]}))
+        assert (await fleet.state(ended("bring"), within=30))["loads"] == []
