@@ -10,6 +10,9 @@ EXAMPLES = int(os.environ.get("NENA_EXAMPLES", "2000"))
 PLANTS = int(os.environ.get("NENA_PLANTS", "16"))
 """Random plants on which a fleet is simulated."""
 
+KERNEL_PLANTS = int(os.environ.get("NENA_KERNEL_PLANTS", "6"))
+"""Random plants on which a fleet is simulated under the real kernel."""
+
 KILLS = int(os.environ.get("NENA_KILLS", "5"))
 """How often the process of an edge agent is killed while it drives."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 from nena_order_service.dispatch.way import WayFinder
 from nena_order_service.fleet import (
@@ -24,7 +25,8 @@ from nena_order_service.fleet import (
 from nena_order_service.fleet.mission_update import grown
 from nena_order_service.kernel import Kernel
 from nena_order_service.kernel.missions import MissionPlanner
-from nena_order_service.kernel.release import ReleasePolicy
+from nena_order_service.kernel.ports import FleetControl
+from nena_order_service.kernel.settings import KernelSettings
 from nena_order_service.kernel.vehicles import VehicleRegistry
 from nena_order_service.routing import Router
 from nena_order_service.store.changes import Changes
@@ -34,6 +36,7 @@ from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.plant import PlantModel
 from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 from support.fleet_examples import state
 
@@ -60,6 +63,7 @@ class MemoryStore(Store):
             tuple(order for order in orders.values() if not order.state.final),
             {number: document for number, document in missions.items() if document is not None},
             max(orders, default=0),
+            {**self.found.vehicles, **changes.vehicles},
         )
         self._waiting.append(then)
         if not self.held:
@@ -83,6 +87,12 @@ class ScriptedFleet:
     """Where each robot stands, by the vehicle's name."""
     mute: set[str] = field(default_factory=set)
     """Robots that have told no state."""
+    fields: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """What else the states of robots say."""
+    out_of_order: set[str] = field(default_factory=set)
+    """Robots that take no orders."""
+    unknown: bool = False
+    """Whether the broker has not told yet which robots there are."""
     notes: dict[str, str] = field(default_factory=dict)
     """What each robot's mission waits for."""
     kernel: Kernel | None = None
@@ -127,24 +137,31 @@ class ScriptedFleet:
     def instant_action(self, robot: RobotKey, action: Action) -> None:
         self.actions.append((robot.serial_number, action.action_type))
 
+    def all_known(self) -> bool:
+        return not self.unknown
+
     def view(self, robot: RobotKey) -> RobotView:
         here = robot.serial_number in self.at
         busy = robot in self.missions
-        free = here and not busy
+        free = here and not busy and robot.serial_number not in self.out_of_order
         told = here and robot.serial_number not in self.mute
         return RobotView(
             key=robot,
             link=LinkStatus.ONLINE if here else LinkStatus.OFFLINE,
             vehicle_state=VehicleState.IDLE if free else VehicleState.UNKNOWN,
             availability=Availability(free, "" if free else "is busy" if busy else "is offline"),
-            state=state(robot=robot, last_node_id=self.at[robot.serial_number]) if told else None,
-            state_at=0.0 if here else None,
+            state=self._state(robot) if told else None,
+            state_at=self.kernel.clock.monotonic() + 0.001 if here and self.kernel else None,
             factsheet=None,
             mission_id=None,
             mission_phase=None,
             mission_note=self.notes.get(robot.serial_number, "") if busy else "",
             malformed=0,
         )
+
+    def _state(self, robot: RobotKey) -> State:
+        name = robot.serial_number
+        return state(robot=robot, last_node_id=self.at[name], **self.fields.get(name, {}))
 
     def appear(self, name: str, point: str) -> None:
         """Let a robot be there."""
@@ -160,12 +177,23 @@ class ScriptedFleet:
         """Let a robot echo its mission."""
         self._tell(MissionAccepted(key(name), self.missions[key(name)].mission_id))
 
-    def finish(self, name: str, *, at: str | None = None) -> None:
-        """Let a robot have done its mission, and stand at the end of it unless told otherwise."""
-        mission = self.missions.pop(key(name))
+    def finish(self, name: str, *, at: str | None = None) -> bool:
+        """Let a robot do its mission, and stand at the end of it unless told otherwise.
+
+        It drives as far as it may; gives False where that is not to the end.
+        """
+        robot = key(name)
+        while not (base := self.missions[robot].nodes)[-1].released:
+            reached = [node.released for node in base].index(False) - 1
+            self.at[name] = base[reached].node_id
+            self.pass_node(name, reached)
+            if self.missions[robot].nodes == base:
+                return False
+        mission = self.missions.pop(robot)
         self.at[name] = at or mission.nodes[-1].node_id
         self._tell(MissionFinished(key(name), mission.mission_id))
         self._tell(RobotChanged(key(name)))
+        return True
 
     def fail(self, name: str, reason: str = "wheel lost") -> None:
         """Let a robot's mission have failed."""
@@ -184,19 +212,32 @@ class ScriptedFleet:
         self.kernel.on_news(news)  # type: ignore[arg-type] # one of the news above
 
 
+class KernelFleet(FleetControl, Protocol):
+    """Fleet control that tells a kernel its news."""
+
+    kernel: Kernel | None
+
+
 async def make_kernel(
-    plant: PlantModel, store: MemoryStore, fleet: ScriptedFleet, *, release_ahead: int = 0
+    plant: PlantModel,
+    store: MemoryStore,
+    fleet: KernelFleet,
+    *,
+    release_ahead: int = 0,
+    clock: ManualClock | None = None,
+    settings: KernelSettings | None = None,
 ) -> Kernel:
     """Start a kernel, as after a restart, over ``store`` and ``fleet``."""
+    settings = settings or KernelSettings(release_ahead=release_ahead, default_map_id="map")
     finder = WayFinder(plant, Router(plant))
     kernel = Kernel(
         plant,
         store=store,
-        registry=VehicleRegistry(plant, default_map_id="map", adopt_unknown=False),
+        registry=VehicleRegistry(plant, default_map_id=settings.default_map_id, adopt_unknown=False),
         finder=finder,
         planner=MissionPlanner(plant, finder, OperationMap()),
-        clock=ManualClock(),
-        release=ReleasePolicy(release_ahead),
+        clock=clock or ManualClock(),
+        settings=settings,
     )
     fleet.kernel = kernel
     await kernel.start(fleet)

@@ -17,7 +17,6 @@ from nena_order_service.kernel import Kernel
 from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.path_locks import PathLocks
-from nena_order_service.kernel.release import ReleasePolicy
 from nena_order_service.kernel.vehicles import VehicleRegistry
 from nena_order_service.mqtt_commands import MqttCommands, Verbs
 from nena_order_service.mqtt_door import MqttDoor
@@ -84,7 +83,7 @@ def build(settings: OrderServiceSettings, plant: PlantModel, store: Store, *, ep
         plant,
         store,
         apply=finder.set_locks,
-        changed=kernel.look,
+        changed=kernel.plant_changed,
         commit_timeout=settings.kernel.commit_timeout,
     )
     client_id = f"nena-order-service-{settings.interface_name.replace('/', '-')}"
@@ -276,5 +275,5 @@ def _make_kernel(
         finder=finder,
         planner=MissionPlanner(plant, finder, OperationMap(settings.kernel.action_types)),
         clock=clock,
-        release=ReleasePolicy(settings.kernel.release_ahead),
+        settings=settings.kernel,
     )

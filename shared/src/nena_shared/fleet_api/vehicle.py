@@ -25,6 +25,24 @@ class ProcessingState(StrEnum):
     PROCESSING_ORDER = "PROCESSING_ORDER"
 
 
+class IntegrationLevel(StrEnum):
+    """How much a vehicle counts, in openTCS's words."""
+
+    TO_BE_IGNORED = "TO_BE_IGNORED"
+    """As if it were not there."""
+    TO_BE_NOTICED = "TO_BE_NOTICED"
+    """It is shown; nothing is kept free for it."""
+    TO_BE_RESPECTED = "TO_BE_RESPECTED"
+    """What it stands on is kept free for it; it gets no orders."""
+    TO_BE_UTILIZED = "TO_BE_UTILIZED"
+    """It also gets orders."""
+
+    @property
+    def holds_resources(self) -> bool:
+        """Whether others are kept away from such a vehicle."""
+        return self in (IntegrationLevel.TO_BE_RESPECTED, IntegrationLevel.TO_BE_UTILIZED)
+
+
 class PrecisePosition(Resource):
     """m and rad in the plant's frame."""
 
@@ -42,6 +60,7 @@ class VehicleStatus(Resource):
     serial_number: str
     state: VehicleState
     processing_state: ProcessingState
+    integration_level: IntegrationLevel = IntegrationLevel.TO_BE_UTILIZED
     reason: str
     """Why it is in this state, or why it is idle, in words."""
     connection: str

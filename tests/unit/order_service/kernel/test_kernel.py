@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from nena_order_service.fleet import Mission
 from nena_order_service.kernel import Kernel
+from nena_order_service.kernel.driving import EVASION_PAUSE
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
@@ -28,6 +29,17 @@ PLANT = PlantModel(
     location_types=(LocationType(name="T", allowed_operations=("Load",)),),
     locations=(Location(name="L", type="T", links=(Link(point="C"),)),),
 )
+
+
+ROOMY = PLANT.model_copy(
+    update={
+        "points": (*PLANT.points, point("P"), point("Q")),
+        "paths": tuple(
+            path(ends, max_reverse_velocity_mm_s=1000) for ends in ("A B", "B C", "C D", "D A", "B P", "D Q")
+        ),
+    }
+)
+"""The same with passing places."""
 
 
 @dataclass
@@ -245,8 +257,34 @@ async def test_restart_with_another_plant_fails_what_cannot_go_on(kernel: Kernel
     assert "'L'" in now(again, order).reason
 
 
-async def test_restart_without_the_mission_fails_the_order(kernel: Kernel, store: MemoryStore) -> None:
+async def test_restart_before_the_mission_was_sent_sends_it(kernel: Kernel, store: MemoryStore) -> None:
     order = kernel.create(request("B"), "T")
+    store.found.missions.clear()
+    fleet = ScriptedFleet({"V1": "A"}, mute={"V1"})
+    again = await make_kernel(PLANT, store, fleet)
+    assert (fleet.sent, now(again, order).state) == ([], S.BEING_PROCESSED)
+
+    fleet.mute.clear()
+    fleet.appear("V1", "A")
+
+    assert sent(fleet) == [("V1", "T-0")]
+    assert fleet.finish("V1")
+    assert now(again, order).state is S.FINISHED
+
+
+async def test_restart_with_a_mission_that_cannot_be_read_fails_the_order(
+    kernel: Kernel, store: MemoryStore
+) -> None:
+    order = kernel.create(request("B"), "T")
+    store.found.missions[order.number] = "{}"
+    again = await make_kernel(PLANT, store, ScriptedFleet({"V1": "A"}))
+    assert now(again, order).state is S.FAILED
+    assert "cannot be read" in now(again, order).reason
+
+
+async def test_restart_ends_what_was_withdrawn_before_it_was_sent(kernel: Kernel, store: MemoryStore) -> None:
+    order = kernel.create(request("B"), "T")
+    kernel.withdraw(order.number, "not needed")
     store.found.missions.clear()
     again = await make_kernel(PLANT, store, ScriptedFleet({"V1": "A"}))
     assert now(again, order).state is S.FAILED
@@ -275,9 +313,18 @@ def _robot_acts(step: str, fleet: ScriptedFleet, chance: Random) -> None:
         fleet.accept(robot)
 
 
+def _let_all_end(kernel: Kernel, fleet: ScriptedFleet, rounds: int) -> None:
+    for _ in range(rounds):
+        for robot in tuple(fleet.missions):
+            if not fleet.finish(robot.serial_number) and robot.serial_number in fleet.cancelled:
+                fleet.confirm_cancel(robot.serial_number)
+        kernel.clock.advance(EVASION_PAUSE)  # type: ignore[attr-defined] # the clock of make_kernel
+        kernel.look()
+
+
 async def _play(steps: list[str], chance: Random) -> None:
     store, fleet, ear = MemoryStore(), ScriptedFleet({"V1": "A", "V2": "C"}), Ear()
-    kernel = await make_kernel(PLANT, store, fleet)
+    kernel = await make_kernel(ROOMY, store, fleet)
     kernel.steps.listeners.append(ear)
     started: list[str] = []
     count = 0
@@ -293,13 +340,14 @@ async def _play(steps: list[str], chance: Random) -> None:
             started += [mission.mission_id for _, mission in fleet.sent]
             missions, at = fleet.missions, fleet.at
             fleet = ScriptedFleet(at)
-            kernel = await make_kernel(PLANT, store, fleet)
+            kernel = await make_kernel(ROOMY, store, fleet)
             kernel.steps.listeners.append(ear)
             assert fleet.missions == missions
+            for name, point in tuple(at.items()):
+                fleet.appear(name, point)
         elif fleet.missions:
             _robot_acts(step, fleet, chance)
-    while fleet.missions:
-        fleet.finish(next(iter(fleet.missions)).serial_number)
+    _let_all_end(kernel, fleet, 20 * count + 20)
 
     started += [mission.mission_id for _, mission in fleet.sent]
     assert len(started) == len(set(started))

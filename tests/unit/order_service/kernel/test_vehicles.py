@@ -7,7 +7,7 @@ import pytest
 from nena_order_service.fleet import Availability, LinkStatus, RobotProfile, RobotView
 from nena_order_service.kernel.vehicle_status import vehicle_status
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
-from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
+from nena_shared.fleet_api.vehicle import IntegrationLevel, ProcessingState, VehicleState, VehicleStatus
 from nena_shared.plant import MapTransform, PlantModel, Vehicle
 from nena_shared.vda5050.topics import RobotKey
 from support.fleet_examples import state
@@ -96,7 +96,13 @@ def status(robot: RobotView, *, order: str | None = None) -> VehicleStatus:
         PLANT.vehicle("Tug"),
     )
     return vehicle_status(
-        vehicle, robot, plant=PLANT, transport_order=order, reason="because", last_state=None
+        vehicle,
+        robot,
+        plant=PLANT,
+        level=IntegrationLevel.TO_BE_RESPECTED,
+        transport_order=order,
+        reason="because",
+        last_state=None,
     )
 
 

@@ -96,7 +96,7 @@ class WayFinder:
             if free:
                 for coordinate in (each.coordinate for each in group if each.coordinate):
                     legs.append(Leg(_distance_mm(self._plant.point(start), coordinate)))
-                    start = self._nearest(coordinate)
+                    start = self.nearest(coordinate)
             else:
                 choices = [access_points(each, self._plant) for each in group]
                 routes = router.route_through(start, choices, vehicle=vehicle, avoid=avoid)
@@ -104,13 +104,27 @@ class WayFinder:
                 start = routes[-1].destination
         return Way(tuple(legs))
 
+    def route(
+        self, start: str, goal: str, *, vehicle: Vehicle | None = None, avoid: Collection[str] = frozenset()
+    ) -> Route:
+        """Find the cheapest route between two points; raises NoRouteError."""
+        return self._router.route(start, goal, vehicle=vehicle, avoid=avoid)
+
+    def costs(self, start: str, *, vehicle: Vehicle | None = None) -> Mapping[str, float]:
+        """Give what it costs to reach each point that can be reached."""
+        return self._router.costs_from(start, vehicle=vehicle)
+
+    def nearest(self, coordinate: Coordinate) -> str:
+        """Give the point from which the way goes on after a coordinate."""
+        return min(self._plant.points, key=lambda point: _distance_mm(point, coordinate)).name
+
     def why_unroutable(self, destinations: Sequence[Destination], avoid: Collection[str]) -> str | None:
         """Say why no vehicle at all could do this, wherever it stands; None if one could.
 
         As in openTCS, each access point of the first destination is tried as a start.
         """
         first = destinations[0]
-        starts = (self._nearest(first.coordinate),) if first.coordinate else access_points(first, self._plant)
+        starts = (self.nearest(first.coordinate),) if first.coordinate else access_points(first, self._plant)
         reason = "The first destination has no access point."
         for start in starts:
             try:
@@ -120,9 +134,6 @@ class WayFinder:
             else:
                 return None
         return reason
-
-    def _nearest(self, coordinate: Coordinate) -> str:
-        return min(self._plant.points, key=lambda point: _distance_mm(point, coordinate)).name
 
 
 def _distance_mm(point: Point, coordinate: Coordinate) -> float:

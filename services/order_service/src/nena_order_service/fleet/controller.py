@@ -137,6 +137,12 @@ class FleetController:
         known = self._robots.get(robot)
         return (known or self._new_control(robot)).view(now)
 
+    def all_known(self, now: float) -> bool:
+        """Tell whether each robot that the broker knows to be there has told its state."""
+        if not self._broker or now - self._broker_since < RETAINED_WITHIN:
+            return False
+        return all(each.robot.state or not each.robot.reachable for each in self._robots.values())
+
     def robots(self) -> tuple[RobotKey, ...]:
         """Name all robots that have been heard of or given something to do."""
         return tuple(self._robots)
@@ -149,9 +155,7 @@ class FleetController:
         """Answer the robots' requests; nobody can be told anything while our own link is gone."""
         if not self._broker:
             return ()
-        heard = now - self._broker_since >= RETAINED_WITHIN
-        known = heard and all(each.robot.state or not each.robot.reachable for each in self._robots.values())
-        return tuple(self._desk.answers(now, all_known=known, reachable=self._reachable))
+        return tuple(self._desk.answers(now, all_known=self.all_known(now), reachable=self._reachable))
 
     def _reachable(self, robot: RobotKey) -> bool:
         return self._robots[robot].robot.reachable

@@ -103,6 +103,10 @@ class FleetLink:
         """See :meth:`FleetController.instant_action`."""
         self._hand_out(self._controller.instant_action(robot, action, self._now()))
 
+    def all_known(self) -> bool:
+        """See :meth:`FleetController.all_known`."""
+        return self._controller.all_known(self._now())
+
     def view(self, robot: RobotKey) -> RobotView:
         """See :meth:`FleetController.view`."""
         return self._controller.view(robot, self._now())

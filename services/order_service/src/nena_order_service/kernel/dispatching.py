@@ -42,11 +42,13 @@ class Dispatching:
         missions: MissionBook,
         planner: MissionPlanner,
         view: Callable[[FleetVehicle], RobotView],
+        obstacle: Callable[[FleetVehicle], str],
     ) -> None:
         self._registry = registry
         self._missions = missions
         self._planner = planner
         self._view = view
+        self._obstacle = obstacle
 
     def dispatch(self, orders: Sequence[TransportOrder]) -> tuple[list[Dispatched], dict[str, str]]:
         """Give what is to be assigned of orders, most urgent first, and why the others wait, by name."""
@@ -82,6 +84,8 @@ class Dispatching:
         """Give the vehicle as a candidate, or as a predicate why it is none."""
         if self._missions.order_number(vehicle.key) is not None:
             return BUSY
+        if obstacle := self._obstacle(vehicle):
+            return obstacle
         view = self._view(vehicle)
         if not view.availability.can_take_order:
             return view.availability.reason

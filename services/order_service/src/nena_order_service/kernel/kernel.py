@@ -3,54 +3,50 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import timedelta
 
-from pydantic import ValidationError
-
-from nena_order_service.dispatch.dispatcher import Assignment
-from nena_order_service.dispatch.way import Way, WayFinder
+from nena_order_service.dispatch.way import WayFinder
 from nena_order_service.fleet import (
     BaseWanted,
     FleetOutput,
     InstantActionEnded,
     LinkStatus,
-    Mission,
     MissionAccepted,
     MissionCancelled,
     MissionFailed,
     MissionFinished,
     NodePassed,
-    NotLocatedError,
     OperationStarted,
-    RobotBusyError,
     RobotChanged,
     RobotView,
 )
-from nena_order_service.kernel.dispatching import Candidate, Dispatching
+from nena_order_service.kernel.dispatching import Dispatching
+from nena_order_service.kernel.driving import Driving
 from nena_order_service.kernel.instant_actions import PendingInstantActions, state_request
 from nena_order_service.kernel.mission_book import MissionBook
-from nena_order_service.kernel.mission_record import MissionRecord
 from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.order_book import OrderBook
+from nena_order_service.kernel.order_flow import OrderFlow
+from nena_order_service.kernel.places import Places
 from nena_order_service.kernel.ports import FleetControl
-from nena_order_service.kernel.release import ReleasePolicy, as_released
+from nena_order_service.kernel.recovery import Recovery
+from nena_order_service.kernel.restart_gate import RestartGate
+from nena_order_service.kernel.settings import KernelSettings
 from nena_order_service.kernel.steps import Steps
+from nena_order_service.kernel.vehicle_book import VehicleBook
 from nena_order_service.kernel.vehicle_status import vehicle_status
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
+from nena_order_service.kernel.ways import VehicleWays
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.orders.validation import InvalidRequestError, check_order
-from nena_order_service.routing import NoRouteError
 from nena_order_service.store.store import Store
+from nena_order_service.traffic.desk import TrafficDesk
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.transport_order import (
-    TransportOrderRequest,
-    TransportOrderState,
-)
-from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.fleet_api.transport_order import TransportOrderRequest
+from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
 from nena_shared.log import get_logger
-from nena_shared.plant import PlantModel, UnknownObjectError
+from nena_shared.plant import PlantModel
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.own_actions import transforms_itself
 from nena_shared.vda5050.topics import RobotKey
@@ -60,13 +56,16 @@ log = get_logger(__name__)
 LOOK_INTERVAL = 2.0
 """Seconds between looks at what changes without news: where robots stand, why vehicles have no order."""
 
+FIRST_LOOKS = 0.2
+"""Seconds between looks while robots are still waited for after the start."""
+
 
 class Kernel:
-    """Joins orders, dispatcher, fleet control and store.
+    """Joins orders, dispatcher, traffic, fleet control and store.
 
-    What happens comes in as a *step*: it changes the order book and notes effects, such as a mission to send.
-    The changes are committed, and only then are the effects done and the changes told. So whatever anybody
-    has ever heard survives a restart.
+    What happens comes in as a *step*: it changes the books and notes effects, such as a mission to send. The
+    changes are committed, and only then are the effects done and the changes told. So whatever anybody has
+    ever heard survives a restart.
     """
 
     def __init__(
@@ -78,23 +77,61 @@ class Kernel:
         finder: WayFinder,
         planner: MissionPlanner,
         clock: Clock,
-        release: ReleasePolicy | None = None,
+        settings: KernelSettings,
     ) -> None:
         self.plant = plant
-        self._release = release or ReleasePolicy()
         self.store = store
         self.registry = registry
         self.book = OrderBook()
         self.instant_actions = PendingInstantActions()
         self.steps = Steps(self.book, store, self._status_of)
         self.clock = clock
-        self._finder = finder
-        self._planner = planner
         self._fleet: FleetControl | None = None
-        self._missions = MissionBook(self.book)
-        self._dispatching = Dispatching(registry, self._missions, planner, self.view)
-        self._dispatch_due = False
         self._asked: set[RobotKey] = set()
+        self._vehicles = VehicleBook(self.book)
+        self._missions = MissionBook(self.book, self._vehicles)
+        self._finder = finder
+        self._ways = VehicleWays(finder, registry)
+        self.desk = TrafficDesk(plant, self._ways, exclusive=settings.traffic)
+        self._gate = RestartGate(settings.restart_patience, clock, fleet=lambda: self.fleet, view=self.view)
+        self._places = Places(
+            plant,
+            self.desk,
+            book=self._vehicles,
+            registry=registry,
+            planner=planner,
+            view=self.view,
+            clock=clock,
+        )
+        self._driving = Driving(
+            self.desk,
+            ahead=settings.release_ahead,
+            missions=self._missions,
+            places=self._places,
+            planner=planner,
+            registry=registry,
+            steps=self.steps,
+            gate=self._gate,
+            fleet=lambda: self.fleet,
+            clock=clock,
+            on_stuck=lambda robot, reason: self._orders.give_up(robot, reason),  # noqa: PLW0108 - made below
+            on_busy=self.on_news,
+        )
+        self._dispatching = Dispatching(registry, self._missions, planner, self.view, self._driving.obstacle)
+        self._orders = OrderFlow(
+            plant,
+            book=self.book,
+            missions=self._missions,
+            dispatching=self._dispatching,
+            driving=self._driving,
+            places=self._places,
+            registry=registry,
+            finder=self._finder,
+            planner=planner,
+            steps=self.steps,
+            clock=clock,
+            view=self.view,
+        )
 
     @property
     def fleet(self) -> FleetControl:
@@ -111,60 +148,87 @@ class Kernel:
         self.book.last_number = found.last_number
         for order in found.orders:
             self.book.load(order)
+        self._vehicles.load(found.vehicles)
+        recovery = Recovery(
+            self.plant,
+            self.desk,
+            self.registry,
+            self._vehicles,
+            self._missions,
+            self._driving,
+            self._gate,
+            self.steps,
+            fleet,
+        )
         with self.step():
+            recovery.take_up_vehicles()
             for order in found.orders:
-                self._take_up(order, found.missions.get(order.number))
+                self._orders.take_up(order, found.missions.get(order.number), recovery)
         await self.steps.committed()
         log.info("orders taken up", unfinished=len(found.orders), last_number=found.last_number)
 
     async def run(self) -> None:
         """Look again and again at what changes without news, until cancelled."""
         while True:
-            await asyncio.sleep(LOOK_INTERVAL)
+            await asyncio.sleep(LOOK_INTERVAL if self._gate.is_open else FIRST_LOOKS)
             self.look()
 
     def look(self) -> None:
-        """Try again to dispatch orders that wait, and tell vehicles that stand otherwise than was told."""
+        """Try again whatever waits, and tell vehicles that stand otherwise than was told."""
         with self.step():
-            self._dispatch_due = True
+            self._orders.dispatch_due = self._driving.due = True
+            for vehicle in self.registry:
+                self._places.see(vehicle)
         with self.step():
             for vehicle in self.registry:
                 if not self.steps.vehicle_as_told(self.status(vehicle)):
                     self.steps.vehicle_changed(vehicle.name)
+
+    def plant_changed(self) -> None:
+        """Look anew for each way; missions under way go on as they were granted."""
+        self._ways.forget()
+        self.look()
 
     @contextmanager
     def step(self) -> Iterator[None]:
         """Make changes, and what they let be dispatched; they are told and done when they are committed."""
         with self.steps.step():
             yield
-            while self._dispatch_due:
-                self._dispatch_due = False
-                self._dispatch(self.book.dispatchable())
+            while self._orders.dispatch_due or self._driving.due:
+                if self._orders.dispatch_due:
+                    self._orders.dispatch()
+                for vehicle in self._driving.let_drive():
+                    self._orders.tell_hindrance(vehicle)
 
     def create(self, request: TransportOrderRequest, name: str) -> TransportOrder:
         """Make an order from a request that was checked, and dispatch it if it can be."""
-        now = self.clock.now()
         with self.step():
-            order = TransportOrder.created(request, number=self.book.next_number(), name=name, now=now)
-            why = self._finder.why_unroutable(request.destinations, order.resources_to_avoid)
-            order = order.unroutable(why, now) if why else order.activated().dispatchable()
-            self.book.put(order)
-            if not why:
-                # Whatever is free was looked at for all the others before.
-                self._dispatch((order,))
+            order = self._orders.create(request, name)
         order = self.book.get(order.number)
         log.info("order created", order=name, state=order.state.value)
         return order
 
-    def withdraw(self, number: int, reason: str) -> None:
-        """Withdraw an order that is not at its end; one that is withdrawn already stays as it is."""
-        order = self.book.get(number)
-        if order.state is TransportOrderState.WITHDRAWN:
-            return
+    def withdraw(self, number: int, reason: str, *, immediate: bool = True) -> None:
+        """Withdraw an order that is not at its end; see :meth:`OrderFlow.withdraw`."""
         with self.step():
-            self.book.put(order.withdrawn(reason, self.clock.now()))
-            if record := self._missions.of_order(order):
-                self.steps.after_commit(lambda: self.fleet.cancel_mission(record.robot))
+            self._orders.withdraw(self.book.get(number), reason, immediate=immediate)
+
+    def set_integration_level(self, vehicle: FleetVehicle, level: IntegrationLevel) -> None:
+        """Let a vehicle count so much from now on.
+
+        One for which nothing is kept free any more gives up its order, and all that it holds: whoever says
+        so has seen to it that it is in nobody's way.
+        """
+        with self.step():
+            if not level.holds_resources:
+                record = self._missions.of_robot(vehicle.key)
+                self._orders.give_up(vehicle.key, f"vehicle {vehicle.name} was given the level {level.value}")
+                self._driving.take_out(vehicle)
+                if record:
+                    self.steps.after_commit(lambda: self.fleet.cancel_mission(vehicle.key))
+            self._places.set_level(vehicle, level)
+            self._orders.dispatch_due = self._driving.due = True
+            self.steps.vehicle_changed(vehicle.name)
 
     def send_instant_action(
         self, vehicle: FleetVehicle, action: Action
@@ -188,12 +252,16 @@ class Kernel:
             vehicle,
             view,
             plant=self.plant,
+            level=self._places.level(vehicle),
             transport_order=order.name if order else None,
-            reason=order.status.reason
-            if order
-            else self._dispatching.idle_reason(vehicle, orders_wait=self.book.orders_wait),
+            reason=order.status.reason if order else self._idle_reason(vehicle),
             last_state=None if age is None else self.clock.now() - age,
         )
+
+    def _idle_reason(self, vehicle: FleetVehicle) -> str:
+        reason = self._dispatching.idle_reason(vehicle, orders_wait=self.book.orders_wait)
+        sharing = self.desk.sharing(vehicle.name)
+        return f"{reason}; {sharing}" if sharing else reason
 
     def _status_of(self, name: str) -> VehicleStatus | None:
         vehicle = self.registry.named(name)
@@ -205,7 +273,6 @@ class Kernel:
             match news:
                 case RobotChanged(robot):
                     self._robot_changed(robot)
-                    self._tell_hindrance(robot)
                 case InstantActionEnded():
                     self.instant_actions.ended(news)
                 case (
@@ -215,10 +282,12 @@ class Kernel:
                     | MissionFailed()
                     | MissionCancelled()
                 ):
-                    self._mission_news(news)
-                    self._tell_hindrance(news.robot)
-                case NodePassed() | BaseWanted():
-                    self._release_more(news)
+                    self._orders.on_mission(news)
+                    self._orders.tell_hindrance(self.registry.discover(news.robot))
+                case NodePassed():
+                    self._driving.passed(news.mission_id, news.sequence_id)
+                case BaseWanted():
+                    self._driving.base_wanted(news.mission_id)
                 case _:
                     pass
 
@@ -229,21 +298,12 @@ class Kernel:
             vehicle = self.registry.learn_map(vehicle, view.state.mobile_robot_position.map_id)
         if view.factsheet:
             self.registry.learn_frame(vehicle, transforms_itself=transforms_itself(view.factsheet))
+            vehicle = self.registry.discover(robot)
         self._ask_for_state(view)
+        self._places.see(vehicle)
         self.steps.vehicle_changed(vehicle.name)
-        if self._missions.order_number(robot) is None:
-            self._dispatch_due = True
-
-    def _tell_hindrance(self, robot: RobotKey) -> None:
-        """Let the order that a robot works on say what keeps the robot from going on."""
-        number = self._missions.order_number(robot)
-        if number is None:
-            return
-        order = self.book.get(number)
-        told = order.hindered(self.fleet.view(robot).mission_note)
-        if told is not order:
-            self.book.put(told)
-            self.steps.vehicle_changed(order.vehicle)
+        self._driving.robot_changed(vehicle)
+        self._orders.robot_changed(vehicle)
 
     def _ask_for_state(self, view: RobotView) -> None:
         """Ask a robot that is there and has told no state yet, so that nobody waits for its next one."""
@@ -252,146 +312,3 @@ class Kernel:
         elif view.state is None and view.key not in self._asked:
             self._asked.add(view.key)
             self.steps.after_commit(lambda: self.fleet.instant_action(view.key, state_request()))
-
-    def _mission_news(
-        self,
-        news: MissionAccepted | OperationStarted | MissionFinished | MissionFailed | MissionCancelled,
-    ) -> None:
-        found = self._missions.find(news.mission_id)
-        if found is None:
-            log.warning(
-                "news of a mission that nobody follows", robot=str(news.robot), mission=news.mission_id
-            )
-            return
-        (order, record), now = found, self.clock.now()
-        match news:
-            case MissionAccepted():
-                self._missions.put(order, record.model_copy(update={"accepted": True}))
-            case OperationStarted():
-                self.book.put(order.operating(record.drive_order_index, now))
-            case MissionFinished():
-                self._drive_order_finished(order, record)
-            case MissionFailed():
-                self._end(order.failed(". ".join((news.reason, *news.details)), now))
-            case MissionCancelled():
-                withdrawn = order.state is TransportOrderState.WITHDRAWN
-                reason = "withdrawn; the vehicle has let it go" if withdrawn else "cancelled at the vehicle"
-                self._end(order.failed(reason, now))
-        self.steps.vehicle_changed(order.vehicle)
-
-    def _release_more(self, news: NodePassed | BaseWanted) -> None:
-        """Release more of a mission as its robot goes on."""
-        found = self._missions.find(news.mission_id)
-        if found is None or found[0].state is TransportOrderState.WITHDRAWN:
-            return
-        order, record = found
-        more = (
-            self._release.after_node(record, news.sequence_id)
-            if isinstance(news, NodePassed)
-            else self._release.when_wanted(record)
-        )
-        if more:
-            self._missions.put(order, more)
-            self.steps.after_commit(lambda: self.fleet.extend_mission(more.robot, as_released(more)))
-
-    def _drive_order_finished(self, order: TransportOrder, record: MissionRecord) -> None:
-        now = self.clock.now()
-        done = order.drive_order_finished(record.drive_order_index, now)
-        last = record.drive_order_index + 1 == len(order.status.drive_orders)
-        if order.state is TransportOrderState.WITHDRAWN:
-            self._end(done.failed("withdrawn; the vehicle had done what it had been sent", now))
-        elif last:
-            self._end(done.finished(now))
-        else:
-            self._missions.forget(order)
-            self._go_on(done)
-
-    def _go_on(self, order: TransportOrder) -> None:
-        """Send the mission of the current drive order; where that is not possible, the order fails."""
-        vehicle = self.registry.named(order.vehicle)
-        if vehicle is None:
-            self._end(order.failed(f"there is no vehicle {order.vehicle!r} any more", self.clock.now()))
-            return
-        try:
-            candidate = Candidate(vehicle, self._planner.standing(vehicle, self.view(vehicle)))
-            way = self._planner.way(order, vehicle, candidate.standing)
-        except (NotLocatedError, NoRouteError, UnknownObjectError) as error:
-            self._end(order.failed(f"vehicle {vehicle.name} cannot go on: {error}", self.clock.now()))
-            return
-        self._send(order, candidate, way)
-
-    def _send(self, order: TransportOrder, candidate: Candidate, way: Way) -> None:
-        """Send the mission of the current drive order, the first leg of ``way``."""
-        vehicle = candidate.vehicle
-        self.steps.vehicle_changed(vehicle.name)
-        try:
-            mission = self._planner.mission(order, vehicle, candidate.standing, way)
-        except ValueError as error:
-            self._end(order.failed(f"no VDA 5050 order can be made of it: {error}", self.clock.now()))
-            return
-        self.book.put(order)
-        record = MissionRecord.of(vehicle.key, mission, order.status.current_drive_order_index)
-        record = self._release.first(record)
-        self._missions.put(order, record)
-        self.steps.after_commit(lambda: self._start(order, vehicle, as_released(record)))
-
-    def _start(self, order: TransportOrder, vehicle: FleetVehicle, mission: Mission) -> None:
-        try:
-            self.fleet.start_mission(vehicle.key, mission)
-        except RobotBusyError as error:
-            with self.step():
-                self._end(self.book.get(order.number).failed(str(error), self.clock.now()))
-
-    def _end(self, order: TransportOrder) -> None:
-        """Let an order be at its end, and its vehicle be free."""
-        self.book.put(order)
-        self._missions.forget(order)
-        log.info("order ended", order=order.name, state=order.state.value, reason=order.status.reason)
-        self._dispatch_due = True
-
-    def _dispatch(self, orders: Sequence[TransportOrder]) -> None:
-        """Assign what can be assigned of these orders, and say of the others why not."""
-        dispatched, reasons = self._dispatching.dispatch(orders)
-        for each in dispatched:
-            self._assign(each.assignment, each.candidate)
-        now = self.clock.now()
-        for order in orders:
-            reason = reasons.get(order.name, order.status.reason)
-            if reason != order.status.reason:
-                self.book.put(order.deferred(reason, now))
-
-    def _assign(self, assignment: Assignment, candidate: Candidate) -> None:
-        vehicle = candidate.vehicle
-        routes = (leg.points for leg in assignment.way.legs)
-        order = assignment.order.assigned(vehicle.name, routes, assignment.why, self.clock.now())
-        log.info("order assigned", order=order.name, vehicle=vehicle.name, why=assignment.why)
-        self._send(order, candidate, assignment.way)
-
-    def _take_up(self, order: TransportOrder, document: str | None) -> None:
-        """Take up an order from before a restart; what the robots say decides how it goes on."""
-        if order.state is TransportOrderState.DISPATCHABLE:
-            self._take_up_waiting(order)
-            return
-        try:
-            record = MissionRecord.model_validate_json(document or "")
-        except ValidationError:
-            self._end(order.failed("what had been sent to the vehicle is not in the store", self.clock.now()))
-            return
-        order = order.adopted(self.clock.now())
-        self.book.put(order)
-        self._missions.load(order, record)
-        self.registry.discover(record.robot)
-        self.steps.after_commit(
-            lambda: self.fleet.adopt_mission(
-                record.robot, as_released(record), accepted=record.accepted, update_id=record.update_id
-            )
-        )
-        if order.state is TransportOrderState.WITHDRAWN:
-            self.steps.after_commit(lambda: self.fleet.cancel_mission(record.robot))
-
-    def _take_up_waiting(self, order: TransportOrder) -> None:
-        """Let an order wait on, unless the plant model has changed so that it is not possible any more."""
-        try:
-            check_order(order.status, self.plant)
-        except InvalidRequestError as error:
-            self.book.put(order.failed(f"not possible in this plant any more: {error}", self.clock.now()))

@@ -53,9 +53,13 @@ class OrderBook:
             self._told.pop()
         self._told.append(order)
 
-    def put_mission(self, order: TransportOrder, document: str | None) -> None:
+    def put_mission(self, number: int, document: str | None) -> None:
         """Note what is sent to a robot for an order, None: nothing any more."""
-        self._changes.put_mission(order.number, document)
+        self._changes.put_mission(number, document)
+
+    def put_vehicle(self, robot: str, document: str) -> None:
+        """Note what is known of a vehicle, by its robot's key."""
+        self._changes.put_vehicle(robot, document)
 
     def take_changes(self) -> tuple[Changes, list[TransportOrder]]:
         """Give what is to be committed, and the versions of orders that are to be told after that."""

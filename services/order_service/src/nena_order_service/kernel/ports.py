@@ -34,6 +34,10 @@ class FleetControl(Protocol):
         """Send an instant action."""
         ...
 
+    def all_known(self) -> bool:
+        """Tell whether each robot that the broker knows to be there has told its state."""
+        ...
+
     def view(self, robot: RobotKey) -> RobotView:
         """Tell what is known of a robot."""
         ...

@@ -24,6 +24,17 @@ class KernelSettings(SettingsGroup):
         description="Nodes that a robot is given ahead of it (preventive: without its link it stops after so "
         "many), the rest is shown as horizon; 0: its whole way at once (assertive).",
     )
+    restart_patience: float = Field(
+        20.0,
+        ge=0,
+        description="Seconds after the start in which robots are waited for that were there before; later "
+        "the others drive on, and those keep what they held.",
+    )
+    traffic: bool = Field(
+        default=True,
+        description="Whether points, paths and blocks are given to one robot at a time; false: robots are "
+        "sent wherever they are to go, and have to avoid each other by themselves.",
+    )
     action_types: dict[str, str] = Field(
         default_factory=dict,
         description="VDA 5050 action types by the plant's operations, laid over the usual ones.",

@@ -6,7 +6,7 @@ from datetime import datetime
 
 from nena_order_service.fleet import NotLocatedError, RobotView, locate
 from nena_order_service.kernel.vehicles import FleetVehicle
-from nena_shared.fleet_api.vehicle import PrecisePosition, ProcessingState, VehicleStatus
+from nena_shared.fleet_api.vehicle import IntegrationLevel, PrecisePosition, ProcessingState, VehicleStatus
 from nena_shared.plant import MapPose, PlantModel
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.state import State
@@ -17,6 +17,7 @@ def vehicle_status(
     view: RobotView,
     *,
     plant: PlantModel,
+    level: IntegrationLevel,
     transport_order: str | None,
     reason: str,
     last_state: datetime | None,
@@ -29,6 +30,7 @@ def vehicle_status(
         serial_number=vehicle.key.serial_number,
         state=view.vehicle_state,
         processing_state=ProcessingState.PROCESSING_ORDER if transport_order else ProcessingState.IDLE,
+        integration_level=level,
         reason=reason,
         connection=view.link,
         operating_mode=state.operating_mode if state else None,

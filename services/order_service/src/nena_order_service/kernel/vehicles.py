@@ -36,6 +36,8 @@ class VehicleRegistry:
         self._adopt_unknown = adopt_unknown
         self._by_name: dict[str, FleetVehicle] = {}
         self._by_key: dict[RobotKey, FleetVehicle] = {}
+        self.map_ids = {default_map_id} if default_map_id else set[str]()
+        """The maps on which the vehicles of the plant model drive."""
         self._transforms = map_transforms(plant)
         for vehicle in plant.vehicles:
             self._add(self._of_plant(vehicle))
@@ -47,6 +49,11 @@ class VehicleRegistry:
     def names(self) -> frozenset[str]:
         """Give the names of the vehicles that may get orders."""
         return frozenset(vehicle.name for vehicle in self if not vehicle.obstacle)
+
+    def model(self, name: str) -> Vehicle | None:
+        """Give the plant model's data of a vehicle; None where it has none."""
+        known = self._by_name.get(name)
+        return known.model if known else None
 
     def named(self, name: str | None) -> FleetVehicle | None:
         """Give the vehicle of this name; None if there is none."""
@@ -84,6 +91,8 @@ class VehicleRegistry:
     def _add(self, vehicle: FleetVehicle) -> FleetVehicle:
         self._by_name[vehicle.name] = vehicle
         self._by_key[vehicle.key] = vehicle
+        if vehicle.model and vehicle.profile.map_id:
+            self.map_ids.add(vehicle.profile.map_id)
         return vehicle
 
     def _free_name(self, key: RobotKey) -> str:

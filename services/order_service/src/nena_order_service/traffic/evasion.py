@@ -22,6 +22,7 @@ class Evasion:
 
     vehicle: str
     route: Route
+    way: tuple[ResourceSet, ...]
 
 
 class Evader:
@@ -59,7 +60,7 @@ class Evader:
             for route, sets in self._ways_out(vehicle, kept_free):
                 refusal = self._scheduler.claim(vehicle, sets)
                 if refusal is None:
-                    yield Evasion(vehicle, route)
+                    yield Evasion(vehicle, route, tuple(sets))
                     break
                 if refusal.hindrance is Hindrance.RESTING and enclosed is None:
                     enclosed = refusal.vehicles, sets
@@ -78,7 +79,7 @@ class Evader:
         tried = 0
         for place in sorted(free, key=lambda name: (not self._parks(name), costs[name])):
             route = self._ways.route(vehicle, occupant.point, place)
-            sets = list(self._resources.along(route.steps, start=occupant.held[-1]))
+            sets = self._resources.way(route.steps, start=occupant.held[-1], entry=occupant.entry)
             if not overlap(self._scheduler.end_of(vehicle, sets), kept_free):
                 yield route, sets
                 tried += 1

@@ -22,6 +22,8 @@ class Occupant:
     held: deque[ResourceSet]
     reached: int = 0
     claimed: deque[ResourceSet] = field(default_factory=deque)
+    entry: ResourceSet | None = None
+    """What it needs to come to the point where its ways begin; None: it is there."""
 
     @property
     def resting(self) -> bool:
@@ -45,7 +47,7 @@ class Occupant:
 
     def arrive(self, index: int) -> list[ResourceSet]:
         """Come to the ``index``-th held set; gives the sets that are free now, as a vehicle has a length."""
-        self.reached = index
+        self.reached, self.entry = index, None
         first = covered_from(self.held, index, self.length_mm)
         self.reached -= first
         return [self.held.popleft() for _ in range(first)]

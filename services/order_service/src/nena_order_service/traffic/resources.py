@@ -36,9 +36,10 @@ class ResourceSet:
 
 
 class Resources:
-    """Knows which resources each step over one plant needs."""
+    """Knows which resources each step over one plant needs; none at all where they are not ``exclusive``."""
 
-    def __init__(self, plant: PlantModel) -> None:
+    def __init__(self, plant: PlantModel, *, exclusive: bool = True) -> None:
+        self._exclusive = exclusive
         self._blocks: defaultdict[str, list[Block]] = defaultdict(list)
         for block in plant.blocks:
             for member in block.members:
@@ -46,7 +47,11 @@ class Resources:
 
     def at(self, point: str) -> ResourceSet:
         """Give the resources of a vehicle that was found at ``point``, come by whatever way."""
-        return ResourceSet(point, 0, self._uses((point,), {}))
+        return self.on(point, (point,))
+
+    def on(self, point: str, members: Sequence[str], *, length_mm: int = 0) -> ResourceSet:
+        """Give the resources of a vehicle on ``members``, whose ways begin or end at ``point``."""
+        return ResourceSet(point, length_mm, self._uses(members, {}))
 
     def along(
         self, steps: Iterable[Step], *, start: ResourceSet, location: str | None = None
@@ -62,6 +67,25 @@ class Resources:
             before = ResourceSet(step.destination, step.path.length_mm, self._uses(members, directions))
             yield before
 
+    def way(
+        self,
+        steps: Sequence[Step],
+        *,
+        start: ResourceSet,
+        entry: ResourceSet | None = None,
+        location: str | None = None,
+    ) -> list[ResourceSet]:
+        """Give the resources of a whole way, with the ``entry`` that comes before it and the ``location``.
+
+        A vehicle that is to use a location where it is needs that alone, without a step.
+        """
+        before = [] if entry is None else [entry]
+        if steps or location is None:
+            return [*before, *self.along(steps, start=entry or start, location=location)]
+        if entry is None:
+            return [ResourceSet(start.point, 0, self._uses((location,), {}))]
+        return [ResourceSet(entry.point, entry.length_mm, {**entry.uses, **self._uses((location,), {})})]
+
     def _directions(self, members: Iterable[str], step: Step, before: ResourceSet) -> dict[str, str | None]:
         """Give the direction of each same-direction block: a vehicle keeps the one in which it came in."""
         entry = step.path.properties.get(BLOCK_ENTRY_DIRECTION, step.edge_id)
@@ -73,6 +97,8 @@ class Resources:
         }
 
     def _uses(self, members: Sequence[str], directions: Mapping[str, str | None]) -> Uses:
+        if not self._exclusive:
+            return {}
         uses: dict[str, str | None] = dict.fromkeys(members)
         for member in members:
             for block in self._blocks.get(member, ()):

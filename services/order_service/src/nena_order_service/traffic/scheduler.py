@@ -77,11 +77,21 @@ class Scheduler:
     def __contains__(self, name: str) -> bool:
         return name in self._occupants
 
-    def place(self, name: str, place: Iterable[ResourceSet], length_mm: int) -> None:
-        """Take notice of a vehicle that rests on ``place``, oldest set first, whoever else is there."""
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The vehicles that are known."""
+        return tuple(self._occupants)
+
+    def place(
+        self, name: str, place: Iterable[ResourceSet], length_mm: int, *, entry: ResourceSet | None = None
+    ) -> None:
+        """Take notice of a vehicle that rests on ``place``, oldest set first, whoever else is there.
+
+        ``entry`` is what it needs to come to the point of the last set, where it is not there yet.
+        """
         self.remove(name)
         sets = deque(place)
-        self._occupants[name] = Occupant(name, length_mm, sets, reached=len(sets) - 1)
+        self._occupants[name] = Occupant(name, length_mm, sets, reached=len(sets) - 1, entry=entry)
         for each in sets:
             self._holds.add(name, each.uses)
 
@@ -120,20 +130,39 @@ class Scheduler:
             message = f"vehicle {name!r} claims nothing"
             raise LookupError(message)
         wanted = occupant.claimed[0]
-        if refusal := self._held(name, wanted) or self._precedence(name, wanted):
+        # Somebody may have come to rest on the way since it was claimed, and must be able to get out of it.
+        if refusal := self._resting_on(name, occupant.claimed) or self._held(name, wanted):
             return refusal
-        occupant.held.append(occupant.claimed.popleft())
-        self._claims.remove(name, wanted.uses)
-        self._holds.add(name, wanted.uses)
+        if refusal := self._precedence(name, wanted):
+            return refusal
+        self.seize(name)
         return None
 
-    def arrive(self, name: str, index: int) -> None:
-        """Take notice that the vehicle has come to its ``index``-th held set; frees what is behind."""
+    def resume(self, name: str, held: Sequence[ResourceSet], claimed: Sequence[ResourceSet]) -> None:
+        """Let a vehicle that rests hold and claim what it was granted before, unasked."""
         occupant = self.occupant(name)
-        for each in occupant.arrive(index):
+        for each in held:
+            self._holds.add(name, each.uses)
+        occupant.held.extend(held)
+        self._set_claim(occupant, claimed)
+
+    def seize(self, name: str) -> None:
+        """Let a vehicle hold the next set that it claims, unasked: it is there already."""
+        occupant = self.occupant(name)
+        taken = occupant.claimed.popleft()
+        self._claims.remove(name, taken.uses)
+        occupant.held.append(taken)
+        self._holds.add(name, taken.uses)
+
+    def arrive(self, name: str, index: int) -> bool:
+        """Take notice that the vehicle has come to its ``index``-th held set; tell whether that frees any."""
+        occupant = self.occupant(name)
+        freed = occupant.arrive(index)
+        for each in freed:
             self._holds.remove(name, each.uses)
         if occupant.resting:
             self._forget_end(name)
+        return bool(freed)
 
     def give_up_claim(self, name: str) -> None:
         """Drop what the vehicle claims; what it holds stays with it, for it may still drive there."""
@@ -150,6 +179,10 @@ class Scheduler:
             self._holds.remove(name, occupant.held.pop().uses)
         occupant.reached = len(occupant.held) - 1
         self._forget_end(name)
+
+    def sharing(self, name: str) -> tuple[str, str] | None:
+        """Give somebody who holds what this vehicle holds alone, and what that is; None where nobody does."""
+        return next(self._others(self._holds, name, self.occupant(name).held), None)
 
     def users(self, resource: str) -> frozenset[str]:
         """Give who holds, claims or will rest on ``resource``."""
@@ -185,7 +218,8 @@ class Scheduler:
         for each in sets:
             yield from index.others(name, each.uses)
 
-    def _resting_on(self, name: str, way: Sequence[ResourceSet]) -> Refusal | None:
+    def _resting_on(self, name: str, way: Iterable[ResourceSet]) -> Refusal | None:
+        way = tuple(way)
         for other, resource in self._others(self._holds, name, way):
             if self._occupants[other].resting:
                 return Refusal(Hindrance.RESTING, self.resting_on(name, way), resource)

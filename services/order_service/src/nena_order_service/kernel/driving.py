@@ -1,0 +1,353 @@
+"""Driving: what robots are sent, and how much of it at a time, as traffic lets them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import cache, partial
+
+from nena_order_service.dispatch.way import Way
+from nena_order_service.fleet import (
+    LinkStatus,
+    MissionFailed,
+    NotLocatedError,
+    RobotBusyError,
+    RobotView,
+    Standing,
+)
+from nena_order_service.kernel.instant_actions import state_request
+from nena_order_service.kernel.mission_book import MissionBook
+from nena_order_service.kernel.mission_record import MissionRecord
+from nena_order_service.kernel.missions import MissionPlanner
+from nena_order_service.kernel.places import Places
+from nena_order_service.kernel.ports import FleetControl
+from nena_order_service.kernel.restart_gate import RestartGate
+from nena_order_service.kernel.steps import Steps
+from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.traffic.desk import TrafficDesk
+from nena_order_service.traffic.evasion import Evasion
+from nena_order_service.traffic.traffic_control import Departure, NoWay, Wish
+from nena_shared.clock import Clock
+from nena_shared.log import get_logger
+from nena_shared.vda5050.topics import RobotKey
+
+log = get_logger(__name__)
+
+EVASION_PAUSE = 10.0
+"""Seconds in which a robot that did not make room is not asked again."""
+
+
+class Driving:
+    """Joins traffic and fleet control.
+
+    An order's vehicle wishes for the way of its drive order. Once it departs, its mission is sent with a base
+    of what is allocated, ``ahead`` nodes before it at the most (*preventive*; 0: all that can be had,
+    *assertive*), and the rest as horizon; order updates let the base grow. A mission whose first step cannot
+    be allocated yet is not sent yet. What is done inside of a step is committed before anything is sent.
+    """
+
+    def __init__(
+        self,
+        desk: TrafficDesk,
+        *,
+        ahead: int,
+        missions: MissionBook,
+        places: Places,
+        planner: MissionPlanner,
+        registry: VehicleRegistry,
+        steps: Steps,
+        gate: RestartGate,
+        fleet: Callable[[], FleetControl],
+        clock: Clock,
+        on_stuck: Callable[[RobotKey, str], None],
+        on_busy: Callable[[MissionFailed], None],
+    ) -> None:
+        self.due = False
+        """Whether anybody may be able to go on now."""
+        self._desk = desk
+        self._ahead = ahead
+        self._missions = missions
+        self._places = places
+        self._planner = planner
+        self._registry = registry
+        self._steps = steps
+        self._gate = gate
+        self._fleet = fleet
+        self._clock = clock
+        self._on_stuck = on_stuck
+        self._on_busy = on_busy
+        self._orders: dict[str, tuple[TransportOrder, Wish]] = {}
+        """Orders of whose drive orders nothing is sent yet, by vehicle."""
+        self._unsent: dict[str, MissionRecord] = {}
+        """Missions of which nothing is allocated yet, by vehicle."""
+        self._no_evasion_until: dict[str, float] = {}
+        self._told: dict[str, str] = {}
+
+    def want(self, order: TransportOrder, vehicle: FleetVehicle, way: Way, *, first: bool = False) -> None:
+        """Let a vehicle do the current drive order, which is the first leg of ``way``, as soon as it can.
+
+        It is ``first`` in the row where it had its turn before.
+        """
+        self._places.see(vehicle)
+        wish = self._planner.wish(order, vehicle, way.legs[0])
+        self._orders[vehicle.name] = order, wish
+        self._desk.wish(wish, first=first)
+        self.due = True
+
+    def abandon(self, vehicle: FleetVehicle) -> None:
+        """Let a vehicle want nothing for its order any more; what was sent to it is not this one's affair."""
+        self._orders.pop(vehicle.name, None)
+        self._desk.drop(vehicle.name)
+        if self._unsent.pop(vehicle.name, None):
+            self._desk.revoke(vehicle.name)
+
+    def cancel(self, record: MissionRecord) -> None:
+        """Have a robot told to cancel its mission."""
+        self._shorten(record)
+        self._missions.put(record.model_copy(update={"cancelled": True}))
+        self._steps.after_commit(lambda: self._fleet().cancel_mission(record.robot))
+
+    def end_early(self, record: MissionRecord, *, partial: bool) -> None:
+        """Let a mission end where its base does; ``partial`` where its order is to go on from there."""
+        self._shorten(record)
+        shorter = record.ending_early(partial=partial)
+        if shorter is not record:
+            self._missions.put(shorter)
+            self._extend(shorter)
+
+    def resume(self, vehicle: FleetVehicle, record: MissionRecord) -> None:
+        """Take up a mission from before a restart: its robot holds all that it was given."""
+        self._desk.resume(vehicle.name, record.way, record.allocated)
+
+    def passed(self, mission_id: str, sequence_id: int) -> None:
+        """Take notice that a robot has passed a node: what is behind it is free."""
+        record = self._missions.find(mission_id)
+        if record and (vehicle := self._under_way(record)):
+            self.due |= self._desk.arrived(vehicle.name, sequence_id // 2)
+
+    def base_wanted(self, mission_id: str) -> None:
+        """Give a robot that comes near the end of its base more of it at once, where that can be had."""
+        record = self._missions.find(mission_id)
+        if record and self._gate.is_open and (vehicle := self._under_way(record)):
+            self._go_on(vehicle, self._ahead and self._desk.ahead(vehicle.name) + self._ahead)
+
+    def finished(self, record: MissionRecord) -> None:
+        """Let a robot rest at the end of its mission."""
+        self._missions.end(record)
+        vehicle = self._registry.discover(record.robot)
+        if self._desk.journey(vehicle.name):
+            self._desk.finished(vehicle.name)
+            self._places.note(vehicle)
+            self._rest(vehicle)
+
+    def broken_off(self, record: MissionRecord, news: object) -> None:
+        """Let a robot whose mission has ended early keep what it holds until it is seen standing.
+
+        What it said before counts only if it was known to have the mission.
+        """
+        self._missions.end(record)
+        vehicle = self._registry.discover(record.robot)
+        if record.evasion:
+            self._no_evasion_until[vehicle.name] = self._clock.monotonic() + EVASION_PAUSE
+        if self._desk.journey(vehicle.name):
+            self._break_off(vehicle, doubt=isinstance(news, MissionFailed) and not record.accepted)
+
+    def take_out(self, vehicle: FleetVehicle) -> None:
+        """Forget all that a vehicle wants and does."""
+        self._orders.pop(vehicle.name, None)
+        self._unsent.pop(vehicle.name, None)
+        self._desk.drop(vehicle.name)
+        self.due = True
+
+    def robot_changed(self, vehicle: FleetVehicle) -> None:
+        """Take notice that a robot has told something new; that of one on its way is told apart."""
+        if not self._desk.journey(vehicle.name):
+            self.due = True
+
+    def let_drive(self) -> Iterator[FleetVehicle]:
+        """Let everybody go on who can; gives the vehicles of which something is to be told."""
+        self.due = False
+        if self._gate.is_open:
+            for name in self._desk.under_way:
+                self._go_on(self._vehicle(name))
+            self._reconsider()
+            movable, lost = cache(self._movable), cache(self._lost)
+            for granted in self._desk.decide(
+                lambda name: not self._desk.journey(name) and movable(name), lost
+            ):
+                self._begin(granted)
+            self._replan()
+        for name in self._desk.active | self._told.keys():
+            vehicle = self._vehicle(name)
+            why = self.note(vehicle) if name in self._orders else self._desk.why_waiting(name)
+            if why != self._told.pop(name, ""):
+                yield vehicle
+            if why:
+                self._told[name] = why
+
+    def _reconsider(self) -> None:
+        """Let those wish anew who were granted ways on which somebody has come to rest since."""
+        for name in tuple(self._unsent):
+            if self._desk.is_blocked(name):
+                del self._unsent[name]
+                self._desk.revoke(name)
+                if name in self._orders:
+                    self._desk.wish(self._orders[name][1], first=True)
+
+    def _replan(self) -> None:
+        """Let missions end where their bases do whose ways lead over robots that will not make room.
+
+        Then these robots are at rest, too: the order's one wishes anew, and goes around or changes places.
+        """
+        for name in tuple(self._desk.stuck(self._movable, self._lost)):
+            record = self._missions.of_robot(self._vehicle(name).key)
+            if record and not record.cancelled and not record.all_released:
+                log.info("vehicle goes another way", vehicle=name, reason=self._desk.why_waiting(name))
+                self.end_early(record, partial=True)
+
+    def note(self, vehicle: FleetVehicle) -> str:
+        """Say what keeps a vehicle from doing its order; empty for nothing."""
+        record = self._missions.of_robot(vehicle.key)
+        if record and record.evasion:
+            return "it makes room for others first"
+        if reason := self._gate.reason:
+            return reason
+        if vehicle.name in self._orders:
+            return self._why_it_stays(vehicle)
+        why = self._desk.why_waiting(vehicle.name)
+        return f"it {why}" if why else ""
+
+    def obstacle(self, vehicle: FleetVehicle) -> str:
+        """Say, as a predicate, why a vehicle takes no order because of what it does; empty if it does."""
+        if self._desk.journey(vehicle.name):
+            return "makes room for others"
+        return self._places.obstacle(vehicle)
+
+    def _why_it_stays(self, vehicle: FleetVehicle) -> str:
+        view = self._view(vehicle)
+        if not view.availability.can_take_order:
+            return f"the robot {view.availability.reason}"
+        if obstacle := self._places.obstacle(vehicle):
+            return f"it {obstacle}"
+        if not self._places.located(vehicle):
+            return "it is not known where it is"
+        why = self._desk.why_waiting(vehicle.name)
+        return f"it {why}" if why else ""
+
+    def _vehicle(self, name: str) -> FleetVehicle:
+        vehicle = self._registry.named(name)
+        assert vehicle, "vehicles never leave the registry"  # noqa: S101 - for the type
+        return vehicle
+
+    def _view(self, vehicle: FleetVehicle) -> RobotView:
+        return self._fleet().view(vehicle.key)
+
+    def _movable(self, name: str) -> bool:
+        """Tell whether a vehicle at rest could drive away now."""
+        vehicle = self._registry.named(name)
+        if vehicle is None or vehicle.obstacle or self._places.obstacle(vehicle):
+            return False
+        if self._desk.journey(name) or not self._places.located(vehicle):
+            return False
+        if self._clock.monotonic() < self._no_evasion_until.get(name, 0.0) and name not in self._orders:
+            return False
+        return self._view(vehicle).availability.can_take_order
+
+    def _lost(self, name: str) -> bool:
+        """Tell whether nobody knows when a vehicle at rest could drive away."""
+        vehicle = self._registry.named(name)
+        if vehicle is None or self._view(vehicle).link is not LinkStatus.ONLINE:
+            return True
+        works = self._missions.order_number(vehicle.key) is not None
+        return not works and not self._movable(name)
+
+    def _begin(self, granted: Departure | Evasion | NoWay) -> None:
+        vehicle = self._vehicle(granted.vehicle)
+        if isinstance(granted, NoWay):
+            self._orders.pop(vehicle.name, None)
+            self._on_stuck(vehicle.key, str(granted.error))
+            return
+        try:
+            standing = self._planner.standing(vehicle, self._view(vehicle))
+        except NotLocatedError:
+            standing = None
+        if standing is None or not self._stands_as_known(vehicle, standing):
+            self._desk.revoke(vehicle.name)
+            self._rest(vehicle)
+            if isinstance(granted, Departure):
+                self._desk.wish(granted.wish, first=True)
+            self.due = False  # not again before something is heard or looked at
+            return
+        try:
+            self._unsent[vehicle.name] = self._record(granted, vehicle, standing)
+        except ValueError as error:
+            self._desk.revoke(vehicle.name)
+            self._on_stuck(vehicle.key, f"no VDA 5050 order can be made of it: {error}")
+            return
+        self._go_on(vehicle)
+
+    def _stands_as_known(self, vehicle: FleetVehicle, standing: Standing) -> bool:
+        return self._desk.stands(vehicle.name, standing.point, on_point=standing.on_point)
+
+    def _record(
+        self, granted: Departure | Evasion, vehicle: FleetVehicle, standing: Standing
+    ) -> MissionRecord:
+        if isinstance(granted, Evasion):
+            mission = self._planner.evasion(vehicle, standing, granted.route)
+            log.info("vehicle makes room", vehicle=vehicle.name, goal=granted.route.destination)
+            return MissionRecord.of(vehicle.key, mission, None, granted.way)
+        order, _ = self._orders[vehicle.name]
+        tries = self._places.tries(vehicle)
+        mission = self._planner.mission(order, vehicle, standing, granted.route, tries)
+        index = order.status.current_drive_order_index
+        return MissionRecord.of(vehicle.key, mission, index, granted.way)
+
+    def _go_on(self, vehicle: FleetVehicle, ahead: int | None = None) -> None:
+        """Allocate what can be had, and send what is new."""
+        name = vehicle.name
+        more = self._desk.allocate(name, self._ahead if ahead is None else ahead)
+        journey = self._desk.journey(name)
+        assert journey, "asked for by the caller"  # noqa: S101 - for the type
+        unsent = self._unsent.get(name)
+        if unsent and (journey.allocated or not journey.way):
+            del self._unsent[name]
+            record = unsent.released(journey)
+            if not record.evasion:
+                del self._orders[name]
+            self._missions.put(record)
+            self._steps.vehicle_changed(name)
+            self._steps.after_commit(partial(self._start, record))
+        elif more and (known := self._missions.of_robot(vehicle.key)):
+            record = known.released(journey).updated()
+            self._missions.put(record)
+            self._extend(record)
+
+    def _extend(self, record: MissionRecord) -> None:
+        self._steps.after_commit(lambda: self._fleet().extend_mission(record.robot, record.as_released()))
+
+    def _shorten(self, record: MissionRecord) -> None:
+        if vehicle := self._under_way(record):
+            self._desk.shorten(vehicle.name)
+            self.due = True
+
+    def _start(self, record: MissionRecord) -> None:
+        try:
+            self._fleet().start_mission(record.robot, record.as_released())
+        except RobotBusyError as error:
+            self._on_busy(MissionFailed(record.robot, record.mission.mission_id, str(error)))
+
+    def _under_way(self, record: MissionRecord) -> FleetVehicle | None:
+        vehicle = self._registry.of(record.robot)
+        return vehicle if vehicle and self._desk.journey(vehicle.name) else None
+
+    def _break_off(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
+        self._desk.break_off(vehicle.name)
+        self._places.note(vehicle)
+        self._rest(vehicle, doubt=doubt)
+
+    def _rest(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
+        self._places.forget_sighting(vehicle, doubt=doubt)
+        if doubt:
+            self._steps.after_commit(lambda: self._fleet().instant_action(vehicle.key, state_request()))
+        self._places.see(vehicle)
+        self.due = True

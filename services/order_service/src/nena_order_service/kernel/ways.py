@@ -1,0 +1,42 @@
+"""The ways of the fleet's vehicles, as traffic asks for them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from functools import lru_cache
+
+from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.kernel.vehicles import VehicleRegistry
+from nena_order_service.routing import Route
+from nena_shared.plant import Vehicle
+
+ROUTES_KEPT = 20_000
+"""Routes that are remembered; a wish that waits asks for the same one again and again."""
+
+
+class VehicleWays:
+    """Finds routes as the plant model's data of each vehicle let it drive, and remembers them."""
+
+    def __init__(self, finder: WayFinder, registry: VehicleRegistry) -> None:
+        self._finder = finder
+        self._registry = registry
+        self._route = lru_cache(ROUTES_KEPT)(self._find)
+
+    def route(self, vehicle: str, start: str, goal: str, *, avoid: Collection[str] = frozenset()) -> Route:
+        """Give the cheapest route; raises NoRouteError."""
+        return self._route(self._model(vehicle), start, goal, frozenset(avoid))
+
+    def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
+        """Give what it costs to reach each point that can be reached."""
+        return self._finder.costs(start, vehicle=self._registry.model(vehicle))
+
+    def forget(self) -> None:
+        """Ask anew for each route: the plant has changed."""
+        self._route.cache_clear()
+
+    def _model(self, vehicle: str) -> str | None:
+        return vehicle if self._registry.model(vehicle) else None
+
+    def _find(self, vehicle: str | None, start: str, goal: str, avoid: frozenset[str]) -> Route:
+        model: Vehicle | None = self._registry.model(vehicle) if vehicle else None
+        return self._finder.route(start, goal, vehicle=model, avoid=avoid)

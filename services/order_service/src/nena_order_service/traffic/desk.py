@@ -1,0 +1,251 @@
+"""The traffic desk: who holds what, and how far each vehicle may drive on the way that it was granted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from nena_order_service.traffic.evasion import Evasion
+from nena_order_service.traffic.footing import Footings, Found
+from nena_order_service.traffic.resources import Resources, ResourceSet
+from nena_order_service.traffic.scheduler import Hindrance, Refusal, Scheduler
+from nena_order_service.traffic.traffic_control import Departure, NoWay, TrafficControl, Wish, nobody
+from nena_order_service.traffic.ways import Ways
+from nena_shared.plant import PlantModel
+from nena_shared.plant.geometry import BoundingBox
+
+D = TypeVar("D", bound=Departure | Evasion)
+
+
+@dataclass(slots=True)
+class Journey:
+    """A way under way: its sets, how many of them are allocated, and how many the vehicle has come to."""
+
+    way: tuple[ResourceSet, ...]
+    allocated: int = 0
+    reached: int = 0
+    refusal: Refusal | None = None
+    """Why the next set is not allocated."""
+
+    @property
+    def all_allocated(self) -> bool:
+        """Whether nothing of the way is left to be allocated."""
+        return self.allocated == len(self.way)
+
+
+class TrafficDesk:
+    """Keeps account of vehicles, by their names, over one plant.
+
+    A vehicle is *seen* where it stands. It *wishes* for a way, and :meth:`decide` lets it depart;
+    the way's sets are *allocated* one after the other, and freed when it has *arrived* at a later one and its
+    length is off them. It ends its way, or breaks off: then it rests on all that it held until it is seen
+    standing. Nothing is ever given to two vehicles; only those that were found on the same place share it.
+    """
+
+    def __init__(self, plant: PlantModel, ways: Ways, *, exclusive: bool = True) -> None:
+        self.resources = Resources(plant, exclusive=exclusive)
+        self._control = TrafficControl(plant, ways, self.resources)
+        self._footings = Footings(plant, self.resources)
+        self._journeys: dict[str, Journey] = {}
+        self._broken_off: dict[str, tuple[ResourceSet, ...]] = {}
+        """What vehicles that broke off may be on: from their tails to the next point of their ways."""
+
+    @property
+    def _scheduler(self) -> Scheduler:
+        return self._control.scheduler
+
+    def __contains__(self, vehicle: str) -> bool:
+        """Tell whether the vehicle holds anything."""
+        return vehicle in self._scheduler
+
+    def held(self, vehicle: str) -> tuple[ResourceSet, ...]:
+        """Give what a vehicle holds, oldest first; nothing of one that is not here."""
+        return tuple(self._scheduler.occupant(vehicle).held) if vehicle in self._scheduler else ()
+
+    def stands(self, vehicle: str, point: str, *, on_point: bool) -> bool:
+        """Tell whether the vehicle is known to stand at or, else, to be nearest to this point."""
+        occupant = self._scheduler.occupant(vehicle)
+        return occupant.point == point and (occupant.entry is None) == on_point
+
+    def journey(self, vehicle: str) -> Journey | None:
+        """Give the vehicle's way, to be read; None while it rests."""
+        return self._journeys.get(vehicle)
+
+    def seen(self, vehicle: str, found: Found, box: BoundingBox, *, moving: bool = False) -> bool:
+        """Let a vehicle without a way hold what it was seen on; tell whether that changes anything.
+
+        While it is ``moving`` it keeps what it held before, too. One that came to where it is on a way knows
+        better than its pose what its length covers; one that broke off also keeps what is next to where it
+        was at last, for paths need not be straight.
+        """
+        footing, behind = self._footings.of(found, box), self._behind(vehicle, found, moving=moving)
+        if behind and behind[-1].point == found.point and found.on_point and not moving:
+            held, entry = behind, None
+        else:
+            held = (*(each for each in behind if each != footing.under), footing.under)
+            entry = footing.entry
+        if not moving:
+            self._broken_off.pop(vehicle, None)
+        if vehicle in self._scheduler:
+            occupant = self._scheduler.occupant(vehicle)
+            if tuple(occupant.held) == held and occupant.entry == entry:
+                return False
+        self._scheduler.place(vehicle, held, box.length_mm, entry=entry)
+        return True
+
+    def _behind(self, vehicle: str, found: Found, *, moving: bool) -> tuple[ResourceSet, ...]:
+        """Give what of all that a vehicle holds it still covers, now that it was found somewhere."""
+        held = self.held(vehicle)
+        if moving:
+            return held
+        passed = self._broken_off.get(vehicle, held)
+        if found.on_point:
+            at = [index for index, each in enumerate(passed) if each.point == found.point]
+            return passed[: at[-1] + 1] if at else ()
+        return passed if vehicle in self._broken_off else ()
+
+    def restore(self, vehicle: str, held: Sequence[ResourceSet], length_mm: int) -> None:
+        """Let a vehicle hold what it held before a restart."""
+        self._scheduler.place(vehicle, held, length_mm)
+
+    def resume(self, vehicle: str, way: Sequence[ResourceSet], allocated: int) -> None:
+        """Let a vehicle be on its way as before a restart; where it is on it will be heard."""
+        self._scheduler.resume(vehicle, way[:allocated], way[allocated:])
+        self._journeys[vehicle] = Journey(tuple(way), allocated)
+
+    def remove(self, vehicle: str) -> None:
+        """Take a vehicle out: it holds, wants and claims nothing any more."""
+        self.drop(vehicle)
+        self._journeys.pop(vehicle, None)
+        self._broken_off.pop(vehicle, None)
+        self._scheduler.remove(vehicle)
+
+    def wish(self, wish: Wish, *, first: bool = False) -> None:
+        """Take in what a vehicle that rests wants; see :meth:`TrafficControl.wish`."""
+        self._control.wish(wish, first=first)
+
+    def drop(self, vehicle: str) -> None:
+        """Forget what a vehicle wants."""
+        self._control.drop(vehicle)
+
+    def decide(
+        self, movable: Callable[[str], bool], lost: Callable[[str], bool] = nobody
+    ) -> Iterator[Departure | Evasion | NoWay]:
+        """Let vehicles depart; see :meth:`TrafficControl.decide`.
+
+        Who has come to rest on the way of others, though it was to go on, is sent away first.
+        """
+        for evasion in self._clear_ways(movable):
+            yield self._departed(evasion)
+        for each in self._control.decide(movable, lost):
+            yield each if isinstance(each, NoWay) else self._departed(each)
+
+    def _clear_ways(self, movable: Callable[[str], bool]) -> Iterator[Evasion]:
+        for vehicle, journey in tuple(self._journeys.items()):
+            if self.is_blocked(vehicle) and journey.refusal:
+                way = journey.way[journey.allocated :]
+                yield from self._control.clear(journey.refusal.vehicles, way, movable)
+
+    def stuck(self, movable: Callable[[str], bool], lost: Callable[[str], bool]) -> Iterator[str]:
+        """Give the vehicles under way that wait for vehicles at rest which will not make room.
+
+        These cannot be sent away, or nobody knows when they could be. Ask it after :meth:`decide`.
+        """
+        for vehicle, journey in self._journeys.items():
+            if self.is_blocked(vehicle) and journey.refusal:
+                blockers = [each for each in journey.refusal.vehicles if each not in self._journeys]
+                if blockers and all(movable(each) or lost(each) for each in blockers):
+                    yield vehicle
+
+    def _departed(self, granted: D) -> D:
+        self._journeys[granted.vehicle] = Journey(granted.way)
+        return granted
+
+    def revoke(self, vehicle: str) -> None:
+        """Take back a way of which nothing is allocated yet: the vehicle rests where it was."""
+        self._journeys.pop(vehicle)
+        self._scheduler.give_up_claim(vehicle)
+
+    def allocate(self, vehicle: str, ahead: int = 0) -> bool:
+        """Allocate sets until the vehicle has ``ahead`` of them in front, 0: all that can be; tell if any."""
+        journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
+        before = journey.allocated
+        journey.refusal = None
+        while occupant.claimed and (not ahead or occupant.ahead < ahead):
+            journey.refusal = self._scheduler.allocate(vehicle)
+            if journey.refusal:
+                break
+            journey.allocated += 1
+        return journey.allocated > before
+
+    def is_blocked(self, vehicle: str) -> bool:
+        """Tell whether somebody who rests keeps a vehicle from going on its way."""
+        journey = self._journeys.get(vehicle)
+        refusal = journey.refusal if journey else None
+        return refusal is not None and refusal.hindrance is Hindrance.RESTING
+
+    def ahead(self, vehicle: str) -> int:
+        """Give how many sets a vehicle holds in front of it; raises UnknownOccupantError."""
+        return self._scheduler.occupant(vehicle).ahead
+
+    def arrived(self, vehicle: str, reached: int) -> bool:
+        """Take notice that the vehicle has come to the ``reached``-th set of its way, from 1 on.
+
+        Tells whether others, or the vehicle itself, may be able to go on by that.
+        One that has come farther than it was allowed to holds that, too: it is there.
+        """
+        journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
+        reached = min(reached, len(journey.way))
+        while journey.allocated < reached:
+            self._scheduler.seize(vehicle)
+            journey.allocated += 1
+        if reached <= journey.reached:
+            return False
+        freed = self._scheduler.arrive(vehicle, occupant.reached + reached - journey.reached)
+        journey.reached = reached
+        return freed or not journey.all_allocated
+
+    def finished(self, vehicle: str) -> None:
+        """Take notice that the vehicle has come to the end of its way, and rests there."""
+        self.arrived(vehicle, len(self._journeys[vehicle].way))
+        del self._journeys[vehicle]
+
+    def shorten(self, vehicle: str) -> None:
+        """Let a vehicle's way end where its allocated sets do."""
+        journey = self._journeys[vehicle]
+        self._scheduler.give_up_claim(vehicle)
+        journey.way, journey.refusal = journey.way[: journey.allocated], None
+
+    def break_off(self, vehicle: str) -> None:
+        """End a way early: the vehicle rests on all that it holds until it is seen standing."""
+        occupant = self._scheduler.occupant(vehicle)
+        held = tuple(occupant.held)
+        self._journeys.pop(vehicle, None)
+        self._broken_off[vehicle] = held[: occupant.reached + 2]
+        self._scheduler.place(vehicle, held, occupant.length_mm)
+
+    def broke_off(self, vehicle: str) -> bool:
+        """Tell whether a vehicle has broken off its way, and was not seen standing since."""
+        return vehicle in self._broken_off
+
+    @property
+    def under_way(self) -> tuple[str, ...]:
+        """The vehicles that are on their ways."""
+        return tuple(self._journeys)
+
+    @property
+    def active(self) -> frozenset[str]:
+        """The vehicles that are on their ways or wish for one."""
+        return frozenset((*self._journeys, *self._control.wishing))
+
+    def why_waiting(self, vehicle: str) -> str:
+        """Say why a vehicle does not depart or go on; empty where traffic does not keep it."""
+        journey = self._journeys.get(vehicle)
+        refusal = journey.refusal if journey else self._control.why_waiting(vehicle)
+        return str(refusal or "")
+
+    def sharing(self, vehicle: str) -> str:
+        """Say with whom a vehicle stands on one place, which nobody was ever given; empty for nobody."""
+        found = self._scheduler.sharing(vehicle) if vehicle in self._scheduler else None
+        return f"stands on {found[1]!r} together with {found[0]}" if found else ""

@@ -1,0 +1,276 @@
+"""A fleet under the real kernel: orders, traffic and fleet control as they run, with time compressed.
+
+Messages are late and some are lost; robots lose their links while they drive; the kernel is killed and
+starts anew from what it has stored; orders are withdrawn. What the robots are really on is looked at with
+every move.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from random import Random
+from typing import NoReturn
+
+from nena_order_service.kernel import Kernel, KernelSettings
+from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.plant import Link, Location, LocationType, PlantModel
+from nena_shared.plant.geometry import BoundingBox
+from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.topics import RobotKey
+from support.order_service import request
+from support.scripted_fleet import MemoryStore, key, make_kernel
+from support.traffic.driving_robot import DrivingRobot
+from support.traffic.simulation import CollisionError, StandstillError
+from support.traffic.wire import CoreFleet, Timeline, Wire
+
+TICK = 1.0
+LOOK = 2.0
+REPORT_EACH = 25.0
+PATIENCE = 900.0
+"""Seconds without anything done, with orders left, that count as a standstill."""
+
+
+@dataclass(frozen=True)
+class Adversity:
+    """How often bad things happen, in seconds between two of them; 0: never."""
+
+    kill: float = 0.0
+    break_link: float = 0.0
+    withdraw: float = 0.0
+
+
+def with_stations(plant: PlantModel, stations: tuple[str, ...], length_mm: int) -> PlantModel:
+    """Give each station a location, each point a place of its own, and the vehicles a length."""
+    points = tuple(
+        point.model_copy(update={"x_mm": 20_000 * (index % 40), "y_mm": 20_000 * (index // 40)})
+        for index, point in enumerate(plant.points)
+    )
+    locations = tuple(
+        Location(name=f"at {station}", type="Station", links=(Link(point=station),)) for station in stations
+    )
+    box = BoundingBox(length_mm=max(length_mm, 1))
+    return plant.model_copy(
+        update={
+            "points": points,
+            "locations": locations,
+            "location_types": (LocationType(name="Station", allowed_operations=("Load",)),),
+            "vehicles": tuple(each.model_copy(update={"bounding_box": box}) for each in plant.vehicles),
+        }
+    )
+
+
+class KernelSimulation:
+    """Transport orders of two stations each for a fleet, from first to last."""
+
+    kernel: Kernel
+
+    def __init__(
+        self,
+        plant: PlantModel,
+        stations: tuple[str, ...],
+        random: Random,
+        *,
+        orders: int,
+        ahead: int,
+        length_mm: int,
+        adversity: Adversity | None = None,
+    ) -> None:
+        self.plant = with_stations(plant, stations, length_mm)
+        self.random = random
+        self.store = MemoryStore()
+        self.settings = KernelSettings(release_ahead=ahead, default_map_id="hall")
+        self.adversity = adversity or Adversity()
+        self.timeline = Timeline()
+        self.wire = Wire(self.timeline, random)
+        self.orders = [random.sample(stations, 2) for _ in range(orders)]
+        self.robots: dict[RobotKey, DrivingRobot] = {}
+        outside = [
+            each.name for each in plant.points if not any(each.name in one.members for one in plant.blocks)
+        ]
+        starts = random.sample(outside, len(plant.vehicles))
+        for vehicle, start in zip(plant.vehicles, starts, strict=True):
+            robot = DrivingRobot(key=key(vehicle.name), plant=self.plant, length_mm=length_mm)
+            robot.put_on(start)
+            self.robots[robot.key] = robot
+        self.fleet = CoreFleet(self.timeline, self.wire, self.robots)
+        self.ends: dict[str, TransportOrderStatus] = {}
+        self.withdrawn: set[str] = set()
+        self.kills = 0
+        self.breaks = 0
+        self.finished = 0
+        self._working: set[RobotKey] = set()
+        self._left_to_create = orders
+        self._next_look_for_trouble = 5.0
+
+    def run(self) -> None:
+        """Run until every order is at its end; raises CollisionError or StandstillError."""
+        asyncio.run(self._run())
+
+    @property
+    def driven_nodes(self) -> int:
+        """How many things the robots have done."""
+        return sum(robot.progress for robot in self.robots.values())
+
+    async def _run(self) -> None:
+        await self._start_kernel()
+        for number, stops in enumerate(self.orders):
+            self._later(number, stops)
+        self.timeline.after(TICK, self._tick)
+        self.timeline.after(LOOK, self._look)
+        for robot in self.robots.values():
+            self.timeline.after(self.random.uniform(0, REPORT_EACH), lambda robot=robot: self._report(robot))  # type: ignore[misc] # bound at once
+        done, since = -1, 0.0
+        while self._left():
+            self.timeline.step()
+            if self.driven_nodes != done:
+                done, since = self.driven_nodes, self.timeline.clock.seconds
+            elif self.timeline.clock.seconds - since > PATIENCE:
+                raise StandstillError(self._story())
+            if self._strikes(self.adversity.kill):
+                await self._kill()
+        self._judge()
+
+    def _later(self, number: int, stops: list[str]) -> None:
+        """Let a host create an order: some at once, the others one after the other."""
+
+        def create() -> None:
+            self.kernel.create(request(*(f"at {stop}:Load" for stop in stops)), f"T{number}")
+            self._left_to_create -= 1
+
+        self.timeline.after(2.0 + max(0, number - len(self.robots)) * 2.0, create)
+
+    def _left(self) -> bool:
+        return bool(self._left_to_create) or next(self.kernel.book.unfinished(), None) is not None
+
+    def _strikes(self, mean: float) -> bool:
+        """Tell whether something bad happens, at about each tick."""
+        if not mean or self.timeline.clock.seconds < self._next_look_for_trouble:
+            return False
+        self._next_look_for_trouble = self.timeline.clock.seconds + TICK
+        return self.random.random() < TICK / mean
+
+    async def _start_kernel(self) -> None:
+        away = self.fleet.away
+        self.fleet = CoreFleet(self.timeline, self.wire, self.robots)
+        self.fleet.away = away
+        self.fleet.on_message = self._told
+        self.kernel = await make_kernel(
+            self.plant, self.store, self.fleet, clock=self.timeline.clock, settings=self.settings
+        )
+        self.kernel.steps.listeners.append(self)
+        self.fleet.connect()
+
+    async def _kill(self) -> None:
+        """End the order service without a word, and start it anew."""
+        self.kills += 1
+        self.fleet.alive = False
+        await self._start_kernel()
+
+    def _tick(self) -> None:
+        self.timeline.after(TICK, self._tick)
+        self.fleet.tick()
+        if self.adversity.break_link and self.random.random() < TICK / self.adversity.break_link:
+            self._break(self.random.choice(list(self.robots.values())))
+        if self.adversity.withdraw and self.random.random() < TICK / self.adversity.withdraw:
+            self._withdraw()
+
+    def _look(self) -> None:
+        self.timeline.after(LOOK, self._look)
+        self.kernel.look()
+
+    def _report(self, robot: DrivingRobot) -> None:
+        self.timeline.after(REPORT_EACH, lambda: self._report(robot))
+        self.fleet.report(robot)
+
+    def _break(self, robot: DrivingRobot) -> None:
+        """Let a robot lose its link for a while; it drives on to the end of its base."""
+        if robot.key in self.fleet.away:
+            return
+        self.breaks += 1
+        self.fleet.away.add(robot.key)
+        self.fleet.tell_connection(robot, ConnectionState.CONNECTION_BROKEN)
+
+        def back() -> None:
+            self.fleet.away.discard(robot.key)
+            self.fleet.tell_connection(robot, ConnectionState.ONLINE)
+            self.fleet.report(robot)
+
+        self.timeline.after(self.random.uniform(5, 60), back)
+
+    def _withdraw(self) -> None:
+        states = (TransportOrderState.BEING_PROCESSED, TransportOrderState.DISPATCHABLE)
+        alive = [each for each in self.kernel.book.unfinished() if each.state in states]
+        if alive:
+            order = self.random.choice(alive)
+            self.withdrawn.add(order.name)
+            self.kernel.withdraw(order.number, "not needed", immediate=self.random.random() < 0.5)
+
+    def _told(self, robot: DrivingRobot) -> None:
+        """Let a robot that was told something say so, and go on."""
+        self.fleet.report(robot)
+        self._go_on(robot)
+
+    def _go_on(self, robot: DrivingRobot) -> None:
+        seconds = robot.depart()
+        if seconds is not None:
+            self._check(robot)
+            self.fleet.report(robot)
+            self.timeline.after(seconds, lambda: self._arrive(robot))
+        elif robot.key not in self._working and robot.begins_action():
+            self._working.add(robot.key)
+            self.fleet.report(robot)
+            self.timeline.after(self.random.uniform(2, 20), lambda: self._end_action(robot))
+
+    def _arrive(self, robot: DrivingRobot) -> None:
+        robot.arrive()
+        self._check(robot)
+        self._told(robot)
+
+    def _end_action(self, robot: DrivingRobot) -> None:
+        self._working.discard(robot.key)
+        robot.end_actions()
+        self._told(robot)
+
+    def _check(self, robot: DrivingRobot) -> None:
+        """Look who else is where a robot is, and whether it holds all of that."""
+        on = robot.resources()
+        name = robot.key.serial_number
+        for other in self.robots.values():
+            if other is not robot and (shared := on & other.resources()):
+                self._collided(f"{name} and {other.key.serial_number} are at {sorted(shared)}")
+        held = {resource for each in self.kernel.desk.held(name) for resource in each.uses}
+        if not on <= held:
+            self._collided(f"{name} is on {sorted(on - held)}, which it does not hold")
+
+    def _collided(self, what: str) -> NoReturn:
+        message = f"{what}\n{self._story()}"
+        raise CollisionError(message)
+
+    def _judge(self) -> None:
+        """See that all ended, and well unless they were withdrawn."""
+        assert self.ends.keys() == {f"T{number}" for number in range(len(self.orders))}
+        for order in self.ends.values():
+            finished = order.state is TransportOrderState.FINISHED
+            assert finished or order.name in self.withdrawn, f"{order.name}: {order.reason}"
+        self.finished = sum(order.state is TransportOrderState.FINISHED for order in self.ends.values())
+
+    def order_changed(self, status: TransportOrderStatus) -> None:
+        """Hear of an order, as hosts do."""
+        if status.state.final:
+            self.ends[status.name] = status
+
+    def vehicle_changed(self, status: VehicleStatus) -> None:
+        """Hear of a vehicle, as hosts do."""
+
+    def _story(self) -> str:
+        lines = [f"{self.timeline.clock.seconds:.1f} s, {self.kills} kills, {self.breaks} breaks"]
+        for vehicle in self.kernel.registry:
+            status, held = self.kernel.status(vehicle), self.kernel.desk.held(vehicle.name)
+            lines.append(
+                f"{vehicle.name} {status.connection} on {self.robots[vehicle.key].body}, "
+                f"holds {[each.point for each in held]}, {status.transport_order}: {status.reason}"
+            )
+        lines += [f"{each.name}: {each.status.reason}" for each in self.kernel.book.unfinished()]
+        return "\n".join(lines)

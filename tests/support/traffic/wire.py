@@ -1,0 +1,151 @@
+"""Fleet control's real core and robots, with time compressed: what passes between them is late, or lost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from heapq import heappop, heappush
+from itertools import count
+from random import Random
+
+from nena_order_service.fleet import (
+    FleetController,
+    FleetSettings,
+    Mission,
+    Outputs,
+    PublishInstantActions,
+    PublishOrder,
+    RobotView,
+)
+from nena_order_service.kernel import Kernel
+from nena_shared.clock import ManualClock
+from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.topics import RobotKey
+from support.fleet import hand_over
+from support.traffic.driving_robot import DrivingRobot
+
+LONGEST_DELAY = 0.4
+"""Seconds that a message is under way at most."""
+
+LOSS = 0.01
+"""The share of messages that are lost."""
+
+
+@dataclass
+class Timeline:
+    """What is to happen when, in seconds."""
+
+    clock: ManualClock = field(default_factory=ManualClock)
+    events: list[tuple[float, int, Callable[[], None]]] = field(default_factory=list)
+    numbers: count[int] = field(default_factory=count)
+
+    def after(self, seconds: float, event: Callable[[], None]) -> None:
+        """Let something happen later."""
+        heappush(self.events, (self.clock.seconds + seconds, next(self.numbers), event))
+
+    def step(self) -> None:
+        """Let the next thing happen."""
+        at, _, event = heappop(self.events)
+        self.clock.seconds = max(at, self.clock.seconds)
+        event()
+
+
+class Wire:
+    """Brings messages in the order in which they were sent, some of them not at all."""
+
+    def __init__(self, timeline: Timeline, random: Random) -> None:
+        self._timeline = timeline
+        self._random = random
+        self._last: dict[object, float] = {}
+
+    def bring(self, line: object, message: Callable[[], None]) -> None:
+        """Bring a message on one of the lines."""
+        if self._random.random() < LOSS:
+            return
+        now = self._timeline.clock.seconds
+        at = max(self._last.get(line, 0.0), now + self._random.uniform(0.01, LONGEST_DELAY))
+        self._last[line] = at
+        self._timeline.after(at - now, message)
+
+
+class CoreFleet:
+    """The kernel's fleet control without a broker; a new one is made for each life of the kernel."""
+
+    def __init__(self, timeline: Timeline, wire: Wire, robots: dict[RobotKey, DrivingRobot]) -> None:
+        self.core = FleetController(FleetSettings())
+        self.kernel: Kernel | None = None
+        self.alive = True
+        self.on_message: Callable[[DrivingRobot], None] = lambda _robot: None
+        self.away: set[RobotKey] = set()
+        self._timeline = timeline
+        self._wire = wire
+        self._robots = robots
+
+    @property
+    def now(self) -> float:
+        return self._timeline.clock.seconds
+
+    def connect(self) -> None:
+        """Be at the broker, which tells who is there."""
+        self._take(self.core.on_broker(connected=True, now=self.now))
+        for robot in self._robots.values():
+            self._take(self.core.on_factsheet(robot.key, robot.factsheet(), self.now))
+            away = robot.key in self.away
+            self.tell_connection(robot, ConnectionState.CONNECTION_BROKEN if away else ConnectionState.ONLINE)
+
+    def tell_connection(self, robot: DrivingRobot, state: ConnectionState) -> None:
+        message = robot.connection(state, self.now)
+        self._take(self.core.on_connection(robot.key, message, self.now))
+
+    def report(self, robot: DrivingRobot) -> None:
+        """Let a robot report its state."""
+        state = robot.state(self.now)
+        if robot.key not in self.away:
+            self._wire.bring(("state", robot.key), lambda: self._heard(robot, state))
+
+    def tick(self) -> None:
+        self._take(self.core.tick(self.now))
+
+    def _heard(self, robot: DrivingRobot, state: object) -> None:
+        if self.alive and robot.key not in self.away:
+            self._take(self.core.on_state(robot.key, state, self.now))  # type: ignore[arg-type] # see report
+
+    def _take(self, outputs: Outputs) -> None:
+        for output in outputs:
+            if isinstance(output, PublishOrder | PublishInstantActions):
+                self._send(output)
+            elif self.kernel and self.alive:
+                self.kernel.on_news(output)
+
+    def _send(self, output: PublishOrder | PublishInstantActions) -> None:
+        robot = self._robots[output.robot]
+
+        def arrives() -> None:
+            if robot.key not in self.away:
+                hand_over(output, robot)
+                self.on_message(robot)
+
+        self._wire.bring(("order", robot.key), arrives)
+
+    def start_mission(self, robot: RobotKey, mission: Mission) -> None:
+        self._take(self.core.start_mission(robot, mission, self.now))
+
+    def adopt_mission(self, robot: RobotKey, mission: Mission, *, accepted: bool, update_id: int = 0) -> None:
+        outputs = self.core.adopt_mission(robot, mission, self.now, accepted=accepted, update_id=update_id)
+        self._take(outputs)
+
+    def extend_mission(self, robot: RobotKey, mission: Mission) -> None:
+        self._take(self.core.extend_mission(robot, mission, self.now))
+
+    def cancel_mission(self, robot: RobotKey) -> None:
+        self._take(self.core.cancel_mission(robot, self.now))
+
+    def instant_action(self, robot: RobotKey, action: Action) -> None:
+        self._take(self.core.instant_action(robot, action, self.now))
+
+    def all_known(self) -> bool:
+        return self.core.all_known(self.now)
+
+    def view(self, robot: RobotKey) -> RobotView:
+        return self.core.view(robot, self.now)

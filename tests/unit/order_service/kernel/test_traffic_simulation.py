@@ -1,0 +1,37 @@
+"""Fleets on random plants under the real kernel: orders end, nobody collides, nothing stands for good."""
+
+from __future__ import annotations
+
+from random import Random
+
+import pytest
+
+from support.examples import KERNEL_PLANTS
+from support.traffic.kernel_simulation import Adversity, KernelSimulation
+from support.traffic.random_plant import random_plant
+
+ORDERS = 50
+ROBOTS = (2, 6, 12, 60, 3, 20, 8, 40, 5)
+LENGTHS_MM = (0, 800, 1500)
+AHEAD = (0, 2, 1, 3)
+ADVERSITY = (Adversity(), Adversity(kill=120.0, break_link=60.0), Adversity(withdraw=90.0, kill=400.0))
+
+
+@pytest.mark.parametrize("seed", range(KERNEL_PLANTS))
+def test_every_order_ends_without_a_collision_or_a_standstill(seed: int) -> None:
+    random, robots = Random(seed), ROBOTS[seed % len(ROBOTS)]
+    plant, stations = random_plant(random, robots)
+    simulation = KernelSimulation(
+        plant,
+        stations,
+        random,
+        orders=ORDERS,
+        ahead=AHEAD[seed % len(AHEAD)],
+        length_mm=LENGTHS_MM[seed % len(LENGTHS_MM)],
+        adversity=ADVERSITY[seed % len(ADVERSITY)],
+    )
+
+    simulation.run()
+
+    assert simulation.finished + len(simulation.withdrawn) >= ORDERS
+    assert simulation.driven_nodes > ORDERS

@@ -1,0 +1,240 @@
+"""The desk's account of who holds what."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+import pytest
+
+from nena_order_service.routing import NoRouteError, Route, Router
+from nena_order_service.traffic.desk import TrafficDesk
+from nena_order_service.traffic.footing import Found
+from nena_order_service.traffic.traffic_control import NoWay, Wish
+from nena_shared.plant import PlantModel
+from nena_shared.plant.geometry import BoundingBox
+from support.plants import path, point
+
+BOX = BoundingBox(length_mm=1)
+BOTH_WAYS = 1000
+
+ROW = PlantModel(
+    name="row",
+    points=tuple(point(name, 2000 * index) for index, name in enumerate("ABCDEX")),
+    paths=tuple(
+        path(ends, 2000, max_reverse_velocity_mm_s=BOTH_WAYS) for ends in ("A B", "B C", "C D", "D E", "C X")
+    ),
+)
+
+
+class Bench:
+    """A desk over one plant, and vehicles on points of it."""
+
+    def __init__(self, *, exclusive: bool = True, box: BoundingBox = BOX, **places: str) -> None:
+        self.router = Router(ROW)
+        self.desk = TrafficDesk(ROW, self, exclusive=exclusive)
+        for vehicle, at in places.items():
+            self.desk.seen(vehicle, Found(at, on_point=True), box)
+
+    def route(self, vehicle: str, start: str, goal: str, *, avoid: Collection[str] = frozenset()) -> Route:
+        if vehicle == "nowhere":
+            raise NoRouteError(start, (goal,), None, avoid)
+        return self.router.route(start, goal, avoid=avoid)
+
+    def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
+        del vehicle
+        return self.router.costs_from(start)
+
+    def go(self, vehicle: str, goal: str, ahead: int = 0) -> str:
+        """Let a vehicle depart, and allocate; gives in words why it waits."""
+        self.desk.wish(Wish(vehicle, goal))
+        list(self.desk.decide(lambda name: name == vehicle))
+        if self.desk.journey(vehicle):
+            self.desk.allocate(vehicle, ahead)
+        return self.desk.why_waiting(vehicle)
+
+    def held(self, vehicle: str) -> set[str]:
+        return {name for each in self.desk.held(vehicle) for name in each.uses}
+
+
+def test_as_many_sets_as_asked_for_are_allocated_ahead_and_freed_behind() -> None:
+    bench = Bench(v="A")
+    assert bench.go("v", "D", ahead=2) == ""
+    assert bench.held("v") == {"A", "A --- B", "B", "B --- C", "C"}
+
+    bench.desk.arrived("v", 1)
+    assert bench.held("v") == {"A --- B", "B", "B --- C", "C"}
+    assert bench.desk.allocate("v", 2)
+    assert not bench.desk.allocate("v", 2)
+
+    bench.desk.finished("v")
+    assert bench.held("v") == {"C --- D", "D"}
+    assert bench.desk.journey("v") is None
+
+
+def test_a_long_vehicle_keeps_what_its_tail_is_on() -> None:
+    bench = Bench(v="A", box=BoundingBox(length_mm=2500))
+    bench.go("v", "D")
+
+    bench.desk.arrived("v", 2)
+    assert {"A --- B", "B"} <= bench.held("v")
+    bench.desk.arrived("v", 3)
+    assert "A --- B" not in bench.held("v")
+
+
+def test_who_has_driven_too_far_holds_where_it_is() -> None:
+    bench = Bench(v="A", w="C")
+    bench.go("w", "X")
+    bench.go("v", "D", ahead=1)
+
+    bench.desk.arrived("v", 2)
+
+    assert "C" in bench.held("v")
+    assert "C" in bench.desk.sharing("w")
+
+
+def test_after_a_way_was_broken_off_all_is_kept_until_the_vehicle_is_seen_standing() -> None:
+    bench = Bench(v="A")
+    bench.go("v", "D")
+    bench.desk.arrived("v", 1)
+
+    bench.desk.break_off("v")
+    assert bench.held("v") >= {"B", "C", "D"}
+    assert bench.desk.broke_off("v")
+    bench.desk.seen("v", Found("C", on_point=False, place_mm=(3000.0, 0.0)), BOX, moving=True)
+    assert bench.held("v") >= {"B", "C", "D"}
+
+    bench.desk.seen("v", Found("C", on_point=False, place_mm=(3000.0, 0.0)), BOX)
+    assert bench.held("v") == {"A --- B", "B", "B --- C", "C"}
+    assert not bench.desk.broke_off("v")
+
+
+def test_who_breaks_off_on_a_point_keeps_that_and_its_tail() -> None:
+    bench = Bench(v="A", box=BoundingBox(length_mm=2500))
+    bench.go("v", "D")
+    bench.desk.arrived("v", 2)
+
+    bench.desk.break_off("v")
+    bench.desk.seen("v", Found("C", on_point=True), BoundingBox(length_mm=2500))
+
+    assert bench.held("v") == {"A --- B", "B", "B --- C", "C"}
+
+
+def test_who_was_carried_elsewhere_holds_only_that() -> None:
+    bench = Bench(v="A")
+
+    assert bench.desk.seen("v", Found("D", on_point=True), BOX)
+    assert not bench.desk.seen("v", Found("D", on_point=True), BOX)
+
+    assert bench.held("v") == {"D"}
+
+
+def test_who_stands_beside_its_point_claims_that_first() -> None:
+    bench = Bench(w="B")
+    bench.desk.seen("v", Found("B", on_point=False, place_mm=(2000.0, 900.0)), BOX)
+
+    assert bench.go("v", "C") == "waits for 'B', where w rests"
+    assert bench.held("v") == set()
+
+
+def test_two_on_one_place_both_hold_it_and_are_named() -> None:
+    bench = Bench(v="B", w="B")
+
+    assert bench.desk.sharing("v") == "stands on 'B' together with w"
+    assert bench.go("w", "C") == ""
+    bench.desk.finished("w")
+    assert bench.desk.sharing("v") == ""
+
+
+def test_a_way_is_revoked_before_anything_of_it_was_allocated() -> None:
+    bench = Bench(v="A", w="C")
+    bench.go("w", "A")  # claimed, and nothing of it can be had
+
+    bench.desk.wish(Wish("v", "B"))
+    bench.desk.drop("w")
+
+    assert bench.desk.journey("w") is None
+    assert list(bench.desk.decide(lambda name: name == "v"))
+    bench.desk.revoke("v")
+    assert bench.held("v") == {"A"}
+    assert bench.desk.active == frozenset()
+
+
+def test_a_shortened_way_ends_where_it_is_allocated() -> None:
+    bench = Bench(v="A")
+    bench.go("v", "E", ahead=2)
+
+    bench.desk.shorten("v")
+    bench.desk.finished("v")
+
+    assert bench.held("v") == {"B --- C", "C"}
+    assert Bench(v="A").go("v", "E") == ""
+
+
+def test_who_comes_to_rest_on_the_way_of_others_is_sent_away_or_makes_them_stuck() -> None:
+    bench = Bench(v="A", w="C")
+    bench.go("w", "D")
+    bench.go("v", "C", ahead=1)  # behind w
+    bench.desk.break_off("w")
+    bench.desk.seen("w", Found("C", on_point=True), BOX)
+
+    assert not bench.desk.allocate("v")
+    assert bench.desk.is_blocked("v")
+    assert list(bench.desk.stuck(lambda _: False, lambda _: False)) == []
+    assert list(bench.desk.stuck(lambda _: False, lambda name: name == "w")) == ["v"]
+
+    (evasion,) = bench.desk.decide(lambda name: name == "w")
+    assert evasion.vehicle == "w"
+    assert bench.desk.under_way == ("v", "w")
+
+
+def test_after_a_restart_all_that_was_given_is_held() -> None:
+    before = Bench(v="A")
+    before.go("v", "D", ahead=2)
+    journey = before.desk.journey("v")
+    assert journey
+
+    after = Bench()
+    after.desk.restore("v", [after.desk.resources.at("A")], 1)
+    after.desk.resume("v", journey.way, journey.allocated)
+
+    assert after.held("v") == before.held("v")
+    after.desk.arrived("v", 2)
+    assert after.desk.allocate("v")
+
+
+def test_who_is_taken_out_frees_everything() -> None:
+    bench = Bench(v="A", w="D")
+    bench.go("v", "C")
+    bench.desk.wish(Wish("w", "E"))
+
+    bench.desk.remove("v")
+    bench.desk.remove("w")
+
+    assert "v" not in bench.desk
+    assert bench.held("v") == set()
+    assert bench.desk.active == frozenset()
+
+
+def test_without_traffic_nobody_waits_for_anybody() -> None:
+    bench = Bench(v="A", w="B", exclusive=False)
+
+    assert bench.go("v", "D") == ""
+    journey = bench.desk.journey("v")
+    assert journey
+    assert journey.all_allocated
+    assert bench.desk.sharing("w") == ""
+
+
+def test_a_wish_without_a_way_is_told_and_forgotten() -> None:
+    bench = Bench(nowhere="A")
+    bench.desk.wish(Wish("nowhere", "D"))
+
+    (told,) = bench.desk.decide(lambda _: True)
+
+    assert isinstance(told, NoWay)
+    assert bench.desk.active == frozenset()
+
+
+@pytest.mark.parametrize(("on_point", "stands"), [(True, True), (False, False)])
+def test_where_a_vehicle_is_known_to_stand(on_point: bool, stands: bool) -> None:  # noqa: FBT001 - an example
+    assert Bench(v="A").desk.stands("v", "A", on_point=on_point) is stands
