@@ -29,6 +29,7 @@ from nena_edge_agent.loopback.rehearsal import rehearsal_actions
 from nena_edge_agent.maps.actions import map_actions
 from nena_edge_agent.maps.selection import map_store
 from nena_edge_agent.maps.store import MapStore
+from nena_edge_agent.ros.map_watch import MapWatch
 from nena_edge_agent.ros.plugin_port import PluginRos
 from nena_edge_agent.ros.session_actions import SessionSwitch, session_actions, session_switch
 from nena_edge_agent.settings import EdgeAgentSettings
@@ -82,7 +83,9 @@ def _agent_maker(
     ports = RobotPorts(ros, settings.actions)
     journal = settings.journal.folder if settings.journal.enabled else None
     switch = session_switch(settings.ros, journal, robot)
-    driver = driver_maker(settings, index, clock, bench, switch, guests=(ros,) if ros else ())
+    map_watch = MapWatch.of(settings)
+    guests = (ros, map_watch) if ros else ()
+    driver = driver_maker(settings, index, clock, bench, switch, guests=guests)
     store = map_store(settings, robot)
     context = PluginContext(robot, ports.drive, ros)
     registry = make_registry(settings, bench, store, switch, context)
@@ -97,6 +100,7 @@ def _agent_maker(
             maps=store.maps if store else (),
         )
         bench.cut_link = agent.cut_link
+        map_watch.tell = agent.publish_map
         return agent
 
     return make

@@ -7,14 +7,15 @@ const widths = new Map();
 
 /** The texts of one picture. Where there is no room a text is left out, unless it must be seen. */
 export class Labels {
-  #taken = [];
+  /** The boxes of the texts that are there, `[left, top, right, bottom]`. */
+  taken;
 
-  /** `plates`: each text stands on a plate, so that it can be read over others that are there already. */
-  constructor(context, width, colours, { plates = false } = {}) {
+  /** `over`: boxes of other texts, which these keep off if they can; where they cannot, a plate hides them. */
+  constructor(context, width, colours, over = []) {
+    this.taken = [...over];
     this.context = context;
     this.width = width;
     this.colours = colours;
-    this.plates = plates;
   }
 
   /** Write a text `distance` pixels from the middle of its thing. */
@@ -24,11 +25,11 @@ export class Labels {
     const half = widthOf(context, text) / 2 + 3;
     const x = Math.max(half, Math.min(this.width - half, middle));
     const boxes = [distance, -distance].map((off) => [x - half, centre + off - HALF, x + half, centre + off + HALF]);
-    const free = boxes.find((box) => !this.#taken.some((each) => overlap(each, box)));
+    const free = boxes.find((box) => !this.taken.some((each) => overlap(each, box)));
     if (!free && !important) return;
     const box = free ?? boxes[0];
-    this.#taken.push(box);
-    if (this.plates) this.#paintPlate(box);
+    this.taken.push(box);
+    if (!free) this.#paintPlate(box);
     const y = (box[1] + box[3]) / 2;
     context.textAlign = "center";
     context.textBaseline = "middle";

@@ -26,6 +26,7 @@ export class Painter {
   #context;
   #sheet = document.createElement("canvas");
   #painted = [];
+  #texts = [];
 
   constructor(canvas) {
     this.#canvas = canvas;
@@ -44,7 +45,7 @@ export class Painter {
     context.scale(devicePixelRatio, devicePixelRatio);
     const places = scene.robots.map((robot) => ({ robot, at: view.toScreen(robot.position.x, robot.position.y) }));
     const seen = places.filter(({ robot, at }) => robot.order?.active || inSight(view, at));
-    paintRobots(context, view, seen, scene);
+    paintRobots(context, view, seen, { ...scene, texts: this.#texts });
     if (scene.pose) paintPose(context, view.toScreen(scene.pose.x, scene.pose.y), scene.pose.theta, scene.colours.accent);
     return places;
   }
@@ -58,7 +59,7 @@ export class Painter {
       Object.assign(this.#sheet, { width, height });
       const context = this.#sheet.getContext("2d");
       context.scale(devicePixelRatio, devicePixelRatio);
-      paintPlan(context, view, scene);
+      this.#texts = paintPlan(context, view, scene);
     }
     return this.#sheet;
   }

@@ -4,16 +4,18 @@ import { paintGrids } from "./grid_painter.js";
 import { Labels } from "./labels.js";
 import { middle, stroke, trace } from "./line.js";
 
-/** Paint the maps of the robots and the layers of a plan, as far as they are on. */
+/** Paint the maps of the robots and the layers of a plan, as far as they are on; gives the boxes of texts in sight. */
 export function paintPlan(context, view, { plan, grids, colours, layers }) {
   if (layers.grids) paintGrids(context, view, grids, colours.muted);
-  if (!plan) return;
+  if (!plan) return [];
   context.lineCap = "round";
   if (layers.blocks) for (const block of plan.blocks) paintBlock(context, view, block, colours);
   if (layers.ways) for (const way of plan.ways) paintWay(context, view, way, colours);
   if (layers.locations) for (const location of plan.locations) paintLocation(context, view, location, colours);
   if (layers.points) for (const point of plan.points.values()) paintPoint(context, view, point, colours);
-  if (layers.names) labelPlan(new Labels(context, view.width, colours), view, plan, layers);
+  const labels = new Labels(context, view.width, colours);
+  if (layers.names) labelPlan(labels, view, plan, layers);
+  return labels.taken.filter((box) => inSight(view, box));
 }
 
 // One stroke for all of it, so that it is even where its parts lie on each other.
@@ -36,6 +38,10 @@ function paintBlock(context, view, block, colours) {
   }
   context.stroke();
   context.restore();
+}
+
+function inSight(view, [left, top, right, bottom]) {
+  return right > 0 && bottom > 0 && left < view.width && top < view.height;
 }
 
 function screenLine(view, line) {

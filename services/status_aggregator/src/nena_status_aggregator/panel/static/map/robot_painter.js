@@ -19,7 +19,7 @@ export function paintRobots(context, view, places, scene) {
   if (!layers.robots) return;
   for (const { robot, at } of places) paintRobot(context, view, robot, at, scene);
   if (!layers.robotNames) return;
-  const labels = new Labels(context, view.width, colours, { plates: true });
+  const labels = new Labels(context, view.width, colours, scene.texts);
   for (const { robot, at } of places) labels.put(robot.name, at, radiusOf(view, robot) + 10, true);
 }
 
