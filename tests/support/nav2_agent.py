@@ -48,10 +48,10 @@ class Bench:
         self._folder = folder
 
     @contextmanager
-    def simulator(self, *options: str, **robot: Any) -> Iterator[SimulatorProcess]:
+    def simulator(self, *options: str, time_factor: float = 5.0, **robot: Any) -> Iterator[SimulatorProcess]:
         """Run the robot as a program of its own; ``robot`` holds fields of its settings."""
         fields = json.dumps([{"domain_id": self._domain_id, **robot}])
-        options = ("--time_factor", "5", "--robots", fields, *options)
+        options = ("--time_factor", str(time_factor), "--robots", fields, *options)
         with SimulatorProcess(*options, directory=self._folder) as process:
             process.wait_for_line("robot ready")
             yield process

@@ -15,7 +15,7 @@ from nena_edge_agent.maps.settings import MapSettings
 from nena_edge_agent.protocol.capabilities import DriveStrategy, ExternalGoals
 from nena_edge_agent.protocol.link_loss import LinkLossPolicy
 from nena_edge_agent.protocol.optional_parameters import TOLERABLE
-from nena_edge_agent.ros.settings import RosSettings
+from nena_edge_agent.ros.settings import Navigation, RosSettings
 from nena_shared.plant.map_transforms import parse_transform
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
 from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_for
@@ -191,6 +191,11 @@ class EdgeAgentSettings(ServiceSettings):
     )
     loopback: LoopbackSettings = Field(default_factory=LoopbackSettings, description="Loopback robots.")
     ros: RosSettings = Field(default_factory=RosSettings, description="The robot's ROS 2 side.")
+
+    @property
+    def drives_ahead(self) -> bool:
+        """Whether the driver goes over several nodes with one goal."""
+        return self.driver == "nav2" and self.ros.navigation is Navigation.THROUGH_POSES
 
     @property
     def serial_numbers(self) -> tuple[str, ...]:

@@ -28,14 +28,14 @@ def side(applied: list[Command] | None = None) -> ActionSide:
 
 
 def test_without_its_types_the_action_cannot_be_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(action_door, "action_type", lambda: None)
+    monkeypatch.setattr(action_door, "action_type", lambda _navigation: None)
     with pytest.raises(StartError, match=r"ros\.navigation = topics"):
         side().check(RosSettings(navigation=Navigation.ACTION))
     side().check(RosSettings(navigation=Navigation.AUTO))
 
 
 def test_without_its_types_there_is_no_door(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(action_door, "action_type", lambda: None)
+    monkeypatch.setattr(action_door, "action_type", lambda _navigation: None)
     alone = side()
     assert alone.new_door(RosSettings()) == []
     assert not alone.look()

@@ -266,3 +266,69 @@ def test_without_the_action_goals_are_given_by_topic(talk: Conversation) -> None
     (failed,) = talk.ends
     assert isinstance(failed, DriveFailed)
     assert failed.failure is DriveFailure.ABORTED
+
+
+def way(generation: int, *xs: float) -> MapGoal:
+    first, *rest = (MapPose(x, 0.0, 0.0, "hall") for x in xs)
+    return MapGoal(generation, first, deviation_xy=0.3, ahead=tuple(rest))
+
+
+def on_its_way(talk: Conversation, *xs: float) -> str:
+    talk.go_to(way(1, *xs))
+    talk.answer()
+    return talk.sent[-1]
+
+
+def test_the_next_place_of_a_way_needs_no_goal_of_its_own(talk: Conversation) -> None:
+    goal_id = on_its_way(talk, 5.0, 10.0, 15.0)
+    talk.go_to(way(2, 10.0, 15.0))
+    talk.go_to(way(3, 15.0))
+    talk.arrive(15.0)
+    talk.result(goal_id, GoalStatus.SUCCEEDED)
+    assert talk.sent == [goal_id]
+    assert talk.ends == [Arrived(3)]
+
+
+def test_a_way_that_has_become_longer_is_sent(talk: Conversation) -> None:
+    first = on_its_way(talk, 5.0, 10.0)
+    talk.go_to(way(2, 10.0, 15.0))
+    talk.answer()
+    talk.array(**{f"g{first}": 6, f"g{talk.sent[-1]}": 2})
+    assert len(talk.sent) == 2
+    assert talk.ends == []
+
+
+def test_a_place_that_the_robot_leaves_out_is_driven_to_alone(talk: Conversation) -> None:
+    goal_id = on_its_way(talk, 5.0, 10.0)
+    talk.tracker.on_places(goal_id, 1)
+    talk.said += talk.tracker.on_pose(MapPose(5.0, 0.6, 0.0, "hall"), talk.now)
+    talk.said += talk.tracker.on_pose(MapPose(6.0, 0.6, 0.0, "hall"), talk.now)
+    last = [command for command in talk.said if isinstance(command, SendGoal)][-1]
+    assert last.goal == way(1, 5.0)
+    assert len(talk.sent) == 2
+
+
+def test_the_end_of_a_way_waits_for_the_places_on_it(talk: Conversation) -> None:
+    goal_id = on_its_way(talk, 5.0, 10.0)
+    talk.arrive(10.0)
+    talk.result(goal_id, GoalStatus.SUCCEEDED)
+    assert talk.ends == []
+    talk.go_to(way(2, 10.0))
+    assert talk.ends == [Arrived(2)]
+    assert talk.sent == [goal_id]
+
+
+def test_a_place_that_nobody_saw_passed_is_driven_to_after_the_end(talk: Conversation) -> None:
+    goal_id = on_its_way(talk, 5.0, 10.0)
+    talk.arrive(10.0)
+    talk.result(goal_id, GoalStatus.SUCCEEDED)
+    talk.later(GoalSettings().pose_wait + 0.1)
+    assert talk.ends == []
+    assert len(talk.sent) == 2
+
+
+def test_goals_at_the_other_action_are_somebody_elses(talk: Conversation) -> None:
+    talk.said += talk.tracker.on_other_statuses([GoalEntry(THEIRS, GoalStatus.EXECUTING)], talk.now)
+    assert [goal.goal_id for goal in talk.tables[-1].external] == [THEIRS]
+    talk.said += talk.tracker.on_other_statuses([GoalEntry(THEIRS, GoalStatus.SUCCEEDED)], talk.now)
+    assert talk.tables[-1].external == ()

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_edge_agent.driver.map_port import MapGoal, MapPose
-from nena_edge_agent.ros.pose import PoseReading, agrees, localized, quaternion_of, wrap, yaw_of
+from nena_edge_agent.ros.pose import PoseReading, agrees, impossible, localized, quaternion_of, wrap, yaw_of
 from nena_edge_agent.ros.settings import LocalisationSettings
 
 ANGLES = st.floats(-20.0, 20.0)
@@ -78,3 +78,19 @@ def test_sureness_by_spread(variances: tuple[float, float, float], *, sure: bool
 def test_agreement_with_a_goal(pose: MapPose, deviation_theta: float | None, *, there: bool) -> None:
     goal = MapGoal(1, MapPose(5.0, 0.0, math.pi - 0.05, "hall"), 0.5, deviation_theta)
     assert agrees(pose, goal) is there
+
+
+@pytest.mark.parametrize(
+    ("pose", "reason"),
+    [
+        (MapPose(1.0, 2.0, 0.0, "attic"), "map 'attic'"),
+        (MapPose(1.0, math.nan, 0.0, "hall"), "no place to drive to"),
+        (MapPose(1.0, 2.0, math.inf, "hall"), "no place to drive to"),
+    ],
+)
+def test_says_why_a_robot_cannot_be_sent_to_a_place(pose: MapPose, reason: str) -> None:
+    assert reason in str(impossible(pose, "hall"))
+
+
+def test_a_place_on_the_robots_map_can_be_driven_to() -> None:
+    assert impossible(MapPose(1.0, 2.0, 0.0, "hall"), "hall") is None

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from nena_edge_agent.ros.settings import RosNames, RosSettings
+from nena_edge_agent.ros.settings import Navigation, RosNames, RosSettings, status_of
 
 
 @pytest.mark.parametrize(
@@ -25,12 +25,20 @@ def test_domain_id_that_would_end_the_process(domain_id: int) -> None:
         RosSettings(domain_id=domain_id)
 
 
-def test_names_of_the_action() -> None:
-    names = RosNames(action="drive/navigate")
-    assert (names.status, names.cancel) == (
-        "drive/navigate/_action/status",
-        "drive/navigate/_action/cancel_goal",
-    )
+@pytest.mark.parametrize(
+    ("navigation", "driven", "other", "only"),
+    [
+        (Navigation.AUTO, "drive/to", "drive/through", False),
+        (Navigation.TOPICS, "drive/to", "drive/through", False),
+        (Navigation.ACTION, "drive/to", "drive/through", True),
+        (Navigation.THROUGH_POSES, "drive/through", "drive/to", True),
+    ],
+)
+def test_which_action_drives(navigation: Navigation, driven: str, other: str, *, only: bool) -> None:
+    names = RosNames(action="drive/to", through_poses="drive/through")
+    settings = RosSettings(names=names, navigation=navigation)
+    assert (settings.action, settings.other_action, settings.by_action_only) == (driven, other, only)
+    assert status_of(settings.action) == f"{driven}/_action/status"
 
 
 @pytest.mark.parametrize("name", ["battery-state", "", "a//b", "~/x"])

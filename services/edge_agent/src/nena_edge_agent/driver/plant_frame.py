@@ -71,6 +71,7 @@ class PlantFrame:
             deviation_xy=self.on(goal.pose.map_id).length_to_map(goal.deviation_xy),
             deviation_theta=goal.deviation_theta,
             maximum_speed=goal.maximum_speed,
+            ahead=tuple(map(self.to_map, goal.ahead)),
         )
 
     def event(self, event: MapDriverEvent) -> DriverEvent:

@@ -49,7 +49,9 @@ class GoalAt(Generic[P]):
 
     ``generation`` rises with each goal that the core gives; events of a goal carry it, so that a late result
     never finishes a newer goal. ``deviation_xy`` (m) and ``deviation_theta`` (rad, None: any heading will do)
-    say when the robot counts as there. ``maximum_speed`` is in m/s, None: the robot's own.
+    say when the robot counts as there. ``maximum_speed`` is in m/s, None: the robot's own. ``ahead`` are the
+    places that come behind, up to the next stop: a driver that can drives on over them meanwhile, and goes on
+    so when it is given the next of them.
     """
 
     generation: int
@@ -57,6 +59,7 @@ class GoalAt(Generic[P]):
     deviation_xy: float
     deviation_theta: float | None = None
     maximum_speed: float | None = None
+    ahead: tuple[P, ...] = ()
 
 
 class DriveGoal(GoalAt[Pose]):

@@ -37,6 +37,8 @@ class Capabilities:
 
     ``maximum_speed`` is the robot's own; ``limits_speed`` tells whether its driver can keep it below that.
 
+    ``drives_ahead``: its driver goes over several places at once, and is told which come.
+
     ``braking_distance`` is the way in m in which the robot becomes slower, from its full speed; ``footprint``
     is its contour.
 
@@ -57,6 +59,7 @@ class Capabilities:
     limits_speed: bool = True
     strategy: DriveStrategy = DriveStrategy.STOP_AT_NODES
     pass_radius: float = 0.5
+    drives_ahead: bool = False
     base_request_distance: float = 2.0
     external_goals: ExternalGoals = ExternalGoals.PAUSE
     link_loss: LinkLossPolicy = LinkLossPolicy.ASSERTIVE

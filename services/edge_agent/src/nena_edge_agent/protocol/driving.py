@@ -22,8 +22,9 @@ class GoalInFlight:
     time in s when it was asked to stop and has not answered. ``failed_at`` is the sequenceId of a node that
     was not reached; it is not tried again until the order changes. ``failures`` are the drives to the next
     node that have failed and are tried again, at ``retry_at`` in s; ``problem`` says why the last one did.
-    ``pose`` is where the last goal led to, ``own`` what navigation has or may have of our goals, and
-    ``listed_ids`` those that it listed last. ``unsettled``: what they have come to has not been told yet.
+    ``pose`` is where the last goal led to, ``ahead`` the places that it was told come behind, ``own`` what
+    navigation has or may have of our goals, and ``listed_ids`` those that it listed last. ``unsettled``: what
+    they have come to has not been told yet.
     """
 
     generation: int = 0
@@ -34,6 +35,7 @@ class GoalInFlight:
     retry_at: float | None = None
     problem: str = ""
     pose: Pose | None = None
+    ahead: tuple[Pose, ...] = ()
     own: OwnGoals | None = None
     listed_ids: tuple[str, ...] = ()
     unsettled: bool = False
@@ -98,6 +100,7 @@ def make_goal(
     *,
     generation: int,
     maximum_speed: float | None,
+    ahead: tuple[Pose, ...] = (),
 ) -> DriveGoal:
     """Make the goal for ``position``; where no heading is demanded the robot arrives looking ahead."""
     demanded = position.theta is not None
@@ -109,6 +112,7 @@ def make_goal(
         deviation_xy=radius(position, capabilities.default_deviation_xy),
         deviation_theta=allowed if demanded else None,
         maximum_speed=maximum_speed,
+        ahead=ahead,
     )
 
 

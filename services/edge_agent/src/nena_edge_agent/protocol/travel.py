@@ -14,6 +14,7 @@ from nena_edge_agent.protocol.effects import Drive, Halt
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.parts import RobotParts
 from nena_edge_agent.protocol.tolerance import distance, heading_fits, in_place, same_place
+from nena_edge_agent.protocol.way_ahead import way_ahead
 from nena_edge_agent.protocol.zone_guard import ZoneGuard
 from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.order import Node, NodePosition
@@ -118,6 +119,7 @@ class Travel:
         if self._must_stand():
             self.halt()
             return
+        self._look_ahead()
         while self._may_move():
             if goals := self._parts.senses.goals.external:
                 text = f"navigation drives to a goal that somebody else gave ({goals[0].goal_id})"
@@ -191,6 +193,7 @@ class Travel:
     def _give_goal(self, node: Node, position: NodePosition, pose: Pose) -> None:
         parts, goal = self._parts, self._parts.goal
         goal.generation += 1
+        goal.ahead = self._way_ahead()
         goal.target, goal.retry_at = node.sequence_id, None
         parts.progress.leave_node()
         parts.charging = False
@@ -200,11 +203,35 @@ class Travel:
             parts.capabilities,
             generation=goal.generation,
             maximum_speed=parts.progress.edges[0].maximum_speed,
+            ahead=goal.ahead,
         )
         parts.senses.progress = None  # it was that of the goal before
         listed = parts.senses.goals.goals
         goal.give(drive.pose, listed[-1].goal_id if listed else "")
         parts.effects.append(Drive(drive))
+
+    def _look_ahead(self) -> None:
+        """Tell a driver that drives ahead when other places come behind its goal than it was told."""
+        node, pose = self._parts.progress.next_node, self._parts.senses.trusted_pose
+        if self._parts.goal.target is None or node is None or node.node_position is None or pose is None:
+            return
+        if self._way_ahead() != self._parts.goal.ahead:
+            self._give_goal(node, node.node_position, pose)
+
+    def _way_ahead(self) -> tuple[Pose, ...]:
+        """Give the places behind the next node that can be driven over now; none to a driver that cannot."""
+        parts = self._parts
+        capabilities, pose = parts.capabilities, parts.senses.trusted_pose
+        passes = capabilities.strategy is DriveStrategy.PASS_THROUGH and capabilities.drives_ahead
+        if not passes or pose is None or parts.link.out_of_reach(parts.now):
+            return ()
+        last = parts.progress.last_node.node_position if parts.progress.last_node else None
+        return way_ahead(
+            parts.progress,
+            last or pose,
+            capabilities,
+            lambda here, there: self._zones.barred(here, there) is not None,
+        )
 
     def _traverse(self) -> None:
         self._parts.goal.target = None
@@ -227,7 +254,7 @@ class Travel:
             and not parts.link.out_of_reach(parts.now)
             and lets_drive(node.actions)
             and lets_drive(following.actions)
-            and distance(pose, position) <= capabilities.pass_radius
+            and (capabilities.drives_ahead or distance(pose, position) <= capabilities.pass_radius)
             and in_place(pose, position, capabilities.default_deviation_xy)
             and heading_fits(pose, position, capabilities.default_deviation_theta)
             and not self._barred_behind(position)

@@ -1,4 +1,4 @@
-"""Nav2's action NavigateToPose in the ROS graph: its goals, results and feedback.
+"""Nav2's action in the ROS graph, to one place or over several: its goals, results and feedback.
 
 Made of the hidden services and the topic that an action consists of: an id of our own can be sent and asked
 for, an answer has a time-out, and a goal of an earlier run is as good as one of this one. Statuses and
@@ -8,7 +8,7 @@ cancelling are with the node, which has them by topics too.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -22,7 +22,7 @@ from nena_edge_agent.ros.goal_status import GoalStatus
 from nena_edge_agent.ros.pose import yaw_of
 from nena_edge_agent.ros.readings import UnusablePoseError
 from nena_edge_agent.ros.session import RosSession
-from nena_edge_agent.ros.settings import RosSettings
+from nena_edge_agent.ros.settings import Navigation, RosSettings
 
 FEEDBACK = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
@@ -45,10 +45,11 @@ class ActionListeners:
     feedback: Callable[[FeedbackReading], None]
 
 
-def action_type() -> Any | None:  # noqa: ANN401 - rclpy carries no types
-    """Give the type of NavigateToPose, where the robot's ROS installation has it."""
+def action_type(navigation: Navigation) -> Any | None:  # noqa: ANN401 - rclpy carries no types
+    """Give the type of the action that goals are given to, where the robot's ROS installation has it."""
+    name = "NavigateThroughPoses" if navigation is Navigation.THROUGH_POSES else "NavigateToPose"
     try:
-        return import_module("nav2_msgs.action").NavigateToPose
+        return getattr(import_module("nav2_msgs.action"), name)
     except ImportError:
         return None
 
@@ -65,7 +66,7 @@ class ActionDoor:
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
         """Make the clients and the subscription."""
         self._session = session
-        services, hidden = self._types.Impl, f"{self._settings.names.action}/_action"
+        services, hidden = self._types.Impl, f"{self._settings.action}/_action"
         self._goals = node.create_client(services.SendGoalService, f"{hidden}/send_goal")
         self._results = node.create_client(services.GetResultService, f"{hidden}/get_result")
         session.subscribe(
@@ -82,11 +83,21 @@ class ActionDoor:
         """Whether a server is there that takes goals."""
         return bool(self._goals.service_is_ready() and self._results.service_is_ready())
 
-    async def send(self, goal_id: str, pose: MapPose) -> bool | None:
-        """Send a goal; tells whether the server has accepted it, None: it has not answered in time."""
+    async def send(self, goal_id: str, way: Sequence[MapPose]) -> bool | None:
+        """Send a goal over the places of ``way``, of which NavigateToPose takes the first alone.
+
+        Tells whether the server has accepted it, None: it has not answered in time.
+        """
         request = self._types.Impl.SendGoalService.Request()
         request.goal_id.uuid = list(bytes.fromhex(goal_id))
-        request.goal.pose = messages.goal_message(pose, self._settings.frame)
+        places = [messages.goal_message(pose, self._settings.frame) for pose in way]
+        if hasattr(request.goal, "pose"):
+            request.goal.pose = places[0]
+        elif hasattr(request.goal.poses, "goals"):  # from Kilted on
+            request.goal.poses.header.frame_id = self._settings.frame
+            request.goal.poses.goals = places
+        else:
+            request.goal.poses = places
         answer = await self._session.call(self._goals, request, seconds=self._settings.call_timeout)
         return None if answer is None else bool(answer.accepted)
 
@@ -131,4 +142,5 @@ def feedback_reading(message: Any) -> FeedbackReading:  # noqa: ANN401
         frame=told.current_pose.header.frame_id,
         left=told.distance_remaining,
         recoveries=told.number_of_recoveries,
+        places_left=getattr(told, "number_of_poses_remaining", 1),
     )

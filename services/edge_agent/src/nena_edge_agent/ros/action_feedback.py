@@ -19,7 +19,7 @@ FRESH = 0.5
 
 @dataclass(frozen=True, slots=True)
 class FeedbackReading:
-    """One message: the place in m and rad of ``frame``, the way that is left in m."""
+    """One message: the place in m and rad of ``frame``, the way that is left in m and in places."""
 
     goal_id: str
     x: float
@@ -28,6 +28,7 @@ class FeedbackReading:
     frame: str
     left: float
     recoveries: int
+    places_left: int = 1
 
 
 class FeedbackFilter:

@@ -9,6 +9,7 @@ from nena_edge_agent.driver.map_port import MapGoal
 from nena_edge_agent.ros.action_feedback import FeedbackReading
 from nena_edge_agent.ros.action_tracker import ActionTracker
 from nena_edge_agent.ros.commands import Command
+from nena_edge_agent.ros.goal_status import GoalEntry
 from nena_edge_agent.ros.settings import Navigation, RosSettings
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
@@ -50,7 +51,7 @@ class ActionSide:
         """
         from nena_edge_agent.ros.action_door import action_type  # noqa: PLC0415 - loads rclpy
 
-        if settings.navigation is Navigation.ACTION and action_type() is None:
+        if settings.by_action_only and action_type(settings.navigation) is None:
             message = (
                 "nav2_msgs cannot be loaded: source the robot's ROS installation with Nav2 before the start, "
                 "or drive by topics (ros.navigation = topics)"
@@ -61,8 +62,10 @@ class ActionSide:
         """Give what is to enter a new node: nothing where goals are given by topic alone."""
         from nena_edge_agent.ros.action_door import ActionDoor, ActionListeners, action_type  # noqa: PLC0415
 
-        types = None if settings.navigation is Navigation.TOPICS else action_type()
-        listeners = ActionListeners(self._on_result, self._on_feedback)
+        types = None
+        if settings.navigation is not Navigation.TOPICS:
+            types = action_type(settings.navigation)
+        listeners = ActionListeners(self._on_result, self._take_feedback)
         self._door = None if types is None else ActionDoor(settings, types, listeners)
         return [self._door] if self._door else []
 
@@ -71,10 +74,16 @@ class ActionSide:
         self._tracker.by_action = self._door is not None and self._door.ready
         return self._tracker.by_action
 
+    def on_other_statuses(self, entries: list[GoalEntry]) -> None:
+        """Take the statuses of the action that only others give goals to."""
+        self._apply(self._tracker.on_other_statuses(entries, self._clock.monotonic()))
+
     async def send(self, goal: MapGoal, goal_id: str) -> None:
         """Send a goal and take the server's answer."""
         log.info("goal sent", generation=goal.generation, goal=goal_id, x=goal.pose.x, y=goal.pose.y)
-        accepted = await self._door.send(goal_id, goal.pose) if self._door is not None else None
+        accepted = (
+            await self._door.send(goal_id, (goal.pose, *goal.ahead)) if self._door is not None else None
+        )
         self._apply(self._tracker.on_goal_answer(goal_id, self._clock.monotonic(), accepted=accepted))
 
     def ask_result(self, goal_id: str) -> None:
@@ -86,3 +95,7 @@ class ActionSide:
         reason = (result.error_code, result.error_message)
         now = self._clock.monotonic()
         self._apply(self._tracker.on_result(result.goal_id, result.status, reason, now))
+
+    def _take_feedback(self, reading: FeedbackReading) -> None:
+        self._tracker.on_places(reading.goal_id, reading.places_left)
+        self._on_feedback(reading)

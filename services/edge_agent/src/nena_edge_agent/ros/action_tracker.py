@@ -7,14 +7,23 @@ where the action's server is not there and the settings allow it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
+from nena_edge_agent.driver.map_port import MapGoal, MapPose
 from nena_edge_agent.driver.port import DriveFailure
 from nena_edge_agent.ros.commands import AskResult, Command, SendGoal
 from nena_edge_agent.ros.goal_mark import GoalMark
-from nena_edge_agent.ros.goal_status import GoalStatus
+from nena_edge_agent.ros.goal_status import GoalEntry, GoalStatus
 from nena_edge_agent.ros.goal_tracker import Drive, GoalTracker
 from nena_edge_agent.ros.marked_ledger import MarkedLedger
 from nena_edge_agent.ros.navigation_error import reason_of
+from nena_edge_agent.ros.pose import agrees
 from nena_edge_agent.ros.settings import GoalSettings
+from nena_edge_agent.ros.way_driven import WayDriven
+from nena_shared.log import get_logger
+
+log = get_logger(__name__)
 
 REASON_WAIT = 1.0
 """Seconds that the result of an aborted goal may come after the array that shows its end."""
@@ -30,6 +39,7 @@ class ActionTracker(GoalTracker):
             mark, confirmation_time=settings.confirmation_time, settle_time=settings.settle_time
         )
         self.by_action = False
+        self._way = WayDriven()
         self._sent_for: Drive | None = None
         self._sent: list[str] = []
         self._refused = False
@@ -46,6 +56,35 @@ class ActionTracker(GoalTracker):
     def busy(self) -> bool:
         """Whether something is waited for, so that :meth:`tick` is needed."""
         return self._aborted is not None or super().busy
+
+    def go_to(self, goal: MapGoal, now: float) -> list[Command]:
+        """Drive to ``goal``; where the one that is driven leads there anyway, nothing is sent."""
+        drive = self._drive
+        same = drive is not None and drive is self._sent_for and drive.goal_id in self._sent
+        if drive is not None and same and self._aborted is None and self._way.covers(goal):
+            drive.goal = goal
+            self._way.go_on()
+            return self._advance(now)
+        return super().go_to(goal, now)
+
+    def on_pose(self, pose: MapPose, now: float) -> list[Command]:
+        """Take a pose; a place that the robot leaves out on a way over several is driven to anew."""
+        drive = self._drive
+        if drive is not None and drive.reached_at is None and self._way.missed(drive.goal, pose):
+            self._give_alone(drive)
+        return super().on_pose(pose, now)
+
+    def on_places(self, goal_id: str, left: int) -> None:
+        """Take how many places of its way navigation still means to drive to."""
+        drive = self._drive
+        if drive is not None and drive.goal_id == goal_id:
+            self._way.left(drive.goal, left)
+
+    def on_other_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
+        """Take the status array of the action that this agent gives no goals to."""
+        self._ledger.set_others(entries)
+        self._tell_table()
+        return self._advance(now)
 
     def on_goal_answer(self, goal_id: str, now: float, *, accepted: bool | None) -> list[Command]:
         """Take the answer to a goal that was sent; None: there was none, and the array will show it."""
@@ -79,6 +118,7 @@ class ActionTracker(GoalTracker):
         if drive is not self._sent_for:
             self._sent_for, self._sent, self._refused = drive, [], False
         goal_id = self._mark.new()
+        self._way.begin(drive.goal)
         self._sent.append(goal_id)
         self._ledger.sent(now)
         self._out.append(SendGoal(drive.goal, goal_id))
@@ -89,6 +129,21 @@ class ActionTracker(GoalTracker):
         if drive.goal_id is None and drive is self._sent_for:
             listed = [each for each in self._sent if self._ledger.status(each) is not None]
             drive.goal_id = listed[-1] if listed else None
+
+    def _judge_arrival(self, now: float) -> None:
+        """Wait at the end of a way for the nodes on it to be told passed; one that was not is driven to."""
+        drive, pose = self._drive, self._pose
+        if drive is None or drive.reached_at is None or not drive.goal.ahead or pose is None:
+            super()._judge_arrival(now)
+        elif agrees(pose, drive.goal):
+            self._arrive(drive)
+        elif now - drive.reached_at >= self._settings.pose_wait:
+            self._give_alone(drive)
+
+    def _give_alone(self, drive: Drive) -> None:
+        """Give a goal again without what comes behind it."""
+        log.info("a node on the way was left out and is driven to", generation=drive.goal.generation)
+        self._drive = Drive(replace(drive.goal, ahead=()))
 
     def _advance(self, now: float) -> list[Command]:
         drive = self._drive

@@ -7,7 +7,6 @@ presence), what comes and goes passes through the node.
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import Iterable, Sequence
 from contextlib import AsyncExitStack, suppress
 from dataclasses import replace
@@ -52,7 +51,7 @@ from nena_edge_agent.ros.guest import NodeGuest
 from nena_edge_agent.ros.initial_position import InitialPosition, PublishInitialPose
 from nena_edge_agent.ros.localisation import Localisation
 from nena_edge_agent.ros.movement_watch import MovementWatch
-from nena_edge_agent.ros.pose import PoseReading
+from nena_edge_agent.ros.pose import PoseReading, impossible
 from nena_edge_agent.ros.pose_watch import PoseWatch
 from nena_edge_agent.ros.session_keeper import SessionKeeper
 from nena_edge_agent.ros.session_state import SessionError, SessionState
@@ -151,7 +150,7 @@ class Nav2Driver:
     def go_to(self, goal: MapGoal) -> None:
         """Drive to ``goal``; while another one is driven, it is replaced without a stop."""
         now = self._clock.monotonic()
-        problem = self._impossible(goal.pose)
+        problem = impossible(goal.pose, self._map_id)
         if problem is None:
             self._apply(self._tracker.go_to(goal, now))
         else:
@@ -171,7 +170,7 @@ class Nav2Driver:
 
         Answered by ``PositionInitialized``; a newer call replaces an older one, and one answer is for both.
         """
-        problem = self._impossible(pose)
+        problem = impossible(pose, self._map_id)
         if problem is not None:
             self._tell(PositionInitialized(succeeded=False, description=problem))
             return
@@ -190,7 +189,12 @@ class Nav2Driver:
 
         self._settings = address.applied(self._settings)
         listeners = Listeners(
-            self._on_statuses, self._on_pose, self._on_velocity, self._on_battery, self._on_plan
+            self._on_statuses,
+            self._action.on_other_statuses,
+            self._on_pose,
+            self._on_velocity,
+            self._on_battery,
+            self._on_plan,
         )
         guests = (*self._guests, *self._action.new_door(self._settings))
         node = Nav2Node(self._settings, listeners, guests)
@@ -390,10 +394,3 @@ class Nav2Driver:
         if isinstance(event, Halted):
             self._halted.set()
         self._loop.call_soon(self._emit, event)
-
-    def _impossible(self, pose: MapPose) -> str | None:
-        if pose.map_id != self._map_id:
-            return f"the place is on map '{pose.map_id}', and the robot on '{self._map_id}'"
-        if not all(map(math.isfinite, (pose.x, pose.y, pose.theta))):
-            return f"x {pose.x}, y {pose.y}, heading {pose.theta} is no place to drive to"
-        return None

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from nena_edge_agent.driver.port import GoalReport, GoalTable
 from nena_edge_agent.ros.goal_ledger import Goal, GoalLedger
 from nena_edge_agent.ros.goal_mark import GoalMark
-from nena_edge_agent.ros.goal_status import GoalStatus
+from nena_edge_agent.ros.goal_status import GoalEntry, GoalStatus
 
 
 class MarkedLedger(GoalLedger):
@@ -18,6 +19,20 @@ class MarkedLedger(GoalLedger):
     def __init__(self, mark: GoalMark, *, confirmation_time: float, settle_time: float) -> None:
         super().__init__(confirmation_time=confirmation_time, settle_time=settle_time)
         self._mark = mark
+        self._others: tuple[GoalReport, ...] = ()
+
+    @property
+    def table(self) -> GoalTable:
+        """The goals of the last array, and before them those that run at the other action."""
+        return GoalTable((*self._others, *super().table.goals))
+
+    def set_others(self, entries: Sequence[GoalEntry]) -> None:
+        """Take the goals of the action that only others give goals to."""
+        self._others = tuple(
+            GoalReport(entry.goal_id, external=True, status=entry.status.name)
+            for entry in entries
+            if not entry.status.terminal and not self._mark.bears(entry.goal_id)
+        )
 
     def sent(self, now: float) -> None:
         """Note that a goal with an id of ours is sent; its answer is awaited."""

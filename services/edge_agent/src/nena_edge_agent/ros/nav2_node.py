@@ -26,7 +26,7 @@ from nena_edge_agent.ros.guest import NodeGuest
 from nena_edge_agent.ros.pose import PoseReading
 from nena_edge_agent.ros.presence import LifecycleWatch, Presence
 from nena_edge_agent.ros.session import RosSession
-from nena_edge_agent.ros.settings import RosSettings
+from nena_edge_agent.ros.settings import RosSettings, status_of
 
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(
@@ -44,6 +44,7 @@ class Listeners:
     """Who is told what comes in, in the event loop."""
 
     statuses: Callable[[list[GoalEntry]], None]
+    other_statuses: Callable[[list[GoalEntry]], None]
     pose: Callable[[PoseReading], None]
     velocity: Callable[[tuple[float, float]], None]
     battery: Callable[[BatteryReading], None]
@@ -104,7 +105,7 @@ class Nav2Node:
         """Look whether Nav2 is there; takes at most the time-out of a call."""
         there = self._lifecycle.service_is_ready()
         answer = await self._call(self._lifecycle, Trigger.Request()) if there else None
-        publishers = self._node.get_publishers_info_by_topic(self._settings.names.status)
+        publishers = self._node.get_publishers_info_by_topic(status_of(self._settings.action))
         return Presence(
             servers=frozenset(bytes(publisher.endpoint_gid).hex() for publisher in publishers),
             goal_listeners=self._goals.get_subscription_count(),
@@ -121,7 +122,7 @@ class Nav2Node:
         self._node = node
         self._goals = node.create_publisher(PoseStamped, names.goal_pose, RELIABLE)
         self._initial_poses = node.create_publisher(PoseWithCovarianceStamped, names.initial_pose, RELIABLE)
-        self._cancel = node.create_client(CancelGoal, names.cancel)
+        self._cancel = node.create_client(CancelGoal, f"{self._settings.action}/_action/cancel_goal")
         self._fresh_pose = node.create_client(Empty, names.fresh_pose)
         self._lifecycle = node.create_client(Trigger, names.lifecycle)
         self._listen(node)
@@ -133,11 +134,19 @@ class Nav2Node:
         subscribe(
             node,
             GoalStatusArray,
-            names.status,
+            status_of(self._settings.action),
             LATCHED,
             read=readings.status_entries,
             handle=to.statuses,
             limit=STATUS_ARRAYS,
+        )
+        subscribe(
+            node,
+            GoalStatusArray,
+            status_of(self._settings.other_action),
+            LATCHED,
+            read=readings.status_entries,
+            handle=to.other_statuses,
         )
         # A latched subscription alone would hear nothing of a localiser that does not latch.
         for qos in (LATCHED, SENSOR):

@@ -66,3 +66,12 @@ def agrees(pose: MapPose, goal: MapGoal, *, xy_slack: float = 0.0, theta_slack: 
     """Whether the robot at ``pose`` has reached ``goal``; the slacks (m, rad) widen what is allowed."""
     theta = None if goal.deviation_theta is None else goal.deviation_theta + theta_slack
     return near(pose, goal.pose, xy=goal.deviation_xy + xy_slack, theta=theta)
+
+
+def impossible(pose: MapPose, map_id: str) -> str | None:
+    """Say why a robot on the map ``map_id`` cannot be sent to ``pose``; None: it can."""
+    if pose.map_id != map_id:
+        return f"the place is on map '{pose.map_id}', and the robot on '{map_id}'"
+    if not all(map(math.isfinite, (pose.x, pose.y, pose.theta))):
+        return f"x {pose.x}, y {pose.y}, heading {pose.theta} is no place to drive to"
+    return None

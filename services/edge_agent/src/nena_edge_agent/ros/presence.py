@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 from nena_edge_agent.driver.port import NavigationReport
-from nena_edge_agent.ros.settings import Navigation, RosSettings
+from nena_edge_agent.ros.settings import Navigation, RosSettings, status_of
 
 MISSES = 2
 """Calls without an answer after which a service counts as silent."""
@@ -61,21 +61,21 @@ def judge(presence: Presence, settings: RosSettings, *, pose_known: bool) -> Nav
     return NavigationReport(available=missing is None, reason=missing or "")
 
 
-def _door_open(presence: Presence, navigation: Navigation) -> bool:
+def _door_open(presence: Presence, settings: RosSettings) -> bool:
     """Tell whether somebody takes goals in a way that the settings allow."""
-    by_topic = presence.goal_listeners > 0 and navigation is not Navigation.ACTION
-    return by_topic or (presence.action and navigation is not Navigation.TOPICS)
+    by_topic = presence.goal_listeners > 0 and not settings.by_action_only
+    return by_topic or (presence.action and settings.navigation is not Navigation.TOPICS)
 
 
 def _missing(presence: Presence, settings: RosSettings, *, pose_known: bool) -> str | None:
     names = settings.names
     where = f"in namespace {settings.namespace}, domain {settings.domain_id}"
     if not presence.servers:
-        return f"no node publishes {names.status} {where}: is Nav2 running there?"
-    if not _door_open(presence, settings.navigation):
+        return f"no node publishes {status_of(settings.action)} {where}: is Nav2 running there?"
+    if not _door_open(presence, settings):
         door = f"listens to {names.goal_pose}"
-        if settings.navigation is Navigation.ACTION:
-            door = f"serves the action {names.action}"
+        if settings.by_action_only:
+            door = f"serves the action {settings.action}"
         return f"no node {door} {where}: is bt_navigator configured?"
     if presence.lifecycle is Lifecycle.INACTIVE:
         return f"{names.lifecycle} {where} says that Nav2 is not active: activate it on the robot"

@@ -63,6 +63,13 @@ class Navigation(StrEnum):
     """By its action where this machine has the types and the robot the server, else by topics."""
     TOPICS = "topics"
     ACTION = "action"
+    THROUGH_POSES = "through_poses"
+    """By the action that drives over several places: nodes ahead are given with the next one."""
+
+
+def status_of(action: str) -> str:
+    """Give the topic of an action's goal statuses."""
+    return f"{action}/_action/status"
 
 
 class RosNames(SettingsGroup):
@@ -86,15 +93,14 @@ class RosNames(SettingsGroup):
         description="Service that tells whether Nav2 is active; not asked where it does not exist.",
     )
 
-    @property
-    def status(self) -> str:
-        """Topic of the action's goal statuses."""
-        return f"{self.action}/_action/status"
+    through_poses: RosName = Field(
+        "navigate_through_poses", description="Nav2's action that drives over several places."
+    )
 
     @property
-    def cancel(self) -> str:
-        """Service that cancels goals of the action."""
-        return f"{self.action}/_action/cancel_goal"
+    def status(self) -> str:
+        """Topic of the goal statuses of the action to one place."""
+        return status_of(self.action)
 
 
 class GoalSettings(SettingsGroup):
@@ -160,7 +166,8 @@ class RosSettings(SettingsGroup):
     navigation: Navigation = Field(
         Navigation.AUTO,
         description="How goals are given: by the topic (topics), by Nav2's action, which needs nav2_msgs "
-        "(action), or by the action where nav2_msgs and its server are there (auto).",
+        "(action), by the one that drives over several places (through_poses), or by the action where "
+        "nav2_msgs and its server are there (auto).",
     )
     battery_scale: BatteryScale = Field(
         "fraction", description="Whether the battery's percentage is sent as 0 to 1 or as 0 to 100."
@@ -172,3 +179,20 @@ class RosSettings(SettingsGroup):
     watch_period: Seconds = Field(1.0, description="Seconds between two looks at Nav2's presence.")
     call_timeout: Seconds = Field(1.0, description="Seconds that a ROS service has to answer.")
     stop_timeout: Seconds = Field(5.0, description="Seconds to stop the robot before the program ends.")
+
+    @property
+    def action(self) -> str:
+        """The action that goals are given to, and whose statuses tell of those given by topic."""
+        through = self.navigation is Navigation.THROUGH_POSES
+        return self.names.through_poses if through else self.names.action
+
+    @property
+    def other_action(self) -> str:
+        """The action that only others give goals to."""
+        through = self.navigation is Navigation.THROUGH_POSES
+        return self.names.action if through else self.names.through_poses
+
+    @property
+    def by_action_only(self) -> bool:
+        """Whether goals are never given by the topic."""
+        return self.navigation in (Navigation.ACTION, Navigation.THROUGH_POSES)

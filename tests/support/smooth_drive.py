@@ -1,0 +1,51 @@
+"""An order whose nodes are passed, given in two parts, and how slow the robot is at them."""
+
+from __future__ import annotations
+
+from math import dist
+from typing import Any
+
+from nena_edge_agent.ros.settings import Navigation
+from support.edge_agent import FleetControl, ended
+from support.robot_core import order, position
+from support.ros import Inbox
+
+SPACING = 2.0
+"""Metres from node to node."""
+NODES = ("n0", "n1", "n2", "n3", "n4")
+NEAR = 0.9
+"""Metres around a node in which the robot counts as passing it; it brakes over half a metre."""
+PATIENCE = 60.0
+WAYS = {
+    Navigation.TOPICS: 1.0,
+    Navigation.ACTION: 0.5,
+    Navigation.THROUGH_POSES: 0.5,
+}
+"""Ways to drive, with the metres around a node in which the next goal may be given.
+
+By topics the robot's place is known every 0.25 m, by the actions' feedback every 0.05 m.
+"""
+
+
+def settings(navigation: Navigation) -> dict[str, Any]:
+    """Give the agent's settings for a robot that passes nodes; those of its ROS side are under ``ros``."""
+    return {
+        "drive": {"strategy": "pass_through", "pass_radius": WAYS[navigation]},
+        "ros": {"navigation": navigation},
+    }
+
+
+async def drive(fleet: FleetControl, odometry: Inbox[Any], radius: float) -> float:
+    """Drive over the nodes, the last two of which are released on the way; give how slow it was at them.
+
+    The answer is the least speed at a passed node as a share of the robot's cruise.
+    """
+    places = {name: position(SPACING * index, radius=radius) for index, name in enumerate(NODES)}
+    fleet.send(order(*NODES, released=3, positions=places))
+    await fleet.state(lambda state: state["lastNodeId"] == "n1", within=PATIENCE)
+    fleet.send(order(*NODES[2:], update=1, first=4, positions=places))
+    await fleet.state(ended("o1"), within=PATIENCE)
+    told = [(each.pose.pose.position, each.twist.twist.linear.x) for each in odometry.messages]
+    passed = [SPACING * index for index in range(1, len(NODES) - 1)]
+    slow = [speed for place, speed in told if any(dist((place.x, place.y), (x, 0.0)) <= NEAR for x in passed)]
+    return min(slow) / max(speed for _, speed in told)
