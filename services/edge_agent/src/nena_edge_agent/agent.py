@@ -355,6 +355,7 @@ def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> 
         default_deviation_theta=drive.deviation_theta,
         strategy=drive.strategy,
         pass_radius=drive.pass_radius,
+        drives_ahead=settings.drives_ahead,
         base_request_distance=drive.base_request_distance,
         external_goals=drive.external_goals,
         link_loss=drive.link_loss,
