@@ -6,12 +6,15 @@ import pytest
 from pydantic import ValidationError
 
 from nena_edge_agent.actions.docking import Docking, beside
+from nena_edge_agent.actions.drive import ActionDrive
 from nena_edge_agent.actions.dry_ports import DryDrive
 from nena_edge_agent.actions.settings import DockOperationSettings
-from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.driver.port import Arrived, Halted, Pose, PoseReport
 from nena_edge_agent.protocol.events import ActionReport
+from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.factsheet import ActionScope
 from support.robot_core import action
+from support.scripted_driver import ScriptedDriver
 from support.waiting import until
 
 
@@ -62,6 +65,53 @@ async def test_an_order_may_say_how_far_within_bounds_where_it_is_set_so() -> No
     assert (await end(plugin, forward=-0.2)).status == "FINISHED"
     assert drive.pose is not None
     assert drive.pose.x == pytest.approx(-0.2)
+
+
+async def test_held_it_stands_and_then_drives_to_the_same_place() -> None:
+    drive, driver = ActionDrive(), ScriptedDriver()
+    driver.on_halt = lambda: drive.hear(Halted())
+    drive.attach(driver)
+    drive.hear(PoseReport(Pose(0.0, 0.0, 0.0, "hall"), localized=True))
+    settings = DockOperationSettings(kind="dock", action_type="dock", forward=1.0)
+    reports: list[ActionReport] = []
+    running = Docking(settings, drive).start(action("a", "HARD", "dock"), (), reports.append)
+    await until(lambda: driver.goals, timeout=30)
+
+    running.pause()
+    await until(lambda: reports[-1].status is ActionStatus.PAUSED, timeout=30)
+    assert driver.halts == 1
+    drive.hear(PoseReport(Pose(0.4, 0.0, 0.0, "hall"), localized=True))
+    running.resume()
+    await until(lambda: len(driver.goals) == 2, timeout=30)
+    assert driver.goals[1].pose == driver.goals[0].pose
+    drive.hear(Arrived(driver.goals[1].generation))
+    await until(lambda: reports[-1].status is ActionStatus.FINISHED, timeout=30)
+
+    assert [each.status.value for each in reports] == ["RUNNING", "PAUSED", "RUNNING", "FINISHED"]
+
+
+@pytest.mark.parametrize("held", [True, False])
+async def test_given_up_the_robot_stands_before_it_is_told(*, held: bool) -> None:
+    drive, driver = ActionDrive(), ScriptedDriver()
+    drive.attach(driver)
+    drive.hear(PoseReport(Pose(0.0, 0.0, 0.0, "hall"), localized=True))
+    settings = DockOperationSettings(kind="dock", action_type="dock")
+    reports: list[ActionReport] = []
+    running = Docking(settings, drive).start(action("a", "HARD", "dock"), (), reports.append)
+    await until(lambda: driver.goals, timeout=30)
+    if held:
+        running.pause()
+        await until(lambda: driver.halts, timeout=30)
+        drive.hear(Halted())
+        await until(lambda: reports[-1].status is ActionStatus.PAUSED, timeout=30)
+    running.cancel()
+    await until(lambda: driver.halts, timeout=30)
+    assert not reports[-1].status.ended
+    drive.hear(Halted())
+    await until(lambda: reports[-1].status.ended, timeout=30)
+
+    assert reports[-1].result == "cancelled"
+    assert driver.halts == 1
 
 
 async def test_a_robot_that_does_not_know_where_it_is_does_not_dock() -> None:

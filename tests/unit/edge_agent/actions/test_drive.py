@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
 
 import pytest
 
@@ -13,55 +12,23 @@ from nena_edge_agent.driver.port import (
     Arrived,
     DriveFailed,
     DriveFailure,
-    DriveGoal,
     Halted,
-    OwnGoals,
     Pose,
     PoseReport,
 )
+from support.scripted_driver import ScriptedDriver
 from support.waiting import until
 
 PLACE = Pose(1.0, 2.0, 0.5, "hall")
 
 
-class Driver:
-    """Keeps what it is told."""
-
-    def __init__(self) -> None:
-        self.goals: list[DriveGoal] = []
-        self.halts = 0
-        self.on_halt: Callable[[], None] = lambda: None
-
-    async def start(self) -> None:
-        """Nothing to start."""
-
-    async def stop(self) -> None:
-        """Nothing to stop."""
-
-    def reclaim(self, goals: OwnGoals) -> None:
-        """Nothing to reclaim."""
-
-    def limit_speed(self, speed: float | None) -> None:
-        """Nothing to limit."""
-
-    def initialize_position(self, pose: Pose) -> None:
-        """Nothing to initialise."""
-
-    def go_to(self, goal: DriveGoal) -> None:
-        self.goals.append(goal)
-
-    def halt(self) -> None:
-        self.halts += 1
-        self.on_halt()
-
-
-def begun() -> tuple[ActionDrive, Driver]:
-    drive, driver = ActionDrive(), Driver()
+def begun() -> tuple[ActionDrive, ScriptedDriver]:
+    drive, driver = ActionDrive(), ScriptedDriver()
     drive.attach(driver)
     return drive, driver
 
 
-async def driving(drive: ActionDrive, driver: Driver) -> asyncio.Task[None]:
+async def driving(drive: ActionDrive, driver: ScriptedDriver) -> asyncio.Task[None]:
     before = len(driver.goals)
     task = asyncio.create_task(drive.drive(PLACE, deviation_xy=0.1, maximum_speed=0.3))
     await until(lambda: len(driver.goals) > before, timeout=30)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
+import asyncio
 from math import cos, sin
 
 from nena_edge_agent.actions.background import BackgroundAction, WorkFailedError
@@ -42,6 +42,7 @@ class Docking:
                 *((forward,) if settings.adjustable else ()),
             ),
             blocking_types=settings.blocking_types,
+            pause_allowed=True,
             cancel_allowed=True,
             load=settings.load_change,
             timeout=settings.timeout,
@@ -50,28 +51,73 @@ class Docking:
 
     def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:  # noqa: ARG002
         """Begin to drive."""
-        return BackgroundAction(action.action_id, partial(self._work, action), report)
+        asked = action.parameter(FORWARD) if self._settings.adjustable else None
+        ahead = float(asked) if isinstance(asked, int | float) else self._settings.forward
+        return _Drive(action.action_id, self._settings, self._drive, ahead, report)
 
-    async def _work(self, action: Action) -> ActionReport:
+
+class _Drive(BackgroundAction):
+    """One drive: held, the robot stands; when it goes on, it drives to the same place."""
+
+    def __init__(
+        self, action_id: str, settings: DockOperationSettings, drive: DrivePort, ahead: float, report: Report
+    ) -> None:
+        self._settings = settings
+        self._drive = drive
+        self._ahead = ahead
+        self._free = asyncio.Event()
+        self._free.set()
+        self._leg: asyncio.Task[None] | None = None
+        super().__init__(action_id, self._work, report)
+
+    def pause(self) -> None:
+        """Stop the robot; PAUSED is told when it stands."""
+        if not self.ended:
+            self._free.clear()
+            if self._leg is not None:
+                self._leg.cancel()
+
+    def resume(self) -> None:
+        """Let it drive on."""
+        self._free.set()
+
+    async def _work(self) -> ActionReport:
         start = self._drive.pose
         if start is None:
             message = "the robot does not know where it is"
             raise WorkFailedError(message)
+        goal = beside(start, self._ahead, self._settings.left, self._settings.turn)
+        while not await self._driven(goal):
+            self._report(ActionReport(self._action_id, ActionStatus.PAUSED))
+            await self._free.wait()
+            self._report(ActionReport(self._action_id, ActionStatus.RUNNING))
+        return ActionReport(self._action_id, ActionStatus.FINISHED, charging=self._settings.charging)
+
+    async def _driven(self, goal: Pose) -> bool:
+        """Drive; tells whether it got there, or was held on the way."""
+        if not self._free.is_set():
+            return False
+        settings, task = self._settings, asyncio.current_task()
+        self._leg = asyncio.create_task(
+            self._drive.drive(
+                goal,
+                deviation_xy=settings.deviation_xy,
+                deviation_theta=settings.deviation_theta,
+                maximum_speed=settings.speed,
+            ),
+            name=f"drive of action {self._action_id}",
+        )
         try:
-            await self._drive.drive(
-                self._goal(start, action),
-                deviation_xy=self._settings.deviation_xy,
-                deviation_theta=self._settings.deviation_theta,
-                maximum_speed=self._settings.speed,
-            )
+            await self._leg
         except DriveError as error:
             raise WorkFailedError(str(error)) from error
-        return ActionReport(action.action_id, ActionStatus.FINISHED, charging=self._settings.charging)
-
-    def _goal(self, start: Pose, action: Action) -> Pose:
-        asked = action.parameter(FORWARD) if self._settings.adjustable else None
-        ahead = float(asked) if isinstance(asked, int | float) else self._settings.forward
-        return beside(start, ahead, self._settings.left, self._settings.turn)
+        except asyncio.CancelledError:
+            if task is not None and task.cancelling():
+                raise
+            return False
+        finally:
+            self._leg = None
+        return True
 
 
 def beside(pose: Pose, ahead: float, left: float, turn: float) -> Pose:

@@ -26,8 +26,9 @@ class ChargingWatch:
         """Begin."""
 
         def watched(told: ActionReport) -> None:
-            if told.charging is not None:
+            if isinstance(told, ActionReport) and told.charging is not None:  # who knows what a plug-in tells
                 self._switch(told.charging)
-            report(replace(told, charging=None))
+                told = replace(told, charging=None)
+            report(told)
 
         return self._plugin.start(action, loads, watched)
