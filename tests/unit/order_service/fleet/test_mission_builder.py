@@ -170,6 +170,41 @@ def test_poses_and_lengths_are_those_of_the_map() -> None:
     assert end.map_id == "hall"
 
 
+@pytest.mark.clause("6.3/frame")
+def test_a_robot_that_transforms_itself_is_sent_the_plants_coordinates() -> None:
+    turned = {"hall": MapTransform(2.0, pi / 2, offset_x_m=10.0)}
+    profile = RobotProfile(map_id="hall", transforms=turned, transforms_itself=True)
+    start = locate(PLANT, state(mobile_robot_position=pose(0.0, 0.0)), profile)
+    route = Router(PLANT).route("A", "B")
+    mission = build_mission("m", plant=PLANT, standing=start, profile=profile, route=route)
+    end = place(mission.nodes[-1])
+    assert (end.x, end.y) == (2.0, 0.0)
+
+
+@pytest.mark.clause("6.3/frame")
+def test_before_its_factsheet_a_robot_on_a_transformed_map_is_nowhere() -> None:
+    profile = RobotProfile(map_id="hall", transforms={"hall": MapTransform(2.0)})
+    with pytest.raises(NotLocatedError, match="until its factsheet has come"):
+        locate(PLANT, state(mobile_robot_position=pose(0.0, 0.0)), profile)
+
+
+def test_nodes_are_on_the_maps_of_their_points_in_the_frames_of_those() -> None:
+    roof = point("R", 6000, 0, properties={"vda5050:mapId": "roof"})
+    plant = PlantModel(name="two", points=(*PLANT.points, roof), paths=(path("B R", 4000), *PLANT.paths))
+    profile = RobotProfile(
+        map_id="hall", transforms={"roof": MapTransform(offset_x_m=100.0)}, transforms_itself=False
+    )
+    start = locate(plant, state(mobile_robot_position=pose(2.0, 0.0)), profile)
+    route = Router(plant).route("B", "R")
+    mission = build_mission(
+        "m", plant=plant, standing=start, profile=profile, route=route, coordinate=Coordinate(x=7.0, y=0.0)
+    )
+    places = [(place(node).map_id, place(node).x) for node in mission.nodes]
+    assert places == [("hall", 2.0), ("roof", 106.0), ("roof", 107.0)]
+    there = locate(plant, state(mobile_robot_position=pose(106.0, 0.0, map_id="roof")), profile)
+    assert (there.point, there.on_point) == ("R", True)
+
+
 def test_a_route_that_begins_elsewhere_is_refused() -> None:
     route = Router(PLANT).route("A", "C")
     with pytest.raises(ValueError, match="begins at 'A', the robot is at 'C'"):

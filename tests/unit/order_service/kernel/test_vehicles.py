@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -8,7 +9,7 @@ from nena_order_service.fleet import Availability, LinkStatus, RobotProfile, Rob
 from nena_order_service.kernel.vehicle_status import vehicle_status
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
 from nena_shared.fleet_api.vehicle import IntegrationLevel, ProcessingState, VehicleState, VehicleStatus
-from nena_shared.plant import MapTransform, PlantModel, Vehicle
+from nena_shared.plant import MapPlace, MapTransform, PlantModel, PlantPlace, Vehicle
 from nena_shared.vda5050.topics import RobotKey
 from support.fleet_examples import state
 from support.plants import point
@@ -70,6 +71,26 @@ def test_map_that_nobody_has_named_is_learned_from_the_robot() -> None:
     assert maps == {"Tug": "hall", "Plain": "robot map"}
 
 
+def test_a_robot_says_by_its_factsheet_whether_it_transforms_itself() -> None:
+    turned = PLANT.model_copy(update={"properties": {"nena:mapTransform.hall": "rotation=90 x=5"}})
+    found = VehicleRegistry(turned, default_map_id="", adopt_unknown=True)
+
+    def tug() -> RobotProfile:
+        vehicle = found.named("Tug")
+        assert vehicle is not None
+        return vehicle.profile
+
+    assert (tug().knows_frame("hall"), tug().knows_frame("cellar")) == (False, True)
+    for transforms_itself, x in ((False, 5.0), (True, 0.0)):
+        vehicle = found.named("Tug")
+        assert vehicle is not None
+        found.learn_frame(vehicle, transforms_itself=transforms_itself)
+        assert tug().knows_frame("hall")
+        assert tug().on("hall").to_map(PlantPlace(0.0, 0.0)) == MapPlace(x, 0.0)
+    stranger = found.discover(RobotKey("X", "1")).profile
+    assert not stranger.knows_frame("hall")
+
+
 def view(**fields: Any) -> RobotView:
     key = RobotKey("ACME", "7")
     return RobotView(
@@ -87,14 +108,13 @@ def view(**fields: Any) -> RobotView:
     )
 
 
-def status(robot: RobotView, *, order: str | None = None) -> VehicleStatus:
-    turned = MapTransform(scale=2.0, offset_x_m=1.0)
-    vehicle = FleetVehicle(
-        "Tug",
-        robot.key,
-        RobotProfile("hall", transforms={"hall": turned}, transforms_itself=False),
-        PLANT.vehicle("Tug"),
-    )
+TURNED = RobotProfile(
+    "hall", transforms={"hall": MapTransform(scale=2.0, offset_x_m=1.0)}, transforms_itself=False
+)
+
+
+def status(robot: RobotView, *, order: str | None = None, profile: RobotProfile = TURNED) -> VehicleStatus:
+    vehicle = FleetVehicle("Tug", robot.key, profile, PLANT.vehicle("Tug"))
     return vehicle_status(
         vehicle,
         robot,
@@ -115,6 +135,11 @@ def test_position_is_told_in_the_frame_of_the_plant() -> None:
     assert told.precise_position is not None
     assert told.precise_position.x == pytest.approx(5.0)
     assert told.current_position == "B"
+
+
+def test_position_in_a_frame_that_nobody_knows_is_not_told() -> None:
+    told = status(view(mobile_robot_position=pose(11.0)), profile=replace(TURNED, transforms_itself=None))
+    assert (told.precise_position, told.current_position) == (None, None)
 
 
 def test_position_that_is_not_trusted_is_not_told() -> None:

@@ -41,10 +41,11 @@ def unfit(state: State) -> str | None:
     error = reported_errors.fatal(state.errors)
     if error is not None:
         return f"has a fatal error: {reported_errors.in_words(error)}"
+    if waiting := _without_navigation(state):
+        return waiting
     position = state.mobile_robot_position
-    if position is not None and not position.localized:
-        return "does not know where it is: set its initial position"
-    return _without_navigation(state)
+    lost = position is not None and not position.localized
+    return "does not know where it is: set its initial position" if lost else None
 
 
 def hindered(state: State) -> str | None:
