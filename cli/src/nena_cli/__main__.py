@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import typer
 
+from nena_cli.fleet.orders import app as orders
+from nena_cli.fleet.vehicles import app as vehicles
+from nena_cli.fleet.vehicles import dispatch
 from nena_cli.plant.commands import app as plant
 from nena_cli.vda5050.commands import app as vda5050
 from nena_shared import log
 from nena_shared.settings import LogSettings
 
 app = typer.Typer(help="NeNa: fleets of VDA 5050 robots.", no_args_is_help=True, add_completion=False)
+app.add_typer(orders, name="orders")
+app.add_typer(vehicles, name="vehicles")
+app.command()(dispatch)
 app.add_typer(plant, name="plant")
 app.add_typer(vda5050, name="vda5050")
 

@@ -1,0 +1,1 @@
+"""Orders and vehicles of a running order service, over its REST API."""

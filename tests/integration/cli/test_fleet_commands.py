@@ -1,0 +1,146 @@
+"""`nena orders`, `vehicles` and `dispatch` against a running order service with a robot."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from typer.testing import CliRunner, Result
+
+from nena_cli.__main__ import app
+from support.broker import Broker, free_port
+from support.order_service_fleet import Fleet, order_in, vehicle_idle
+from support.programs import Program
+from support.waiting import until
+
+pytestmark = [pytest.mark.broker, pytest.mark.e2e]
+
+
+@pytest.fixture
+def fleet(broker: Broker, interface_name: str, tmp_path: Path) -> Iterator[Fleet]:
+    made = Fleet(broker, interface_name, tmp_path)
+    with made.stack:
+        yield made
+
+
+class Nena:
+    """The command line, beside the test's own loop."""
+
+    def __init__(self, *urls: str) -> None:
+        self._urls = [part for url in urls for part in ("--url", url)]
+
+    async def __call__(self, *arguments: str, stdin: str | None = None) -> Result:
+        command = [*arguments, *self._urls]
+        return await asyncio.to_thread(lambda: CliRunner().invoke(app, command, input=stdin))
+
+    async def json(self, *arguments: str, status: int = 0, stdin: str | None = None) -> list[Any]:
+        done = await self(*arguments, "--json", stdin=stdin)
+        assert done.exit_code == status, done.output
+        return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+async def test_orders_are_created_listed_shown_and_withdrawn(fleet: Fleet) -> None:
+    client = await fleet.order_service().client()
+    nena = Nena(str(client.base_url))
+    (made,) = await nena.json(
+        "orders", "create", "Goods in:Load cargo", "South 2",
+        "--name", "T-1", "--vehicle", "Robot-02", "--priority", "7", "--property", "pallet=4711",
+        "--deadline", "2035-01-01T12:00:00", "--key", "k",
+    )  # fmt: skip
+    assert (made["name"], made["state"], made["priority"]) == ("T-1", "DISPATCHABLE", 7)
+    assert (await client.get("/v1/transportOrders/T-1")).json() == made
+    body = json.dumps({"name": "T-2", "destinations": [{"locationName": "South 2"}]})
+    await nena.json("orders", "create", "--file", "-", stdin=body)
+
+    assert [each["name"] for each in await nena.json("orders", "list")] == ["T-2", "T-1"]
+    assert [each["name"] for each in await nena.json("orders", "list", "--limit", "1")] == ["T-2"]
+    assert await nena.json("orders", "list", "--state", "FINISHED") == []
+    assert [each["name"] for each in await nena.json("orders", "list", "--vehicle", "Robot-02")] == ["T-1"]
+    listed = await nena("orders", "list")
+    assert "Goods in: Load cargo > South 2: MOVE" in listed.stdout
+    shown = await nena("orders", "show", "T-1")
+    assert "pallet=4711" in shown.stdout
+    assert "orderCreated" in shown.stdout
+
+    stale = await nena("orders", "withdraw", "T-1", "--version", "99")
+    assert stale.exit_code == 1
+    assert "'T-1' has changed" in stale.stderr
+    (ended,) = await nena.json("orders", "withdraw", "T-1", "--reason", "not needed")
+    assert (ended["state"], ended["reason"]) == ("FAILED", "not needed")
+    watched = await nena("orders", "watch", "T-1")
+    assert watched.exit_code == 1
+    assert "T-1 is FAILED: not needed" in watched.stderr
+
+
+async def test_an_order_is_watched_to_its_end_and_vehicles_are_shown(fleet: Fleet) -> None:
+    client = await fleet.order_service().client()
+    nena = Nena(str(client.base_url))
+    fleet.agent(speed=20.0)
+    await vehicle_idle(client)
+    states = [each["state"] for each in await nena.json("orders", "create", "South 2", "--wait")]
+    assert states[-1] == "FINISHED"
+    assert (await nena("dispatch", "Robot-01", "@5.5,2.0", "--wait")).exit_code == 0
+    (sent,) = await nena.json("dispatch", "Robot-01", "Goods in", "--operation", "Load cargo")
+    await order_in(client, sent["name"], "FINISHED")
+    (again,) = await nena.json("orders", "watch", sent["name"])
+    assert again["state"] == "FINISHED"
+
+    vehicles = await nena.json("vehicles", "list")
+    assert [each["name"] for each in vehicles] == ["Robot-01", "Robot-02"]
+    assert await nena.json("vehicles", "list", "--state", "CHARGING") == []
+    (one,) = await nena.json("vehicles", "show", "Robot-01")
+    assert one["connection"] == "ONLINE"
+    assert "Robot-02" in (await nena("vehicles", "list")).stdout
+
+
+async def test_all_orders_are_watched_as_they_change(fleet: Fleet) -> None:
+    client = await fleet.order_service().client()
+    command = [
+        *("orders", "watch", "--json", "--url", str(client.base_url)),
+    ]
+    log = fleet.folder / "watch.log"
+    watching = fleet.stack.enter_context(Program("nena", *command, log=log))
+    await client.post(
+        "/v1/transportOrders", json={"name": "T-1", "destinations": [{"locationName": "South 2"}]}
+    )
+    await until(lambda: '"name":"T-1"' in watching.log, timeout=30)
+    await client.post("/v1/transportOrders/T-1/withdrawal")
+    await until(lambda: '"state":"FAILED"' in watching.log, timeout=30)
+    assert [json.loads(line)["name"] for line in watching.log.splitlines()] == ["T-1", "T-1"]
+
+
+async def test_what_goes_wrong_is_one_clear_text(fleet: Fleet) -> None:
+    client = await fleet.order_service().client()
+    nena = Nena(str(client.base_url))
+    for arguments, said in (
+        (("orders", "show", "T-9"), "There is no transport order 'T-9'"),
+        (("orders", "create", "Nowhere"), "Nowhere"),
+        (("vehicles", "show", "R2D2"), "R2D2"),
+        (("vehicles", "watch", "R2D2"), "R2D2"),
+        (("dispatch", "R2D2", "South 2"), "R2D2"),
+    ):
+        done = await nena(*arguments)
+        assert (done.exit_code, said in done.stderr) == (1, True), done.output
+    for wrong in (
+        ("orders", "create"),
+        ("orders", "create", "A:"),
+        ("orders", "create", "A", "--priority", "9999"),
+    ):
+        assert (await nena(*wrong)).exit_code == 2
+    away = await Nena(f"http://127.0.0.1:{free_port()}")("orders", "list")
+    assert (away.exit_code, "no order service is reached" in away.stderr) == (2, True)
+
+
+async def test_of_several_order_services_the_active_one_is_asked(fleet: Fleet) -> None:
+    client = await fleet.order_service().client()
+    nena = Nena(f"http://127.0.0.1:{free_port()}", str(client.base_url))
+    assert len(await nena.json("vehicles", "list")) == 2
+    (made,) = await nena.json("orders", "create", "South 2")
+    assert isinstance(client, httpx.AsyncClient)
+    await client.post(f"/v1/transportOrders/{made['name']}/withdrawal")
+    assert (await nena("orders", "watch", made["name"])).exit_code == 1

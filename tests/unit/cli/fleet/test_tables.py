@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+from io import StringIO
+
+from rich.console import Console, RenderableType
+
+from nena_cli.fleet import tables
+from nena_cli.fleet.events import Event
+from nena_cli.fleet.watch import ENDED_SHOWN, Board
+from nena_shared.fleet_api.delivery import DeliveryPhase, DeliveryStatus
+from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from nena_shared.fleet_api.vehicle import PrecisePosition, ProcessingState, VehicleState, VehicleStatus
+from support.order_service import NOW, assigned_order, dispatchable_order
+
+
+def text_of(what: RenderableType) -> str:
+    out = StringIO()
+    Console(file=out, width=300).print(what)
+    return out.getvalue()
+
+
+def test_orders_say_where_they_are_and_no_markup_is_read() -> None:
+    order = assigned_order("A", "B:Load [bold]", name="T-[red]1", vehicle="V-[blink]1", priority=3)
+    shown = text_of(tables.orders_table([order.status]))
+    for part in ("T-[red]1", "BEING_PROCESSED", "V-[blink]1", "A: MOVE > B: Load [bold]", "3"):
+        assert part in shown
+
+
+def test_vehicle_that_is_only_meant_stands_in_brackets() -> None:
+    assert "(V-2)" in text_of(tables.orders_table([dispatchable_order(intended_vehicle="V-2").status]))
+
+
+def test_details_name_the_delivery_and_leave_out_what_is_empty() -> None:
+    delivery = DeliveryStatus(
+        transport_order="T-1", phase=DeliveryPhase.SENT, order_id="T-1-0", note="no state echoes it yet"
+    )
+    shown = text_of(tables.order_details(assigned_order("A").status, delivery))
+    assert "SENT T-1-0 no state echoes it yet" in shown
+    assert "deadline" not in shown
+    assert "assignedToVehicle" in text_of(tables.history_table(assigned_order("A").status))
+
+
+def test_vehicles_say_where_they_stand_and_why() -> None:
+    vehicle = VehicleStatus(
+        name="V-1",
+        manufacturer="NeNa",
+        serial_number="v1",
+        state=VehicleState.ERROR,
+        processing_state=ProcessingState.IDLE,
+        reason="has an error",
+        connection="ONLINE",
+        precise_position=PrecisePosition(x=1.25, y=2.0, theta=0.0, map_id="m"),
+        energy_level=41.6,
+        errors=("FATAL lost",),
+    )
+    shown = text_of(tables.vehicles_table([vehicle]))
+    for part in ("V-1", "ERROR", "1.25, 2.00", "42 %", "has an error; FATAL lost"):
+        assert part in shown
+
+
+def test_board_shows_the_newest_of_each_and_lets_old_ends_go() -> None:
+    board = Board(TransportOrderStatus, tables.orders_table)
+    for number in range(ENDED_SHOWN + 5):
+        order = dispatchable_order(number=number).failed("withdrawn", NOW)
+        board.take(Event("transportOrder", None, order.status.model_dump(mode="json", by_alias=True)))
+    waiting = dispatchable_order(number=99).status.model_dump(mode="json", by_alias=True)
+    for _ in range(2):
+        board.take(Event("transportOrder", None, waiting))
+    shown = text_of(board)
+    assert shown.count("T-99") == 1
+    assert shown.count("FAILED") == ENDED_SHOWN
+    assert "T-4 " not in shown
+    assert "T-5 " in shown
