@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import ParamSpec
@@ -145,6 +146,7 @@ class RobotAgent:
         await self._write_record()  # the ids of the first messages
         await self._recorder.sync()
         await self._driver.start()
+        gc.freeze()  # what is loaded by now stays: a look at all of it would hold the robot up for some 30 ms
         try:
             async with Supervisor() as supervisor:
                 supervisor.start(f"link {self.robot}", self._link.run())

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from contextlib import suppress
-from functools import partial
+from queue import Empty, SimpleQueue
 
 from nena_edge_agent.journal import Journal
 from nena_edge_agent.protocol.memory import Memory
 
+AT_ONCE = 0.01
+"""Seconds for which the event loop itself waits: the kernel takes a record in a tenth of a millisecond, and
+to come back to a loop that has gone on takes longer than that."""
 PATIENCE = 2.0
 """Seconds that the disk has to take a record; a robot that is told to stop cannot wait for longer."""
 
@@ -46,7 +48,7 @@ class Recorder:
         self._begun: Version | None = None
         self._tell = tell
         self._wake = wake
-        self._record: asyncio.Task[None] | None = None
+        self._record: asyncio.Future[None] | None = None
         self._deadline = 0.0
 
     async def write(self, version: Version, memory: Callable[[], Memory]) -> None:
@@ -55,14 +57,13 @@ class Recorder:
             return  # while the disk hangs at an older record, a newer one must not get in between
         loop = asyncio.get_running_loop()
         self._begun, self._deadline = version, loop.time() + PATIENCE
-        written = asyncio.Event()
-        tell_written = partial(loop.call_soon_threadsafe, written.set)
-        work = asyncio.to_thread(_work, self._journal, memory(), tell_written)
-        self._record = asyncio.create_task(work, name="journal")
-        self._record.add_done_callback(partial(_end, written))
-        with suppress(TimeoutError):
-            async with asyncio.timeout_at(self._deadline):
-                await written.wait()
+        written: SimpleQueue[None] = SimpleQueue()
+        self._record = loop.run_in_executor(None, _work, self._journal, memory(), written)
+        self._record.add_done_callback(_hear)
+        try:
+            written.get(timeout=AT_ONCE)
+        except Empty:
+            await asyncio.wait((self._record,), timeout=PATIENCE)
 
     async def sync(self) -> None:
         """Come back when what was begun is on the disk, or the disk has failed."""
@@ -85,15 +86,14 @@ class Recorder:
         return self._record is not None and not self._record.done()
 
 
-def _work(journal: Journal, memory: Memory, tell_written: Callable[[], object]) -> None:
+def _work(journal: Journal, memory: Memory, written: SimpleQueue[None]) -> None:
     """Live in a thread: write, tell, and wait for the disk."""
     journal.write(memory)
-    tell_written()
+    written.put(None)
     journal.sync()
 
 
-def _end(written: asyncio.Event, record: asyncio.Task[None]) -> None:
-    """End the wait; that a record has failed which nobody waits for any more is no matter for the loop."""
+def _hear(record: asyncio.Future[None]) -> None:
+    """Take in what became of a record; where nobody waits for it any more, it does not matter."""
     if not record.cancelled():
         record.exception()
-    written.set()

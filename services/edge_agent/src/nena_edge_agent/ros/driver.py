@@ -362,8 +362,8 @@ class Nav2Driver:
             return
         match command:
             case PublishGoal(goal):
-                self._log.info("goal given", generation=goal.generation, x=goal.pose.x, y=goal.pose.y)
                 node.publish_goal(goal.pose)
+                self._log.info("goal given", generation=goal.generation, x=goal.pose.x, y=goal.pose.y)
             case SendGoal(goal, goal_id):
                 self._tasks.start("send a goal", self._action.send(goal, goal_id), vital=False)
             case AskResult(goal_id):

@@ -14,6 +14,7 @@ from action_msgs.msg import GoalStatusArray
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry, Path
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import BatteryState
 from std_srvs.srv import Empty, Trigger
@@ -34,6 +35,9 @@ LATCHED = QoSProfile(
 )
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Matches every publisher, and never gets a latched message."""
+
+NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
+"""Reliable and volatile fits every subscription but a latched one, which makes no sense for these topics."""
 
 STATUS_ARRAYS = 10
 """Status arrays that may wait for the loop; each tells all, so that the oldest can be dropped."""
@@ -60,6 +64,7 @@ class Nav2Node:
         self._settings = settings
         self._listeners = listeners
         self._lifecycle_watch = LifecycleWatch()
+        self._hears_all_localisers = False
         self._session = RosSession(
             node_name=settings.node_name, namespace=settings.namespace, domain_id=settings.domain_id
         )
@@ -105,6 +110,7 @@ class Nav2Node:
         """Look whether Nav2 is there; takes at most the time-out of a call."""
         there = self._lifecycle.service_is_ready()
         answer = await self._call(self._lifecycle, Trigger.Request()) if there else None
+        self._hear_localiser_that_does_not_latch()
         publishers = self._node.get_publishers_info_by_topic(status_of(self._settings.action))
         return Presence(
             servers=frozenset(bytes(publisher.endpoint_gid).hex() for publisher in publishers),
@@ -120,14 +126,34 @@ class Nav2Node:
     def _furnish(self, node: Any) -> None:  # noqa: ANN401
         names = self._settings.names
         self._node = node
-        self._goals = node.create_publisher(PoseStamped, names.goal_pose, RELIABLE)
-        self._initial_poses = node.create_publisher(PoseWithCovarianceStamped, names.initial_pose, RELIABLE)
+        self._goals = node.create_publisher(PoseStamped, names.goal_pose, RELIABLE, event_callbacks=NO_EVENTS)
+        self._initial_poses = node.create_publisher(
+            PoseWithCovarianceStamped, names.initial_pose, RELIABLE, event_callbacks=NO_EVENTS
+        )
         self._cancel = node.create_client(CancelGoal, f"{self._settings.action}/_action/cancel_goal")
         self._fresh_pose = node.create_client(Empty, names.fresh_pose)
         self._lifecycle = node.create_client(Trigger, names.lifecycle)
         self._listen(node)
         for guest in self._guests:
             guest.enter(self._session, node)
+
+    def _hear_localiser_that_does_not_latch(self) -> None:
+        """Listen in a second way once there is one; from the start on, each pose of AMCL would come twice."""
+        publishers = self._node.get_publishers_info_by_topic(self._settings.names.pose)
+        latches = (each.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in publishers)
+        if not self._hears_all_localisers and not all(latches):
+            self._hears_all_localisers = True
+            self._subscribe_to_pose(SENSOR)
+
+    def _subscribe_to_pose(self, qos: QoSProfile) -> None:
+        self._session.subscribe(
+            self._node,
+            PoseWithCovarianceStamped,
+            self._settings.names.pose,
+            qos,
+            read=readings.pose_reading,
+            handle=self._listeners.pose,
+        )
 
     def _listen(self, node: Any) -> None:  # noqa: ANN401
         names, to, subscribe = self._settings.names, self._listeners, self._session.subscribe
@@ -148,16 +174,7 @@ class Nav2Node:
             read=readings.status_entries,
             handle=to.other_statuses,
         )
-        # A latched subscription alone would hear nothing of a localiser that does not latch.
-        for qos in (LATCHED, SENSOR):
-            subscribe(
-                node,
-                PoseWithCovarianceStamped,
-                names.pose,
-                qos,
-                read=readings.pose_reading,
-                handle=to.pose,
-            )
+        self._subscribe_to_pose(LATCHED)
         subscribe(node, Odometry, names.odometry, SENSOR, read=readings.velocity, handle=to.velocity)
         subscribe(node, Path, names.plan, RELIABLE, read=readings.plan_points, handle=to.plan)
         subscribe(node, BatteryState, names.battery, SENSOR, read=readings.battery_reading, handle=to.battery)

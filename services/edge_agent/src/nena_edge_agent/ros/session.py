@@ -14,8 +14,10 @@ from typing import Any, TypeVar
 
 import rclpy
 from rclpy.context import Context
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
 from nena_edge_agent.ros.mailbox import Mailbox
@@ -119,7 +121,7 @@ class RosSession:
                     log.warning("messages cannot be used", topic=topic, reason=repr(error))
                 well = False
 
-        node.create_subscription(kind, topic, on_message, qos)
+        node.create_subscription(kind, topic, on_message, qos, event_callbacks=_events(qos))
 
     async def call(self, client: Any, request: Any, *, seconds: float) -> Any:  # noqa: ANN401
         """Call a service and give its answer; None when it is not there or silent for ``seconds``."""
@@ -200,3 +202,11 @@ class RosSession:
         self._ended.set()
         if not asked:
             self._on_failure(reason)
+
+
+def _events(qos: QoSProfile) -> SubscriptionEventCallbacks:
+    """Have ROS log of publishers that a subscription cannot hear; a best-effort one hears all of them.
+
+    Each thing that may be told makes each wake-up of the thread cost more.
+    """
+    return SubscriptionEventCallbacks(use_default_callbacks=qos.reliability == ReliabilityPolicy.RELIABLE)
