@@ -241,7 +241,7 @@ async def test_a_withdrawal_needs_two_steps_and_a_refusal_is_shown(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
 ) -> None:
     async with operated(broker, interface_name, tmp_path, speed=SLOW) as fleet:
-        body = {"name": "T-1", "destinations": [{"locationName": "Goods out", "operation": "Unload cargo"}]}
+        body = {"name": "T-1", "destinations": [{"locationName": "Storage", "operation": "Load cargo"}]}
         assert (await fleet.orders.post("/v1/transportOrders", json=body)).status_code == 201
         async with opened(browser, f"{fleet.url}#/orders/T-1", expected=REFUSALS) as page:
             await expect(page.locator("nena-order-page .chip")).to_have_text("Under way")

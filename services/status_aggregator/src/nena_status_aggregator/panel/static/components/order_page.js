@@ -104,7 +104,7 @@ async function ofOrderService(name) {
   return (status?.history ?? []).map((each) => ({
     time: each.timestamp,
     text: has(`event.${each.eventCode}`) ? t(`event.${each.eventCode}`) : each.eventCode,
-    words: each.supplements.join(" "),
+    words: each.supplements.join(" · "),
   }));
 }
 
