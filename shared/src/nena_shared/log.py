@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 from collections import deque
+from contextlib import suppress
 from typing import TextIO, cast
 
 import structlog
@@ -33,6 +34,22 @@ def recent_lines() -> list[str]:
     return list(_recent)
 
 
+class _Patient:
+    """A stream that loses a line where the disk is full, and does not end the program for it."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        with suppress(OSError):
+            return self._stream.write(text)
+        return 0
+
+    def flush(self) -> None:
+        with suppress(OSError):
+            self._stream.flush()
+
+
 def get_logger(name: str) -> FilteringBoundLogger:
     """Give the logger of a module; bind ids to it with ``.bind(robot=..., order=...)``."""
     return cast("FilteringBoundLogger", structlog.get_logger(module=name))
@@ -52,7 +69,7 @@ def configure(settings: LogSettings, stream: TextIO | None = None) -> None:
     structlog.configure(
         processors=[*COMMON, _remember, renderer],
         wrapper_class=structlog.make_filtering_bound_logger(level),
-        logger_factory=structlog.PrintLoggerFactory(out),
+        logger_factory=structlog.PrintLoggerFactory(cast("TextIO", _Patient(out))),
         cache_logger_on_first_use=False,
     )
     handler = logging.StreamHandler(out)

@@ -154,15 +154,15 @@ def test_a_wrong_setting_gets_one_clear_line() -> None:
     assert "serial_number" in result.stderr
 
 
-def test_a_damaged_journal_gets_one_clear_line(tmp_path: Path) -> None:
-    (tmp_path / "NeNa.robot1.journal").write_text("{")
+def test_a_folder_for_journals_that_cannot_be_used_gets_one_clear_line(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
 
-    result = run("--driver", "loopback", "--journal.folder", str(tmp_path))
+    result = run("--driver", "loopback", "--journal.folder", str(tmp_path / "file"))
 
     assert result.returncode == 1
-    assert result.stderr.startswith("nena-edge-agent: the journal ")
+    assert result.stderr.startswith("nena-edge-agent: the journal's folder ")
     assert result.stderr.count("\n") == 1
-    assert "remove the file" in result.stderr
+    assert "set journal.folder" in result.stderr
 
 
 def test_help_names_the_settings() -> None:

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import errno
 import os
 from pathlib import Path
 
 import pytest
 
-from nena_edge_agent.journal import Journal, sole_user
+from nena_edge_agent import journal as journal_module
+from nena_edge_agent.journal import Journal, UnreadableJournalError, recollection, sole_user
 from nena_edge_agent.protocol.memory import Memory
 from nena_shared.program import StartError
 from nena_shared.vda5050.topics import RobotKey
@@ -149,15 +151,75 @@ def test_a_file_that_was_removed_meanwhile_is_made_again(tmp_path: Path) -> None
 def test_a_damaged_record_is_never_guessed_at(tmp_path: Path, content: str) -> None:
     (tmp_path / FILE).write_text(content)
 
-    with pytest.raises(StartError, match="remove the file"):
+    with pytest.raises(UnreadableJournalError, match=f"is damaged: remove {tmp_path / FILE} and start"):
         Journal(tmp_path, ROBOT).read()
 
 
 def test_a_record_that_is_whole_and_not_understood_is_told(tmp_path: Path) -> None:
     record(Journal(tmp_path, ROBOT), busy().core.memory().model_copy(update={"queue": ("a", "b", None)}))
 
-    with pytest.raises(StartError, match="remove the file"):
+    with pytest.raises(UnreadableJournalError, match="is damaged"):
         Journal(tmp_path, ROBOT).read()
+
+
+def test_a_journal_that_ends_anywhere_or_goes_on_is_read_right_or_not_at_all(tmp_path: Path) -> None:
+    bench, journal = busy(), Journal(tmp_path, ROBOT)
+    record(journal, bench.core.memory())
+    older = bench.core.memory().model_dump_json(exclude_defaults=True).encode()
+    bench.arrive()
+    record(journal, bench.core.memory())
+    newer = bench.core.memory().model_dump_json(exclude_defaults=True).encode()
+    whole = (tmp_path / FILE).read_bytes()
+
+    found = set()
+    for content in (*(whole[:end] for end in range(len(whole))), *(whole + b"x" * n for n in range(1, 99))):
+        try:
+            found.add(journal_module._newest(content)[1].rstrip())
+        except ValueError:
+            found.add(b"nothing")
+
+    assert found <= {older, newer, b"nothing"}
+    assert b"nothing" in found
+
+
+@pytest.mark.parametrize("number", [0, 2])
+def test_a_record_of_another_version_says_so(tmp_path: Path, number: int) -> None:
+    record(Journal(tmp_path, ROBOT), busy().core.memory().model_copy(update={"format": number}))
+
+    with pytest.raises(UnreadableJournalError, match="of another version of the agent: install that one"):
+        Journal(tmp_path, ROBOT).read()
+
+
+def test_a_record_says_its_format(tmp_path: Path) -> None:
+    record(Journal(tmp_path, ROBOT), busy().core.memory())
+
+    assert b'"format":1' in (tmp_path / FILE).read_bytes()
+
+
+def test_a_record_that_the_disk_does_not_give_says_so(tmp_path: Path) -> None:
+    (tmp_path / FILE).mkdir()  # reading it fails, whoever the user is
+
+    with pytest.raises(UnreadableJournalError, match=r"cannot be read \(Is a directory\)"):
+        Journal(tmp_path, ROBOT).read()
+
+
+def test_what_is_known_of_a_robot_is_its_memory_or_why_there_is_none(tmp_path: Path) -> None:
+    assert recollection(None) == (None, "")
+    assert recollection(Journal(tmp_path, ROBOT)) == (None, "")
+    memory = busy().core.memory()
+    record(Journal(tmp_path, ROBOT), memory)
+    assert recollection(Journal(tmp_path, ROBOT)) == (memory, "")
+    (tmp_path / FILE).write_bytes(b"")
+    assert "is damaged" in recollection(Journal(tmp_path, ROBOT))[1]
+
+
+def test_a_full_disk_is_told_with_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "open", full)
+    with pytest.raises(StartError, match="No space left on device; make room on its disk"):
+        sole_user(tmp_path, ROBOT).__enter__()
 
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:

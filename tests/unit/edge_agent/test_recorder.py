@@ -144,3 +144,34 @@ async def test_without_a_journal_nothing_is_waited_for() -> None:
     await rig.recorder.sync()
 
     assert not rig.told
+
+
+async def test_what_was_recorded_is_known(disk: SlowDisk) -> None:
+    rig = Rig(disk)
+    recorder, before = rig.recorder, rig.bench.core.durable_version
+    assert recorder.has_written(before)
+    assert recorder.has_synced(before)
+
+    rig.bench.send(order("n0", "n1"))
+    version = rig.bench.core.durable_version
+    assert not recorder.has_written(version)
+
+    disk.may_write.set()
+    await rig.write()
+    assert recorder.has_written(version)
+    assert not recorder.has_synced(version)
+
+    disk.may_sync.set()
+    await recorder.sync()
+    assert recorder.has_synced(version)
+
+
+async def test_a_record_that_failed_is_not_taken_for_one(tmp_path: Path) -> None:
+    rig = Rig(Journal(tmp_path / "nowhere", ROBOT))
+    rig.bench.send(order("n0", "n1"))
+
+    await rig.write()
+    await rig.recorder.sync()
+
+    assert not rig.recorder.has_written(rig.bench.core.durable_version)
+    assert not rig.recorder.has_synced(rig.bench.core.durable_version)

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
+import errno
 import io
 import json
 import logging
+import os
 
 import pytest
 
@@ -92,3 +94,17 @@ def test_the_newest_lines_are_remembered() -> None:
         log.get_logger("example").info(str(number))
     assert len(log.recent_lines()) == log.KEPT
     assert log.recent_lines()[0].endswith("info 1 module=example")
+
+
+def test_a_log_on_a_full_disk_does_not_end_the_program() -> None:
+    class Full(io.StringIO):
+        def write(self, _: str) -> int:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        def flush(self) -> None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    log.configure(LogSettings(), Full())
+    log.get_logger("a").info("lost", robot="r1")
+
+    assert "lost" in log.recent_lines()[-1]

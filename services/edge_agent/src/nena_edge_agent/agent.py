@@ -14,9 +14,11 @@ from nena_edge_agent.driver.port import DriveFailed, DriveFailure, DriveGoal, Dr
 from nena_edge_agent.factsheet import make_factsheet
 from nena_edge_agent.header import HeaderMaker
 from nena_edge_agent.inbox import Inbox
-from nena_edge_agent.journal import Journal
+from nena_edge_agent.journal import Journal, recollection
 from nena_edge_agent.mailbox import Mailbox
+from nena_edge_agent.postponed import Postponed
 from nena_edge_agent.protocol.capabilities import Capabilities
+from nena_edge_agent.protocol.conditions import journal_lost
 from nena_edge_agent.protocol.effects import (
     CancelAction,
     Drive,
@@ -31,6 +33,7 @@ from nena_edge_agent.protocol.effects import (
     StartAction,
 )
 from nena_edge_agent.protocol.events import (
+    ErrorSwitched,
     Event,
     JournalReport,
     LinkReport,
@@ -44,6 +47,7 @@ from nena_edge_agent.protocol.ground import Footprint
 from nena_edge_agent.protocol.predefined import spoken
 from nena_edge_agent.protocol.robot import RobotCore
 from nena_edge_agent.protocol.rules import RULES
+from nena_edge_agent.protocol.state_report import as_recorded
 from nena_edge_agent.recorder import Recorder
 from nena_edge_agent.schedule import StateSchedule, VisualizationSchedule
 from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings
@@ -104,7 +108,8 @@ class RobotAgent:
         self._registry = registry
         self._capabilities = make_capabilities(settings, registry)
         journal = make_journal(settings.journal.folder, self.robot) if settings.journal.enabled else None
-        self._core = RobotCore(self._capabilities, journal.read() if journal else None)
+        memory, self._journal_loss = recollection(journal)
+        self._core = RobotCore(self._capabilities, memory)
         self._headers = HeaderMaker(
             self.robot,
             version=settings.version,
@@ -113,8 +118,12 @@ class RobotAgent:
         )
         self._mailbox = Mailbox()
         self._recorder = Recorder(
-            journal, self._core.durable_version, tell=self._tell_journal, wake=self._mailbox.wake
+            None if self._journal_loss else journal,
+            self._core.durable_version,
+            tell=self._tell_journal,
+            wake=self._mailbox.wake,
         )
+        self._drives, self._others = Postponed(), Postponed()
         self._inbox = Inbox(self._codec, self.robot, self._mailbox.put, clock)
         self._driver = make_driver(self._mailbox.put, self._core.last_place)
         if own_goals := self._core.own_goals:
@@ -127,6 +136,7 @@ class RobotAgent:
             interval=settings.interval.visualization, now=clock.monotonic()
         )
         self._greeting = False
+        self._shown = self._core.state(self._headers.form(0))
         self._map: Outbound | None = None
         self._link = self._connect(make_link)
 
@@ -140,6 +150,11 @@ class RobotAgent:
         """
         if self._maps:
             self._mailbox.put(MapsReport(self._maps))
+        if self._journal_loss:
+            self._log.error(
+                "no orders are taken: what the robot was doing is lost", reason=self._journal_loss
+            )
+            self._mailbox.put(ErrorSwitched(journal_lost(self._journal_loss), active=True))
         if self._registry.problems:
             self._mailbox.put(PluginsReport(self._registry.problems))
         self._mailbox.put(Started(self._clock.now()))  # before all that the driver tells
@@ -176,9 +191,12 @@ class RobotAgent:
             await self._mailbox.wait(self._next_due() - self._clock.monotonic())
             effects = self._handle(self._mailbox.take())
             await self._write_record()
-            self._perform_all(each for each in effects if isinstance(each, TO_DRIVER))
+            to_driver = (each for each in effects if isinstance(each, TO_DRIVER))
+            written = self._recorder.has_written(self._core.durable_version)
+            self._perform_all(self._drives.sift(to_driver, recorded=written))
             await self._recorder.sync()
-            self._perform_all(each for each in effects if not isinstance(each, TO_DRIVER))
+            others = (each for each in effects if not isinstance(each, TO_DRIVER))
+            self._perform_all(self._others.sift(others, recorded=self._recorded))
             self._guarded(self._publish_due)
 
     def _handle(self, events: list[Event]) -> list[Effect]:
@@ -194,6 +212,11 @@ class RobotAgent:
                     "an event was not handled", robot=str(self.robot), event_type=type(event).__name__
                 )
         return effects
+
+    @property
+    def _recorded(self) -> bool:
+        """Whether the disk has all that must outlive the program."""
+        return self._recorder.has_synced(self._core.durable_version)
 
     async def _write_record(self) -> None:
         self._core.header_ids = self._headers.reserve()
@@ -254,7 +277,8 @@ class RobotAgent:
 
     def _next_due(self) -> float:
         due = min(self._states.due, self._visualizations.due)
-        return min(due, self._clock.monotonic() + LOOK_AT_TIME) if self._core.waits else due
+        waits = self._core.waits or not self._recorded
+        return min(due, self._clock.monotonic() + LOOK_AT_TIME) if waits else due
 
     def _publish_due(self) -> None:
         now = self._clock.monotonic()
@@ -272,6 +296,7 @@ class RobotAgent:
         """Send the state; the first one after a connect waits until the link lets it through."""
         if self._greeting or self._link.state.connected:
             state = self._core.state(self._headers.make(Topic.STATE))
+            state = self._shown = state if self._recorded else as_recorded(state, self._shown)
             self._link.publish(
                 self._outbound(Topic.STATE, state, qos=self._settings.qos, keep=self._greeting)
             )

@@ -44,6 +44,10 @@ class HeaderMaker:
         """Give the header of the next message under ``topic``, by its neutral names."""
         number = self._counts[topic]
         self._counts[topic] = (number + 1) % WRAP
+        return self.form(number)
+
+    def form(self, number: int) -> dict[str, Any]:
+        """Give a header with this headerId, without counting it."""
         return {
             "header_id": number,
             "timestamp": self._clock.now(),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
+import json
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -10,7 +12,7 @@ from pathlib import Path
 from urllib.parse import quote
 from zlib import crc32
 
-from nena_edge_agent.protocol.memory import Memory
+from nena_edge_agent.protocol.memory import FORMAT, Memory
 from nena_shared.program import StartError
 from nena_shared.vda5050.topics import RobotKey
 
@@ -38,9 +40,15 @@ def sole_user(folder: Path, robot: RobotKey) -> Iterator[None]:
             message = f"another edge agent works for robot {robot}: end it first ({path} is locked)"
             raise StartError(message) from error
         except OSError as error:
-            message = f"the journal's folder {folder} cannot be used: {error.strerror}; set journal.folder"
+            full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+            remedy = "make room on its disk" if full else "set journal.folder"
+            message = f"the journal's folder {folder} cannot be used: {error.strerror}; {remedy}"
             raise StartError(message) from error
         yield
+
+
+class UnreadableJournalError(Exception):
+    """There is a journal, and nobody knows what it says; the text tells why and what to do."""
 
 
 class Journal:
@@ -61,23 +69,33 @@ class Journal:
         """Give the last record, None if there is none; to be called before the first :meth:`write`.
 
         Raises:
-            StartError: the folder or the file cannot be used, with what to do.
+            StartError: the folder cannot be used, with what to do.
+            UnreadableJournalError: the file cannot be read, or is damaged, or of another version.
 
         """
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
-            content = self._file.read_bytes() if self._file.exists() else None
+            there = self._file.exists()
         except OSError as error:
             message = f"the journal {self._file} cannot be used: {error.strerror}; set journal.folder"
             raise StartError(message) from error
-        if content is None:
-            return None
+        return self._read() if there else None
+
+    def _read(self) -> Memory:
+        remedy = f"remove {self._file} and start the agent again"
         try:
-            self._number, record = _newest(content)
-            return Memory.model_validate_json(record)
-        except ValueError as error:
-            message = f"the journal {self._file} is damaged; look at where the robot is, then remove the file"
-            raise StartError(message) from error
+            self._number, record = _newest(self._file.read_bytes())
+            found = {"format": FORMAT} | json.loads(record)
+            if found["format"] == FORMAT:
+                return Memory.model_validate_json(json.dumps(found))
+        except OSError as error:
+            message = f"the journal cannot be read ({error.strerror}): {remedy}"
+            raise UnreadableJournalError(message) from error
+        except (ValueError, TypeError) as error:
+            message = f"the journal is damaged: {remedy}"
+            raise UnreadableJournalError(message) from error
+        message = f"the journal is of another version of the agent: install that one again, or {remedy}"
+        raise UnreadableJournalError(message)
 
     def write(self, memory: Memory) -> None:
         """Replace the record; when this returns it outlives the process, after :meth:`sync` a power cut.
@@ -128,6 +146,19 @@ class Journal:
             file.flush()
             os.fsync(file.fileno())
         new.replace(self._file)
+
+
+def recollection(journal: Journal | None) -> tuple[Memory | None, str]:
+    """Give what ``journal`` holds, if there is one, and why nobody knows what it holds, if so.
+
+    Raises:
+        StartError: its folder cannot be used, with what to do.
+
+    """
+    try:
+        return (journal.read() if journal else None), ""
+    except UnreadableJournalError as error:
+        return None, str(error)
 
 
 def _framed(number: int, record: bytes, size: int) -> bytes:

@@ -46,6 +46,7 @@ class Recorder:
         self._journal = journal
         self._durable = version
         self._begun: Version | None = None
+        self._written = version
         self._tell = tell
         self._wake = wake
         self._record: asyncio.Future[None] | None = None
@@ -62,8 +63,10 @@ class Recorder:
         self._record.add_done_callback(_hear)
         try:
             written.get(timeout=AT_ONCE)
+            self._written = version
         except Empty:
-            await asyncio.wait((self._record,), timeout=PATIENCE)
+            done, _ = await asyncio.wait((self._record,), timeout=PATIENCE)
+            self._written = version if done and not self._record.exception() else self._written
 
     async def sync(self) -> None:
         """Come back when what was begun is on the disk, or the disk has failed."""
@@ -80,6 +83,14 @@ class Recorder:
         else:
             self._durable = version
             self._tell("")
+
+    def has_written(self, version: Version) -> bool:
+        """Tell whether what differs in ``version`` outlives the process; without a journal nothing does."""
+        return self._journal is None or version in (self._written, self._durable)
+
+    def has_synced(self, version: Version) -> bool:
+        """Tell whether what differs in ``version`` outlives a power cut; without a journal nothing does."""
+        return self._journal is None or version == self._durable
 
     @property
     def _hangs(self) -> bool:

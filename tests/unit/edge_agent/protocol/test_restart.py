@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -11,6 +12,7 @@ from nena_edge_agent.protocol.capabilities import DriveStrategy
 from nena_edge_agent.protocol.effects import Halt, SetPosition, StartAction
 from nena_edge_agent.protocol.events import JournalReport, Started
 from nena_edge_agent.protocol.memory import Memory
+from nena_edge_agent.protocol.state_report import as_recorded
 from support.robot_core import MAP, Bench, action, at, order
 
 
@@ -209,3 +211,43 @@ def test_a_goal_that_was_stopped_is_nobodys_any_more() -> None:
     bench.halted()
 
     assert bench.core.own_goals is None
+
+
+@pytest.mark.clause("6.6.5.4")
+def test_no_order_is_taken_while_the_disk_takes_nothing_and_one_that_waits_for_it_is_not_refused() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.do(JournalReport("No space left on device"))
+
+    bench.send(order("n0", "n1"))
+    assert bench.errors == ["JOURNAL_NOT_WRITTEN"]
+    bench.send(order("n0", "n1", order_id="o2"))
+    assert set(bench.errors) == {"JOURNAL_NOT_WRITTEN", "MOBILE_ROBOT_NOT_AVAILABLE"}
+
+    bench.do(JournalReport(""))
+    assert not bench.errors
+    assert bench.state.order_id == "o1"
+
+
+def test_a_state_shows_what_the_disk_has_and_otherwise_how_things_are() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", "n2", node_actions={"n1": [action("a", "HARD")]}))
+    before = bench.state
+    bench.arrive()
+    bench.do(JournalReport("No space left on device"))
+
+    shown = as_recorded(bench.state, before)
+
+    assert (shown.last_node_id, shown.node_states) == ("n0", before.node_states)
+    assert shown.action_states == before.action_states
+    assert shown.mobile_robot_position == bench.state.mobile_robot_position != before.mobile_robot_position
+    assert [each.error_type for each in shown.errors] == ["JOURNAL_NOT_WRITTEN"]
+
+
+@pytest.mark.parametrize(("vx", "driving"), [(0.0, False), (0.5, True), (None, True)])
+def test_a_robot_whose_goal_waits_for_the_disk_drives_if_it_moves(*, vx: float | None, driving: bool) -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.do(replace(at(1.0), vx=vx, omega=None if vx is None else 0.0))
+
+    assert as_recorded(bench.state, bench.state).driving is driving

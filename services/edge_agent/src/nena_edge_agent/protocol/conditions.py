@@ -13,6 +13,7 @@ ROBOT_BLOCKED = "ROBOT_BLOCKED"
 DRIVE_RETRIED = "DRIVE_RETRIED"
 EXTERNAL_GOAL = "EXTERNAL_GOAL"
 JOURNAL_NOT_WRITTEN = "JOURNAL_NOT_WRITTEN"
+JOURNAL_LOST = "JOURNAL_LOST"
 SUBSCRIPTION_REFUSED = "SUBSCRIPTION_REFUSED"
 ACTION_PLUGIN_UNUSABLE = "ACTION_PLUGIN_UNUSABLE"
 
@@ -29,7 +30,7 @@ def check_conditions(parts: RobotParts) -> None:
     parts.errors.condition(ACTION_PLUGIN_UNUSABLE, _plugins(parts))
     parts.errors.condition(ErrorType.INSTANT_ACTION_STATES_FULL, _instant_states(parts))
     takes_orders = parts.coming_mode.takes_orders and not switched_off(parts)
-    if takes_orders and parts.errors.worst_reported is not ErrorLevel.FATAL:
+    if takes_orders and not parts.fatal:
         parts.errors.end(Until.AVAILABLE)
 
 
@@ -124,9 +125,20 @@ def _journal(parts: RobotParts) -> ErrorEntry | None:
         return None
     return ErrorEntry(
         error_type=JOURNAL_NOT_WRITTEN,
-        error_level=ErrorLevel.URGENT,
+        error_level=ErrorLevel.FATAL,
         error_description=f"what the robot does is not kept on disk: {parts.journal_problem}",
-        error_hint="see to the agent's disk; an interruption now would lose the order",
+        error_hint="see to the agent's disk; until then the robot begins nothing and takes no orders, and "
+        "its state shows what the disk has",
+    )
+
+
+def journal_lost(problem: str) -> ErrorEntry:
+    """Make the error of a robot that does not know what it was doing; ``problem`` says what to do."""
+    return ErrorEntry(
+        error_type=JOURNAL_LOST,
+        error_level=ErrorLevel.FATAL,
+        error_description=f"what the robot was doing is not known: {problem}",
+        error_hint="see where the robot is and what it carries, then do what the description says",
     )
 
 

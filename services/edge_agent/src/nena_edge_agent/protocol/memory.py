@@ -14,6 +14,9 @@ from nena_shared.vda5050.state import Load, OperatingMode
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.zone_set import ZoneSet
 
+FORMAT = 1
+"""Of a memory; one of another format is not understood."""
+
 
 class ActionMemory(BaseModel):
     """An action and where it stood."""
@@ -104,7 +107,7 @@ class Memory(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    format: int = 1
+    format: int
     progress: ProgressMemory
     actions: tuple[ActionMemory, ...]
     queue: tuple[str, ...]

@@ -9,11 +9,11 @@ from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.ground import CLOSED
 from nena_edge_agent.protocol.load_handling import loaded_after
-from nena_edge_agent.protocol.order_acceptance import NewOrder, Rejected, Update, Verdict, judge
+from nena_edge_agent.protocol.order_acceptance import Duplicate, NewOrder, Rejected, Update, Verdict, judge
 from nena_edge_agent.protocol.parts import RobotParts
 from nena_edge_agent.protocol.session import switched_off
 from nena_edge_agent.protocol.situation import Situation
-from nena_shared.vda5050.error import ErrorLevel, ErrorType
+from nena_shared.vda5050.error import ErrorType
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import Edge, Node, Order
 
@@ -30,6 +30,8 @@ class OrderIntake:
 
     def take(self, order: Order) -> Verdict:
         """Judge ``order`` and do what follows."""
+        if self._waits_for_disk(order):
+            return Duplicate()
         verdict = judge(order, self._situation(), self._parts.capabilities)
         match verdict:
             case NewOrder():
@@ -40,12 +42,18 @@ class OrderIntake:
                 self._parts.errors.show(error, _DURATIONS.get(error.error_type, Until.ORDER_ACCEPTED))
         return verdict
 
+    def _waits_for_disk(self, order: Order) -> bool:
+        """Tell whether ``order`` is held and the disk does not have it: no state shows it, but it goes on."""
+        progress = self._parts.progress
+        held = (progress.order_id, progress.order_update_id) == (order.order_id, order.order_update_id)
+        return held and bool(self._parts.journal_problem)
+
     def _situation(self) -> Situation:
         parts, progress = self._parts, self._parts.progress
         return Situation(
             operating_mode=parts.coming_mode,
             off=switched_off(parts),
-            fatal=parts.errors.worst_reported is ErrorLevel.FATAL,
+            fatal=parts.fatal,
             idle=parts.idle and not parts.clearing,
             cancelled=progress.cancelled or parts.clearing,
             cleared=progress.cleared,

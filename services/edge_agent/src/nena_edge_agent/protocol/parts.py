@@ -29,6 +29,7 @@ from nena_edge_agent.protocol.order_progress import OrderProgress
 from nena_edge_agent.protocol.zone_access import ZoneAccess
 from nena_edge_agent.protocol.zone_sets import ZoneSets
 from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.error import ErrorLevel
 from nena_shared.vda5050.state import EmergencyStop, Load, Map, MapStatus, OperatingMode
 from nena_shared.vda5050.topics import Topic
 
@@ -136,6 +137,11 @@ class RobotParts:
     def coming_mode(self) -> OperatingMode:
         """The mode that a person has switched to, also while the state does not show it yet."""
         return self.wanted_mode or self.operating_mode
+
+    @property
+    def fatal(self) -> bool:
+        """Whether the robot takes no orders: for an error that somebody has shown, or for the disk."""
+        return self.errors.worst_reported is ErrorLevel.FATAL or bool(self.journal_problem)
 
     @property
     def held(self) -> bool:

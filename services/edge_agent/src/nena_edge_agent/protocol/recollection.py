@@ -6,6 +6,7 @@ from nena_edge_agent.driver.port import OwnGoals, Pose
 from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.memory import (
+    FORMAT,
     AccessMemory,
     ActionMemory,
     Memory,
@@ -22,6 +23,7 @@ from nena_edge_agent.protocol.zone_access import AccessRequest, ZoneAccess
 def recall(parts: RobotParts) -> Memory:
     """Give what is durable of ``parts``."""
     return Memory(
+        format=FORMAT,
         progress=ProgressMemory.model_validate(parts.progress),
         actions=tuple(_kept(record) for record in parts.actions),
         queue=tuple(parts.queue),

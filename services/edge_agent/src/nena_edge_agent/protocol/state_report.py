@@ -29,6 +29,14 @@ PERMANENTLY_FED = 100.0
 """State of charge of a robot that has not told of a battery."""
 
 
+LASTING = (
+    *("order_id", "order_update_id", "last_node_id", "last_node_sequence_id", "node_states", "edge_states"),
+    *("planned_path", "distance_since_last_node", "new_base_request", "action_states"),
+    *("instant_action_states", "loads", "paused", "operating_mode", "zone_sets", "zone_requests"),
+)
+"""What a state tells of the memory."""
+
+
 def make_state(
     header: dict[str, Any], parts: RobotParts, journey: Journey, *, new_base_request: bool
 ) -> State:
@@ -67,6 +75,17 @@ def make_state(
         ),
         safety_state=_safety_state(parts.senses.safety),
     )
+
+
+def as_recorded(state: State, before: State) -> State:
+    """Give ``state`` as far as a restart would not take it back: what lasts is as in ``before``.
+
+    A goal that waits for the disk is not driven to, so the robot drives if it moves.
+    """
+    speed = state.velocity
+    stands = speed is not None and not speed.vx and not speed.omega
+    kept = {name: getattr(before, name) for name in LASTING}
+    return state.model_copy(update=kept | {"driving": state.driving and not stands})
 
 
 def make_visualization(
