@@ -161,7 +161,7 @@ class RobotAgent:
         await self._write_record()  # the ids of the first messages
         await self._recorder.sync()
         await self._driver.start()
-        gc.freeze()  # what is loaded by now stays: a look at all of it would hold the robot up for some 30 ms
+        _spare_the_collector()
         try:
             async with Supervisor() as supervisor:
                 supervisor.start(f"link {self.robot}", self._link.run())
@@ -361,6 +361,15 @@ class RobotAgent:
         self._link.publish(self._connection(state))
         if not await self._link.drain(FAREWELL):
             self._log.warning("the broker was not told that the robot leaves")
+
+
+def _spare_the_collector() -> None:
+    """Have the garbage collector leave alone what is loaded; to look at it all would hold a robot up for 30 ms.
+
+    Once for a process, else what is left of a robot that has failed would stay.
+    """
+    if not gc.get_freeze_count():
+        gc.freeze()
 
 
 def braking_distance(description: DescriptionSettings) -> float:
