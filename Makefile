@@ -16,7 +16,8 @@ AGAIN = { echo "== once more, alone: what failed above" >&2; \
 # Tests of which more examples find more.
 SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/order_service/traffic/test_simulation.py \
 	tests/unit/order_service/kernel/test_traffic_simulation.py \
-	tests/unit/edge_agent/test_restart_safety.py tests/integration/edge_agent/ros/test_kills.py
+	tests/unit/edge_agent/test_restart_safety.py tests/integration/edge_agent/ros/test_kills.py \
+	tests/integration/edge_agent/ros/test_session.py
 STAMP := $(VENV)/.set-up
 
 .DEFAULT_GOAL := help
@@ -67,7 +68,7 @@ conformance: $(STAMP) ## write docs/vda5050.md anew: how the standard is kept, a
 	PYTHONPATH=tests $(BIN)/python -m conformance.table
 
 soak: $(STAMP) ## the tests that guard the cores, with many more examples: about an hour on two cores
-	NENA_EXAMPLES=100000 NENA_PLANTS=400 NENA_KERNEL_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 $(BIN)/pytest -n $(WORKERS) --timeout 7200 $(SOAK)
+	NENA_EXAMPLES=100000 NENA_PLANTS=400 NENA_KERNEL_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 NENA_SESSIONS=200 $(BIN)/pytest -n $(WORKERS) --timeout 7200 $(SOAK)
 
 fuzz: $(STAMP) broker ## every parser and both HTTP interfaces against damaged and generated input, for long
 	NENA_FUZZ_EXAMPLES=200 NENA_FUZZ_MESSAGES=20000 $(BIN)/pytest -n $(WORKERS) --timeout 7200 tests/fuzz

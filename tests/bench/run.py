@@ -19,7 +19,7 @@ from typing import Any
 import httpx
 import psutil
 
-from bench import aggregator_load, core_cost, edge_agent, plant_cost, rest_to_wire, state_cost
+from bench import aggregator_load, core_cost, edge_agent, plant_cost, rest_to_wire, sessions, state_cost
 from bench.robots import InstantRobots, Start
 from nena_demo import stack
 from nena_demo.processes import Child, Processes, console_script
@@ -130,6 +130,7 @@ ENTRIES: dict[str, Callable[[Path, int, float], Awaitable[dict[str, Any]]]] = {
     "services": _services,
     "edge_agent": edge_agent.measure,
     "memory": _memory,
+    "sessions": sessions.measure,
     "core": _core,
     "plant": _plant,
     "aggregator": _aggregator,

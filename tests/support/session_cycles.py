@@ -43,10 +43,20 @@ class Left:
         process = psutil.Process()
         return cls(process.num_threads(), process.num_fds(), process.memory_info().rss)
 
+    def more_than(self, before: Left, cycles: int, seconds: float) -> dict[str, Any]:
+        """Give what so many cycles have left, and how long each took."""
+        return {
+            "cycles": cycles,
+            "threads_more": self.threads - before.threads,
+            "descriptors_more": self.descriptors - before.descriptors,
+            "memory_more_mb": round((self.memory - before.memory) / 1e6, 2),
+            "ms_per_cycle": round(seconds / cycles * 1e3, 1),
+        }
 
-def measured(domain_id: int, cycles: int) -> dict[str, Any]:
-    """Run this module as a program, and give what it prints."""
-    command = [sys.executable, "-m", "support.session_cycles", str(domain_id), str(cycles)]
+
+def measured(domain_id: int, cycles: int, program: str = "support.session_cycles") -> dict[str, Any]:
+    """Run this module, or another one, as a program, and give what it prints."""
+    command = [sys.executable, "-m", program, str(domain_id), str(cycles)]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
     done = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, timeout=120 + cycles)
     found: dict[str, Any] = json.loads(done.stdout)
@@ -91,14 +101,7 @@ async def main() -> None:
         await _live(robot)
         await until(lambda: Left.now().threads <= before.threads, timeout=30.0, what=f"{before} again")
         after = Left.now()
-    figures = {
-        "cycles": cycles,
-        "threads_more": after.threads - before.threads,
-        "descriptors_more": after.descriptors - before.descriptors,
-        "memory_more_mb": round((after.memory - before.memory) / 1e6, 2),
-        "ms_per_cycle": round(seconds / cycles * 1e3, 1),
-    }
-    sys.stdout.write(json.dumps(figures))
+    sys.stdout.write(json.dumps(after.more_than(before, cycles, seconds)))
 
 
 if __name__ == "__main__":
