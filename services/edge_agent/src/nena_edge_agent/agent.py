@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import ParamSpec
 
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.runner import ActionRunner
+from nena_edge_agent.collector import spare_what_is_loaded
 from nena_edge_agent.driver.port import DriveFailed, DriveFailure, DriveGoal, Driver, Pose
 from nena_edge_agent.factsheet import make_factsheet
 from nena_edge_agent.header import HeaderMaker
@@ -161,7 +161,7 @@ class RobotAgent:
         await self._write_record()  # the ids of the first messages
         await self._recorder.sync()
         await self._driver.start()
-        _spare_the_collector()
+        spare_what_is_loaded()
         try:
             async with Supervisor() as supervisor:
                 supervisor.start(f"link {self.robot}", self._link.run())
@@ -361,15 +361,6 @@ class RobotAgent:
         self._link.publish(self._connection(state))
         if not await self._link.drain(FAREWELL):
             self._log.warning("the broker was not told that the robot leaves")
-
-
-def _spare_the_collector() -> None:
-    """Have the garbage collector leave alone what is loaded; to look at it all would hold a robot up for 30 ms.
-
-    Once for a process, else what is left of a robot that has failed would stay.
-    """
-    if not gc.get_freeze_count():
-        gc.freeze()
 
 
 def braking_distance(description: DescriptionSettings) -> float:
