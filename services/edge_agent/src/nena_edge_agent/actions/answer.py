@@ -27,7 +27,7 @@ class Answer:
     """
 
     def __init__(
-        self, settings: AnswerSettings, port: RosPort, shape: Record | None, values: ActionValues, path: str
+        self, settings: AnswerSettings, port: RosPort, shape: Record, values: ActionValues, path: str
     ) -> None:
         def template(fields: FieldValues | None, name: str) -> MessageTemplate | None:
             if fields is None:

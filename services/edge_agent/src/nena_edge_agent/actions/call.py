@@ -20,7 +20,7 @@ MESSAGE = "message"
 class Call:
     """Calls what the settings say, with the values of an action, and judges the response.
 
-    ``shapes`` are those of the request and the response, None where they are not known.
+    ``shapes`` are those of the request and the response.
 
     Raises:
         ConfigurationError: no request of the type can be made of them, or no response will ever do.
@@ -31,12 +31,12 @@ class Call:
         self,
         settings: CallSettings,
         client: ServiceClient,
-        shapes: tuple[Record, Record] | None,
+        shapes: tuple[Record, Record],
         values: ActionValues,
         path: str,
     ) -> None:
-        request, response = shapes or (None, None)
-        has = response.fields if response else {}
+        request, response = shapes
+        has = response.fields
         usual: FieldValues = {SUCCESS: True} if SUCCESS in has else {}
         expected = usual if settings.expect is None else settings.expect
         self._settings = settings

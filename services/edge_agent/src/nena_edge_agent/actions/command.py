@@ -29,7 +29,7 @@ class Command:
         self,
         settings: CommandSettings,
         publisher: Publisher,
-        shape: Record | None,
+        shape: Record,
         values: ActionValues,
         path: str,
     ) -> None:

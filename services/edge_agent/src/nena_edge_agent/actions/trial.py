@@ -169,7 +169,8 @@ def sample(parameter: Parameter) -> JsonValue:
     """Give a value that the parameter takes."""
     if parameter.choices:
         return parameter.choices[0]
-    number = parameter.minimum if parameter.minimum is not None else min(1.0, parameter.maximum or 1.0)
+    most = 1.0 if parameter.maximum is None else min(1.0, parameter.maximum)
+    number = most if parameter.minimum is None else parameter.minimum
     samples: dict[ValueDataType, JsonValue] = {
         ValueDataType.BOOL: True,
         ValueDataType.NUMBER: float(number),

@@ -64,8 +64,6 @@ class ActionValues:
 class MessageTemplate:
     """Fields for a message of one type, with values of an action in them.
 
-    ``shape`` is None where the type is not known, as without ROS; then the values go through as they are.
-
     Raises:
         ConfigurationError: no message can be made of them, with the place in the settings under ``path``.
 
@@ -74,7 +72,7 @@ class MessageTemplate:
     def __init__(
         self,
         fields: FieldValues,
-        shape: Record | None,
+        shape: Record,
         values: ActionValues,
         path: str,
         *,
@@ -86,7 +84,7 @@ class MessageTemplate:
         self._path = path
         self._any_of = any_of
         found = list(template.problems(fields, values.names, path))
-        if shape is not None and not found:
+        if not found:
             known = list(_alternatives(fields, shape)) if any_of else [fields]
             found += [line for each in known for line in problems(each, shape, values.types, path)]
             found += [line for each in known for line in self._mapped_problems(each, shape, values)]
@@ -103,9 +101,8 @@ class MessageTemplate:
         fields = template.filled(self._fields, values)
         if not isinstance(fields, dict):
             raise FieldError(self._path)
-        if self._shape is not None:
-            for each in _alternatives(fields, self._shape) if self._any_of else [fields]:
-                conformed(each, self._shape, self._path)
+        for each in _alternatives(fields, self._shape) if self._any_of else [fields]:
+            conformed(each, self._shape, self._path)
         return fields
 
     def _mapped_problems(self, fields: JsonValue, shape: Record, values: ActionValues) -> Iterable[str]:
