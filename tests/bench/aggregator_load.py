@@ -31,7 +31,7 @@ STEADY_RATE = 1000.0
 """States per second: each robot sends one."""
 FLOOD_RATE = 5000.0
 FLOOD_STATES = 30_000
-"""No more than the broker keeps for a subscriber that falls behind on a busy machine."""
+"""Six seconds of it."""
 SCRAPES = 10
 WAIT_SECONDS = 60.0
 READY_SECONDS = 30.0
