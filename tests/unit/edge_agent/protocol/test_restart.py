@@ -11,6 +11,7 @@ from nena_edge_agent.driver.port import Arrived, GoalReport, GoalTable, Halted, 
 from nena_edge_agent.protocol.capabilities import DriveStrategy
 from nena_edge_agent.protocol.effects import Halt, SetPosition, StartAction
 from nena_edge_agent.protocol.events import JournalReport, Started
+from nena_edge_agent.protocol.instant_actions import STATES_KEPT
 from nena_edge_agent.protocol.memory import Memory
 from nena_edge_agent.protocol.state_report import as_recorded
 from support.robot_core import MAP, Bench, action, at, order
@@ -121,6 +122,20 @@ def test_an_instant_action_that_comes_again_is_still_known() -> None:
     again.instant(action("i"))
 
     assert not again.effects_of(StartAction)
+
+
+def test_actions_that_have_ended_do_not_fill_the_disk() -> None:
+    bench = Bench()
+    for number in range(2 * STATES_KEPT):
+        bench.instant(action(f"i{number}", text="x" * 10_000))
+        bench.finishes(f"i{number}")
+    bench.instant(action("running", text="y" * 10_000))
+
+    memory = bench.core.memory()
+
+    assert len(memory.model_dump_json(exclude_defaults=True)) < 100 * STATES_KEPT + 200_000
+    assert "yyy" in memory.model_dump_json()
+    assert restarted(bench).status(f"i{2 * STATES_KEPT - 1}") == "FINISHED"
 
 
 def test_a_position_that_was_being_set_fails() -> None:

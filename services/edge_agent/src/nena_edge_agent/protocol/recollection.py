@@ -77,8 +77,12 @@ def _pose(kept: PoseMemory) -> Pose:
 
 
 def _kept(record: ActionRecord) -> ActionMemory:
+    """Give what is kept of an action; one that has ended is only shown, and needs its parameters no more."""
+    action = record.action
+    if record.status.ended and action.action_parameters:
+        action = action.model_copy(update={"action_parameters": ()})
     return ActionMemory(
-        action=record.action,
+        action=action,
         scope=record.scope,
         sequence_id=record.sequence_id,
         status=record.status,
