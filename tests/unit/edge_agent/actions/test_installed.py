@@ -115,5 +115,11 @@ def test_a_broken_one_costs_its_own_actions_only(there: Callable[..., None], nam
         make(name, CONTEXT)
 
 
+def test_who_wants_none_need_not_look(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_entry_points", lambda: pytest.fail("it looked"))
+
+    assert installed(CONTEXT, ActionSettings(plugins=())) == Installed()
+
+
 def test_nothing_is_nothing() -> None:
     assert Installed().action_types == frozenset()

@@ -111,6 +111,26 @@ async def test_when_the_agent_ends_nothing_is_reported() -> None:
     assert [report.status.value for report in reports] == ["RUNNING"]
 
 
+async def test_a_late_report_of_a_first_try_does_not_end_the_second() -> None:
+    late: list[Report] = []
+
+    class Slow(Broken):
+        def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:
+            late.append(report)
+            return super().start(action, loads, report)
+
+    run, reports = runner(Slow("nowhere"))
+    again = StartAction(action("a", "HARD", "broken"), ())
+    run.start(again)
+    late[0](ActionReport("a", ActionStatus.FAILED, "no power"))
+    run.start(again)
+    late[0](ActionReport("a", ActionStatus.FINISHED))
+
+    assert [report.status.value for report in reports] == ["RUNNING", "FAILED", "RUNNING"]
+    late[1](ActionReport("a", ActionStatus.FINISHED))
+    assert reports[-1].status is ActionStatus.FINISHED
+
+
 def test_two_plug_ins_for_one_action_are_a_mistake_in_the_settings() -> None:
     with pytest.raises(ConfigurationError, match="twice"):
         ActionRegistry([Wait(), Wait()])

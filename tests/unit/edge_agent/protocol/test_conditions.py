@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from nena_edge_agent.driver.port import BlockedReport, Pose, PoseReport
-from nena_edge_agent.protocol.conditions import ROBOT_BLOCKED
+from nena_edge_agent.protocol.conditions import ACTION_PLUGIN_UNUSABLE, ROBOT_BLOCKED
 from nena_edge_agent.protocol.effects import Halt, ReportState
+from nena_edge_agent.protocol.events import PluginsReport
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from support.robot_core import MAP, Bench, order
 
@@ -38,3 +39,14 @@ def test_the_state_says_why_the_place_is_not_to_be_trusted() -> None:
     (error,) = bench.state.errors
     assert error.error_type == ErrorType.LOCALIZATION_ERROR
     assert "no pose for 7 s" in str(error.error_description)
+
+
+def test_plug_ins_that_cannot_be_used_are_a_warning_and_no_hindrance() -> None:
+    bench = Bench()
+    bench.do(PluginsReport(("plug-in 'lift' cannot be loaded", "plug-in 'forks' failed")))
+
+    (error,) = bench.state.errors
+    assert (error.error_type, error.error_level) == (ACTION_PLUGIN_UNUSABLE, ErrorLevel.WARNING)
+    assert "plug-in 'lift' cannot be loaded; plug-in 'forks' failed" in str(error.error_description)
+    bench.send(order("n0", "n1"))
+    assert len(bench.goals) == 1

@@ -100,6 +100,8 @@ def names_installed() -> tuple[str, ...]:
 
 
 def _wanted(settings: ActionSettings) -> Iterator[str]:
+    if settings.plugins == () and not settings.options:
+        return  # who wants none need not wait for a look at all that is installed
     there = _entry_points()
     named = tuple(there) if settings.plugins is None else settings.plugins
     missing = [name for name in (*named, *settings.options) if name not in there]
