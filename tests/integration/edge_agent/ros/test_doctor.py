@@ -12,11 +12,16 @@ from nav_msgs.msg import Odometry
 
 from nena_edge_agent.doctor.finding import Finding, Link, Verdict
 from nena_edge_agent.doctor.navigation import judge_map, judge_robot
+from nena_edge_agent.doctor.program import examine
 from nena_edge_agent.doctor.robot_clock import judge_clock
 from nena_edge_agent.doctor.ros_probe import look
 from nena_edge_agent.doctor.ros_view import RosView
+from nena_edge_agent.ros.address import RosAddress
+from nena_edge_agent.ros.session_store import SessionStore
 from nena_edge_agent.ros.settings import RosSettings
+from nena_shared.vda5050.topics import RobotKey
 from support.broker import Broker
+from support.edge_agent import agent_settings
 from support.ros import BEST_EFFORT, RosPeer
 from support.simulator import simulated_robot
 
@@ -61,6 +66,21 @@ async def test_a_robot_in_the_domain_of_the_environment(
     finding = first_missing(view, settings)
     assert finding.link is Link.DOMAIN
     assert domain_id in view.busy_domains
+
+
+@pytest.mark.broker
+async def test_an_agent_that_was_moved_is_looked_for_where_it_is(
+    broker: Broker, interface_name: str, domain_id: int, tmp_path: Path
+) -> None:
+    settings = agent_settings(
+        broker, interface_name, tmp_path, driver="nav2", ros={"namespace": "r2", "domain_id": domain_id}
+    )
+    robot = RobotKey(settings.manufacturer, settings.serial_number)
+    SessionStore(tmp_path, robot).write(RosAddress("/r1", domain_id), settings.ros)
+    with simulated_robot(domain_id, "r1"):
+        findings = await examine(settings)
+    (namespace,) = (each for each in findings if each.link is Link.NAMESPACE)
+    assert namespace.verdict is OK
 
 
 async def test_a_robot_in_another_namespace(domain_id: int) -> None:

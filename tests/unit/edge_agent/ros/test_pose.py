@@ -3,7 +3,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from nena_edge_agent.driver.map_port import MapGoal, MapPose
@@ -19,6 +19,32 @@ def test_heading_comes_back_from_a_quaternion_of_either_sign(yaw: float, sign: f
     back = yaw_of(0.0, 0.0, sign * z, sign * w)
     assert back is not None
     assert math.isclose(math.cos(back - yaw), 1.0, abs_tol=1e-9)
+
+
+def turned(q: tuple[float, float, float, float], v: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Turn a vector by a unit quaternion (x, y, z, w), by the rule of Rodrigues."""
+    x, y, z, w = q
+    a, b, c = v
+    s, t, u = y * c - z * b, z * a - x * c, x * b - y * a
+    return (
+        a + 2 * (w * s + y * u - z * t),
+        b + 2 * (w * t + z * s - x * u),
+        c + 2 * (w * u + x * t - y * s),
+    )
+
+
+@given(st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: math.hypot(*q) > 0.1))
+def test_heading_is_where_the_front_points_whatever_the_signs_of_the_quaternion(
+    parts: tuple[float, float, float, float],
+) -> None:
+    norm = math.hypot(*parts)
+    x, y, z, w = (each / norm for each in parts)
+    ahead, aside, _ = turned((x, y, z, w), (1.0, 0.0, 0.0))
+    assume(math.hypot(ahead, aside) > 0.01)  # a robot that stands on its nose has no heading
+    for sign in (1.0, -1.0):
+        yaw = yaw_of(sign * x, sign * y, sign * z, sign * w)
+        assert yaw is not None
+        assert math.isclose(math.cos(yaw - math.atan2(aside, ahead)), 1.0, abs_tol=1e-9)
 
 
 @given(ANGLES)

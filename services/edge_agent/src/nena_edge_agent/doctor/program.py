@@ -12,11 +12,14 @@ from nena_edge_agent.doctor.navigation import ROS_LINKS, judge_map, judge_robot
 from nena_edge_agent.doctor.robot_clock import judge_clock, kernel_keeps_time
 from nena_edge_agent.doctor.ros_view import RosView
 from nena_edge_agent.ros.environment import prepare_environment
+from nena_edge_agent.ros.session_actions import session_switch
 from nena_edge_agent.ros.session_state import SessionError
+from nena_edge_agent.ros.settings import RosSettings
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared import log
 from nena_shared.program import EXIT_FAILED, EXIT_MISCONFIGURED
 from nena_shared.settings import ConfigurationError, LogSettings, load
+from nena_shared.vda5050.topics import RobotKey
 
 PROGRAM = "nena-edge-agent doctor"
 DESCRIPTION = (
@@ -47,11 +50,19 @@ async def examine(settings: EdgeAgentSettings) -> list[Finding]:
         ConfigurationError: the password file cannot be read.
 
     """
+    settings = settings.model_copy(update={"ros": _as_kept(settings)})
     broker, (view, robot) = await asyncio.gather(examine_broker(settings), _examine_robot(settings))
     clock = judge_clock(kept=kernel_keeps_time(), ros_offset=view.clock_offset)
     looked_at = None if settings.driver == "loopback" else view
     place = judge_map(looked_at, settings.ros, settings.map_id, broker.plant_maps)
     return [*broker.findings, *robot, place, clock]
+
+
+def _as_kept(settings: EdgeAgentSettings) -> RosSettings:
+    """Give the ROS side where the agent would be: it may have been moved, and have been told to stay."""
+    robot = RobotKey(settings.manufacturer, settings.serial_number)
+    journal = settings.journal.folder if settings.journal.enabled else None
+    return session_switch(settings.ros, journal, robot).address.applied(settings.ros)
 
 
 async def _examine_robot(settings: EdgeAgentSettings) -> tuple[RosView, list[Finding]]:
