@@ -20,6 +20,8 @@ LOAD = {"locationName": "Goods in", "operation": "Load cargo"}
 UNLOAD = {"locationName": "Storage", "operation": "Unload cargo"}
 AWAY = {"locationName": "South 2"}
 TAKEOVER_SECONDS = 5.0
+"""What is promised; on a machine that is so busy that a start takes longer than usual, as much longer."""
+USUAL_START_SECONDS = 2.5
 
 
 @pytest.fixture
@@ -58,6 +60,22 @@ async def taken(client: httpx.AsyncClient, body: Mapping[str, object]) -> float:
     return time.monotonic() - start
 
 
+async def heard(client: httpx.AsyncClient, event: str, *, last_id: int | None = None) -> int:
+    """Follow the events to the first one of a kind; give its id."""
+    headers = {} if last_id is None else {"Last-Event-ID": str(last_id)}
+    fields: dict[str, str] = {}
+    async with asyncio.timeout(30), client.stream("GET", "/v1/events", headers=headers) as answer:
+        async for line in answer.aiter_lines():
+            if line:
+                name, _, value = line.partition(": ")
+                fields[name] = value
+            elif fields.get("event") == event:
+                return int(fields["id"])
+            else:
+                fields.clear()
+    raise AssertionError(event)
+
+
 async def test_a_standby_is_well_and_sends_hosts_to_the_active_one(shared: Fleet) -> None:
     first = await active(await shared.order_service(name="first").client())
     second = await shared.order_service(name="second").client()
@@ -80,8 +98,10 @@ async def test_a_standby_is_well_and_sends_hosts_to_the_active_one(shared: Fleet
 
 
 async def test_a_standby_takes_over_when_the_active_one_is_killed(shared: Fleet) -> None:
+    start = time.monotonic()
     first = shared.order_service(name="first")
     client = await active(await first.client())
+    busy = max(1.0, (time.monotonic() - start) / USUAL_START_SECONDS)
     standby = await shared.order_service(name="second").client()
     shared.agent(speed=20.0)
     await vehicle_idle(client)
@@ -91,8 +111,11 @@ async def test_a_standby_takes_over_when_the_active_one_is_killed(shared: Fleet)
     await order_in(client, "T-0", "BEING_PROCESSED")
     assert await role(standby) == "standby"
 
+    last_id = await heard(client, "synced")
+
     first.kill()
-    assert await taken(standby, {"name": "T-2", "destinations": [AWAY]}) < TAKEOVER_SECONDS
+    assert await taken(standby, {"name": "T-2", "destinations": [AWAY]}) < TAKEOVER_SECONDS * busy
+    assert await heard(standby, "synced", last_id=last_id) > last_id
 
     orders = await every_order_ended(standby, 90)
     assert {order["name"]: order["state"] for order in orders} == {f"T-{n}": "FINISHED" for n in range(3)}
@@ -102,15 +125,17 @@ async def test_a_standby_takes_over_when_the_active_one_is_killed(shared: Fleet)
 
 
 async def test_an_active_one_that_hangs_is_replaced_and_writes_nothing_any_more(shared: Fleet) -> None:
+    start = time.monotonic()
     first = shared.order_service(name="first")
     await active(await first.client())
+    busy = max(1.0, (time.monotonic() - start) / USUAL_START_SECONDS)
     standby = await shared.order_service(name="second").client()
     first.process.send_signal(signal.SIGSTOP)
     try:
         seconds = await taken(standby, {"name": "T-1", "destinations": [LOAD]})
     finally:
         first.process.send_signal(signal.SIGCONT)
-    assert seconds < 2 * TAKEOVER_SECONDS
+    assert seconds < 2 * TAKEOVER_SECONDS * busy
     await until(lambda: first.process.poll() is not None, timeout=30, what="the old one has ended")
     assert first.process.returncode == 1
     assert "another order service is the active one on this store now" in first.log
