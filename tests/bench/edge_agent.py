@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -54,9 +55,13 @@ async def measure(folder: Path, samples: int, seconds: float) -> dict[str, Any]:
     for number in range(RUNS):
         async with _broker(folder / f"latency-{number}") as (processes, port):
             agent = await _start_agent(processes, port)
-            runs.append(
-                await asyncio.to_thread(robot_latency.measure, port, DOMAIN_ID, NAMESPACE, ROBOT, samples)
+            latencies = partial(
+                robot_latency.measure,
+                *(port, DOMAIN_ID, NAMESPACE, ROBOT),
+                samples=samples,
+                folder=processes.folder,
             )
+            runs.append(await asyncio.to_thread(latencies))
             memory.append(psutil.Process(agent.process.pid).memory_info().rss / 1e6)
     async with _broker(folder / "idle") as (processes, port):
         idle = await _idle(processes, port, seconds)
@@ -66,6 +71,7 @@ async def measure(folder: Path, samples: int, seconds: float) -> dict[str, Any]:
         "runs": RUNS,
         "b_order_on_wire_to_goal_pose": robot_latency.medians(runs, "order_on_wire_to_goal_pose"),
         "h_terminal_status_to_state_on_wire": robot_latency.medians(runs, "terminal_status_to_state_on_wire"),
+        "bare_record_on_disk": robot_latency.middle([run["bare_record_on_disk"] for run in runs]),
         "d_rss_mb": within(round(median(memory), 1), MEMORY),
         **idle,
         "k_exec_to_online": start,

@@ -6,12 +6,14 @@ The far ends are one other process; a bare pass-through both ways is measured be
 from __future__ import annotations
 
 import json
+import os
 import queue
 import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from itertools import pairwise
+from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -126,6 +128,25 @@ class FleetControl:
         )
 
 
+class _Disk:
+    """What a record of 16 KB on the disk costs: written over itself, and waited for."""
+
+    def __init__(self, folder: Path) -> None:
+        self._file = (folder / "disk").open("w+b", buffering=0)
+        self._record = b"x" * 16384
+
+    def write(self) -> float:
+        """Write and wait; give the seconds."""
+        start = time.perf_counter()
+        os.pwrite(self._file.fileno(), self._record, 0)
+        os.fdatasync(self._file.fileno())
+        return time.perf_counter() - start
+
+    def close(self) -> None:
+        """Write no more."""
+        self._file.close()
+
+
 class _Run:
     """One order after the other, each there and back through the agent and through the pass-through."""
 
@@ -168,9 +189,12 @@ class _Run:
         self._fleet.wait_until_quiet()
 
 
-def measure(port: int, domain_id: int, namespace: str, robot: RobotKey, samples: int) -> dict[str, Any]:
+def measure(
+    port: int, domain_id: int, namespace: str, robot: RobotKey, *, samples: int, folder: Path
+) -> dict[str, Any]:
     """Send orders through the agent and messages through the bare pass-through, one after the other."""
-    fleet = FleetControl(port, robot)
+    fleet, disk = FleetControl(port, robot), _Disk(folder)
+    on_disk: list[float] = []
     nav2 = Nav2StandIn(domain_id, (namespace, PASS_NAMESPACE))
     nav2.place(*PLACES[0][1:])
     try:
@@ -184,11 +208,14 @@ def measure(port: int, domain_id: int, namespace: str, robot: RobotKey, samples:
                 here, there = PLACES if number % 2 else PLACES[::-1]
                 run.drive(here, there)
                 run.pass_through(there)
+                on_disk.append(disk.write())
     finally:
         fleet.wire.close()
         nav2.close()
+        disk.close()
     return {
         "state_bytes": size,
+        "bare_record_on_disk": milliseconds(on_disk[-samples:]),
         "order_on_wire_to_goal_pose": _beside(run.to_goal[-samples:], run.bare_to_goal[-samples:]),
         "terminal_status_to_state_on_wire": _beside(run.to_state[-samples:], run.bare_to_state[-samples:]),
     }
@@ -207,17 +234,20 @@ def _beside(samples: list[float], bare: list[float]) -> dict[str, Figures]:
 
 def medians(runs: Sequence[Mapping[str, Any]], figure: str) -> dict[str, Any]:
     """Give the medians of a figure over several runs, and whether the ratios keep to the target."""
-
-    def middle(part: str) -> Figures:
-        each = [run[figure][part] for run in runs]
-        return {key: round(median(one[key] for one in each), 3) for key in each[0]}
-
+    agent, bare, ratios = (
+        middle([run[figure][part] for run in runs]) for part in ("agent", "bare_pass_through", "ratio")
+    )
     return {
-        "agent": middle("agent"),
-        "bare_pass_through": middle("bare_pass_through"),
-        "ratio": {key: within(value, TARGET[key]) for key, value in middle("ratio").items()},
+        "agent": agent,
+        "bare_pass_through": bare,
+        "ratio": {key: within(value, TARGET[key]) for key, value in ratios.items()},
         "ratios_of_the_runs": [run[figure]["ratio"] for run in runs],
     }
+
+
+def middle(runs: Sequence[Figures]) -> Figures:
+    """Give the median of each figure over several runs."""
+    return {key: round(median(run[key] for run in runs), 3) for key in runs[0]}
 
 
 def _wait_until_joined(nav2: Nav2StandIn) -> None:
