@@ -126,6 +126,13 @@ async def _aggregator(folder: Path, _samples: int, seconds: float) -> dict[str, 
     return await aggregator_load.measure(folder, seconds)
 
 
+async def _smooth(folder: Path, _samples: int, _seconds: float) -> dict[str, Any]:
+    """(s): speed at passed nodes. Loaded late: the peer of the tests sets up the environment for ROS."""
+    from bench import smooth_driving  # noqa: PLC0415 - see above
+
+    return await smooth_driving.measure(folder)
+
+
 ENTRIES: dict[str, Callable[[Path, int, float], Awaitable[dict[str, Any]]]] = {
     "services": _services,
     "edge_agent": edge_agent.measure,
@@ -134,6 +141,7 @@ ENTRIES: dict[str, Callable[[Path, int, float], Awaitable[dict[str, Any]]]] = {
     "core": _core,
     "plant": _plant,
     "aggregator": _aggregator,
+    "smooth": _smooth,
 }
 """What can be measured: each gets a folder, orders per latency, and seconds for figures of CPU."""
 

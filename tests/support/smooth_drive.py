@@ -45,7 +45,7 @@ async def drive(fleet: FleetControl, odometry: Inbox[Any], radius: float) -> flo
     await fleet.state(lambda state: state["lastNodeId"] == "n1", within=PATIENCE)
     fleet.send(order(*NODES[2:], update=1, first=4, positions=places))
     await fleet.state(ended("o1"), within=PATIENCE)
-    told = [(each.pose.pose.position, each.twist.twist.linear.x) for each in odometry.messages]
+    told = [(each.pose.pose.position, float(each.twist.twist.linear.x)) for each in odometry.messages]
     passed = [SPACING * index for index in range(1, len(NODES) - 1)]
     slow = [speed for place, speed in told if any(dist((place.x, place.y), (x, 0.0)) <= NEAR for x in passed)]
     return min(slow) / max(speed for _, speed in told)

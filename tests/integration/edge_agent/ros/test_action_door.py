@@ -20,7 +20,7 @@ from nena_edge_agent.ros.goal_mark import GoalMark
 from nena_edge_agent.ros.settings import Navigation
 from support.action_server import RclpyNav2
 from support.action_types import needs_action_types
-from support.nav2_driver import DrivenRobot, goal_at
+from support.nav2_driver import QUICK, DrivenRobot, goal_at
 from support.ros import RosPeer
 from support.simulator import simulated_robot
 from support.waiting import until
@@ -37,7 +37,8 @@ def nav2(peer: RosPeer) -> Iterator[RclpyNav2]:
 
 @pytest.fixture
 async def robot(nav2: RclpyNav2, domain_id: int) -> AsyncIterator[DrivenRobot]:  # noqa: ARG001 - is there first
-    async with DrivenRobot(domain_id, navigation=Navigation.AUTO) as started:
+    patient = QUICK.model_copy(update={"pose_wait": 30.0})
+    async with DrivenRobot(domain_id, navigation=Navigation.AUTO, goals=patient) as started:
         yield await started.ready()
 
 

@@ -8,13 +8,12 @@ from nena_edge_agent.ros.action_feedback import FeedbackFilter, FeedbackReading
 READING = FeedbackReading("aa", 1.0, 2.0, 0.5, "map", 7.0, 0)
 
 
-def test_places_are_told_by_way_and_not_too_often() -> None:
+def test_places_are_told_by_the_way_between_them() -> None:
     told = FeedbackFilter()
     assert told.moved(READING, 0.0)
     assert not told.moved(READING, 1.0)
-    assert told.moved(replace(READING, x=1.1), 1.1)
-    assert not told.moved(replace(READING, x=1.2), 1.11)
-    assert told.moved(replace(READING, x=1.3), 1.2)
+    assert not told.moved(replace(READING, x=1.04), 1.1)
+    assert told.moved(replace(READING, x=1.06), 1.2)
 
 
 def test_is_fresh_for_a_while() -> None:

@@ -8,6 +8,7 @@ cancelling are with the node, which has them by topics too.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -24,6 +25,8 @@ from nena_edge_agent.ros.readings import UnusablePoseError
 from nena_edge_agent.ros.session import RosSession
 from nena_edge_agent.ros.settings import Navigation, RosSettings
 
+FEEDBACK_PERIOD = 0.05
+"""Seconds between two messages of feedback that are read; Nav2 sends one each 10 ms."""
 FEEDBACK = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
 
@@ -62,6 +65,7 @@ class ActionDoor:
         self._types = types
         self._listeners = listeners
         self._asked: Any = None
+        self._feedback_due_at = 0.0
 
     def enter(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
         """Make the clients and the subscription."""
@@ -76,6 +80,7 @@ class ActionDoor:
             FEEDBACK,
             read=feedback_reading,
             handle=self._listeners.feedback,
+            due=self._feedback_due,
         )
 
     @property
@@ -109,6 +114,13 @@ class ActionDoor:
         request.goal_id.uuid = list(bytes.fromhex(goal_id))
         self._asked = self._results.call_async(request)
         self._asked.add_done_callback(lambda future: self._on_result(goal_id, future))
+
+    def _feedback_due(self) -> bool:
+        now = time.monotonic()
+        if now < self._feedback_due_at:
+            return False
+        self._feedback_due_at = now + FEEDBACK_PERIOD
+        return True
 
     def _on_result(self, goal_id: str, future: Any) -> None:  # noqa: ANN401
         """Hand a result on to the loop; runs in the ROS thread, and for a question let go too."""

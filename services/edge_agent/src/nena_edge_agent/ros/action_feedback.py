@@ -7,10 +7,8 @@ from dataclasses import dataclass
 
 from nena_edge_agent.driver.port import DriveProgress
 
-POSE_PERIOD = 0.05
-"""Seconds between two poses that are told on at least; feedback comes each 10 ms."""
 POSE_STEP = 0.05
-"""Metres between them."""
+"""Metres between two places that are told on."""
 PROGRESS_PERIOD = 1.0
 """Seconds between two reports of what is left."""
 FRESH = 0.5
@@ -36,7 +34,6 @@ class FeedbackFilter:
 
     def __init__(self) -> None:
         self._heard_at = -math.inf
-        self._told_at = -math.inf
         self._place = (math.inf, math.inf)
         self._progress_at = -math.inf
         self._progress: tuple[str, int] = ("", 0)
@@ -49,9 +46,9 @@ class FeedbackFilter:
         """Tell whether the place is to be told on."""
         self._heard_at = now
         here = (reading.x, reading.y)
-        if now - self._told_at < POSE_PERIOD or math.dist(here, self._place) < POSE_STEP:
+        if math.dist(here, self._place) < POSE_STEP:
             return False
-        self._told_at, self._place = now, here
+        self._place = here
         return True
 
     def progress(self, reading: FeedbackReading, map_id: str, now: float) -> DriveProgress | None:

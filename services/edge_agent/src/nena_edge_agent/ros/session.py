@@ -18,6 +18,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 
 from nena_edge_agent.ros.mailbox import Mailbox
@@ -102,26 +103,31 @@ class RosSession:
         read: Callable[[Any], T],
         handle: Callable[[T], None],
         limit: int = 1,
+        due: Callable[[], bool] | None = None,
     ) -> None:
         """Read each message of a topic in the ROS thread and handle what comes out in the loop.
 
         At most ``limit`` readings wait for the loop, the oldest is dropped. A message that cannot be read is
-        told once until the next good one, and costs that message only.
+        told once until the next good one, and costs that message only. Of a topic with more messages than are
+        of use, ``due`` says whether the next one is wanted: others are not even made into a message.
         """
         mailbox = Mailbox(limit, handle, self.post)
         well = True
 
         def on_message(message: object) -> None:
             nonlocal well
+            if due is not None and not due():
+                return
             try:
-                mailbox.put(read(message))
+                mailbox.put(read(deserialize_message(message, kind) if due else message))
                 well = True
             except Exception as error:  # noqa: BLE001 - one let go here would end the thread
                 if well:
                     log.warning("messages cannot be used", topic=topic, reason=repr(error))
                 well = False
 
-        node.create_subscription(kind, topic, on_message, qos, event_callbacks=_events(qos))
+        raw, events = due is not None, _events(qos)
+        node.create_subscription(kind, topic, on_message, qos, event_callbacks=events, raw=raw)
 
     async def call(self, client: Any, request: Any, *, seconds: float) -> Any:  # noqa: ANN401
         """Call a service and give its answer; None when it is not there or silent for ``seconds``."""
