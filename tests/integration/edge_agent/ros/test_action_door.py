@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import AsyncIterator, Iterator
+from itertools import count
 
 import pytest
 
-from nena_edge_agent.driver.map_port import MapPoseReport
+from nena_edge_agent.driver.map_port import MapGoal, MapPose, MapPoseReport
 from nena_edge_agent.driver.port import (
     Arrived,
     DriveFailed,
     DriveFailure,
     DriveProgress,
     GoalReport,
+    GoalTable,
     Halted,
     NavigationReport,
 )
 from nena_edge_agent.ros.goal_mark import GoalMark
 from nena_edge_agent.ros.settings import Navigation
+from nena_robot_simulator.action import Action
+from support.action_client import Client
 from support.action_server import RclpyNav2
 from support.action_types import needs_action_types
-from support.nav2_driver import QUICK, DrivenRobot, goal_at
+from support.nav2_driver import MAP, QUICK, DrivenRobot, goal_at
 from support.ros import RosPeer
 from support.simulator import simulated_robot
 from support.waiting import until
@@ -125,3 +130,35 @@ async def test_a_server_that_goes_in_mid_drive(domain_id: int) -> None:
             node.close()
             assert (await robot.hears(DriveFailed, seconds=30.0)).failure is DriveFailure.NAVIGATION_GONE
     await until(lambda: robot.all(NavigationReport)[-1].available is False, what="its absence")
+
+
+async def test_a_node_that_nav2_leaves_out_is_driven_to_alone(domain_id: int, peer: RosPeer) -> None:
+    server = RclpyNav2(peer, Action.THROUGH_POSES)
+    async with DrivenRobot(domain_id, navigation=Navigation.THROUGH_POSES) as robot:
+        await robot.ready()
+        beside, behind = MapPose(5.0, 0.6, 0.0, MAP), MapPose(10.0, 0.0, 0.0, MAP)
+        await robot.driving(MapGoal(1, beside, deviation_xy=0.5, ahead=(behind,)))
+        await robot.hears(DriveProgress)
+        await until(lambda: not robot.driver._feedback.fresh(time.monotonic()), what="the end of feedback")
+        way = count(40)
+
+        def passes_by() -> bool:
+            server.pose(next(way) / 10)
+            return len(server.goals) > 1
+
+        await until(passes_by, timeout=30.0, what="the node by a goal of its own")
+        places = [[each.pose.position.x for each in goal.poses] for goal in server.goals]
+        server.end()
+        server.end()
+    server.close()
+    assert places == [[5.0, 10.0], [5.0]]
+
+
+async def test_a_goal_at_the_action_that_is_not_ours_is_external(domain_id: int, peer: RosPeer) -> None:
+    with simulated_robot(domain_id):
+        async with DrivenRobot(domain_id, navigation=Navigation.ACTION) as robot:
+            await robot.ready()
+            operator = Client(peer, Action.THROUGH_POSES)
+            operator.send((2.0, 0.0), (4.0, 0.0))
+            await robot.hears(GoalReport, lambda report: report.external)
+            await until(lambda: robot.all(GoalTable)[-1].external == (), timeout=30.0, what="its end")
