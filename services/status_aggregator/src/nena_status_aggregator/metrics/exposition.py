@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
 
 from prometheus_client import CollectorRegistry, GCCollector, ProcessCollector, generate_latest
 
@@ -30,10 +30,8 @@ class Exposition:
         for family in self._robot_series.families(list(model.robots), now):
             yield family.encode()
 
-    async def text(self) -> bytes:
+    async def stream(self) -> AsyncIterator[bytes]:
         """Write everything; between the parts the event loop handles what has come meanwhile."""
-        parts = []
         for part in self.parts():
-            parts.append(part)
+            yield part
             await asyncio.sleep(0)
-        return b"".join(parts)

@@ -29,9 +29,21 @@ class Series(Generic[S]):
     value: Callable[[S, Instant], float | None]
 
 
-def of_state(name: str, text: str, value: Callable[[StateBrief], float | None]) -> Series[StateBrief]:
+def of_state(
+    name: str, text: str, value: Callable[[StateBrief, Instant], float | None]
+) -> Series[StateBrief]:
     """Make a gauge that is read from a robot's last state."""
-    return Series(name, "gauge", text, lambda state, _: value(state))
+    return Series(name, "gauge", text, value)
+
+
+def _state_age(robot: Robot, now: Instant) -> float | None:
+    age = robot.age(now)
+    return None if age is None else round(age, 3)
+
+
+def _skew(robot: Robot, _: Instant) -> float | None:
+    seconds = robot.skew.seconds
+    return None if seconds is None else round(seconds, 3)
 
 
 def _speed(robot: Robot, _: Instant) -> float | None:
@@ -39,7 +51,7 @@ def _speed(robot: Robot, _: Instant) -> float | None:
     return None if speed is None else hypot(speed.vx or 0.0, speed.vy or 0.0)
 
 
-def _localized(state: StateBrief) -> float | None:
+def _localized(state: StateBrief, _: Instant) -> float | None:
     at = state.mobile_robot_position
     return None if at is None else int(at.localized)
 
@@ -55,18 +67,18 @@ def _connected(robot: Robot, _: Instant) -> float | None:
 
 OF_ROBOT: tuple[Series[Robot], ...] = (
     Series("nena_robot_connected", "gauge", "1 while the robot's connection is ONLINE.", _connected),
-    Series("nena_robot_state_age_seconds", "gauge", "Time since the last state.", Robot.age),
+    Series("nena_robot_state_age_seconds", "gauge", "Time since the last state.", _state_age),
     Series(
         "nena_robot_condition_age_seconds",
         "gauge",
         "Time since the robot came into its condition.",
-        lambda robot, now: max(0.0, (now.utc - robot.condition_since).total_seconds()),
+        lambda robot, now: round(max(0.0, (now.utc - robot.condition_since).total_seconds()), 3),
     ),
     Series(
         "nena_robot_clock_skew_seconds",
         "gauge",
         "The robot's clock minus ours.",
-        lambda robot, _: robot.skew.seconds,
+        _skew,
     ),
     Series("nena_robot_speed_meters_per_second", "gauge", "Speed over the ground.", _speed),
     Series("nena_robot_order_progress_ratio", "gauge", "Nodes of the order reached, 0 to 1.", _progress),
@@ -89,38 +101,40 @@ OF_STATE: tuple[Series[StateBrief], ...] = (
     of_state(
         "nena_robot_battery_ratio",
         "State of charge, 0 to 1.",
-        lambda state: state.power_supply.state_of_charge / 100,
+        lambda state, _: state.power_supply.state_of_charge / 100,
     ),
-    of_state("nena_robot_battery_volts", "Voltage.", lambda state: state.power_supply.battery_voltage),
-    of_state("nena_robot_range_meters", "Way left with this charge.", lambda state: state.power_supply.range),
+    of_state("nena_robot_battery_volts", "Voltage.", lambda state, _: state.power_supply.battery_voltage),
     of_state(
-        "nena_robot_charging", "1 while the robot charges.", lambda state: int(state.power_supply.charging)
+        "nena_robot_range_meters", "Way left with this charge.", lambda state, _: state.power_supply.range
     ),
-    of_state("nena_robot_driving", "1 while the robot drives.", lambda state: int(state.driving)),
-    of_state("nena_robot_paused", "1 while the robot is paused.", lambda state: int(bool(state.paused))),
+    of_state(
+        "nena_robot_charging", "1 while the robot charges.", lambda state, _: int(state.power_supply.charging)
+    ),
+    of_state("nena_robot_driving", "1 while the robot drives.", lambda state, _: int(state.driving)),
+    of_state("nena_robot_paused", "1 while the robot is paused.", lambda state, _: int(bool(state.paused))),
     of_state(
         "nena_robot_emergency_stop",
         "1 while an emergency stop is active.",
-        lambda state: int(state.safety_state.active_emergency_stop is not EmergencyStop.NONE),
+        lambda state, _: int(state.safety_state.active_emergency_stop is not EmergencyStop.NONE),
     ),
     of_state(
         "nena_robot_field_violation",
         "1 while something is in the protective field.",
-        lambda state: int(state.safety_state.field_violation),
+        lambda state, _: int(state.safety_state.field_violation),
     ),
     of_state("nena_robot_localized", "1 while the robot knows where it is.", _localized),
     of_state(
         "nena_robot_order_active",
         "1 while the robot has something of its order left to do.",
-        lambda state: int(is_active(state)),
+        lambda state, _: int(is_active(state)),
     ),
     of_state(
-        "nena_robot_errors_active", "Errors that the robot reports now.", lambda state: len(state.errors)
+        "nena_robot_errors_active", "Errors that the robot reports now.", lambda state, _: len(state.errors)
     ),
     of_state(
         "nena_robot_loads",
         "Loads that the robot carries.",
-        lambda state: None if state.loads is None else len(state.loads),
+        lambda state, _: None if state.loads is None else len(state.loads),
     ),
 )
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from http import HTTPStatus
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
-from starlette.responses import PlainTextResponse
+from starlette.responses import PlainTextResponse, StreamingResponse
 
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.metrics.exposition import Exposition
@@ -34,8 +34,8 @@ def make_router(aggregator: Aggregator, exposition: Exposition) -> APIRouter:
         return {"status": "ready"}
 
     @router.get("/metrics", response_class=PlainTextResponse)
-    async def metrics() -> Response:
+    async def metrics() -> StreamingResponse:
         """Give all metrics in Prometheus's text format."""
-        return Response(await exposition.text(), media_type=CONTENT_TYPE_PLAIN_0_0_4)
+        return StreamingResponse(exposition.stream(), media_type=CONTENT_TYPE_PLAIN_0_0_4)
 
     return router
