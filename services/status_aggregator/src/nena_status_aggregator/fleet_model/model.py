@@ -21,6 +21,7 @@ from nena_status_aggregator.fleet_model.map_shelf import MapShelf
 from nena_status_aggregator.fleet_model.message_kind import MessageKind
 from nena_status_aggregator.fleet_model.order_book import OrderBook
 from nena_status_aggregator.fleet_model.order_view import view_order
+from nena_status_aggregator.fleet_model.plant_frame import PlantFrame
 from nena_status_aggregator.fleet_model.publication import Publication
 from nena_status_aggregator.fleet_model.robot import Robot
 from nena_status_aggregator.fleet_model.robot_register import RobotRegister
@@ -59,6 +60,7 @@ class FleetModel:
         self._maps = MapShelf()
         self._chronicle = Chronicle(self.statistics, tell, track_distance=limits.track_distance)
         self.plant: PlantModel | None = None
+        self._frame = PlantFrame()
         self._key_of_vehicle: dict[str, RobotKey] = {}
         self._plant_version = 0
         self._public = Publication()
@@ -171,6 +173,10 @@ class FleetModel:
         if plant == self.plant:
             return
         self.plant = plant
+        self._frame = PlantFrame.of(plant)
+        for robot in self.robots:
+            robot.frame = self._frame
+            self._touch(robot.key)
         self._plant_version += 1
         self._public.plant = view_plant(plant, self._plant_version) if plant else None
 
@@ -234,6 +240,7 @@ class FleetModel:
         if robot is None:
             self.statistics.refused[kind] += 1
         else:
+            robot.frame = self._frame
             self._touch(key)
         return robot
 

@@ -17,6 +17,7 @@ from nena_status_aggregator.fleet_model.instant import Instant
 from nena_status_aggregator.fleet_model.message_kind import MessageKind
 from nena_status_aggregator.fleet_model.odometer import Odometer
 from nena_status_aggregator.fleet_model.order_progress import OrderProgress
+from nena_status_aggregator.fleet_model.plant_frame import PlantFrame
 from nena_status_aggregator.fleet_model.sequence import Sequence
 
 LEAST_SILENCE_LIMIT = 35.0
@@ -39,7 +40,9 @@ class Robot:
         self.state_at = seen
         """When the last state came, or the robot was first seen."""
         self.state_after_connection = False
-        self.position: PositionBrief | None = None
+        self.frame = PlantFrame()
+        self.reported: PositionBrief | None = None
+        """Where it says that it is, in the frame in which it speaks."""
         self.velocity: VelocityBrief | None = None
         self.factsheet: Factsheet | None = None
         self.vehicle: VehicleStatus | None = None
@@ -68,6 +71,11 @@ class Robot:
         """Manufacturer and serial number."""
         return str(self.key)
 
+    @property
+    def position(self) -> PositionBrief | None:
+        """Where it is in the plant's frame; None where nobody knows."""
+        return self.frame.position(self.reported, self.factsheet)
+
     def on_connection(self, message: Connection, at: Instant) -> None:
         """Take in a connection message; a repetition of what is known leaves the time since when alone."""
         before = self.connection
@@ -85,7 +93,7 @@ class Robot:
         self.state_at = Instant(at.monotonic - age, at.utc - timedelta(seconds=age))
         self.state_after_connection = not retained
         self._silence_noticed = False
-        self.position = message.mobile_robot_position
+        self.reported = message.mobile_robot_position
         self.velocity = message.velocity
         self.progress.follow(message)
         self.odometer.follow(message.mobile_robot_position)
@@ -94,8 +102,8 @@ class Robot:
 
     def on_visualization(self, message: VisualizationBrief) -> None:
         """Take in a visualization: where it is now, between two states."""
-        self.position = message.mobile_robot_position or self.position
-        self.odometer.follow(self.position)
+        self.reported = message.mobile_robot_position or self.reported
+        self.odometer.follow(self.reported)
         self.velocity = message.velocity or self.velocity
 
     def silence_limit(self, setting: float | None) -> float:

@@ -79,7 +79,7 @@ def view_robot(robot: Robot, *, silence_limit: float, skew_limit: float) -> Robo
         "battery": _battery(state) if state else None,
         "maps": _maps(state) if state else None,
         "grid": _grid(robot),
-        "plan": _plan(state) if state else None,
+        "plan": _plan(robot, state) if state else None,
         "loads": _loads(state) if state else None,
         "errors": [_error(each) for each in state.errors[:LIST_LIMIT]] if state else [],
         "information": [_information(each) for each in (state.information or ())[:LIST_LIMIT]]
@@ -142,9 +142,14 @@ def _maps(state: StateBrief) -> list[MapView] | None:
     ]
 
 
-def _plan(state: StateBrief) -> list[tuple[float, float]] | None:
-    path = state.intermediate_path
-    return [(round(each.x, 2), round(each.y, 2)) for each in path.polyline[:LIST_LIMIT]] if path else None
+def _plan(robot: Robot, state: StateBrief) -> list[tuple[float, float]] | None:
+    path, at = state.intermediate_path, robot.reported
+    if path is None:
+        return None
+    map_id, sheet = at.map_id if at else None, robot.factsheet
+    points = path.polyline[:LIST_LIMIT]
+    places = (robot.frame.place(each.x, each.y, map_id, sheet) for each in points)
+    return [(round(place[0], 2), round(place[1], 2)) for place in places if place]
 
 
 def _grid(robot: Robot) -> GridView | None:
@@ -223,7 +228,7 @@ def _order(robot: Robot, state: StateBrief) -> RobotOrderView:
         "nodes": robot.progress.nodes,
         "nodesLeft": robot.progress.nodes_left,
         "progress": robot.progress.percent,
-        "ahead": [_ahead(each) for each in state.node_states[:LIST_LIMIT]],
+        "ahead": [_ahead(robot, each) for each in state.node_states[:LIST_LIMIT]],
     }
 
 
@@ -234,14 +239,11 @@ def is_active(state: StateBrief) -> bool:
     )
 
 
-def _ahead(node: NodeBrief) -> AheadView:
+def _ahead(robot: Robot, node: NodeBrief) -> AheadView:
     at = node.node_position
-    return {
-        "nodeId": node.node_id,
-        "released": node.released,
-        "x": at.x if at else None,
-        "y": at.y if at else None,
-    }
+    place = robot.frame.place(at.x, at.y, at.map_id, robot.factsheet) if at else None
+    x, y = place or (None, None)
+    return {"nodeId": node.node_id, "released": node.released, "x": x, "y": y}
 
 
 def _body(robot: Robot) -> BodyView | None:

@@ -194,7 +194,7 @@ class RobotView(TypedDict):
     maps: list[MapView] | None
     grid: GridView | None
     plan: list[tuple[float, float]] | None
-    """The way that it means to drive next; m, in the frame of its map."""
+    """The way that it means to drive next; m, in the plant's frame."""
     loads: list[LoadView] | None
     errors: list[ErrorView]
     information: list[InformationView]
