@@ -174,7 +174,7 @@ serial_number = "{robot.serial_number}"
 map_id = "{MAP_ID}"
 driver = "nav2"
 journal = {{ folder = "{folder / "journal"}" }}
-drive = {{ strategy = "pass_through" }}
+drive = {{ strategy = "pass_through", deviation_xy = 0.5 }}
 
 [ros]
 namespace = "{robot.namespace}"
