@@ -24,7 +24,7 @@ from support.schemas import schema_problems
 
 def factsheet(*operations: OperationSettings, **changes: object) -> Factsheet:
     settings = EdgeAgentSettings.model_validate({"operations": operations, **changes})
-    registry = ActionRegistry([*(TimedOperation(each) for each in settings.operations), Wait()])
+    registry = ActionRegistry([*(TimedOperation(each) for each in operations), Wait()])
     return make_factsheet(HEADER, settings, make_capabilities(settings, registry))
 
 

@@ -6,6 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from nena_edge_agent.__main__ import DESCRIPTION, PROGRAM
+from nena_edge_agent.actions.settings import OperationSettings
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.settings import ConfigurationError, load
 
@@ -53,9 +54,7 @@ def test_operations_come_from_tables_of_the_file(tmp_path: Path) -> None:
 
     settings = loaded("--config", str(file))
 
-    assert [(each.action_type, each.seconds, each.load) for each in settings.operations] == [
-        ("lift", 2.0, "take")
-    ]
+    assert settings.operations == (OperationSettings(action_type="lift", seconds=2.0, load="take"),)
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ from support.edge_agent import FleetControl, ended, error_types, status_of
 from support.lift_process import lift_process
 from support.nav2_agent import Bench, ready
 from support.robot_core import action, order
-from support.ros import RosPeer
+from support.ros import LATCHED, RosPeer
 from support.waiting import until
 
 pytestmark = [pytest.mark.ros, pytest.mark.broker]
@@ -201,6 +201,13 @@ async def test_a_port_that_a_session_has_takes_more(domain_id: int, peer: RosPee
                 break
             await asyncio.sleep(0.01)
         await until(lambda: came, timeout=30)
+        latched: list[Fields] = []
+        port.subscribe("kept", STRING, latched.append, qos=TopicQos.LATCHED)
+        kept = await asyncio.to_thread(peer.publisher, String, "kept", LATCHED, timeout=30)
+        kept.publish(String(data="once"))
+        await until(lambda: latched, timeout=30)
+        port.subscribe("kept", STRING, came.append, qos=TopicQos.LATCHED)  # who comes later hears it too
+        assert came[-1] == {"data": "once"}
         with pytest.raises(RosError, match="no such field"):
             port.publisher("tap", STRING).publish({"date": "x"})
         with pytest.raises(RosError, match="there is no type"):

@@ -102,7 +102,7 @@ async def ends(subject: Subject) -> str:
             text = "it is open-ended: it lasts until its edge ends"
             raise NotSeenError(text)
         if not await trial.until(lambda: trial.end, subject.seconds):
-            return _unended(subject)
+            raise _unended(subject)
         await asyncio.sleep(SETTLE)
         trial.sound()
         end = trial.end
@@ -164,7 +164,7 @@ async def is_silent_afterwards(subject: Subject) -> str:
             trial.ask(name)
         await asyncio.sleep(SETTLE)
         if len(trial.reports) > before:
-            text = f"{trial.statuses[before:]} was reported behind the end"
+            text = f"{', '.join(trial.statuses[before:])} was reported behind the end"
             raise BrokenError(text, "report nothing behind the end")
         return "does nothing"
 
@@ -240,35 +240,30 @@ async def _trial(subject: Subject) -> AsyncIterator[Trial]:
     finally:
         if not trial.end:
             trial.ask("cancel")
-            await trial.until(lambda: trial.end, subject.patience.obey if _may_cancel(subject) else SETTLE)
-
-
-def _may_cancel(subject: Subject) -> bool:
-    return subject.declaration.cancel_allowed
+            allowed = subject.declaration.cancel_allowed
+            await trial.until(lambda: trial.end, subject.patience.obey if allowed else SETTLE)
 
 
 async def _answered(trial: Trial, status: ActionStatus, what: str) -> None:
-    seconds, before = trial.subject.patience.obey, len(trial.reports)
-    done = await trial.until(
-        lambda: trial.statuses[-1] is status or trial.end or len(trial.reports) > before, seconds
-    )
+    seconds = trial.subject.patience.obey
+    done = await trial.until(lambda: trial.statuses[-1] is status or trial.end, seconds)
     trial.sound()
     if trial.end:
         text = "the action ended before it could be seen"
         raise NotSeenError(text)
-    if not done or trial.statuses[-1] is not status:
+    if not done:
         text = f"{status} was not reported within {seconds:g} s of {what}"
         raise BrokenError(text, f"report {status} when told to {what}, or declare pause_allowed=False")
 
 
-def _unended(subject: Subject) -> str:
+def _unended(subject: Subject) -> Exception:
+    """Judge an action that goes on and on."""
     declaration = subject.declaration
     if declaration.cancel_allowed or declaration.timeout is not None:
         limit = "" if declaration.timeout is None else f", and fails after {declaration.timeout:g} s"
-        text = f"it does not end by itself within {subject.seconds:g} s{limit}"
-        raise NotSeenError(text)
+        return NotSeenError(f"it does not end by itself within {subject.seconds:g} s{limit}")
     text = f"it does not end within {subject.seconds:g} s, cannot be cancelled and has no timeout"
-    raise BrokenError(text, "end, or declare cancel_allowed or a timeout; --patience waits for longer")
+    return BrokenError(text, "end, or declare cancel_allowed or a timeout; --patience waits for longer")
 
 
 def _encoded(declaration: ActionDeclaration) -> None:

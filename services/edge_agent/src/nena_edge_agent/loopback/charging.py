@@ -26,8 +26,11 @@ class ChargingWatch:
         """Begin."""
 
         def watched(told: ActionReport) -> None:
-            if isinstance(told, ActionReport) and told.charging is not None:  # who knows what a plug-in tells
-                self._switch(told.charging)
+            charging = getattr(
+                told, "charging", None
+            )  # a plug-in may tell anything; the agent judges it later
+            if isinstance(charging, bool):
+                self._switch(charging)
                 told = replace(told, charging=None)
             report(told)
 

@@ -57,6 +57,7 @@ class PluginRos:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._endpoints: list[_Endpoint] = []
+        self._subscriptions: dict[tuple[str, str, TopicQos], _Subscription] = {}
         self._session: RosSession | None = None
         self._node: Any = None
 
@@ -98,11 +99,17 @@ class PluginRos:
     ) -> None:
         """Have ``handle`` called with each message, in the event loop.
 
+        All who listen to a topic hear a message at the same time: an answer to one action must not come
+        late to the next one.
+
         Raises:
             RosError: there is no such type here.
 
         """
-        self._add(_Subscription(topic, type_name, handle, qos))
+        key = (topic, type_name, qos)
+        if key not in self._subscriptions:
+            self._subscriptions[key] = self._add(_Subscription(topic, type_name, qos))
+        self._subscriptions[key].join(handle)
 
     def client(self, service: str, type_name: str) -> ServiceClient:
         """Give what calls ``service``.
@@ -148,11 +155,18 @@ class _Publisher:
 
 
 class _Subscription:
-    def __init__(self, topic: str, type_name: str, handle: Callable[[Fields], None], qos: TopicQos) -> None:
+    def __init__(self, topic: str, type_name: str, qos: TopicQos) -> None:
         self._topic = topic
         self._kind = _known(class_of, type_name)
-        self._handle = handle
         self._qos = qos
+        self._handlers: list[Callable[[Fields], None]] = []
+        self._last: Fields | None = None
+
+    def join(self, handle: Callable[[Fields], None]) -> None:
+        """Have one more hear it; of a latched topic also what was said last."""
+        self._handlers.append(handle)
+        if self._last is not None and self._qos is TopicQos.LATCHED:
+            self._tell(handle, self._last)
 
     def open(self, session: RosSession, node: Any) -> None:  # noqa: ANN401
         from nena_edge_agent.ros.nav2_node import LATCHED, RELIABLE, SENSOR  # noqa: PLC0415 - needs rclpy
@@ -173,8 +187,13 @@ class _Subscription:
         )
 
     def _heard(self, fields: Fields) -> None:
+        self._last = fields
+        for handle in self._handlers:
+            self._tell(handle, fields)
+
+    def _tell(self, handle: Callable[[Fields], None], fields: Fields) -> None:
         try:
-            self._handle(fields)
+            handle(fields)
         except Exception:
             log.exception("an action plug-in failed at a message", topic=self._topic)
 
