@@ -112,6 +112,8 @@ async def test_every_command_does_its_work_as_the_document_says(
     path = (await client.get("/v1/paths")).json()["paths"][0]["name"]
     assert (await host.ask("lockPath", path=path, locked=True))["path"]["locked"] is True
     assert (await host.ask("lockPath", path=path, locked=False))["path"]["locked"] is False
+    level = await host.ask("integrationLevel", vehicle="Robot-02", integrationLevel="TO_BE_IGNORED")
+    assert (level["status"], level["vehicle"]["integrationLevel"]) == (200, "TO_BE_IGNORED")
     sent = await host.ask("dispatch", vehicle="Robot-01", point="South 2")
     assert (sent["status"], sent["transportOrder"]["intendedVehicle"]) == (201, "Robot-01")
     name = sent["transportOrder"]["name"]
@@ -138,6 +140,8 @@ async def test_every_command_does_its_work_as_the_document_says(
         ("instantAction", {"vehicle": "Robot-01", "actionType": "pause"}, 409),
         ("lockPath", {"path": "Nowhere", "locked": True}, 404),
         ("lockPath", {"path": "Nowhere"}, 422),
+        ("integrationLevel", {"vehicle": "R2D2", "integrationLevel": "TO_BE_IGNORED"}, 404),
+        ("integrationLevel", {"vehicle": "Robot-01", "integrationLevel": "LATER"}, 422),
         ("dance", {}, 404),
     ],
 )

@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from nena_order_service.rest.bodies import (
     DispatchRequest,
     InstantActionRequest,
+    IntegrationLevelRequest,
     PathLockRequest,
     WithdrawalRequest,
 )
@@ -26,6 +27,7 @@ BODIES: dict[str, type[BaseModel]] = {
     "/dispatch": DispatchRequest,
     "/instantActions": InstantActionRequest,
     "/lock": PathLockRequest,
+    "/integrationLevel": IntegrationLevelRequest,
 }
 EXAMPLES = re.findall(r"\$nena(\S+) -H 'Content-Type: application/json' -d '(\{.*?\})'\n", GUIDE, re.DOTALL)
 

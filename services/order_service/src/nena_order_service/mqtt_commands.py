@@ -19,6 +19,7 @@ from nena_order_service.rest.bodies import (
     DispatchRequest,
     InstantActionAnswer,
     InstantActionRequest,
+    IntegrationLevelRequest,
     PathLockRequest,
     WithdrawalRequest,
 )
@@ -27,6 +28,7 @@ from nena_shared.fleet_api.delivery import DeliveryStatus
 from nena_shared.fleet_api.path import PathStatus
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import Problem, TransportOrderStatus
+from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
 
@@ -66,6 +68,12 @@ class InstantActionCommand(Command, InstantActionRequest):
     vehicle: ObjectName
 
 
+class IntegrationLevelCommand(Command, IntegrationLevelRequest):
+    """Says how much a vehicle counts from now on."""
+
+    vehicle: ObjectName
+
+
 class LockPathCommand(Command, PathLockRequest):
     """Locks or unlocks a path."""
 
@@ -82,6 +90,7 @@ class CommandAnswer(Resource):
     delivery: DeliveryStatus | None = None
     instant_action: InstantActionAnswer | None = None
     path: PathStatus | None = None
+    vehicle: VehicleStatus | None = None
     problem: Problem | None = None
 
 
@@ -91,6 +100,7 @@ COMMANDS: dict[str, type[Command]] = {
     "dispatch": DispatchCommand,
     "instantAction": InstantActionCommand,
     "lockPath": LockPathCommand,
+    "integrationLevel": IntegrationLevelCommand,
 }
 """The bodies by the commands' names."""
 
@@ -110,12 +120,15 @@ class Verbs:
             "dispatch": self.dispatch,
             "instantAction": self.instant_action,
             "lockPath": self.lock_path,
+            "integrationLevel": self.integration_level,
         }
 
     async def withdraw(self, command: WithdrawCommand) -> CommandAnswer:
         """Withdraw an order."""
         seen = None if command.version is None else ETag.of(command.version)
-        order = await self._requests.withdraw(command.transport_order, command.reason, seen=seen)
+        order = await self._requests.withdraw(
+            command.transport_order, command.reason, seen=seen, immediate=command.immediate
+        )
         return CommandAnswer(status=HTTPStatus.OK, transport_order=order)
 
     async def delivery(self, command: DeliveryCommand) -> CommandAnswer:
@@ -134,6 +147,11 @@ class Verbs:
         answer = await vehicle_commands.instant_action(self._requests, command.vehicle, command)
         status = HTTPStatus.ACCEPTED if answer.status == "PENDING" else HTTPStatus.OK
         return CommandAnswer(status=status, instant_action=answer)
+
+    async def integration_level(self, command: IntegrationLevelCommand) -> CommandAnswer:
+        """Let a vehicle count so much from now on."""
+        vehicle = await self._requests.set_integration_level(command.vehicle, command.integration_level)
+        return CommandAnswer(status=HTTPStatus.OK, vehicle=vehicle)
 
     async def lock_path(self, command: LockPathCommand) -> CommandAnswer:
         """Lock or unlock a path."""

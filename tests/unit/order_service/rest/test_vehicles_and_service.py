@@ -109,3 +109,13 @@ async def test_vehicles_are_filtered_and_paged(client: httpx.AsyncClient) -> Non
     assert await names(state="UNKNOWN", processingState="IDLE") == ["Robot-01", "Robot-02"]
     assert await names(state="IDLE") == []
     assert (await client.get("/v1/vehicles", params={"after": "R2D2"})).status_code == 404
+
+
+async def test_integration_level_is_set_and_told(client: httpx.AsyncClient) -> None:
+    place = "/v1/vehicles/Robot-01/integrationLevel"
+    answer = await client.put(place, json={"integrationLevel": "TO_BE_RESPECTED"})
+    assert (answer.status_code, answer.json()["integrationLevel"]) == (200, "TO_BE_RESPECTED")
+    assert answer.json()["reason"] == "has the integration level TO_BE_RESPECTED"
+    assert (await client.put(place, json={"integrationLevel": "LATER"})).status_code == 422
+    missing = await client.put("/v1/vehicles/R2/integrationLevel", json={"integrationLevel": "TO_BE_IGNORED"})
+    assert missing.status_code == 404

@@ -30,7 +30,7 @@ from nena_order_service.orders.validation import check_request
 from nena_order_service.store.database import OrderFilter
 from nena_shared.fleet_api.delivery import DeliveryStatus
 from nena_shared.fleet_api.transport_order import TransportOrderRequest, TransportOrderStatus
-from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
 from nena_shared.plant import MapPose, PlantPose, Point
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 
@@ -84,10 +84,13 @@ class HostRequests:
         await self._committed()
         return self._visible(known), False
 
-    async def withdraw(self, name: str, reason: str, *, seen: ETag | None = None) -> TransportOrderStatus:
+    async def withdraw(
+        self, name: str, reason: str, *, seen: ETag | None = None, immediate: bool = True
+    ) -> TransportOrderStatus:
         """Withdraw an order: it fails at once, or when the vehicle that works on it has let it go.
 
-        Only if it still is as the caller has ``seen`` it; None: whatever it is now.
+        Only if it still is as the caller has ``seen`` it; None: whatever it is now. Not ``immediate``, its
+        vehicle drives to the end of what it was given.
         """
         order = self._kernel.book.named(name) or await self._kernel.store.order(name=name)
         if order is None:
@@ -97,7 +100,7 @@ class HostRequests:
         if seen is not None and not seen.fits(order.status.version):
             raise VersionChangedError(name, str(seen), order.status.version)
         self._require_store()
-        self._kernel.withdraw(order.number, reason)
+        self._kernel.withdraw(order.number, reason, immediate=immediate)
         await self._committed()
         return self._visible(order)
 
@@ -125,6 +128,14 @@ class HostRequests:
     def vehicle(self, name: str) -> VehicleStatus:
         """Give a vehicle."""
         return self._kernel.status(self._vehicle(name))
+
+    async def set_integration_level(self, name: str, level: IntegrationLevel) -> VehicleStatus:
+        """Let a vehicle count so much from now on, also after a restart."""
+        vehicle = self._vehicle(name)
+        self._require_store()
+        self._kernel.set_integration_level(vehicle, level)
+        await self._committed()
+        return self._kernel.status(vehicle)
 
     async def instant_action(
         self,

@@ -105,7 +105,7 @@ class Places:
         if level is not IntegrationLevel.TO_BE_UTILIZED:
             return f"has the integration level {level.value}"
         if self._desk.broke_off(vehicle.name):
-            return "has broken off its way, and has not been seen standing since"
+            return "has broken off its way or drives by itself, and has not been seen standing since"
         return ""
 
     def level(self, vehicle: FleetVehicle) -> IntegrationLevel:

@@ -10,7 +10,7 @@ from pydantic import Field, JsonValue, model_validator
 from nena_shared.fleet_api.base import ObjectName, Request, Resource
 from nena_shared.fleet_api.path import PathStatus
 from nena_shared.fleet_api.transport_order import Coordinate, Destination, TransportOrderStatus
-from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
 from nena_shared.vda5050.action import ActionStatus, BlockingType
 
 
@@ -46,6 +46,14 @@ class WithdrawalRequest(Request):
     """Asks for the end of a transport order."""
 
     reason: Annotated[str, Field(min_length=1, max_length=500)] = "withdrawn by a host"
+    immediate: bool = True
+    """Whether its robot is to stop; false: it drives to the end of what it was given."""
+
+
+class IntegrationLevelRequest(Request):
+    """Says how much a vehicle counts from now on."""
+
+    integration_level: IntegrationLevel
 
 
 class DispatchRequest(Request):

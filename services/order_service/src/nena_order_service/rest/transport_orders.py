@@ -58,8 +58,9 @@ def make_router(requests: HostRequests) -> APIRouter:
         name: str, request: WithdrawalRequest | None = None, if_match: IfMatch = None
     ) -> Response:
         """Withdraw a transport order: it fails at once, or when its vehicle has let it go."""
-        reason = (request or WithdrawalRequest()).reason
-        return responses.order(await requests.withdraw(name, reason, seen=responses.seen(if_match)))
+        asked, seen = request or WithdrawalRequest(), responses.seen(if_match)
+        order = await requests.withdraw(name, asked.reason, seen=seen, immediate=asked.immediate)
+        return responses.order(order)
 
     return router
 

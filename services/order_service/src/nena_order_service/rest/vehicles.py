@@ -16,6 +16,7 @@ from nena_order_service.rest.bodies import (
     DispatchRequest,
     InstantActionAnswer,
     InstantActionRequest,
+    IntegrationLevelRequest,
     VehicleList,
 )
 from nena_order_service.rest.responses import as_json
@@ -62,6 +63,11 @@ def make_router(requests: HostRequests) -> APIRouter:
         """Let a vehicle do something at once; waits a while for the end of it."""
         answer = await vehicle_commands.instant_action(requests, name, request)
         return as_json(answer, HTTPStatus.ACCEPTED if answer.status == "PENDING" else HTTPStatus.OK)
+
+    @router.put("/{name}/integrationLevel", response_model=VehicleStatus)
+    async def integration_level(name: str, request: IntegrationLevelRequest) -> Response:
+        """Say how much a vehicle counts: whether it gets orders, and whether others keep away from it."""
+        return as_json(await requests.set_integration_level(name, request.integration_level))
 
     return router
 

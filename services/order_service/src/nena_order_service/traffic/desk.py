@@ -49,7 +49,7 @@ class TrafficDesk:
         self._footings = Footings(plant, self.resources)
         self._journeys: dict[str, Journey] = {}
         self._broken_off: dict[str, tuple[ResourceSet, ...]] = {}
-        """What vehicles that broke off may be on: from their tails to the next point of their ways."""
+        """What vehicles that broke off may be on, to the next point of their ways; or that move by hand."""
 
     @property
     def _scheduler(self) -> Scheduler:
@@ -85,7 +85,9 @@ class TrafficDesk:
         else:
             held = (*(each for each in behind if each != footing.under), footing.under)
             entry = footing.entry
-        if not moving:
+        if moving:
+            self._broken_off.setdefault(vehicle, self.held(vehicle) if self._is_at(vehicle, found) else ())
+        else:
             self._broken_off.pop(vehicle, None)
         if vehicle in self._scheduler:
             occupant = self._scheduler.occupant(vehicle)
@@ -93,6 +95,9 @@ class TrafficDesk:
                 return False
         self._scheduler.place(vehicle, held, box.length_mm, entry=entry)
         return True
+
+    def _is_at(self, vehicle: str, found: Found) -> bool:
+        return vehicle in self._scheduler and self._scheduler.occupant(vehicle).point == found.point
 
     def _behind(self, vehicle: str, found: Found, *, moving: bool) -> tuple[ResourceSet, ...]:
         """Give what of all that a vehicle holds it still covers, now that it was found somewhere."""
@@ -226,7 +231,7 @@ class TrafficDesk:
         self._scheduler.place(vehicle, held, occupant.length_mm)
 
     def broke_off(self, vehicle: str) -> bool:
-        """Tell whether a vehicle has broken off its way, and was not seen standing since."""
+        """Tell whether a vehicle without a way was not seen standing since it broke off or moved."""
         return vehicle in self._broken_off
 
     @property

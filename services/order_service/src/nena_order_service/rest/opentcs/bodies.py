@@ -186,7 +186,7 @@ class VehicleState(Body):
     energy_level_sufficiently_recharged: int
     energy_level_fully_recharged: int
     energy_level: int
-    integration_level: str = "TO_BE_UTILIZED"
+    integration_level: str
     paused: bool = False
     proc_state: str
     transport_order: str | None
@@ -216,6 +216,7 @@ class VehicleState(Body):
             energy_level_sufficiently_recharged=levels.sufficiently_recharged,
             energy_level_fully_recharged=levels.fully_recharged,
             energy_level=round(status.energy_level or 0),
+            integration_level=status.integration_level.value,
             proc_state=status.processing_state.value,
             transport_order=status.transport_order,
             current_position=status.current_position,

@@ -1,0 +1,152 @@
+"""Six robots and one single track: sixty orders are done, and nobody is ever where somebody else is.
+
+The order service and the robots are processes of their own, with a real broker between them. What the robots
+were given and what they say is read from the conversation alone.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path as File
+from random import Random
+
+import pytest
+
+from nena_shared.mqtt import Inbound
+from nena_shared.plant import Link, Location, LocationType, Path, PlantModel, Point, Vehicle
+from nena_shared.plant.point import PointType
+from support.order_service_fleet import Fleet, every_order_ended, vehicle_idle
+
+pytestmark = [pytest.mark.broker, pytest.mark.e2e]
+
+ROBOTS = 6
+ORDERS = 60
+
+
+def single_track() -> PlantModel:
+    """Make two yards with a track between them that has one passing place; 3 m from point to point."""
+    track = [f"T{number}" for number in range(5)]
+    places = {name: (6 + 3 * index, 10) for index, name in enumerate(track)}
+    places |= {"Siding": (12, 13)}
+    places |= {f"West {number}": (3, 1 + 3 * number) for number in range(6)}
+    places |= {f"East {number}": (21, 1 + 3 * number) for number in range(6)}
+    ends = [*pairwise(track), ("T1", "Siding"), ("Siding", "T3")]
+    ends += [(f"West {number}", "T0") for number in range(6)]
+    ends += [("T4", f"East {number}") for number in range(6)]
+    yards = [name for name in places if name.startswith(("West", "East"))]
+    return PlantModel(
+        name="single track",
+        points=tuple(
+            Point(
+                name=name,
+                x_mm=1000 * x,
+                y_mm=1000 * y,
+                type=PointType.PARK_POSITION if name in yards else PointType.HALT_POSITION,
+            )
+            for name, (x, y) in places.items()
+        ),
+        paths=tuple(
+            Path(name=f"{a} --- {b}", source=a, destination=b, length_mm=3000, max_reverse_velocity_mm_s=1000)
+            for a, b in ends
+        ),
+        vehicles=tuple(
+            Vehicle(
+                name=f"Robot-{number}",
+                properties={
+                    "vda5050:manufacturer": "NeNa",
+                    "vda5050:serialNumber": f"robot-{number}",
+                    "vda5050:mapId": "sample-hall",
+                },
+            )
+            for number in range(ROBOTS)
+        ),
+        location_types=(LocationType(name="Station", allowed_operations=("Load cargo", "Unload cargo")),),
+        locations=tuple(
+            Location(name=f"At {yard}", type="Station", links=(Link(point=yard),)) for yard in yards
+        ),
+    )
+
+
+@dataclass
+class Checker:
+    """Reads a conversation, and finds robots that could be where somebody else is.
+
+    A robot may be anywhere on the base that it was sent, from the node that it reported last on; until a
+    state tells more, what it was sent before counts as well.
+    """
+
+    on: dict[str, set[str]] = field(default_factory=dict)
+    orders: dict[str, tuple[str, list[tuple[int, str]]]] = field(default_factory=dict)
+    """The order of each robot, and its base: sequence ids and resources."""
+    clashes: list[str] = field(default_factory=list)
+
+    def read(self, messages: Iterable[Inbound]) -> None:
+        for message in messages:
+            *_, robot, kind = message.topic.split("/")
+            if kind == "order":
+                self._order(robot, json.loads(message.payload))
+            elif kind == "state":
+                self._state(robot, json.loads(message.payload))
+
+    def _order(self, robot: str, order: dict[str, object]) -> None:
+        parts = [*order["nodes"], *order["edges"]]  # type: ignore[misc] # as the standard has it
+        base = sorted((part["sequenceId"], _resource(part)) for part in parts if part["released"])
+        name = str(order["orderId"])
+        before = self.orders.get(robot)
+        known = before[1] if before and before[0] == name else []
+        self.orders[robot] = name, sorted({*known, *base})
+        self.on[robot] = self.on.get(robot, set()) | {resource for _, resource in base}
+        self._look(robot)
+
+    def _state(self, robot: str, state: dict[str, object]) -> None:
+        name, base = self.orders.get(robot, ("", []))
+        if state["orderId"] != name or not base:
+            self.on.setdefault(robot, {str(state["lastNodeId"])} - {""})
+        elif state["nodeStates"] or state["lastNodeSequenceId"] == base[-1][0]:
+            last = int(str(state["lastNodeSequenceId"]))
+            self.on[robot] = {resource for sequence, resource in base if sequence >= last}
+        self._look(robot)
+
+    def _look(self, robot: str) -> None:
+        for other, resources in self.on.items():
+            shared = self.on[robot] & resources
+            if other != robot and shared:
+                self.clashes.append(f"{robot} and {other} at {sorted(shared)}")
+
+
+def _resource(part: dict[str, str]) -> str:
+    return part["nodeId"] if "nodeId" in part else part["edgeId"].removesuffix(":backward")
+
+
+@pytest.mark.timeout(400)
+async def test_sixty_orders_over_a_single_track_are_done_without_two_robots_in_one_place(
+    fleet: Fleet, tmp_path: File
+) -> None:
+    plant = single_track()
+    (tmp_path / "plant.json").write_text(plant.to_json())
+    wire = fleet.peer(f"{fleet.interface}/v2/#")
+    program = fleet.order_service("--plant", tmp_path / "plant.json", "--kernel.release_ahead", 2)
+    client = await program.client()
+    for number in range(ROBOTS):
+        yard = plant.point(f"{'West' if number < 3 else 'East'} {number}")
+        fleet.agent(f"robot-{number}", x=yard.x_m, y=yard.y_m, speed=40.0)
+        await vehicle_idle(client, f"Robot-{number}")
+
+    random, yards = Random(1), [each.name for each in plant.locations]
+    for number in range(ORDERS):
+        first, last = random.sample(yards, 2)
+        load = {"locationName": first, "operation": "Load cargo"}
+        unload = {"locationName": last, "operation": "Unload cargo"}
+        body = {"name": f"T-{number}", "destinations": [load, unload]}
+        assert (await client.post("/v1/transportOrders", json=body)).status_code == 201
+
+    orders = await every_order_ended(client, 240)
+    assert {order["state"] for order in orders} == {"FINISHED"}, [order["reason"] for order in orders]
+    assert len(orders) == ORDERS
+    checker = Checker()
+    checker.read(wire.history)
+    assert len(checker.on) == ROBOTS
+    assert checker.clashes == []

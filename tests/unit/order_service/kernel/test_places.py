@@ -1,0 +1,154 @@
+"""Where vehicles are by what their robots say, and how much they count."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nena_order_service.kernel import Kernel
+from nena_shared.fleet_api.vehicle import IntegrationLevel
+from nena_shared.plant import PlantModel, Vehicle
+from support.order_service import request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_kernel
+
+PLANT = PlantModel(
+    name="row",
+    points=tuple(point(name, 4000 * index) for index, name in enumerate("ABCD")),
+    paths=tuple(path(ends, 4000, max_reverse_velocity_mm_s=1000) for ends in ("A B", "B C", "C D")),
+    vehicles=(Vehicle(name="V1"), Vehicle(name="V2")),
+)
+
+
+async def make(store: MemoryStore | None = None, **places: str) -> tuple[Kernel, ScriptedFleet]:
+    fleet = ScriptedFleet(places)
+    kernel = await make_kernel(PLANT, store or MemoryStore(), fleet)
+    for name, at in places.items():
+        fleet.appear(name, at)
+    return kernel, fleet
+
+
+def held(kernel: Kernel, name: str) -> set[str]:
+    return {resource for each in kernel.desk.held(name) for resource in each.uses}
+
+
+def pose(x: float, y: float = 0.0, *, localized: bool = True, map_id: str = "map") -> dict[str, Any]:
+    place = {"x": x, "y": y, "theta": 0.0, "map_id": map_id, "localized": localized}
+    return {"mobile_robot_position": place}
+
+
+def why(kernel: Kernel, name: str) -> str:
+    vehicle = kernel.registry.named(name)
+    assert vehicle
+    return kernel.status(vehicle).reason
+
+
+async def test_a_robot_holds_what_it_stands_on_and_lets_go_of_what_it_left() -> None:
+    kernel, fleet = await make(V1="A")
+    assert held(kernel, "V1") == {"A"}
+
+    fleet.appear("V1", "C")
+    assert held(kernel, "V1") == {"C"}
+
+
+async def test_a_robot_that_says_nothing_of_its_place_keeps_what_it_holds() -> None:
+    kernel, fleet = await make(V1="A")
+
+    fleet.fields["V1"] = pose(9.0, localized=False)
+    fleet.appear("V1", "nowhere")
+    assert held(kernel, "V1") == {"A"}
+
+    del fleet.at["V1"]  # offline
+    kernel.look()
+    assert held(kernel, "V1") == {"A"}
+
+
+async def test_a_robot_beside_its_point_holds_the_path_under_it_and_comes_to_the_point_first() -> None:
+    kernel, fleet = await make(V2="A")
+    fleet.fields["V1"] = pose(6.2, 0.1)
+    fleet.appear("V1", "B")
+    assert held(kernel, "V1") == {"B --- C"}
+
+    kernel.create(request("D", intendedVehicle="V1"), "T")
+
+    ((_, mission),) = fleet.sent
+    assert [node.node_id for node in mission.nodes] == ["start:T-0", "C", "D"]
+    assert {"C", "D", "B --- C"} <= held(kernel, "V1")
+
+
+async def test_a_robot_off_the_plant_holds_nothing_until_it_drives_there() -> None:
+    kernel, fleet = await make()
+    fleet.fields["V1"] = pose(4.0, 30.0)
+    fleet.appear("V1", "")
+    assert ("V1" in kernel.desk, held(kernel, "V1")) == (True, set())
+
+    kernel.create(request("C", intendedVehicle="V1"), "T")
+
+    assert held(kernel, "V1") == {"B", "B --- C", "C"}
+
+
+async def test_a_robot_that_is_driven_by_hand_keeps_where_it_was_until_it_stands() -> None:
+    kernel, fleet = await make(V1="A")
+    fleet.fields["V1"] = {"driving": True, "operating_mode": "MANUAL"}
+    fleet.out_of_order.add("V1")
+    fleet.appear("V1", "B")
+    assert held(kernel, "V1") == {"A", "B"}
+
+    fleet.fields["V1"] = {"operating_mode": "MANUAL"}
+    fleet.appear("V1", "B")
+    assert held(kernel, "V1") == {"B"}
+
+
+async def test_two_robots_on_one_point_are_told_of_and_can_leave() -> None:
+    kernel, fleet = await make(V1="A", V2="A")
+    assert why(kernel, "V1").endswith("stands on 'A' together with V2")
+
+    kernel.create(request("B", intendedVehicle="V2"), "T")
+    assert fleet.finish("V2")
+    assert "together" not in why(kernel, "V1")
+
+
+async def test_a_robot_unknown_to_the_plant_is_kept_away_from_on_the_plants_map_only() -> None:
+    kernel, fleet = await make()
+    fleet.fields["stranger"] = pose(0.0)
+    fleet.appear("stranger", "A")
+    assert held(kernel, "stranger") == {"A"}
+
+    fleet.fields["alien"] = pose(0.0, map_id="other hall")
+    fleet.appear("alien", "A")
+    assert "alien" not in kernel.desk
+
+
+async def test_an_operator_frees_what_a_lost_robot_holds() -> None:
+    store = MemoryStore()
+    kernel, fleet = await make(store, V1="A", V2="D")
+    kernel.create(request("C", intendedVehicle="V1"), "T-1")
+    kernel.create(request("A", intendedVehicle="V2"), "T-2")
+    vehicle = kernel.registry.discover(key("V1"))
+    assert held(kernel, "V1") >= {"A", "B", "C"}
+
+    kernel.set_integration_level(vehicle, IntegrationLevel.TO_BE_IGNORED)
+
+    assert "V1" not in kernel.desk
+    assert fleet.cancelled == ["V1"]
+    order = kernel.book.visible_named("T-1")
+    assert order
+    assert "TO_BE_IGNORED" in order.status.reason
+    assert fleet.finish("V2")
+    assert kernel.status(vehicle).integration_level is IntegrationLevel.TO_BE_IGNORED
+
+    again, fleet = await make(store, V1="B", V2="A")
+    assert "V1" not in again.desk
+
+
+async def test_a_respected_robot_gets_no_orders_and_is_kept_away_from() -> None:
+    kernel, fleet = await make(V1="A")
+    vehicle = kernel.registry.discover(key("V1"))
+    kernel.set_integration_level(vehicle, IntegrationLevel.TO_BE_RESPECTED)
+
+    kernel.create(request("C"), "T")
+
+    assert fleet.sent == []
+    assert held(kernel, "V1") == {"A"}
+    assert why(kernel, "V1") == "has the integration level TO_BE_RESPECTED"
+    kernel.set_integration_level(vehicle, IntegrationLevel.TO_BE_UTILIZED)
+    assert [robot for robot, _ in fleet.sent] == ["V1"]

@@ -1,0 +1,90 @@
+"""After a restart robots hold what they said last and what they were given since."""
+
+from __future__ import annotations
+
+from nena_order_service.kernel import Kernel
+from nena_shared.plant import PlantModel, Vehicle
+from support.order_service import request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+
+PLANT = PlantModel(
+    name="row",
+    points=tuple(point(name, 4000 * index) for index, name in enumerate("ABCDE")),
+    paths=tuple(path(ends, 4000, max_reverse_velocity_mm_s=1000) for ends in ("A B", "B C", "C D", "D E")),
+    vehicles=(Vehicle(name="V1"), Vehicle(name="V2")),
+)
+
+
+def held(kernel: Kernel, name: str) -> list[str]:
+    return [each.point for each in kernel.desk.held(name)]
+
+
+async def before(store: MemoryStore, ahead: int = 1) -> None:
+    """Let V1 be on its way from A to C with a base to B, and V2 stand at E."""
+    fleet = ScriptedFleet({"V1": "A", "V2": "E"})
+    kernel = await make_kernel(PLANT, store, fleet, release_ahead=ahead)
+    for name, at in tuple(fleet.at.items()):
+        fleet.appear(name, at)
+    kernel.create(request("C", intendedVehicle="V1"), "T-1")
+    fleet.accept("V1")
+
+
+async def test_what_was_given_is_held_before_anything_is_heard() -> None:
+    store = MemoryStore()
+    await before(store)
+
+    kernel = await make_kernel(PLANT, store, ScriptedFleet({}), release_ahead=1)
+
+    assert held(kernel, "V1") == ["A", "B"]
+    assert held(kernel, "V2") == ["E"]
+
+
+async def test_nothing_is_given_before_each_robot_was_heard() -> None:
+    store = MemoryStore()
+    await before(store)
+    fleet = ScriptedFleet({"V1": "A", "V2": "E"}, mute={"V1", "V2"})
+    kernel = await make_kernel(PLANT, store, fleet, release_ahead=1)
+
+    fleet.mute.discard("V1")
+    fleet.appear("V1", "A")
+    fleet.pass_node("V1", 1)
+    kernel.create(request("D", intendedVehicle="V1"), "T-2")
+    assert fleet.extended == []
+    order = kernel.book.visible_named("T-1")
+    assert order
+    assert order.status.reason.endswith("but it waits after the start until V2 has told its state")
+
+    fleet.mute.clear()
+    fleet.appear("V2", "D")
+    assert held(kernel, "V2") == ["D"]
+    assert [len([node for node in mission.nodes if node.released]) for _, mission in fleet.extended] == [3]
+
+
+async def test_a_robot_that_never_speaks_again_keeps_its_place() -> None:
+    store = MemoryStore()
+    await before(store)
+    fleet = ScriptedFleet({"V1": "A", "V2": "E"}, mute={"V2"})
+    kernel = await make_kernel(PLANT, store, fleet, release_ahead=1)
+    fleet.appear("V1", "A")
+    fleet.pass_node("V1", 1)
+    assert fleet.extended == []
+
+    kernel.clock.advance(20.0)  # type: ignore[attr-defined] # the clock of make_kernel
+    kernel.look()
+
+    assert len(fleet.extended) == 1
+    assert held(kernel, "V2") == ["E"]
+
+
+async def test_places_that_the_plant_has_no_more_are_forgotten() -> None:
+    store = MemoryStore()
+    await before(store)
+    smaller = PlantModel(
+        name="small", points=PLANT.points[:3], paths=PLANT.paths[:2], vehicles=PLANT.vehicles
+    )
+
+    kernel = await make_kernel(smaller, store, ScriptedFleet({}))
+
+    assert held(kernel, "V1") == ["A", "B"]
+    assert "V2" not in kernel.desk
