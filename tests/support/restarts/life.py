@@ -6,7 +6,9 @@ import asyncio
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from errno import ENOSPC
 from functools import partial
+from os import strerror
 from pathlib import Path
 from typing import Any
 
@@ -33,10 +35,14 @@ LONGEST = 600.0
 
 @dataclass(frozen=True)
 class Death:
-    """The agent dies at ``moment``, from 1, and another one is there after ``pause`` s."""
+    """The agent dies at ``moment``, from 1, and another one is there after ``pause`` s.
+
+    Of its records, counted from 0, those that ``disk_fails`` at are not taken.
+    """
 
     moment: int
     pause: float
+    disk_fails: range = range(0)
 
 
 @dataclass(frozen=True)
@@ -57,11 +63,16 @@ class FatedJournal(Journal):
     """A journal whose writer may die before, in the middle of and after a write."""
 
     fate: Fate
+    disk_fails = range(0)
+    records = 0
 
     def write(self, memory: Memory) -> None:
         """Write, if the writer lives long enough."""
+        number, self.records = self.records, self.records + 1
         if not self.fate.spares("before: write the journal"):
             return
+        if number in self.disk_fails:
+            raise OSError(ENOSPC, strerror(ENOSPC))
         if not self.fate.spares("amid: write the journal"):
             content = memory.model_dump_json(exclude_defaults=True).encode()
             self._file.with_suffix(".new").write_bytes(content[: len(content) // 2])
@@ -92,7 +103,8 @@ async def _live(scenario: Scenario, folder: Path, deaths: Sequence[Death]) -> Hi
         for death in (*deaths, None):
             fate = Fate(death.moment if death else None)
             history.lives.append(fate.moments)
-            with _agent(settings, world, wire, fate) as task:
+            failures = death.disk_fails if death else range(0)
+            with _agent(settings, world, wire, fate, failures) as task:
                 await _first(fleet.finished, fate.dead, task)
             if fleet.finished.is_set():
                 break
@@ -103,7 +115,9 @@ async def _live(scenario: Scenario, folder: Path, deaths: Sequence[Death]) -> Hi
 
 
 @contextmanager
-def _agent(settings: EdgeAgentSettings, world: World, wire: Wire, fate: Fate) -> Iterator[asyncio.Task[None]]:
+def _agent(
+    settings: EdgeAgentSettings, world: World, wire: Wire, fate: Fate, disk_fails: range
+) -> Iterator[asyncio.Task[None]]:
     """Run an agent; at the end of the block it is no more."""
 
     def make_driver(emit: Emit, _: Pose | None) -> WorldDriver:
@@ -116,7 +130,7 @@ def _agent(settings: EdgeAgentSettings, world: World, wire: Wire, fate: Fate) ->
         registry=ActionRegistry(WorldAction(each, world, fate) for each in DECLARATIONS),
         clock=LoopClock(),
         make_link=partial(WiredLink, wire, fate),
-        make_journal=partial(_journal, fate),
+        make_journal=partial(_journal, fate, disk_fails),
     )
     task = asyncio.create_task(agent.run(asyncio.Event()), name="agent")
     try:
@@ -127,9 +141,9 @@ def _agent(settings: EdgeAgentSettings, world: World, wire: Wire, fate: Fate) ->
         task.cancel()
 
 
-def _journal(fate: Fate, folder: Path, robot: RobotKey) -> FatedJournal:
+def _journal(fate: Fate, disk_fails: range, folder: Path, robot: RobotKey) -> FatedJournal:
     journal = FatedJournal(folder, robot)
-    journal.fate = fate
+    journal.fate, journal.disk_fails = fate, disk_fails
     return journal
 
 

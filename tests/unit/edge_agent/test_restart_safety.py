@@ -21,6 +21,8 @@ from support.restarts.scenarios import SCENARIOS
 
 PAUSES = (0.3, 2.0, 20.0)
 """Seconds without an agent: the robot is on its way, near to its goal, or has stood there for a while."""
+ALWAYS = 10_000
+"""Records: more than an agent writes."""
 
 
 @pytest.fixture
@@ -57,6 +59,19 @@ def test_so_do_several_deaths(scenario: str, undisturbed: History, folder: Path)
     for number in range(RESTARTS // 4):
         deaths = [Death(chance.randint(1, 60), chance.choice(PAUSES)) for _ in range(chance.randint(2, 5))]
         _live_and_check(deaths, undisturbed, folder / str(number))
+
+
+@pytest.mark.clause("6.6/restart", "6.6.5.4")
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_so_does_a_disk_that_fails_for_a_while_also_where_the_agent_dies_with_it(
+    scenario: str, undisturbed: History, folder: Path
+) -> None:
+    chance = random.Random(scenario)
+    for number in range(RESTARTS // 4):
+        first = chance.randint(1, 12)  # the first one sets headerIds apart
+        failing = range(first, chance.choice((first + 3, ALWAYS)))
+        death = Death(chance.randint(20, 150), chance.choice(PAUSES), failing)
+        _live_and_check([death], undisturbed, folder / str(number))
 
 
 def _live_and_check(deaths: list[Death], undisturbed: History, folder: Path) -> None:
