@@ -15,6 +15,7 @@ from nena_edge_agent.factsheet import make_factsheet
 from nena_edge_agent.header import HeaderMaker
 from nena_edge_agent.inbox import Inbox
 from nena_edge_agent.journal import Journal, recollection
+from nena_edge_agent.kept_frame import check_frame, frame_of
 from nena_edge_agent.mailbox import Mailbox
 from nena_edge_agent.postponed import Postponed
 from nena_edge_agent.protocol.capabilities import Capabilities
@@ -109,6 +110,7 @@ class RobotAgent:
         self._capabilities = make_capabilities(settings, registry)
         journal = make_journal(settings.journal.folder, self.robot) if settings.journal.enabled else None
         memory, self._journal_loss = recollection(journal)
+        check_frame(memory, self._capabilities.frame)
         self._core = RobotCore(self._capabilities, memory)
         self._headers = HeaderMaker(
             self.robot,
@@ -392,5 +394,6 @@ def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> 
         tolerated_parameters=frozenset(settings.tolerated_parameters),
         footprint=Footprint(settings.description.length, settings.description.width),
         braking_distance=braking_distance(settings.description),
+        frame=frame_of(settings),
         rules=RULES[settings.version],
     )

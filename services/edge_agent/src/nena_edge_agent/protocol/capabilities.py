@@ -46,6 +46,8 @@ class Capabilities:
 
     A drive that has failed is tried again ``drive_retries`` times, each time after ``retry_wait`` seconds.
 
+    ``frame`` names the frame of all coordinates, by how the plant lies on the robot's maps.
+
     ``tolerated_parameters`` are optional fields of the order that are passed over instead of refused, by
     their path, e.g. ``edges.trajectory``.
     """
@@ -71,6 +73,7 @@ class Capabilities:
     tolerated_parameters: frozenset[str] = frozenset()
     footprint: Footprint = field(default_factory=lambda: Footprint(length=0.8, width=0.6))
     braking_distance: float = 1.0
+    frame: str = ""
     rules: Rules = RULES["2.1.0"]
 
     @property

@@ -123,5 +123,7 @@ class Memory(BaseModel):
     zone_requests: tuple[AccessMemory, ...] = ()
     last_zone_request: int = 0
     own_goals: OwnGoalsMemory | None = None
+    frame: str = ""
+    """The frame of all coordinates; the field is that of ``Capabilities``."""
     header_ids: tuple[tuple[Topic, int], ...] = ()
     """The headerId of each topic from which the next run of the program counts on."""

@@ -40,6 +40,7 @@ def recall(parts: RobotParts) -> Memory:
         last_zone_request=parts.zone_access.last_number,
         own_goals=OwnGoalsMemory.model_validate(parts.goal.own) if parts.goal.own else None,
         header_ids=parts.header_ids,
+        frame=parts.capabilities.frame,
     )
 
 
