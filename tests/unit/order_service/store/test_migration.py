@@ -31,7 +31,9 @@ from support.stores import changes, first_store
 
 def test_new_tables_are_those_that_the_program_knows(url: str) -> None:
     with open_database(url).connect() as connection:
-        context = MigrationContext.configure(connection, opts={"compare_type": True})
+        context = MigrationContext.configure(
+            connection, opts={"compare_type": True, "version_table": schema.VERSION_TABLE}
+        )
         assert compare_metadata(context, schema.metadata) == []
 
 
@@ -78,7 +80,7 @@ def test_migration_that_fails_half_way_leaves_the_store_as_it_was(sqlite_url: st
 def test_store_of_a_newer_release_is_refused(url: str) -> None:
     engine = open_database(url)
     with engine.begin() as connection:
-        connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+        connection.execute(text("UPDATE order_service_version SET version_num = '9999'"))
     with pytest.raises(StoreError, match=r"another release .*9999"):
         open_database(url)
 
@@ -96,3 +98,13 @@ def test_database_that_takes_no_change_is_an_error_of_the_database(tmp_path: Pat
     file.touch()
     with pytest.raises(SQLAlchemyError, match="readonly"):
         migrate(make_engine(f"sqlite:///file:{file}?mode=ro&uri=true"))
+
+
+def test_tables_of_another_program_in_the_same_database_are_left_alone(url: str) -> None:
+    with make_engine(url).begin() as connection:
+        connection.execute(text("CREATE TABLE schema_version (version INTEGER)"))
+        connection.execute(text("INSERT INTO schema_version VALUES (7)"))
+    engine = open_database(url)
+    write(engine, changes((dispatchable_order(), None)))
+    with engine.connect() as connection:
+        assert connection.execute(text("SELECT version FROM schema_version")).scalar() == 7

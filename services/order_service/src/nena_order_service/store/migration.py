@@ -10,6 +10,7 @@ from alembic.runtime.migration import MigrationContext
 from alembic.util import CommandError
 from sqlalchemy import Connection, Engine, inspect, text
 
+from nena_order_service.store import schema
 from nena_order_service.store.errors import StoreError
 from nena_shared.log import get_logger
 
@@ -36,6 +37,7 @@ def migrate(engine: Engine) -> None:
         try:
             if _is_from_before_migrations(connection):
                 command.stamp(config, FIRST)
+                connection.execute(text("DROP TABLE schema_version"))
             command.upgrade(config, "head")
         except CommandError as error:
             message = (
@@ -48,12 +50,13 @@ def migrate(engine: Engine) -> None:
 
 
 def _revision(connection: Connection) -> str | None:
-    return MigrationContext.configure(connection).get_current_revision()
+    options = {"version_table": schema.VERSION_TABLE}
+    return MigrationContext.configure(connection, opts=options).get_current_revision()
 
 
 def _is_from_before_migrations(connection: Connection) -> bool:
-    tables = inspect(connection).get_table_names()
-    if "alembic_version" in tables or "schema_version" not in tables:
+    tables = set(inspect(connection).get_table_names())
+    if schema.VERSION_TABLE in tables or not tables >= {"schema_version", "transport_orders"}:
         return False
     version = connection.execute(text("SELECT version FROM schema_version")).scalar()
     if version == 1:

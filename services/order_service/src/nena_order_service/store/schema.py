@@ -15,6 +15,9 @@ from sqlalchemy import (
     Text,
 )
 
+VERSION_TABLE = "order_service_version"
+"""Where Alembic keeps the revision; a database may hold tables of other programs too, the aggregator's."""
+
 metadata = MetaData()
 
 transport_orders = Table(

@@ -9,6 +9,7 @@ from nena_order_service.store import schema
 context.configure(
     connection=context.config.attributes["connection"],
     target_metadata=schema.metadata,
+    version_table=schema.VERSION_TABLE,
     transactional_ddl=True,
 )
 with context.begin_transaction():

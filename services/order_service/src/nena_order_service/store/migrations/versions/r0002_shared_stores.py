@@ -29,5 +29,3 @@ def upgrade() -> None:
         sa.Column("url", sa.Text(), nullable=False),
     )
     op.bulk_insert(leadership, [{"id": 1, "epoch": 0, "commits": 0, "url": ""}])
-    # Stores from before there were migrations carried their version in a table.
-    op.execute("DROP TABLE IF EXISTS schema_version")
