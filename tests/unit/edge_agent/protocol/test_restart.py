@@ -9,11 +9,12 @@ import pytest
 
 from nena_edge_agent.driver.port import Arrived, GoalReport, GoalTable, Halted, NavigationReport, OwnGoals
 from nena_edge_agent.protocol.capabilities import DriveStrategy
-from nena_edge_agent.protocol.effects import Halt, SetPosition, StartAction
-from nena_edge_agent.protocol.events import JournalReport, Started
+from nena_edge_agent.protocol.effects import CancelAction, Halt, ResumeAction, SetPosition, StartAction
+from nena_edge_agent.protocol.events import ActionReport, JournalReport, Started
 from nena_edge_agent.protocol.instant_actions import STATES_KEPT
 from nena_edge_agent.protocol.memory import Memory
 from nena_edge_agent.protocol.state_report import as_recorded
+from nena_shared.vda5050.action import ActionStatus
 from support.robot_core import MAP, Bench, action, at, order
 
 
@@ -122,6 +123,44 @@ def test_an_instant_action_that_comes_again_is_still_known() -> None:
     again.instant(action("i"))
 
     assert not again.effects_of(StartAction)
+
+
+@pytest.mark.clause("6.2.3/startPause")
+@pytest.mark.parametrize("held", [True, False])
+def test_an_action_that_was_held_begins_anew_when_the_pause_is_over(*, held: bool) -> None:
+    bench = Bench()
+    bench.send(order("n0", node_actions={"n0": [action("a", "HARD")]}))
+    bench.runs("a")
+    bench.instant(action("p", "NONE", "startPause"))
+    if held:
+        bench.do(ActionReport("a", ActionStatus.PAUSED))
+
+    again = restarted(bench)
+    assert (again.status("a"), again.effects_of(StartAction)) == ("PAUSED", [])
+
+    again.halted()
+    again.instant(action("s", "NONE", "stopPause"))
+    assert again.status("a") == "INITIALIZING"
+    assert [each.action.action_id for each in again.effects_of(StartAction)] == ["a"]
+    assert not again.effects_of(ResumeAction)
+    again.finishes("a")
+    assert again.idle
+
+
+@pytest.mark.clause("6.2.3/startPause", "6.1.3")
+def test_an_action_that_was_held_can_be_cancelled_after_the_restart() -> None:
+    bench = Bench()
+    bench.send(order("n0", node_actions={"n0": [action("a", "HARD")]}))
+    bench.runs("a")
+    bench.instant(action("p", "NONE", "startPause"))
+    again = restarted(bench)
+    again.halted()
+
+    again.instant(action("c", "NONE", "cancelOrder"))
+    assert [each.action_id for each in again.effects_of(CancelAction)] == ["a"]
+    again.fails("a")  # as nothing runs it
+
+    assert (again.status("c"), again.status("a")) == ("FINISHED", "FAILED")
 
 
 def test_actions_that_have_ended_do_not_fill_the_disk() -> None:

@@ -28,6 +28,8 @@ class ActionFlow:
         self._parts = parts
         self.own: dict[str, OwnAction] = {}
         """What the core does itself on nodes, by action type."""
+        self._left: set[str] = set()
+        """Actions that a restart has ended in a pause; they begin anew when it is over."""
 
     def enqueue(self, actions: Sequence[Action]) -> None:
         """Queue the actions of a node that is reached or an edge that is entered, and start what may run."""
@@ -121,9 +123,14 @@ class ActionFlow:
 
     def resume(self) -> None:
         """Let held actions go on."""
+        left, self._left = self._left, set()
         for record in self._parts.actions:
-            if record.status is ActionStatus.PAUSED:
-                self._parts.effects.append(ResumeAction(record.action.action_id))
+            action_id = record.action.action_id
+            if record.status is ActionStatus.PAUSED and action_id in left:
+                self._parts.actions.change(action_id, ActionStatus.INITIALIZING)
+                self._start(action_id)
+            elif record.status is ActionStatus.PAUSED:
+                self._parts.effects.append(ResumeAction(action_id))
 
     def give_up(self) -> None:
         """Fail what waits, and stop what runs where it can be stopped (section 6.1.3)."""
@@ -132,7 +139,7 @@ class ActionFlow:
             action_id = record.action.action_id
             if record.status in (ActionStatus.WAITING, ActionStatus.RETRIABLE) or _is_waiting(record):
                 self.end(record, ActionStatus.FAILED, "the order was cancelled")
-            elif record.active and self._declares(record, "cancel_allowed"):
+            elif record.active and (action_id in self._left or self._declares(record, "cancel_allowed")):
                 parts.effects.append(CancelAction(action_id))
 
     def take_up_again(self) -> None:
@@ -146,12 +153,21 @@ class ActionFlow:
 
     def _take_up(self, record: ActionRecord) -> None:
         action_id = record.action.action_id
-        if self._declares(record, "restartable") and not self._parts.clearing:
+        if self._is_left(record):
+            self._left.add(action_id)
+            self._parts.actions.change(action_id, ActionStatus.PAUSED)
+        elif self._declares(record, "restartable") and not self._parts.clearing:
             record.status = ActionStatus.INITIALIZING
             self._start(action_id)
         else:
             result = "the agent was interrupted while the action ran"
             self.report(ActionReport(action_id, ActionStatus.FAILED, result))
+
+    def _is_left(self, record: ActionRecord) -> bool:
+        """Tell whether the action may begin anew, but only once the robot is held no more."""
+        parts = self._parts
+        waits = parts.held and not parts.clearing and record.scope is not ActionScope.INSTANT
+        return waits and self._declares(record, "restartable") and self._declares(record, "pause_allowed")
 
     def _start(self, action_id: str) -> None:
         parts = self._parts
