@@ -150,7 +150,7 @@ def test_a_sensor_has_the_last_word_and_knows_no_names() -> None:
 
     def seen(*, loaded: bool) -> tuple[Load, ...]:
         bench.do(LoadSensed(loaded=loaded))
-        return bench.state.loads
+        return bench.core.parts.loads
 
     assert seen(loaded=True) == (BOX,)
     assert seen(loaded=False) == ()
