@@ -1,0 +1,14 @@
+"""How much of the fault tests runs: a part of them with all other tests, all of them by ``make faults``."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+WHOLE = "NENA_FAULTS" in os.environ
+TIMES = int(os.environ.get("NENA_FAULTS", "1"))
+"""How often each fault comes."""
+HOSTILE_MESSAGES = 10_000 if WHOLE else 1_000
+
+only_in_whole = pytest.mark.skipif(not WHOLE, reason="takes about a minute: `make faults` runs it")

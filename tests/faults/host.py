@@ -1,0 +1,80 @@
+"""A host that orders without end, and gives up no order: it asks by the same key until it is answered."""
+
+from __future__ import annotations
+
+import asyncio
+from random import Random
+
+import httpx
+
+from faults.hall import LOAD, STATIONS, UNLOAD
+from faults.site import Site
+from nena_shared.fleet_api.transport_order import TransportOrderState
+
+ASK_AGAIN = 0.2
+"""Seconds."""
+
+UNFINISHED: dict[str, list[str] | int] = {
+    "state": [each.value for each in TransportOrderState if not each.final],
+    "limit": 1000,
+}
+
+
+class Host:
+    """Has ``at_once`` orders under way, all the time until :meth:`stop`."""
+
+    def __init__(self, site: Site, *, at_once: int, seed: int) -> None:
+        self._site = site
+        self._chance = Random(seed)
+        self._at_once = at_once
+        self._going_on = True
+        self.answered: set[str] = set()
+        """Names of the orders that the order service has said it has."""
+        self.refused: list[str] = []
+        """Answers that no host should get."""
+
+    async def run(self) -> None:
+        """Order until :meth:`stop`."""
+        number = 0
+        while self._going_on:
+            if await self._under_way() < self._at_once:
+                number += 1
+                await self._order(f"T-{number}")
+            else:
+                await asyncio.sleep(ASK_AGAIN)
+
+    def stop(self) -> None:
+        """Order no more."""
+        self._going_on = False
+
+    async def _order(self, name: str) -> None:
+        first, second = self._chance.sample(STATIONS, 2)
+        body = {
+            "name": name,
+            "idempotencyKey": f"key of {name}",
+            "destinations": [
+                {"locationName": first, "operation": LOAD},
+                {"locationName": second, "operation": UNLOAD},
+            ],
+        }
+        while True:
+            try:
+                answer = await self._site.orders.post("/v1/transportOrders", json=body)
+            except httpx.HTTPError:
+                await asyncio.sleep(ASK_AGAIN)
+                continue
+            if answer.is_success:
+                self.answered.add(name)
+                return
+            if answer.status_code < httpx.codes.INTERNAL_SERVER_ERROR:
+                self.refused.append(answer.text)
+                return
+            await asyncio.sleep(ASK_AGAIN)
+
+    async def _under_way(self) -> int:
+        """Count the orders that are not at their end; as many as may be where nobody answers."""
+        try:
+            answer = await self._site.orders.get("/v1/transportOrders", params=UNFINISHED)
+            return len(answer.json()["transportOrders"])
+        except (httpx.HTTPError, KeyError, ValueError):
+            return self._at_once

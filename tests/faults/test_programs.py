@@ -1,0 +1,63 @@
+"""Programs are killed in mid-work, and started again: each goes on where it was."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import httpx
+import pytest
+
+from faults.extent import TIMES, only_in_whole
+from support.order_service_fleet import awaited
+
+pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(900)]
+
+
+async def test_order_service_killed(trial: Callable[..., Any]) -> None:
+    async with trial(seed=2) as running:
+        for _ in range(2 * TIMES):
+            running.site.programs["order-service"].kill()
+            running.site.start_order_service()
+            await running.recovers("order service killed")
+
+
+@only_in_whole
+async def test_robots_killed(trial: Callable[..., Any]) -> None:
+    """All loopback robots at once: they stand where they were, and take up what they had."""
+    async with trial(seed=3) as running:
+        for _ in range(TIMES):
+            running.site.programs["loopback"].kill()
+            running.site.start_loopback()
+            await running.recovers("robots killed")
+
+
+@only_in_whole
+async def test_aggregator_killed(trial: Callable[..., Any]) -> None:
+    """Nobody waits for it; afterwards it knows the fleet again."""
+    async with trial(seed=4) as running:
+        for _ in range(TIMES):
+            running.site.programs["aggregator"].kill()
+            await running.recovers("aggregator killed")
+            running.site.start_aggregator()
+            async with httpx.AsyncClient(base_url=running.site.aggregator_url) as client:
+
+                async def seen(client: httpx.AsyncClient = client) -> set[str]:
+                    try:
+                        fleet = (await client.get("/api/v1/fleet")).json()
+                    except (httpx.HTTPError, ValueError):
+                        return set()
+                    return {each["serialNumber"] for each in fleet["robots"]}
+
+                serials = set(running.site.serials)
+                await awaited(seen, serials.issubset, seconds=60, what="the aggregator knows every robot")
+
+
+async def test_agents_on_ros_killed(trial: Callable[..., Any]) -> None:
+    """Ten robots, two of them on ROS, whose agents are killed while they drive: they take up the goals."""
+    async with trial(on_ros=True, seed=5, at_once=10) as running:
+        for _ in range(TIMES):
+            for number in (1, 2):
+                running.site.programs[f"ros-{number}"].kill()
+                running.site.start_ros_agent(number)
+            await running.recovers("agents on ROS killed")
