@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import ssl
+from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import ExitStack, asynccontextmanager
 from dataclasses import dataclass, field
@@ -221,3 +223,14 @@ async def every_order_ended(client: httpx.AsyncClient, seconds: float = 60) -> l
         seconds=seconds,
         what="every order is at its end",
     )
+
+
+def actions_done(wire: MqttPeer, fleet: Fleet) -> Counter[str]:
+    """Count, over the whole conversation, how many actions of each VDA order were seen FINISHED."""
+    finished: set[tuple[str, str]] = set()
+    for message in wire.received(f"{fleet.interface}/v2/+/+/state"):
+        state = json.loads(message.payload)
+        for action in state["actionStates"]:
+            if action["actionStatus"] == "FINISHED" and action["actionType"] in ("pick", "drop"):
+                finished.add((state["orderId"], action["actionId"]))
+    return Counter(order for order, _ in finished)

@@ -4,30 +4,18 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections import Counter
 
 import httpx
 import pytest
 
 from support.broker import MqttPeer
-from support.order_service_fleet import Fleet, every_order_ended, order_in, vehicle_idle
+from support.order_service_fleet import Fleet, actions_done, every_order_ended, order_in, vehicle_idle
 from support.waiting import until
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 
 LOAD = {"locationName": "Goods in", "operation": "Load cargo"}
 UNLOAD = {"locationName": "Storage", "operation": "Unload cargo"}
-
-
-def actions_done(wire: MqttPeer, fleet: Fleet) -> Counter[str]:
-    """Count, over the whole conversation, how many actions of each VDA order were seen FINISHED."""
-    finished: set[tuple[str, str]] = set()
-    for message in wire.received(f"{fleet.interface}/v2/+/+/state"):
-        state = json.loads(message.payload)
-        for action in state["actionStates"]:
-            if action["actionStatus"] == "FINISHED" and action["actionType"] in ("pick", "drop"):
-                finished.add((state["orderId"], action["actionId"]))
-    return Counter(order for order, _ in finished)
 
 
 @pytest.mark.clause("6.6/restart")

@@ -10,7 +10,14 @@ from collections.abc import Mapping
 import httpx
 import pytest
 
-from support.order_service_fleet import Fleet, awaited, every_order_ended, order_in, vehicle_idle
+from support.order_service_fleet import (
+    Fleet,
+    actions_done,
+    awaited,
+    every_order_ended,
+    order_in,
+    vehicle_idle,
+)
 from support.postgres import Postgres
 from support.waiting import until
 
@@ -187,3 +194,20 @@ async def test_the_active_one_stays_so_over_a_restart_of_the_database(
     await asyncio.gather(*(taken(client, {"name": f"T-{n}", "destinations": [LOAD]}) for n in range(2, 12)))
     assert await role(standby) == "standby"
     assert len((await client.get("/v1/transportOrders")).json()["transportOrders"]) == 11
+
+
+async def test_orders_are_done_once_each_while_the_database_crashes_again_and_again(
+    shared: Fleet, postgres: Postgres
+) -> None:
+    wire = shared.peer()
+    client = await active(await shared.order_service().client())
+    shared.agent(speed=20.0)
+    await vehicle_idle(client)
+    names = [f"T-{number}" for number in range(4)]
+    for name in names:
+        await taken(client, {"name": name, "idempotencyKey": name, "destinations": [LOAD, UNLOAD]})
+        postgres.stop()
+        postgres.start()
+    orders = await every_order_ended(client, 90)
+    assert {order["name"]: order["state"] for order in orders} == dict.fromkeys(names, "FINISHED")
+    assert actions_done(wire, shared) == {f"{name}-{leg}": 1 for name in names for leg in range(2)}
