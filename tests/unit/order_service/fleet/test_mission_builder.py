@@ -223,7 +223,7 @@ def test_a_mission_survives_the_store_unchanged() -> None:
 
 def test_names_of_missions() -> None:
     assert mission_id("order-7", 0) == "order-7-0"
-    assert mission_id("order-7", 1, attempt=2) == "order-7-1-2"
+    assert mission_id("order-7", 1, attempt=2) == "order-7-1~2"
 
 
 def test_a_robot_stands_at_the_point_that_it_passed_last_if_it_is_near() -> None:

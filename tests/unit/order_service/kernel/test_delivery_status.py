@@ -50,3 +50,9 @@ def test_nothing_is_delivered_of_an_order_without_a_vehicle_or_at_its_end() -> N
     ):
         told = delivery_status(status, view)
         assert (told.phase, told.order_id) == (DeliveryPhase.NONE, None)
+
+
+def test_a_drive_order_that_is_tried_again_is_delivered_by_its_newest_mission() -> None:
+    again = replace(VIEW, mission_id="T-1-0~2", mission_phase=MissionPhase.RUNNING)
+    told = delivery_status(assigned_order().status, again)
+    assert (told.phase, told.order_id) == (DeliveryPhase.DELIVERED, "T-1-0~2")

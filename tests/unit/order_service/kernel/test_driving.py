@@ -235,6 +235,6 @@ async def test_a_robot_that_is_lost_is_driven_around_by_who_was_on_its_way_alrea
     fleet.fail("V2")
 
     assert fleet.finish("V1")
-    assert fleet.sent[-1][1].mission_id == "T-1-0-1"
+    assert fleet.sent[-1][1].mission_id == "T-1-0~1"
     assert base(fleet.missions[key("V1")]) == ["B", "E"]
     assert reason(kernel, "T-2").startswith("wheel lost")

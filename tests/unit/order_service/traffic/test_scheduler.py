@@ -198,3 +198,28 @@ def test_a_vehicle_that_is_taken_out_frees_everything() -> None:
 def test_who_claims_nothing_is_allocated_nothing() -> None:
     with pytest.raises(LookupError, match="claims nothing"):
         track("A B", v="A").allocate("v")
+
+
+def test_who_finds_somebody_resting_farther_on_its_way_does_not_come_nearer() -> None:
+    scene = track("A B C D", v="A", w="C")
+    scene.claim("w", "D")
+    scene.claim("v", "C")
+    scene.scheduler.give_up_claim("w")
+
+    assert scene.allocate("v") == "waits for 'C', where w rests"
+    assert scene.claim("w", "D") == ""
+    assert scene.allocate("v") == ""
+
+
+def test_what_was_granted_before_a_restart_is_held_and_claimed_unasked() -> None:
+    scene = track("A B C D", v="A", w="C")
+    way = scene.way("v", "D")
+
+    scene.scheduler.resume("v", way[:2], way[2:])
+
+    assert scene.scheduler.users("C") == {"v", "w"}
+    assert scene.scheduler.sharing("w") == ("v", "C")
+    assert scene.scheduler.occupant("v").ahead == 2
+    scene.scheduler.seize("v")
+    assert scene.scheduler.occupant("v").ahead == 3
+    assert not scene.scheduler.occupant("v").claimed

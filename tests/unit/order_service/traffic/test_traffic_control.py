@@ -105,3 +105,56 @@ def test_a_wish_that_is_dropped_is_not_granted() -> None:
     scene.control.drop("v")
 
     assert list(scene.decide()) == []
+
+
+def test_who_had_its_turn_and_could_not_come_to_its_goal_is_first_again() -> None:
+    scene = Scene(tracks("A B", "X B", "B C"), v="A", w="X")
+    scene.control.wish(Wish("v", "C"))
+    scene.control.wish(Wish("w", "C"), first=True)
+
+    assert scene.control.wishing == ("w", "v")
+    assert list(scene.decide()) == ["Departure w X B C"]
+
+
+def test_around_somebody_who_is_lost_any_detour_is_taken() -> None:
+    scene = Scene(
+        plant(path("A B", 1000), path("B C", 1000), path("A X", 9000), path("X C", 9000)), v="A", w="B"
+    )
+    scene.control.wish(Wish("v", "C"))
+
+    granted = list(scene.control.decide(lambda name: name == "v", lambda name: name == "w"))
+
+    assert [each.vehicle for each in granted] == ["v"]
+    assert [each.point for each in scene.scheduler.occupant("v").claimed] == ["X", "C"]
+
+
+def test_who_waits_for_somebody_who_is_lost_keeps_nobody_else_from_anything() -> None:
+    scene = Scene(tracks("A B", "B C", "X A", "X Y"), v="Y", w="B", u="A")
+    scene.control.wish(Wish("v", "C"))
+    scene.control.wish(Wish("u", "X"))
+
+    granted = list(scene.control.decide(lambda name: name != "w", lambda name: name == "w"))
+
+    assert [each.vehicle for each in granted] == ["u"]
+
+
+def test_a_straight_way_needs_the_point_at_its_end() -> None:
+    scene = Scene(tracks("A B"), v="A", w="B")
+    scene.control.wish(Wish("v", "B", straight_mm=1500))
+    assert list(scene.decide("w")) == []
+    assert str(scene.control.why_waiting("v")) == "waits for 'B', where w rests"
+
+    scene.scheduler.remove("w")
+    assert list(scene.decide()) == ["Departure v "]
+    assert [each.length_mm for each in scene.scheduler.occupant("v").claimed] == [1500]
+
+
+def test_a_location_is_one_vehicles_also_where_that_stands_there_already() -> None:
+    scene = Scene(tracks("A B"), v="A", w="B")
+    scene.control.wish(Wish("v", "A", location="Shelf"))
+    scene.control.wish(Wish("w", "B", location="Shelf"))
+
+    assert list(scene.decide()) == ["Departure v A"]
+    assert str(scene.control.why_waiting("w")) == "lets v go first at 'Shelf'"
+    assert scene.allocate("v") == ""
+    assert list(scene.decide("v")) == []

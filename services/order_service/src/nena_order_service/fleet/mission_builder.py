@@ -22,9 +22,12 @@ GOAL_PREFIX = "goal:"
 
 
 def mission_id(order_name: str, drive_order_index: int, attempt: int = 0) -> str:
-    """Give the id of a drive order's mission; each new attempt is an order of its own for the robot."""
+    """Give the id of a drive order's mission; each new attempt is an order of its own for the robot.
+
+    Names of orders hold no ``~``, so that no two orders have missions of one id.
+    """
     first = f"{order_name}-{drive_order_index}"
-    return f"{first}-{attempt}" if attempt else first
+    return f"{first}~{attempt}" if attempt else first
 
 
 @dataclass(frozen=True, slots=True)

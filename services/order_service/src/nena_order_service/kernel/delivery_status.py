@@ -20,7 +20,7 @@ def delivery_status(order: TransportOrderStatus, view: RobotView | None) -> Deli
     """Tell it of an order and the robot of its vehicle; None: no vehicle has the order, or it is gone."""
     first = mission_id(order.name, order.current_drive_order_index)
     own = view.mission_id if view else None
-    tried = own is not None and (own == first or own.startswith(f"{first}-"))
+    tried = own is not None and (own == first or own.startswith(f"{first}~"))
     if order.state.final or not tried or view is None or view.mission_phase is None:
         return DeliveryStatus(transport_order=order.name, phase=DeliveryPhase.NONE)
     echoed = view.state is not None and view.state.order_id == own
