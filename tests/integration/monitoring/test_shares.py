@@ -72,9 +72,10 @@ async def one_prometheus_sums_them_up(halls: list[Hall], folder: Path) -> None:
         all_idle = f'nena:robots:sum{{condition="IDLE"}} == {len(ROBOTS)}'
         await eventually(partial(ask, all_idle), "the sum of both", seconds=30)
         once = f"count(count by (serial_number) (nena_robot_states_total) == 1) == {len(ROBOTS)}"
-        assert await ask(once)
-        assert await ask("sum(nena_robots_share_ratio) == 1")
-        assert not await ask('ALERTS{alertname="NenaRobotsUnwatched"}')
+        await eventually(partial(ask, once), "each robot at one of them", seconds=30)
+        await eventually(partial(ask, "sum(nena_robots_share_ratio) == 1"), "the whole", seconds=30)
+        watched = 'absent(ALERTS{alertname="NenaRobotsUnwatched"})'
+        await eventually(partial(ask, watched), "nothing to alert of", seconds=30)
 
 
 def test_a_share_that_is_none_is_a_mistake_at_the_start() -> None:

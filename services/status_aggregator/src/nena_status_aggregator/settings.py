@@ -92,8 +92,8 @@ class AggregatorSettings(ServiceSettings):
     topic_prefix: TopicPrefix = Field("nena/v1", description="Topic prefix of the order service's statuses.")
     share: Annotated[str, AfterValidator(_share)] = Field(
         "1/1",
-        description="Which share of the robots it watches, where several aggregators divide them: 1/2 for the "
-        "first of two.",
+        description="Which share of the robots it watches, where several aggregators divide them: 1/2 for "
+        "the first of two.",
     )
     silence_limit: float | None = Field(
         None,
