@@ -10,6 +10,7 @@ import pytest
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped
 
+from support.action_types import needs_action_types
 from support.broker import Broker
 from support.edge_agent import ended, error_types
 from support.nav2_agent import ROS, Bench, failure_of, ready
@@ -20,6 +21,8 @@ from support.waiting import until
 
 pytestmark = [pytest.mark.ros, pytest.mark.broker]
 
+BOTH_DOORS = pytest.mark.parametrize("door", ["topics", pytest.param("action", marks=needs_action_types)])
+"""Goals given by topic, and by the action; the other tests take what there is."""
 BLOCKED_SOON = {**ROS["goals"], "blocked_after": 0.5}
 
 
@@ -32,14 +35,15 @@ def bench(
         yield bench
 
 
-async def test_an_external_goal_pauses_the_order_which_goes_on_after_it(bench: Bench) -> None:
-    async with bench.robot() as fleet:
+@BOTH_DOORS
+async def test_an_external_goal_pauses_the_order_which_goes_on_after_it(bench: Bench, door: str) -> None:
+    async with bench.robot(ros={"navigation": door}) as fleet:
         rviz = publisher_to(bench.ros, PoseStamped, "goal_pose")
         fleet.send(order("n0", "n1"))
         await bench.moves()
         rviz.publish(goal(2.0, 4.0))
         waiting = await fleet.state(lambda state: "EXTERNAL_GOAL" in error_types(state))
-        assert [each["infoType"] for each in waiting["information"]][-1] == "externalGoal"
+        assert "externalGoal" in [each["infoType"] for each in waiting["information"]]
         assert waiting["nodeStates"]
         done = await fleet.state(ended("o1"))
         assert error_types(done) == []
@@ -60,12 +64,15 @@ async def test_an_external_goal_fails_the_order_where_that_is_set(bench: Bench) 
         assert failure_of(await fleet.state(ended("o1"))) is None
 
 
-async def test_a_goal_that_cannot_be_reached_fails_and_an_update_tries_again(bench: Bench) -> None:
-    async with bench.robot() as fleet:
+@BOTH_DOORS
+async def test_a_goal_that_cannot_be_reached_fails_and_an_update_tries_again(bench: Bench, door: str) -> None:
+    async with bench.robot(ros={"navigation": door}) as fleet:
         bench.fault("unreachable", goals=1)
         fleet.send(order("n0", "n1"))
         state = await fleet.state(lambda state: failure_of(state) == "ABORTED")
         assert (state["nodeStates"][0]["nodeId"], state["lastNodeId"]) == ("n1", "n0")
+        reason = "no way to the place (error code 208)" in state["errors"][0]["errorDescription"]
+        assert reason is (door == "action")
         assert not state["driving"]
         fleet.send(order("n1", "n2", update=1, first=2))
         assert error_types(await fleet.state(ended("o1"))) == []
@@ -100,8 +107,9 @@ async def test_a_drive_that_somebody_cancels_fails_and_is_not_tried_again(bench:
         await fleet.state(lambda state: failure_of(state) == "CANCELED_FROM_OUTSIDE")
 
 
-async def test_a_goal_that_is_not_taken_up_fails(bench: Bench) -> None:
-    async with bench.robot() as fleet:
+@BOTH_DOORS
+async def test_a_goal_that_is_not_taken_up_fails(bench: Bench, door: str) -> None:
+    async with bench.robot(ros={"navigation": door}) as fleet:
         bench.fault("reject_goals")
         fleet.send(order("n0", "n1"))
         await fleet.state(lambda state: failure_of(state) == "NOT_TAKEN_UP")
