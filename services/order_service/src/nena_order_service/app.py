@@ -33,7 +33,6 @@ from nena_order_service.store.database import open_database
 from nena_order_service.store.engine import is_shared
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.lead import Lead
-from nena_order_service.store.leadership import Fence
 from nena_order_service.store.store import Store
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.topics import FleetTopics
@@ -188,9 +187,7 @@ async def _take_over(
     settings: OrderServiceSettings, plant: PlantModel, lead: Lead, supervisor: Supervisor, own_url: str
 ) -> OrderService:
     """Become the active one: the other one commits nothing any more, and what it has is taken up."""
-    loop = asyncio.get_running_loop()
-    engine = await loop.run_in_executor(None, open_database, settings.store.url)
-    fence = await loop.run_in_executor(None, Fence.raise_for, engine, own_url)
+    engine, fence = await lead.raise_fence(settings.store.url, own_url)
     service = build(settings, plant, Store(engine, fence=fence), epoch=fence.epoch)
     supervisor.start("lead", lead.keep(service.store, engine, fence))
     await _start(service, supervisor)

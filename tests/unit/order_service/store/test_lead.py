@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from collections.abc import AsyncIterator
 
 import pytest
+from sqlalchemy import Engine
 
 from nena_order_service.store import lead as lead_module
 from nena_order_service.store.database import open_database
@@ -88,6 +90,47 @@ async def test_who_finds_another_one_in_the_lead_ends(leads: tuple[Lead, Lead], 
         with pytest.raises(FencedError):
             await first.keep(store, engine, fence)
     store.close()
+
+
+async def test_the_lead_is_held_while_the_store_is_made_ready(
+    leads: tuple[Lead, Lead], postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held: list[bool] = []
+    first, _ = leads
+    assert await first.take(asyncio.Event())
+    keep = first._lock.keep
+
+    def noted() -> bool:
+        held.append(keep())
+        return held[-1]
+
+    monkeypatch.setattr(first._lock, "keep", noted)
+
+    enough = threading.Event()
+
+    def slow(url: str) -> Engine:
+        while len(held) < 3:
+            enough.wait(0.01)
+        return open_database(url)
+
+    monkeypatch.setattr(lead_module, "open_database", slow)
+    async with asyncio.timeout(30):
+        _, fence = await first.raise_fence(postgres.url, "http://first.example")
+    assert fence.epoch == 1
+    assert held[:3] == [True] * 3
+
+
+async def test_a_store_that_goes_away_during_a_takeover_is_one_line(
+    leads: tuple[Lead, Lead], postgres: Postgres
+) -> None:
+    first, _ = leads
+    assert await first.take(asyncio.Event())
+    postgres.stop()
+    try:
+        with pytest.raises(StoreError, match=r"store\.url cannot be used"):
+            await first.raise_fence(postgres.url, "")
+    finally:
+        postgres.start()
 
 
 async def test_a_database_that_cannot_be_reached_at_the_start_is_one_line() -> None:

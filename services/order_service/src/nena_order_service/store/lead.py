@@ -10,6 +10,7 @@ from typing import TypeVar
 from sqlalchemy import Engine
 from sqlalchemy.exc import DBAPIError
 
+from nena_order_service.store.database import open_database
 from nena_order_service.store.engine import reason_of, unusable
 from nena_order_service.store.errors import FencedError
 from nena_order_service.store.leadership import Fence, LeaderLock
@@ -61,6 +62,24 @@ class Lead:
             await _pause(stop, POLL)
         return False
 
+    async def raise_fence(self, url: str, active_url: str) -> tuple[Engine, Fence]:
+        """Open the database, bring its tables up to date, and keep from now on whoever wrote before from it.
+
+        Raises:
+            StoreError: the store cannot be used.
+
+        """
+        loop = asyncio.get_running_loop()
+        holding = asyncio.create_task(self._hold(), name="hold the lead")
+        try:
+            engine = await loop.run_in_executor(None, open_database, url)
+            return engine, await loop.run_in_executor(None, Fence.raise_for, engine, active_url)
+        except DBAPIError as error:
+            raise unusable(reason_of(error)) from error
+        finally:
+            holding.cancel()
+            await asyncio.gather(holding, return_exceptions=True)
+
     async def keep(self, store: Store, engine: Engine, fence: Fence) -> None:
         """Keep the lead until cancelled; while it is not sure, the store takes no new orders.
 
@@ -77,6 +96,12 @@ class Lead:
         """Let another one have the lead."""
         await self._run(self._lock.release)
         self._thread.shutdown()
+
+    async def _hold(self) -> None:
+        """Give signs of life while the store is made ready, which may take longer than silence is borne."""
+        while True:
+            await self._run(self._lock.keep)
+            await asyncio.sleep(POLL)
 
     async def _try_to_take(self) -> bool:
         try:
