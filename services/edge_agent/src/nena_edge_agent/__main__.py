@@ -7,7 +7,6 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from nena_edge_agent.actions import check_plugin
 from nena_edge_agent.actions.installed import installed
 from nena_edge_agent.actions.log_report import LogReport
 from nena_edge_agent.actions.map_transforms import MapTransforms
@@ -18,7 +17,6 @@ from nena_edge_agent.actions.robot_ports import RobotPorts
 from nena_edge_agent.actions.wait import Wait
 from nena_edge_agent.actions.zone_set_download import ZoneSetDownload
 from nena_edge_agent.agent import RobotAgent
-from nena_edge_agent.doctor import program as doctor
 from nena_edge_agent.drivers import driver_maker
 from nena_edge_agent.fleet import run_fleet
 from nena_edge_agent.journal import sole_user
@@ -157,11 +155,18 @@ async def _run_all(
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; the exit status is 0 after a signal, 1 after a failure, 2 for bad settings."""
+    """Run the program; the exit status is 0 after a signal, 1 after a failure, 2 for bad settings.
+
+    What a robot is not served with is loaded only where it is asked for: its memory is small.
+    """
     arguments = sys.argv[1:] if argv is None else list(argv)
     if arguments[:1] == ["doctor"]:
+        from nena_edge_agent.doctor import program as doctor  # noqa: PLC0415 - see the docstring
+
         return doctor.main(arguments[1:])
-    if arguments[:1] == [check_plugin.COMMAND]:
+    if arguments[:1] == ["check-plugin"]:
+        from nena_edge_agent.actions import check_plugin  # noqa: PLC0415
+
         return check_plugin.main(arguments[1:])
     return run(EdgeAgentSettings, serve, program=PROGRAM, description=DESCRIPTION, argv=arguments)
 
