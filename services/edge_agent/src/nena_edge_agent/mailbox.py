@@ -25,9 +25,9 @@ _SUPERSEDED = (PoseReport, BatteryReport, GoalTable, PlanReport, DriveProgress)
 class Mailbox:
     """Collects events for one task.
 
-    Of poses, battery reports, plans, progress and tables of goals only the newest waits. Messages beyond the limit are
-    dropped and counted: fleet control sends them again until a state echoes them. All else is an answer to
-    something that the core has asked for, a handful per goal and action, and is never dropped.
+    Of poses, battery reports, plans, progress and tables of goals only the newest waits. Messages beyond the
+    limit are dropped and counted: fleet control sends them again until a state echoes them. All else is an
+    answer to something that the core has asked for, a handful per goal and action, and is never dropped.
     """
 
     def __init__(self) -> None:
