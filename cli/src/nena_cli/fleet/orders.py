@@ -72,23 +72,17 @@ def create(
     if (file is None) == (not stops):
         message = "give stops, or --file"
         raise typer.BadParameter(message)
-    try:
-        request = (
-            TransportOrderRequest.model_validate_json(file.read(), by_alias=True, by_name=False)
-            if file
-            else TransportOrderRequest(
-                name=name,
-                destinations=tuple(map(parse_stop, stops or ())),
-                intended_vehicle=vehicle,
-                priority=priority,
-                deadline=deadline.astimezone() if deadline else None,
-                type=kind,
-                properties=tuple(map(parse_property, properties or ())),
-                idempotency_key=key,
-            )
-        )
-    except ValidationError as error:
-        raise typer.BadParameter("; ".join(problems_of(error))) from error
+    request = _request(
+        file,
+        name=name,
+        destinations=tuple(map(parse_stop, stops or ())),
+        intended_vehicle=vehicle,
+        priority=priority,
+        deadline=deadline.astimezone() if deadline else None,
+        type=kind,
+        properties=tuple(map(parse_property, properties or ())),
+        idempotency_key=key,
+    )
     with connected(url, token, token_file) as connection:
         body = request.model_dump(mode="json", by_alias=True, exclude_none=True)
         order = connection.post(TransportOrderStatus, ORDERS, body)
@@ -176,6 +170,16 @@ def withdraw(
     with connected(url, token, token_file) as connection:
         order = connection.post(TransportOrderStatus, f"{_path(name)}/withdrawal", body, headers)
         put_orders([order], as_json=as_json)
+
+
+def _request(file: typer.FileText | None, **fields: object) -> TransportOrderRequest:
+    """Make a request, of a file where there is one."""
+    try:
+        if file:
+            return TransportOrderRequest.model_validate_json(file.read(), by_alias=True, by_name=False)
+        return TransportOrderRequest.model_validate(fields)
+    except ValidationError as error:
+        raise typer.BadParameter("; ".join(problems_of(error))) from error
 
 
 def watch_one(connection: Connection, name: str, *, as_json: bool) -> None:

@@ -85,9 +85,7 @@ def build(settings: OrderServiceSettings, plant: PlantModel, store: Store, *, ep
         changed=kernel.plant_changed,
         commit_timeout=settings.kernel.commit_timeout,
     )
-    client_id = f"nena-order-service-{settings.interface_name.replace('/', '-')}"
-    if epoch:
-        client_id += f"-{epoch}"  # the broker would let a new one push out an old one that hangs, and back
+    client_id = _client_id(settings, epoch)
     mqtt = MqttLink(
         settings.mqtt,
         client_id=client_id,
@@ -109,6 +107,7 @@ def build(settings: OrderServiceSettings, plant: PlantModel, store: Store, *, ep
     commands = MqttCommands(mqtt, topics, Verbs(requests, locks), max_body=settings.max_body)
     stream = EventStream(kernel, settings.events)
     kernel.steps.listeners.append(stream)
+    prefixes = filter(None, [settings.opentcs_prefix])
     app = make_app(
         requests,
         locks,
@@ -117,11 +116,15 @@ def build(settings: OrderServiceSettings, plant: PlantModel, store: Store, *, ep
         asyncapi=json.dumps(document(topics)).encode(),
         readiness=lambda: readiness(mqtt, store),
         max_body=settings.max_body,
-        mounted={settings.opentcs_prefix: opentcs.make_app(requests, locks, plant, kernel.look)}
-        if settings.opentcs_prefix
-        else {},
+        mounted={prefix: opentcs.make_app(requests, locks, plant, kernel.look) for prefix in prefixes},
     )
     return OrderService(store, kernel, fleet, door, sweep, mqtt, app, commands, stream, locks)
+
+
+def _client_id(settings: OrderServiceSettings, epoch: int) -> str:
+    """Name the program to the broker; with one name, an old one that hangs and a new one push each other out."""
+    name = f"nena-order-service-{settings.interface_name.replace('/', '-')}"
+    return f"{name}-{epoch}" if epoch else name
 
 
 async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:

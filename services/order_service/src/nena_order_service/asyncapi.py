@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -38,20 +39,6 @@ class Channel:
 def channels(topics: FleetTopics) -> tuple[Channel, ...]:
     """Give all channels of the door."""
     host = "{host}"
-    commands = [
-        channel
-        for name, body in COMMANDS.items()
-        for channel in (
-            Channel(name, topics.command(host, name), "receive", body, (body.__doc__ or "").strip()),
-            Channel(
-                f"{name}Answer",
-                topics.command_answer(host, name),
-                "send",
-                CommandAnswer,
-                f"Answers {name}.",
-            ),
-        )
-    ]
     return (
         Channel(
             "create",
@@ -61,7 +48,7 @@ def channels(topics: FleetTopics) -> tuple[Channel, ...]:
             "Asks for a transport order; not retained.",
         ),
         Channel("createAnswer", topics.creation_answer(host), "send", CreationAnswer, "Answers create."),
-        *commands,
+        *_commands(topics),
         Channel(
             "transportOrderStatus",
             topics.order_status("{transportOrder}"),
@@ -90,6 +77,14 @@ def channels(topics: FleetTopics) -> tuple[Channel, ...]:
             parameters=(),
         ),
     )
+
+
+def _commands(topics: FleetTopics) -> Iterator[Channel]:
+    for name, body in COMMANDS.items():
+        summary = (body.__doc__ or "").strip()
+        yield Channel(name, topics.command("{host}", name), "receive", body, summary)
+        answer = topics.command_answer("{host}", name)
+        yield Channel(f"{name}Answer", answer, "send", CommandAnswer, f"Answers {name}.")
 
 
 def document(topics: FleetTopics) -> dict[str, Any]:
