@@ -122,7 +122,7 @@ def build(settings: OrderServiceSettings, plant: PlantModel, store: Store, *, ep
 
 
 def _client_id(settings: OrderServiceSettings, epoch: int) -> str:
-    """Name the program to the broker; with one name, an old one that hangs and a new one push each other out."""
+    """Name the program to the broker; of one name, an old and a new one would push each other out."""
     name = f"nena-order-service-{settings.interface_name.replace('/', '-')}"
     return f"{name}-{epoch}" if epoch else name
 
