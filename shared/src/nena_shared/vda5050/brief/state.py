@@ -136,10 +136,10 @@ class LoadBrief(Brief, frozen=True, kw_only=True, gc=False):
 
 
 class ActionBrief(Brief, frozen=True, kw_only=True, gc=False):
-    """Where one action stands."""
+    """Where one action stands; the codecs read the older name of a type."""
 
     action_id: Identifier
-    action_type: Identifier | None = None
+    action_type: Annotated[str, Meta(pattern="^(?!initPosition$)", max_length=1024)] | None = None
     action_descriptor: str | None = None
     action_status: ActionStatus
     action_result: str | None = None

@@ -76,12 +76,6 @@ class EdgeRequestBriefV30(Brief, frozen=True, kw_only=True, gc=False):
     request_status: RequestStatus
 
 
-class ActionBriefV30(ActionBrief, frozen=True, kw_only=True, gc=False):
-    """Where one action stands; the codec reads the older name of a type."""
-
-    action_type: Annotated[str, Meta(pattern="^(?!initPosition$)", max_length=1024)] | None = None
-
-
 class PowerSupplyBriefV30(PowerSupplyBrief, frozen=True, kw_only=True, gc=False):
     """The battery; A."""
 
@@ -112,9 +106,7 @@ class StateBriefV30(StateBrief, frozen=True, kw_only=True, gc=False):
     planned_path: PlannedPathBriefV30 | None = None
     zone_requests: tuple[ZoneRequestBriefV30, ...] | None = None
     edge_requests: tuple[EdgeRequestBriefV30, ...] | None = None
-    action_states: tuple[ActionBriefV30, ...]
-    instant_action_states: tuple[ActionBriefV30, ...]
-    zone_action_states: tuple[ActionBriefV30, ...] | None = None
+    zone_action_states: tuple[ActionBrief, ...] | None = None
     power_supply: PowerSupplyBriefV30
     errors: tuple[ErrorBriefV30, ...]
 

@@ -17,8 +17,18 @@ def test_parameters_have_their_neutral_names() -> None:
 
 
 def test_what_2_1_spells_otherwise_is_read_as_the_codec_reads_it() -> None:
-    payload = CODEC.encode(state(operating_mode="TEACH_IN")).replace(b'"NONE"', b'"AUTOACK"')
+    action = {"action_id": "a", "action_type": "initializePosition", "action_status": "RUNNING"}
+    said = state(operating_mode="TEACH_IN", action_states=(action,))
+    payload = CODEC.encode(said).replace(b'"NONE"', b'"AUTOACK"')
     assert b'"TEACHIN"' in payload
+    assert b'"initPosition"' in payload
     brief = read_brief(StateBrief, CODEC, payload)
     assert brief.operating_mode is OperatingMode.TEACH_IN
     assert brief.safety_state.field_violation
+    assert brief.action_states[0].action_type == "initializePosition"
+
+
+def test_an_older_name_of_an_action_alone_is_read_as_the_newer_one() -> None:
+    action = {"action_id": "a", "action_type": "initializePosition", "action_status": "RUNNING"}
+    brief = read_brief(StateBrief, CODEC, CODEC.encode(state(action_states=(action,))))
+    assert brief.action_states[0].action_type == "initializePosition"
