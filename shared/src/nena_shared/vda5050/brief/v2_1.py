@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from msgspec import field
+from typing import Annotated
+
+from msgspec import Meta, field
 from msgspec.structs import force_setattr
 
-from nena_shared.vda5050.brief.base import Brief, Identifier, NotNegative, Percent
+from nena_shared.vda5050.brief.base import Brief, Identifier, NotNegative, Percent, Share
 from nena_shared.vda5050.brief.state import (
     ActionBrief,
     EdgeBrief,
@@ -18,6 +20,7 @@ from nena_shared.vda5050.brief.state import (
     ReferenceBrief,
     SafetyBrief,
     StateBrief,
+    TrajectoryBrief,
     VisualizationBrief,
 )
 from nena_shared.vda5050.state import EmergencyStop
@@ -37,10 +40,18 @@ class NodeBriefV21(NodeBrief, frozen=True, kw_only=True, gc=False):
     node_descriptor: str | None = field(default=None, name="nodeDescription")
 
 
+class TrajectoryBriefV21(TrajectoryBrief, frozen=True, kw_only=True, gc=False):
+    """A NURBS; what is left out is filled in by the codec."""
+
+    degree: Annotated[int, Meta(ge=1)]
+    knot_vector: tuple[Share, ...]
+
+
 class EdgeBriefV21(EdgeBrief, frozen=True, kw_only=True, gc=False):
     """An edge that is still to be driven to its end."""
 
     edge_descriptor: str | None = field(default=None, name="edgeDescription")
+    trajectory: TrajectoryBriefV21 | None = None
 
 
 class PositionBriefV21(PositionBrief, frozen=True, kw_only=True, gc=False):
