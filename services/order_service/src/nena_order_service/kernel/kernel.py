@@ -103,33 +103,39 @@ class Kernel:
             view=self.view,
             clock=clock,
         )
-        self._driving = Driving(
+        self._driving = self._make_driving(planner, settings.release_ahead)
+        self._dispatching = Dispatching(registry, self._missions, planner, self.view, self._driving.obstacle)
+        self._orders = self._make_order_flow(planner)
+
+    def _make_driving(self, planner: MissionPlanner, ahead: int) -> Driving:
+        return Driving(
             self.desk,
-            ahead=settings.release_ahead,
+            ahead=ahead,
             missions=self._missions,
             places=self._places,
             planner=planner,
-            registry=registry,
+            registry=self.registry,
             steps=self.steps,
             gate=self._gate,
             fleet=lambda: self.fleet,
-            clock=clock,
-            on_stuck=lambda robot, reason: self._orders.give_up(robot, reason),  # noqa: PLW0108 - made below
+            clock=self.clock,
+            on_stuck=lambda robot, reason: self._orders.give_up(robot, reason),  # noqa: PLW0108 - made later
             on_busy=self.on_news,
         )
-        self._dispatching = Dispatching(registry, self._missions, planner, self.view, self._driving.obstacle)
-        self._orders = OrderFlow(
-            plant,
+
+    def _make_order_flow(self, planner: MissionPlanner) -> OrderFlow:
+        return OrderFlow(
+            self.plant,
             book=self.book,
             missions=self._missions,
             dispatching=self._dispatching,
             driving=self._driving,
             places=self._places,
-            registry=registry,
+            registry=self.registry,
             finder=self._finder,
             planner=planner,
             steps=self.steps,
-            clock=clock,
+            clock=self.clock,
             view=self.view,
         )
 
