@@ -43,11 +43,15 @@ def _sendable(value: JsonValue) -> JsonValue:
     return finite(value)
 
 
+ParameterValue = Annotated[JsonValue, AfterValidator(_sendable)]
+"""Any JSON but null, and but numbers without an end."""
+
+
 class ActionParameter(WireObject):
-    """One value that an action is given: any JSON but null."""
+    """One value that an action is given."""
 
     key: str
-    value: Annotated[JsonValue, AfterValidator(_sendable)]
+    value: ParameterValue
 
 
 class Action(WireObject):

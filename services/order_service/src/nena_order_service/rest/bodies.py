@@ -5,13 +5,13 @@ from __future__ import annotations
 from math import pi
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, JsonValue, model_validator
+from pydantic import Field, model_validator
 
 from nena_shared.fleet_api.base import ObjectName, Request, Resource
 from nena_shared.fleet_api.path import PathStatus
 from nena_shared.fleet_api.transport_order import Coordinate, Destination, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
-from nena_shared.vda5050.action import ActionStatus, BlockingType
+from nena_shared.vda5050.action import ActionStatus, BlockingType, ParameterValue
 
 
 class TransportOrderPage(Resource):
@@ -85,7 +85,7 @@ class Parameter(Request):
     """One value that an action is given."""
 
     key: Annotated[str, Field(min_length=1, max_length=200)]
-    value: JsonValue
+    value: ParameterValue
 
 
 class InitialPose(Request):

@@ -21,6 +21,12 @@ from nena_status_aggregator.rest.problem import ProblemError
 
 Moment = Annotated[datetime, AfterValidator(in_utc)]
 
+LAST_ID = 2**63 - 1
+"""Databases know no higher numbers."""
+
+NO_NUL = r"^[^\x00]*$"
+"""PostgreSQL takes no such text."""
+
 
 class HistoryPage(TypedDict):
     """Entries, newest first; ``next`` is the ``before`` of the next page, None on the last."""
@@ -31,9 +37,12 @@ class HistoryPage(TypedDict):
 
 def wanted(
     robot: Annotated[
-        str | None, Query(description="Manufacturer and serial number: `ACME/r1`.", max_length=300)
+        str | None,
+        Query(description="Manufacturer and serial number: `ACME/r1`.", max_length=300, pattern=NO_NUL),
     ] = None,
-    order: Annotated[str | None, Query(description="Name of a transport order.", max_length=600)] = None,
+    order: Annotated[
+        str | None, Query(description="Name of a transport order.", max_length=600, pattern=NO_NUL)
+    ] = None,
     code: Annotated[tuple[Code, ...], Query(description="Only these kinds; none: all but `position`.")] = (),
     since: Annotated[Moment | None, Query(description="From this time on, ISO 8601.")] = None,
     until: Annotated[Moment | None, Query(description="Before this time, ISO 8601.")] = None,
@@ -52,7 +61,9 @@ def make_router(history: History | None) -> APIRouter:
     @router.get("/history")
     async def page(
         chosen: Wanted,
-        before: Annotated[int | None, Query(ge=1, description="`next` of the page before.")] = None,
+        before: Annotated[
+            int | None, Query(ge=1, le=LAST_ID, description="`next` of the page before.")
+        ] = None,
         limit: Annotated[int, Query(ge=1, le=1000)] = 100,
     ) -> HistoryPage:
         """What happened, newest first."""
