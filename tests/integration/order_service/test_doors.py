@@ -159,17 +159,19 @@ async def test_drive_that_cannot_be_done_fails_the_order_and_says_why(fleet: Fle
 
 
 async def test_withdrawn_order_ends_when_the_robot_has_let_it_go(fleet: Fleet, service: Start) -> None:
-    wire = fleet.peer(f"{fleet.interface}/v2/+/+/instantActions")
+    wire = fleet.peer(f"{fleet.interface}/v2/#")
     client = await service()
     fleet.agent(speed=0.5)
     await vehicle_idle(client)
     await client.post("/v1/transportOrders", json=TRANSPORT)
-    await order_in(client, "T-1", "BEING_PROCESSED")
+    await wire.wait_for(f"{fleet.interface}/v2/+/+/order", timeout=30)
     answer = (await client.post("/v1/transportOrders/T-1/withdrawal")).json()
     assert answer["state"] == "WITHDRAWN"
     order = await order_in(client, "T-1", "FAILED")
     assert "withdrawn" in order["reason"]
-    await wire.wait_for(accept=lambda message: b"cancelOrder" in message.payload)
+    await wire.wait_for(
+        f"{fleet.interface}/v2/+/+/instantActions", lambda message: b"cancelOrder" in message.payload
+    )
     vehicle = await vehicle_idle(client)
     assert vehicle["transportOrder"] is None
 

@@ -71,12 +71,13 @@ async def test_killed_again_and_again_under_load_every_order_is_done_once(fleet:
 
 
 async def test_withdrawn_order_is_withdrawn_after_the_restart_too(fleet: Fleet) -> None:
+    wire = fleet.peer()
     program = fleet.order_service()
     client = await program.client()
     agent = fleet.agent(speed=0.5)
     await vehicle_idle(client)
     await client.post("/v1/transportOrders", json={"name": "T-1", "destinations": [LOAD]})
-    await order_in(client, "T-1", "BEING_PROCESSED")
+    await wire.wait_for(f"{fleet.interface}/v2/+/+/order", timeout=30)
     agent.process.send_signal(19)
     try:
         answer = await client.post("/v1/transportOrders/T-1/withdrawal")
