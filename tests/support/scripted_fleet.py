@@ -92,6 +92,8 @@ class ScriptedFleet:
     out_of_order: set[str] = field(default_factory=set)
     """Robots that take no orders."""
     unknown: bool = False
+    connected: float = 1e9
+    """Seconds for which the broker is there."""
     """Whether the broker has not told yet which robots there are."""
     notes: dict[str, str] = field(default_factory=dict)
     """What each robot's mission waits for."""
@@ -139,6 +141,9 @@ class ScriptedFleet:
 
     def all_known(self) -> bool:
         return not self.unknown
+
+    def connected_for(self) -> float:
+        return self.connected
 
     def view(self, robot: RobotKey) -> RobotView:
         here = robot.serial_number in self.at

@@ -6,6 +6,7 @@ import asyncio
 import getpass
 import shutil
 import signal
+import ssl
 import subprocess
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
@@ -17,6 +18,7 @@ from nena_deploy.identity import Kind
 from nena_deploy.site import Site
 from nena_deploy.topics import SiteTopics
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.mqtt.tls import tls_context
 from nena_shared.settings import MqttSettings, MqttTlsSettings
 from support.broker import free_port, mosquitto
 from support.waiting import until
@@ -141,6 +143,17 @@ async def test_the_main_job_is_possible(running: Running) -> None:
         await until(lambda: state in service.topics and state in aggregator.topics, timeout=30)
 
 
+async def test_its_certificates_stand_the_strictest_look(running: Running) -> None:
+    """As CPython 3.13 looks at them, whatever runs this test."""
+    context = tls_context(running.settings_in(running.folder_of(*ROBOT_1)).tls)
+    assert context is not None
+    context.verify_flags |= ssl.VERIFY_X509_STRICT
+
+    _, writer = await asyncio.open_connection("127.0.0.1", running.port, ssl=context)
+
+    writer.close()
+
+
 async def test_a_robot_cannot_command_its_neighbour_or_speak_for_it(running: Running) -> None:
     forbidden = [
         "uagv/v2/ACME/2/order",
@@ -180,7 +193,8 @@ async def test_a_host_neither_commands_robots_nor_speaks_for_another_host(runnin
         running.client(HOST) as host,
     ):
         own = "nena/v1/hosts/wms/transportOrders/create"
-        host.publish("uagv/v2/ACME/1/order", "nena/v1/hosts/mes/transportOrders/create", own)
+        withdrawal = "nena/v1/hosts/wms/commands/withdraw"
+        host.publish("uagv/v2/ACME/1/order", "nena/v1/hosts/mes/transportOrders/create", withdrawal, own)
         await until(lambda: service.came, timeout=30)
 
         assert service.topics == [own]

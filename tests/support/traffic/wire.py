@@ -147,5 +147,8 @@ class CoreFleet:
     def all_known(self) -> bool:
         return self.core.all_known(self.now)
 
+    def connected_for(self) -> float:
+        return self.core.connected_for(self.now)
+
     def view(self, robot: RobotKey) -> RobotView:
         return self.core.view(robot, self.now)

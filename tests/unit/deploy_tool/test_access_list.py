@@ -28,7 +28,11 @@ def test_a_robot_writes_what_robots_write_and_reads_what_is_for_it_alone() -> No
 def test_a_host_speaks_under_its_own_name() -> None:
     rules = rules_of(Kind.HOST, "wms")
 
-    assert [each for each in rules if "write" in each] == ["readwrite nena/v1/hosts/wms/#"]
+    assert [each for each in rules if "write" in each] == [
+        "write nena/v1/hosts/wms/transportOrders/create",
+        "write nena/v1/hosts/wms/commands/delivery",
+    ]
+    assert "read nena/v1/hosts/wms/#" in rules
     assert not [each for each in rules if "uagv" in each or "vda5050" in each]
 
 

@@ -25,6 +25,12 @@ def test_both_parts_together_fit_into_a_certificate() -> None:
         robot_name("m" * 32, "s" * 32)
 
 
+@pytest.mark.parametrize("name", ["order-service", "status-aggregator"])
+def test_no_host_has_the_name_of_a_service(name: str) -> None:
+    with pytest.raises(IdentityError, match="a service's name"):
+        host_name(name)
+
+
 @pytest.mark.parametrize(
     ("kind", "name", "folder"),
     [

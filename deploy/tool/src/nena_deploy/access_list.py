@@ -11,6 +11,8 @@ from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 
 FROM_ROBOT = (Topic.STATE, Topic.VISUALIZATION, Topic.CONNECTION, Topic.FACTSHEET)
 TO_ROBOT = (Topic.ORDER, Topic.INSTANT_ACTIONS, Topic.ZONE_SET, Topic.RESPONSES)
+FROM_HOST = ("transportOrders/create", "commands/delivery")
+"""What a host may ask for; the other commands concern orders and robots that are not its own."""
 ANY_ROBOT = RobotKey("+", "+")
 OWN_TOPICS = "nena/#"
 """Below a robot's topics: what NeNa's edge agent tells beyond VDA 5050."""
@@ -33,7 +35,9 @@ def _rules(identity: Identity, topics: SiteTopics) -> Iterator[str]:
                 yield from _of_robots(scheme, robot, out="write", back="read")
             yield f"read {fleet.plant_model}"
         case Kind.HOST:
-            yield f"readwrite {topics.prefix}/hosts/{identity.name}/#"
+            own = f"{topics.prefix}/hosts/{identity.name}"
+            yield from (f"write {own}/{each}" for each in FROM_HOST)
+            yield f"read {own}/#"
             yield from (f"read {each}" for each in (fleet.all_order_statuses, fleet.all_vehicle_statuses))
             yield f"read {fleet.plant_model}"
         case Kind.ORDER_SERVICE:

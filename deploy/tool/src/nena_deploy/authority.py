@@ -40,7 +40,7 @@ class Authority:
         key = ec.generate_private_key(ec.SECP256R1())
         subject = _name(name)
         built = (
-            _builder(subject, subject, key, now, AUTHORITY_DAYS)
+            _builder(subject, subject, key, key, now, AUTHORITY_DAYS)
             .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
             .add_extension(_usage(signs=True), critical=True)
         )
@@ -89,7 +89,7 @@ class Authority:
         key = ec.generate_private_key(ec.SECP256R1())
         purpose = ExtendedKeyUsageOID.SERVER_AUTH if server else ExtendedKeyUsageOID.CLIENT_AUTH
         built = (
-            _builder(_name(name), self._certificate.subject, key, now, days)
+            _builder(_name(name), self._certificate.subject, key, self._key, now, days)
             .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
             .add_extension(_usage(signs=False), critical=True)
             .add_extension(x509.ExtendedKeyUsage([purpose]), critical=False)
@@ -116,9 +116,17 @@ def utc_now() -> datetime:
     return datetime.now(UTC)
 
 
-def _builder(
-    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePrivateKey, now: datetime, days: int
+def _builder(  # noqa: PLR0917 - what stands in every certificate
+    subject: x509.Name,
+    issuer: x509.Name,
+    key: ec.EllipticCurvePrivateKey,
+    issuer_key: ec.EllipticCurvePrivateKey,
+    now: datetime,
+    days: int,
 ) -> x509.CertificateBuilder:
+    """Begin a certificate; without the two key identifiers CPython 3.13 refuses it (RFC 5280, 4.2.1)."""
+    identifier = x509.SubjectKeyIdentifier.from_public_key(key.public_key())
+    issuers = x509.AuthorityKeyIdentifier.from_issuer_public_key(issuer_key.public_key())
     return (
         x509.CertificateBuilder()
         .subject_name(subject)
@@ -127,6 +135,8 @@ def _builder(
         .serial_number(x509.random_serial_number())
         .not_valid_before(now - SKEW)
         .not_valid_after(now + timedelta(days=days))
+        .add_extension(identifier, critical=False)
+        .add_extension(issuers, critical=False)
     )
 
 

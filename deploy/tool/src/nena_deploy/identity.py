@@ -68,6 +68,9 @@ def host_name(name: str) -> str:
         IdentityError: it could not stand in a topic.
 
     """
+    if name in {Kind.ORDER_SERVICE, Kind.STATUS_AGGREGATOR}:
+        message = f"{name} is a service's name; a host of that name would have its rights."
+        raise IdentityError(message)
     return _level("name", name)
 
 

@@ -52,6 +52,8 @@ class AccessControl:
     book: UserBook | None
     """Who may log in; None: nobody has to."""
     clock: Clock = field(default_factory=SystemClock)
+    cookies: bool = False
+    """Whether a browser may show its token as a cookie: only where requests of other pages are refused."""
     _requests: RateLimit = field(init=False)
     _wrong_tokens: RateLimit = field(init=False)
 
@@ -74,7 +76,7 @@ class AccessControl:
         address = scope["client"][0] if scope.get("client") else "unknown"
         headers = Headers(scope=scope)
         role = self.role_needed(scope["method"], scope["path"])
-        token = token_of(headers)
+        token = token_of(headers, cookies=self.cookies)
         user = self._who(token, address) if token and role else None
         self._check_rate(self._requests, f"user {user.name}" if user else address, self.clock.monotonic())
         if self.book is None or role is None:
@@ -92,8 +94,6 @@ class AccessControl:
     def _who(self, token: str, address: str) -> User | None:
         if self.book is None:
             return None
-        now = self.clock.monotonic()
-        self._check_rate(self._wrong_tokens, address, now, cost=0)
         try:
             user = self.book.who(token)
         except ConfigurationError as error:
@@ -101,8 +101,8 @@ class AccessControl:
             detail = "The file of users cannot be used; the service's log says why."
             raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, detail) from error
         if user is None:
-            self._wrong_tokens.wait(address, now)
             log.warning("a token that nobody has", address=address)
+            self._check_rate(self._wrong_tokens, address, self.clock.monotonic())
         return user
 
     def _check_rate(self, limit: RateLimit, asker: str, now: float, *, cost: float = 1.0) -> None:
@@ -121,16 +121,18 @@ def protect(app: ASGIApp, settings: HttpSettings, role_needed: RoleNeeded) -> Ac
     return AccessControl(app, settings, role_needed, users_of(settings))
 
 
-def token_of(headers: Headers) -> str:
-    """Give the token that a request shows, in its header or its cookie; empty: none."""
+def token_of(headers: Headers, *, cookies: bool) -> str:
+    """Give the token that a request shows, in its header or, where that is taken, its cookie; empty: none."""
     scheme, _, token = headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer":
         return token.strip()
+    if not cookies:
+        return ""
     try:
-        cookies = SimpleCookie(headers.get("cookie", ""))
+        found = SimpleCookie(headers.get("cookie", ""))
     except CookieError:
         return ""
-    return cookies[COOKIE].value if COOKIE in cookies else ""
+    return found[COOKIE].value if COOKIE in found else ""
 
 
 def reading_or(operating: Role, *, everybody: frozenset[str]) -> RoleNeeded:

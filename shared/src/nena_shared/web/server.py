@@ -56,6 +56,7 @@ class HttpServer:
             access_log=False,
             server_header=False,
             proxy_headers=settings.reverse_proxy,
+            forwarded_allow_ips="*",  # where a proxy is stated, nobody gets past it
             timeout_graceful_shutdown=SHUTDOWN_PATIENCE,
             ssl_certfile=settings.tls_certificate,
             ssl_keyfile=settings.tls_key,

@@ -16,6 +16,7 @@ import hmac
 import os
 import re
 import secrets
+import stat
 import tomllib
 from collections.abc import Iterable
 from enum import IntEnum
@@ -123,6 +124,10 @@ def write_users(path: Path, users: Iterable[User]) -> None:
         lines += [f'token_sha256 = "{user.token_sha256}"\n']
     draft = path.with_name(f".{path.name}.new")
     _write(draft, "".join(lines), 0o640)
+    if path.exists():  # a service that may read the old file has to be able to read the new one
+        kept = path.stat()
+        os.chown(draft, kept.st_uid, kept.st_gid)
+        draft.chmod(stat.S_IMODE(kept.st_mode))
     draft.replace(path)
 
 

@@ -16,6 +16,14 @@ def test_places_are_told_by_the_way_between_them() -> None:
     assert told.moved(replace(READING, x=1.06), 1.2)
 
 
+def test_turning_on_the_spot_is_told_too() -> None:
+    told = FeedbackFilter()
+    told.moved(replace(READING, yaw=3.1), 0.0)
+    assert not told.moved(replace(READING, yaw=-3.15), 0.1), "nearly the same heading, across the seam"
+    assert told.moved(replace(READING, yaw=-2.9), 0.2)
+    assert told.moved(replace(READING, yaw=-2.7), 0.3)
+
+
 def test_is_fresh_for_a_while() -> None:
     told = FeedbackFilter()
     assert not told.fresh(0.0)

@@ -44,6 +44,19 @@ def test_patience_has_an_end() -> None:
     assert opened(gate)
 
 
+def test_patience_is_with_robots_and_not_with_a_broker_that_is_away() -> None:
+    fleet, clock = ScriptedFleet({"V1": "A"}, mute={"V1"}), ManualClock()
+    gate = make(fleet, clock, "V1")
+    fleet.connected = 0.0
+    clock.advance(100.0)
+    assert not opened(gate), "nobody could have spoken"
+
+    fleet.connected = 19.9
+    assert not opened(gate)
+    fleet.connected = 20.0
+    assert opened(gate)
+
+
 def test_it_never_closes_again_and_those_away_are_not_waited_for() -> None:
     fleet, clock = ScriptedFleet({}), ManualClock()
     gate = make(fleet, clock, "V1")

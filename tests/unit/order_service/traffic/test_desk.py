@@ -108,6 +108,23 @@ def test_after_a_way_was_broken_off_all_is_kept_until_the_vehicle_is_seen_standi
     assert not bench.desk.broke_off("v")
 
 
+def test_who_stands_beside_a_point_keeps_what_it_may_be_on_at_each_look() -> None:
+    """Far off the straight line, as on a path that is not straight: its pose alone would free it."""
+    bench, beside = Bench(v="A"), Found("C", on_point=False, place_mm=(3000.0, 6000.0))
+    bench.go("v", "D")
+    bench.desk.arrived("v", 1)
+    bench.desk.break_off("v")
+
+    for _ in range(3):
+        bench.desk.seen("v", beside, BOX)
+        assert bench.held("v") >= {"B", "B --- C", "C"}
+
+    assert bench.go("v", "D") == ""
+    bench.desk.finished("v")
+    bench.desk.seen("v", Found("D", on_point=True), BOX)
+    assert bench.held("v") == {"C --- D", "D"}
+
+
 def test_who_breaks_off_on_a_point_keeps_that_and_its_tail() -> None:
     bench = Bench(v="A", box=BoundingBox(length_mm=2500))
     bench.go("v", "D")

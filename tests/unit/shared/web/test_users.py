@@ -50,6 +50,15 @@ def test_the_file_is_not_for_everybody_and_holds_no_token(tmp_path: Path) -> Non
     assert list(tmp_path.iterdir()) == [file]
 
 
+def test_who_may_read_the_file_stays_as_it_was_set(tmp_path: Path) -> None:
+    file = tmp_path / "users.toml"
+    write_users(file, [])
+    file.chmod(0o604)
+    write_users(file, [someone("ann", "a")])
+
+    assert stat.S_IMODE(file.stat().st_mode) == 0o604
+
+
 def test_tokens_are_long_and_never_the_same() -> None:
     found = {new_token() for _ in range(1000)}
 

@@ -9,6 +9,8 @@ from nena_edge_agent.driver.port import DriveProgress
 
 POSE_STEP = 0.05
 """Metres between two places that are told on."""
+YAW_STEP = 0.1
+"""Radians."""
 PROGRESS_PERIOD = 1.0
 """Seconds between two reports of what is left."""
 FRESH = 0.5
@@ -35,6 +37,7 @@ class FeedbackFilter:
     def __init__(self) -> None:
         self._heard_at = -math.inf
         self._place = (math.inf, math.inf)
+        self._yaw = 0.0
         self._progress_at = -math.inf
         self._progress: tuple[str, int] = ("", 0)
 
@@ -46,9 +49,10 @@ class FeedbackFilter:
         """Tell whether the place is to be told on."""
         self._heard_at = now
         here = (reading.x, reading.y)
-        if math.dist(here, self._place) < POSE_STEP:
+        turned = abs(math.remainder(reading.yaw - self._yaw, math.tau))
+        if math.dist(here, self._place) < POSE_STEP and turned < YAW_STEP:
             return False
-        self._place = here
+        self._place, self._yaw = here, reading.yaw
         return True
 
     def progress(self, reading: FeedbackReading, map_id: str, now: float) -> DriveProgress | None:

@@ -279,9 +279,8 @@ class Nav2Driver:
     def _on_session(self, report: SessionReport) -> None:
         """Tell of the session; without one there is no Nav2, and with a new one it is looked for."""
         self._tell(report)
-        if report.state is SessionState.NOT_ACTIVE:
+        if report.state in (SessionState.NOT_ACTIVE, SessionState.FAILED):
             self._lose_place()
-        if report.state not in (SessionState.INITIATING, SessionState.ACTIVE):
             text = f"its ROS session is {report.state}"
             reason = f"{text}: {report.reason}" if report.reason else text
             self._on_navigation(frozenset(), NavigationReport(available=False, reason=reason))

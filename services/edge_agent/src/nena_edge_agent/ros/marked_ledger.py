@@ -62,5 +62,5 @@ class MarkedLedger(GoalLedger):
         if self._given_behind is None or newest is None:
             super()._find_given_before(listed)
             return
-        self._given_behind = None
-        self.given_before = None if newest in self._orphans else newest
+        behind, self._given_behind = self._given_behind, None
+        self.given_before = None if newest in self._orphans or newest == behind else newest

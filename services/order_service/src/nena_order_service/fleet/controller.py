@@ -137,9 +137,13 @@ class FleetController:
         known = self._robots.get(robot)
         return (known or self._new_control(robot)).view(now)
 
+    def connected_for(self, now: float) -> float:
+        """Tell for how many seconds the link to the broker stands; 0 while it does not."""
+        return now - self._broker_since if self._broker else 0.0
+
     def all_known(self, now: float) -> bool:
         """Tell whether each robot that the broker knows to be there has told its state."""
-        if not self._broker or now - self._broker_since < RETAINED_WITHIN:
+        if self.connected_for(now) < RETAINED_WITHIN:
             return False
         return all(each.robot.state or not each.robot.reachable for each in self._robots.values())
 

@@ -107,6 +107,10 @@ class FleetLink:
         """See :meth:`FleetController.all_known`."""
         return self._controller.all_known(self._now())
 
+    def connected_for(self) -> float:
+        """See :meth:`FleetController.connected_for`."""
+        return self._controller.connected_for(self._now())
+
     def view(self, robot: RobotKey) -> RobotView:
         """See :meth:`FleetController.view`."""
         return self._controller.view(robot, self._now())

@@ -227,7 +227,7 @@ class Driving:
         view = self._view(vehicle)
         if not view.availability.can_take_order:
             return f"the robot {view.availability.reason}"
-        if obstacle := self._places.obstacle(vehicle):
+        if obstacle := self._places.obstacle(vehicle, working=vehicle.name in self._orders):
             return f"it {obstacle}"
         if not self._places.located(vehicle):
             return "it is not known where it is"
@@ -245,7 +245,9 @@ class Driving:
     def _movable(self, name: str) -> bool:
         """Tell whether a vehicle at rest could drive away now."""
         vehicle = self._registry.named(name)
-        if vehicle is None or vehicle.obstacle or self._places.obstacle(vehicle):
+        if vehicle is None or vehicle.obstacle:
+            return False
+        if self._places.obstacle(vehicle, working=name in self._orders):
             return False
         if self._desk.journey(name) or not self._places.located(vehicle):
             return False

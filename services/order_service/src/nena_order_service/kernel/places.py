@@ -99,10 +99,14 @@ class Places:
         sighting = self._sightings.get(vehicle.name)
         return sighting is not None and sighting.located and vehicle.name in self._desk
 
-    def obstacle(self, vehicle: FleetVehicle) -> str:
-        """Say, as a predicate, why a vehicle takes no orders because of its place; empty if it does."""
+    def obstacle(self, vehicle: FleetVehicle, *, working: bool = False) -> str:
+        """Say, as a predicate, why a vehicle takes no orders because of its place; empty if it does.
+
+        ``working``: it has an order, which one that is to be respected does to the end.
+        """
         level = self._book.of(vehicle.key).integration_level
-        if level is not IntegrationLevel.TO_BE_UTILIZED:
+        goes_on = working and level is IntegrationLevel.TO_BE_RESPECTED
+        if level is not IntegrationLevel.TO_BE_UTILIZED and not goes_on:
             return f"has the integration level {level.value}"
         if self._desk.broke_off(vehicle.name):
             return "has broken off its way or drives by itself, and has not been seen standing since"

@@ -38,6 +38,10 @@ class FleetControl(Protocol):
         """Tell whether each robot that the broker knows to be there has told its state."""
         ...
 
+    def connected_for(self) -> float:
+        """Tell for how many seconds the link to the broker stands; 0 while it does not."""
+        ...
+
     def view(self, robot: RobotKey) -> RobotView:
         """Tell what is known of a robot."""
         ...

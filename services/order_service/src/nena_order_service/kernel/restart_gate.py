@@ -48,7 +48,7 @@ class RestartGate:
         """Whether anybody may be given anything."""
         if not self._open:
             missing = self._missing()
-            late = self._clock.monotonic() >= self._until
+            late = self._clock.monotonic() >= self._until and self._fleet().connected_for() >= self._patience
             self._open = late or (not missing and self._fleet().all_known())
             if self._open and missing:
                 log.warning("robots that were not heard keep what they held before", vehicles=missing)

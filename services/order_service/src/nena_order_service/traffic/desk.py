@@ -50,6 +50,9 @@ class TrafficDesk:
         self._journeys: dict[str, Journey] = {}
         self._broken_off: dict[str, tuple[ResourceSet, ...]] = {}
         """What vehicles that broke off may be on, to the next point of their ways; or that move by hand."""
+        self._left_at: dict[str, tuple[ResourceSet, ...]] = {}
+        """The same of those that were seen standing since, beside a point: until they are on one or drive on.
+        By their pose alone they could be taken for clear of a path that is not straight."""
 
     @property
     def _scheduler(self) -> Scheduler:
@@ -88,7 +91,11 @@ class TrafficDesk:
         if moving:
             self._broken_off.setdefault(vehicle, self.held(vehicle) if self._is_at(vehicle, found) else ())
         else:
-            self._broken_off.pop(vehicle, None)
+            remembered = self._broken_off.pop(vehicle, None)
+            if found.on_point:
+                self._left_at.pop(vehicle, None)
+            elif remembered is not None:
+                self._left_at[vehicle] = remembered
         if vehicle in self._scheduler:
             occupant = self._scheduler.occupant(vehicle)
             if tuple(occupant.held) == held and occupant.entry == entry:
@@ -104,11 +111,12 @@ class TrafficDesk:
         held = self.held(vehicle)
         if moving:
             return held
-        passed = self._broken_off.get(vehicle, held)
+        remembered = self._broken_off.get(vehicle, self._left_at.get(vehicle))
+        passed = held if remembered is None else remembered
         if found.on_point:
             at = [index for index, each in enumerate(passed) if each.point == found.point]
             return passed[: at[-1] + 1] if at else ()
-        return passed if vehicle in self._broken_off else ()
+        return () if remembered is None else passed
 
     def restore(self, vehicle: str, held: Sequence[ResourceSet], length_mm: int) -> None:
         """Let a vehicle hold what it held before a restart."""
@@ -124,6 +132,7 @@ class TrafficDesk:
         self.drop(vehicle)
         self._journeys.pop(vehicle, None)
         self._broken_off.pop(vehicle, None)
+        self._left_at.pop(vehicle, None)
         self._scheduler.remove(vehicle)
 
     def wish(self, wish: Wish, *, first: bool = False) -> None:
@@ -164,6 +173,7 @@ class TrafficDesk:
                     yield vehicle
 
     def _departed(self, granted: D) -> D:
+        self._left_at.pop(granted.vehicle, None)
         self._journeys[granted.vehicle] = Journey(granted.way)
         return granted
 

@@ -55,7 +55,9 @@ def make_app(
         redoc_url=None,
     )
     problem.install(app)
-    app.add_middleware(AccessControl, settings=http, role_needed=make_rule(http), book=users_of(http))
+    app.add_middleware(
+        AccessControl, settings=http, role_needed=make_rule(http), book=users_of(http), cookies=True
+    )
     app.add_middleware(SecurityHeaders)
     app.include_router(session.make_router())
     app.include_router(resources.make_router(aggregator))

@@ -58,7 +58,7 @@ def make_router(settings: OrderServiceSettings) -> APIRouter:
         path = resource_of(request)
         body = await _body(request) if request.method == "POST" else None
         try:
-            token = token_of(request.headers)
+            token = token_of(request.headers, cookies=True)
             answer = await door.ask(request.method, path, request.url.query, body, token=token)
         except OrderServiceAwayError as error:
             detail = f"The order service does not answer ({error}). Is it running, and does "

@@ -37,7 +37,7 @@ def make_router() -> APIRouter:
         """Keep the token of `Authorization: Bearer TOKEN` in the browser, until that is closed."""
         response.set_cookie(
             COOKIE,
-            token_of(request.headers),
+            token_of(request.headers, cookies=True),
             httponly=True,
             samesite="strict",
             secure=request.url.scheme == "https",
