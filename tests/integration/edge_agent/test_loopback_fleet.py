@@ -9,10 +9,12 @@ from typing import Any
 import pytest
 
 from nena_edge_agent.mailbox import Mailbox
+from nena_shared.vda5050.error import ErrorLevel
 from nena_shared.vda5050.state import OperatingMode
 from support.broker import Broker, MqttPeer
 from support.edge_agent import QUICK, SERIAL, agent_settings, running_agent
-from support.loopback_bench import BenchRobot
+from support.loopback_bench import BenchRobot, errors
+from support.robot_core import order
 from support.waiting import until
 
 pytestmark = pytest.mark.broker
@@ -51,14 +53,18 @@ async def test_a_robot_with_a_damaged_journal_waits_for_help_while_the_others_wo
     with MqttPeer(broker, f"{interface_name}/#") as peer:
         first, second = robots(peer, interface_name)
         async with running_agent(settings):
-            await second.state(lambda _: True)
-            refused = await first.command("pauseButton", pressed=True)
-            assert "does not run now" in str(refused["problems"])
-            assert not first.states
+            lost = await first.state(lambda state: "JOURNAL_LOST" in errors(state))
+            assert ErrorLevel.FATAL in {each.error_level for each in lost.errors}
+            assert (await second.command("pauseButton", pressed=True))["accepted"]
+            await second.state(lambda state: state.paused and not errors(state))
 
-            damaged.unlink()
-            await first.state(lambda _: True)
-            await until(lambda: first.fleet.connections == ["ONLINE"])
+            first.fleet.send(order("n0", "n1"))
+            stands = await first.state(lambda state: len(state.errors) > len(lost.errors))
+        assert (stands.order_id, stands.node_states) == ("", ())
+
+        damaged.unlink()
+        async with running_agent(settings):
+            await first.state(lambda state: not errors(state))
 
 
 @pytest.mark.clause("6.5")

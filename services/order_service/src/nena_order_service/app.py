@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from dataclasses import dataclass
+from secrets import token_hex
 
 from fastapi import FastAPI
 from starlette.types import ASGIApp
@@ -122,8 +123,11 @@ def build(settings: OrderServiceSettings, plant: PlantModel, store: Store, *, ep
 
 
 def _client_id(settings: OrderServiceSettings, epoch: int) -> str:
-    """Name the program to the broker; of one name, an old and a new one would push each other out."""
-    name = f"nena-order-service-{settings.interface_name.replace('/', '-')}"
+    """Name the program to the broker; of one name, an old and a new one would push each other out.
+
+    Nor can anybody else push it out, who does not know the name.
+    """
+    name = f"nena-order-service-{settings.interface_name.replace('/', '-')}-{token_hex(4)}"
     return f"{name}-{epoch}" if epoch else name
 
 
