@@ -21,7 +21,7 @@ SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/order_se
 STAMP := $(VENV)/.set-up
 
 .DEFAULT_GOAL := help
-.PHONY: help setup action-types lock format lint test soak compose-test colcon-test smoke demo bench conversations hooks clean broker browser sbom fuzz faults
+.PHONY: help setup action-types lock format lint test soak compose-test colcon-test smoke demo bench conversations hooks clean broker browser sbom fuzz faults conformance reference
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -66,6 +66,9 @@ test: $(STAMP) action-types broker browser ## every test, with branch coverage; 
 
 conformance: $(STAMP) ## write docs/vda5050.md anew: how the standard is kept, and which tests show it
 	PYTHONPATH=tests $(BIN)/python -m conformance.table
+
+reference: $(STAMP) ## write docs/configuration.md anew: every setting of every program
+	PYTHONPATH=tests $(BIN)/python -m reference.configuration
 
 soak: $(STAMP) ## the tests that guard the cores, with many more examples: about an hour on two cores
 	NENA_EXAMPLES=100000 NENA_PLANTS=400 NENA_KERNEL_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 NENA_SESSIONS=200 $(BIN)/pytest -n $(WORKERS) --timeout 7200 $(SOAK)

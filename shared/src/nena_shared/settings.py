@@ -52,6 +52,22 @@ class SettingsGroup(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+def secret_in(file: Path, setting: str) -> str:
+    """Read the secret that a file holds alone; ``setting`` is what names the file.
+
+    Raises:
+        ConfigurationError: the file cannot be read, or is empty.
+
+    """
+    try:
+        secret = file.read_text(encoding="utf-8").strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError([f"{setting}: {error}"]) from error
+    if not secret:
+        raise ConfigurationError([f"{setting}: {file} is empty"])
+    return secret
+
+
 class MqttTlsSettings(SettingsGroup):
     """How the connection to the broker is protected."""
 
@@ -76,7 +92,7 @@ class MqttSettings(SettingsGroup):
     host: str = Field("127.0.0.1", min_length=1, description="Name or address of the MQTT broker.")
     port: int = Field(1883, ge=1, le=65535, description="TCP port of the MQTT broker.")
     username: str | None = Field(None, description="User name for the broker; none: anonymous.")
-    password: SecretStr | None = Field(None, description="Password for the broker. Better by environment.")
+    password: SecretStr | None = Field(None, description="Password for the broker.")
     password_file: Path | None = Field(None, description="File that holds the password for the broker.")
     tls: MqttTlsSettings = Field(default_factory=MqttTlsSettings, description="Protection of the connection.")
     client_id: str | None = Field(None, description="MQTT client id; none: made from the program's role.")
@@ -100,15 +116,12 @@ class MqttSettings(SettingsGroup):
         """Give the password, from the file where one is named.
 
         Raises:
-            ConfigurationError: the file cannot be read.
+            ConfigurationError: the file cannot be read, or is empty.
 
         """
         if self.password_file is None:
             return self.password.get_secret_value() if self.password else None
-        try:
-            return self.password_file.read_text(encoding="utf-8").strip()
-        except OSError as error:
-            raise ConfigurationError([f"mqtt.password_file: {error}"]) from error
+        return secret_in(self.password_file, "mqtt.password_file")
 
 
 class LogSettings(SettingsGroup):

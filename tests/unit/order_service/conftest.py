@@ -18,14 +18,16 @@ from nena_shared.tasks import Supervisor
 @pytest.fixture
 def settings(tmp_path: Path) -> OrderServiceSettings:
     return OrderServiceSettings(
-        plant=sample_plant_path(), store=StoreSettings(url=f"sqlite:///{tmp_path}/orders.db"), max_body=4096
+        plant=sample_plant_path(),
+        store=StoreSettings.model_validate({"url": f"sqlite:///{tmp_path}/orders.db"}),
+        max_body=4096,
     )
 
 
 @pytest.fixture
 async def service(settings: OrderServiceSettings) -> AsyncIterator[OrderService]:
     """Give an order service without a broker, so that orders are taken and wait."""
-    store = Store(open_database(settings.store.url))
+    store = Store(open_database(settings.store.location()))
     made = build(settings, load_plant(settings.plant), store)
     async with Supervisor() as supervisor:
         supervisor.start("store", made.store.run())

@@ -190,6 +190,14 @@ def test_password_file_that_is_not_there(tmp_path: Path) -> None:
         MqttSettings(password_file=tmp_path / "none").secret()
 
 
+def test_password_file_that_is_empty(tmp_path: Path) -> None:
+    file = tmp_path / "password"
+    file.write_text("\n")
+
+    with pytest.raises(ConfigurationError, match=r"mqtt\.password_file: .* is empty"):
+        MqttSettings(password_file=file).secret()
+
+
 class Prefixed(SettingsGroup):
     prefix: TopicPrefix
 

@@ -141,14 +141,15 @@ async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
 
     """
     plant = load_plant(settings.plant)
-    run = _serve_shared if is_shared(settings.store.url) else _serve_alone
+    run = _serve_shared if is_shared(settings.store.location()) else _serve_alone
     await run(settings, plant, stop)
     log.info("order service ended")
 
 
 async def _serve_alone(settings: OrderServiceSettings, plant: PlantModel, stop: asyncio.Event) -> None:
-    lock = InstanceLock.take(settings.store.url)
-    service = build(settings, plant, Store(open_database(settings.store.url), lock))
+    url = settings.store.location()
+    lock = InstanceLock.take(url)
+    service = build(settings, plant, Store(open_database(url), lock))
     http = HttpServer(_guarded(service.app, settings), settings.http)
     async with Supervisor() as supervisor:
         await _start(service, supervisor)
@@ -163,7 +164,7 @@ async def _serve_alone(settings: OrderServiceSettings, plant: PlantModel, stop: 
 
 
 async def _serve_shared(settings: OrderServiceSettings, plant: PlantModel, stop: asyncio.Event) -> None:
-    lead = Lead(settings.store.url)
+    lead = Lead(settings.store.location())
     standby = make_standby_app(lambda: lead.active_url, lambda: lead.problem)
     http = HttpServer(_guarded(standby, settings), settings.http)
     service = None
@@ -194,7 +195,7 @@ async def _take_over(
     settings: OrderServiceSettings, plant: PlantModel, lead: Lead, supervisor: Supervisor, own_url: str
 ) -> OrderService:
     """Become the active one: the other one commits nothing any more, and what it has is taken up."""
-    engine, fence = await lead.raise_fence(settings.store.url, own_url)
+    engine, fence = await lead.raise_fence(settings.store.location(), own_url)
     service = build(settings, plant, Store(engine, fence=fence), epoch=fence.epoch)
     supervisor.start("lead", lead.keep(service.store, engine, fence))
     await _start(service, supervisor)

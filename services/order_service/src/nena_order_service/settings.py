@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import AfterValidator, Field, HttpUrl
+from pydantic import AfterValidator, Field, HttpUrl, SecretStr
 
 from nena_order_service.fleet import FleetSettings
 from nena_order_service.kernel.settings import KernelSettings
 from nena_order_service.routing import CostKey
-from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
+from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix, secret_in
 from nena_shared.web.settings import HttpSettings
 
 
@@ -24,11 +24,23 @@ def _not_our_own(path: str) -> str:
 class StoreSettings(SettingsGroup):
     """Where orders are kept."""
 
-    url: str = Field(
-        "sqlite:///nena-orders.db",
+    url: SecretStr = Field(
+        SecretStr("sqlite:///nena-orders.db"),
         description="Database of the orders: sqlite:///FILE (four slashes for an absolute path), or "
         "postgresql://USER@HOST/DATABASE, with which a second order service stands by.",
     )
+    url_file: Path | None = Field(
+        None, description="File that holds store.url, where a password is in it; counts before it."
+    )
+
+    def location(self) -> str:
+        """Give the database's URL, from the file where one is named; it may hold a password.
+
+        Raises:
+            ConfigurationError: the file cannot be read, or is empty.
+
+        """
+        return secret_in(self.url_file, "store.url_file") if self.url_file else self.url.get_secret_value()
 
 
 class RoutingSettings(SettingsGroup):

@@ -81,4 +81,5 @@ class Aggregator:
 
 
 def _history(settings: HistorySettings, clock: Clock) -> History | None:
-    return History(settings, settings.url.get_secret_value(), clock) if settings.url else None
+    url = settings.location()
+    return History(settings, url, clock) if url else None

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator, Field, HttpUrl, SecretStr
 
-from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
+from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix, secret_in
 from nena_shared.web.settings import HttpSettings
 from nena_status_aggregator.share import Share
 
@@ -45,6 +45,9 @@ class HistorySettings(SettingsGroup):
         description="Database: sqlite:///FILE (four slashes for an absolute path), or "
         "postgresql+psycopg://USER@HOST/DATABASE; none: no history is kept.",
     )
+    url_file: Path | None = Field(
+        None, description="File that holds history.url, where a password is in it; counts before it."
+    )
     retention_days: float = Field(30.0, gt=0, le=36500, description="Days that entries are kept.")
     track_days: float = Field(2.0, gt=0, le=36500, description="Days that positions are kept.")
     track_distance: float = Field(
@@ -55,6 +58,17 @@ class HistorySettings(SettingsGroup):
     )
     batch_limit: int = Field(1000, ge=1, le=10_000, description="Entries that are written together.")
     interval: float = Field(0.5, gt=0, le=60, description="Seconds over which entries are gathered.")
+
+    def location(self) -> str | None:
+        """Give the database's URL, from the file where one is named; it may hold a password. None: none.
+
+        Raises:
+            ConfigurationError: the file cannot be read, or is empty.
+
+        """
+        if self.url_file:
+            return secret_in(self.url_file, "history.url_file")
+        return self.url.get_secret_value() if self.url else None
 
 
 class OrderServiceSettings(SettingsGroup):

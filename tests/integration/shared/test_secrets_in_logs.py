@@ -1,0 +1,112 @@
+"""No secret is in a program's log, at its most talkative, whether the secret fits or not."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from nena_demo.plants import sample_plant_path
+from nena_shared.web.users import Role, User, hash_of, write_users
+from support.broker import Broker, free_port
+from support.programs import Program
+
+pytestmark = pytest.mark.broker
+
+PASSWORD, DATABASE_PASSWORD, TOKEN, WRONG_TOKEN = (f"secret-of-{each}" for each in ("a", "b", "c", "d"))
+SECRETS = (PASSWORD, DATABASE_PASSWORD, TOKEN, WRONG_TOKEN, hash_of(TOKEN))
+
+
+@pytest.fixture
+def broker() -> Iterator[Broker]:
+    made = Broker(users={"nena": PASSWORD})
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    """Give a folder with each secret in a file of its own."""
+    away = f"://nena:{DATABASE_PASSWORD}@127.0.0.1:{free_port()}/nena"
+    (tmp_path / "password").write_text(PASSWORD + "\n")
+    (tmp_path / "store").write_text(f"postgresql{away}\n")
+    (tmp_path / "no-store").write_text(f"oracle{away}\n")
+    (tmp_path / "history").write_text(f"postgresql+psycopg{away}\n")
+    (tmp_path / "file-store").write_text(f"sqlite:///{tmp_path}/orders.db\n")
+    write_users(tmp_path / "users", [User(name="ann", role=Role.VIEWER, token_sha256=hash_of(TOKEN))])
+    return tmp_path
+
+
+def arguments(files: Path, broker: Broker) -> list[object]:
+    return [
+        *("--log.level", "debug", "--mqtt.port", broker.port),
+        *("--mqtt.username", "nena", "--mqtt.password_file", files / "password"),
+    ]
+
+
+def assert_silent(program: Program) -> None:
+    assert program.log
+    assert [secret for secret in SECRETS if secret in program.log] == []
+
+
+async def test_an_order_service_at_work_tells_none(files: Path, broker: Broker) -> None:
+    given = arguments(files, broker)
+    given += ["--plant", sample_plant_path(), "--store.url_file", files / "file-store"]
+    given += ["--http.port", 0, "--http.users", files / "users"]
+    with Program("nena-order-service", *given, log=files / "log") as program:
+        url = (await program.logged(r"http listening.* url=(\S+)")).group(1)
+        await program.logged("connected")
+        async with httpx.AsyncClient(base_url=url) as client:
+            for token, status in ((TOKEN, 200), (WRONG_TOKEN, 401)):
+                headers = {"authorization": f"Bearer {token}"}
+                answer = await client.get("/v1/vehicles", headers=headers)
+                assert answer.status_code == status
+        await program.logged("a token that nobody has")
+        assert (files / "orders.db").exists()
+        assert_silent(program)
+
+
+@pytest.mark.parametrize(
+    ("script", "more"),
+    [
+        ("nena-order-service", ("--store.url_file", "store")),
+        ("nena-status-aggregator", ("--history.url_file", "history")),
+    ],
+)
+async def test_a_database_that_is_away_is_told_without_its_password(
+    files: Path, broker: Broker, script: str, more: tuple[str, str]
+) -> None:
+    given = [*arguments(files, broker), more[0], files / more[1], "--http.port", 0]
+    given += ["--plant", sample_plant_path()] if script == "nena-order-service" else []
+    with Program(script, *given, log=files / "log") as program:
+        await program.logged("(?i)connection refused")
+        assert_silent(program)
+
+
+@pytest.mark.parametrize(
+    ("script", "more", "complaint"),
+    [
+        ("nena-order-service", ("--store.url_file", "no-store"), "oracle is not supported"),
+        ("nena-order-service", ("--store.url_file", "missing"), r"store.url_file: .*No such file"),
+        ("nena-status-aggregator", ("--history.url_file", "no-store"), "history.url cannot be used"),
+    ],
+)
+async def test_a_program_that_cannot_use_a_secret_says_why_without_it(
+    files: Path, broker: Broker, script: str, more: tuple[str, str], complaint: str
+) -> None:
+    given = [*arguments(files, broker), more[0], files / more[1], "--http.port", 0]
+    given += ["--plant", sample_plant_path()] if script == "nena-order-service" else []
+    with Program(script, *given, log=files / "log") as program:
+        assert program.process.wait(30) != 0
+        assert re.search(complaint, program.log)
+        assert_silent(program)
+
+
+async def test_an_agent_tells_none(files: Path, broker: Broker) -> None:
+    given = [*arguments(files, broker), "--driver", "loopback", "--journal.folder", files / "journal"]
+    with Program("nena-edge-agent", *given, log=files / "log") as program:
+        await program.logged("connected")
+        assert_silent(program)

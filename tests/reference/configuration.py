@@ -1,0 +1,163 @@
+"""Writes docs/configuration.md: every setting of every program, from the settings models themselves."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from types import NoneType
+from typing import Any, Final, get_args
+
+from pydantic import BaseModel, SecretStr
+from pydantic.fields import FieldInfo
+
+from nena_edge_agent.settings import EdgeAgentSettings
+from nena_order_service.settings import OrderServiceSettings
+from nena_robot_simulator.settings import SimulatorSettings
+from nena_shared.settings import ProgramSettings, SettingsGroup
+from nena_status_aggregator.settings import AggregatorSettings
+
+_HERE: Final = Path(__file__).parent
+DOCUMENT: Final = _HERE.parents[1] / "docs" / "configuration.md"
+
+PROGRAMS: Final[dict[str, type[ProgramSettings]]] = {
+    "nena-order-service": OrderServiceSettings,
+    "nena-status-aggregator": AggregatorSettings,
+    "nena-edge-agent": EdgeAgentSettings,
+    "nena-robot-simulator": SimulatorSettings,
+}
+BY_FILE: Final = "_file"
+"""What a setting's name ends with that names the file with the value of another one."""
+_REQUIRED: Final = object()
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One setting of a program."""
+
+    path: tuple[str, ...]
+    """Its name, a part for each table that it is in."""
+    default: str
+    description: str
+    secret: bool
+    """Whether it is never shown."""
+    from_file: bool
+    """Whether another setting names a file that holds it."""
+
+    @property
+    def name(self) -> str:
+        """As in a TOML file, with dots between tables."""
+        return ".".join(self.path)
+
+    @property
+    def option(self) -> str:
+        """On the command line."""
+        return f"--{self.name}"
+
+    @property
+    def variable(self) -> str:
+        """In the environment."""
+        return f"NENA_{'__'.join(self.path).upper()}"
+
+
+def settings_of(model: type[BaseModel]) -> list[Setting]:
+    """Give all settings of a model; ``ValueError`` where one is not described."""
+    return list(_walk(model, {}, ()))
+
+
+def _walk(model: type[BaseModel], given: dict[str, Any], path: tuple[str, ...]) -> Iterator[Setting]:
+    for name, field in model.model_fields.items():
+        default = given[name] if name in given else _default(field)
+        place = (*path, name)
+        if isinstance(default, SettingsGroup):
+            yield from _walk(type(default), dict(default), place)
+        elif group := _optional_group(field):
+            yield from _walk(group, {}, place)
+        else:
+            yield _setting(place, field, default, from_file=name + BY_FILE in model.model_fields)
+
+
+def _default(field: FieldInfo) -> Any:
+    if field.is_required():
+        return _REQUIRED
+    return field.get_default(call_default_factory=True, validated_data={})
+
+
+def _optional_group(field: FieldInfo) -> type[SettingsGroup] | None:
+    """Give the table that may be left out, if the setting is one."""
+    kinds = [each for each in get_args(field.annotation) if each is not NoneType]
+    only = kinds[0] if len(kinds) == 1 and NoneType in get_args(field.annotation) else None
+    return only if isinstance(only, type) and issubclass(only, SettingsGroup) else None
+
+
+def _setting(path: tuple[str, ...], field: FieldInfo, default: object, *, from_file: bool) -> Setting:
+    if not field.description:
+        message = f"{'.'.join(path)} has no description"
+        raise ValueError(message)
+    secret = SecretStr in (field.annotation, *get_args(field.annotation))
+    return Setting(path, _shown(default), field.description, secret, from_file)
+
+
+def _shown(default: object) -> str:
+    if default is _REQUIRED:
+        return "has to be given"
+    if default is None:
+        return "not given"
+    text = _text(default)
+    return f"`{text}`" if text else "empty"
+
+
+def _text(default: object) -> str:
+    match default:
+        case Enum():
+            return str(default.value)
+        case SecretStr():
+            return default.get_secret_value()
+        case bool():
+            return str(default).lower()
+        case tuple() | list() | dict() if default:
+            return json.dumps(default, default=lambda each: each.model_dump(mode="json", exclude_unset=True))
+        case tuple() | list() | dict():
+            return ""
+    return str(default)
+
+
+def document() -> str:
+    """Give the whole text."""
+    parts = [(_HERE / "introduction.md").read_text(), _secrets()]
+    parts += [_program(program, settings_of(model)) for program, model in PROGRAMS.items()]
+    return "\n".join(parts)
+
+
+def _secrets() -> str:
+    by_name = {each.name: each for model in PROGRAMS.values() for each in settings_of(model) if each.secret}
+    rows = (
+        (f"`{each.name}`", f"`{each.name}{BY_FILE}`", f"`{each.variable}{BY_FILE.upper()}`")
+        for each in by_name.values()
+    )
+    return "\n".join([*_table(("secret", "the file that holds it", "in the environment"), rows), ""])
+
+
+def _program(program: str, settings: Iterable[Setting]) -> str:
+    rows = ((f"`{each.option}`", f"`{each.variable}`", each.default, _meaning(each)) for each in settings)
+    head = ("on the command line", "in the environment", "default", "meaning")
+    return "\n".join([f"## {program}", "", *_table(head, rows), ""])
+
+
+def _meaning(setting: Setting) -> str:
+    more = f" Secret: better by `{setting.name}{BY_FILE}`." if setting.secret and setting.from_file else ""
+    return setting.description + more
+
+
+def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> list[str]:
+    return [_line(head), _line("---" for _ in head), *map(_line, rows)]
+
+
+def _line(cells: Iterable[str]) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+if __name__ == "__main__":
+    DOCUMENT.write_text(document())
