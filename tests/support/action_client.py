@@ -12,6 +12,7 @@ from nena_robot_simulator.action import Action
 from nena_robot_simulator.action_types import action_types
 from support.ros import Inbox, RosPeer, wait_until
 from support.simulator import goal
+from support.waiting import PATIENCE
 
 Outcome = tuple[int, int]
 """Status and error code of a result."""
@@ -28,7 +29,7 @@ class Client:
     def __init__(self, peer: RosPeer, action: Action = Action.TO_POSE) -> None:
         self._types = action_types()[action]
         self.ros = ActionClient(peer.node, self._types, action)
-        wait_until(self.ros.server_is_ready, timeout=30.0, what=f"the server of {action}")
+        wait_until(self.ros.server_is_ready, what=f"the server of {action}")
         self.feedback: Inbox[Any] = Inbox()
 
     def send(self, *places: tuple[float, float], goal_id: Any = None, frame: str = "map") -> Any:
@@ -45,7 +46,7 @@ class Client:
         self.feedback.add(message.feedback)
 
 
-def answer_of(future: Any, *, timeout: float = 30.0) -> Any:
+def answer_of(future: Any, *, timeout: float = PATIENCE) -> Any:
     """Wait for one of rclpy's futures."""
     done = threading.Event()
     future.add_done_callback(lambda _: done.set())

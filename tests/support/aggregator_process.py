@@ -11,9 +11,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
-END_WITHIN = 10.0
+END_WITHIN = PATIENCE
 """Seconds."""
 
 
@@ -52,9 +52,7 @@ class AggregatorProcess:
 
     async def logged(self, event: str) -> dict[str, Any]:
         """Wait for the first log line of one event."""
-        found = await until(
-            lambda: self.events(event), timeout=20, what=f"log event '{event}': {self.output}"
-        )
+        found = await until(lambda: self.events(event), what=f"log event '{event}': {self.output}")
         return found[0]
 
     async def url(self) -> str:

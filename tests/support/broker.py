@@ -12,6 +12,7 @@ import socket
 import subprocess
 import tempfile
 import threading
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -23,7 +24,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from nena_shared.mqtt import Inbound
 from nena_shared.settings import MqttSettings
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 CONFIGURATION = """\
 listener {port} 127.0.0.1
@@ -37,7 +38,7 @@ log_dest file {folder}/mosquitto.log
 log_type all
 """
 
-CONNECTED_WITHIN = 10.0
+CONNECTED_WITHIN = PATIENCE
 """Seconds that broker and clients have to be ready."""
 
 _client_numbers = itertools.count()
@@ -100,8 +101,8 @@ class Broker:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-        pause = threading.Event()
-        for _ in range(int(CONNECTED_WITHIN * 100)):
+        pause, end = threading.Event(), time.monotonic() + CONNECTED_WITHIN
+        while time.monotonic() < end:
             if self._accepts():
                 return
             assert self._process.poll() is None, f"mosquitto has ended:\n{self.log}"
@@ -155,7 +156,7 @@ class Broker:
         if self._users:
             passwords = self._folder / "passwords"
             passwords.write_text("".join(f"{name}:{word}\n" for name, word in self._users.items()))
-            subprocess.run(["mosquitto_passwd", "-U", str(passwords)], check=True, timeout=30)
+            subprocess.run(["mosquitto_passwd", "-U", str(passwords)], check=True, timeout=PATIENCE)
             text += f"password_file {passwords}\n"
         (self._folder / "mosquitto.conf").write_text(text + self._more)
 
@@ -215,7 +216,7 @@ class MqttPeer:
         topic_filter: str = "#",
         accept: Callable[[Inbound], bool] = lambda _: True,
         *,
-        timeout: float = 10.0,  # noqa: ASYNC109 - the bound is the point
+        timeout: float = PATIENCE,  # noqa: ASYNC109 - the bound is the point
     ) -> Inbound:
         """Give the first message (also an earlier one) under ``topic_filter`` that ``accept`` takes."""
         return await until(

@@ -17,7 +17,7 @@ from nena_shared.vda5050.topics import Topic
 from support.broker import Broker, MqttPeer
 from support.loopback_bench import BenchRobot, bench_process, errors, idle
 from support.robot_core import action, order
-from support.waiting import until
+from support.waiting import PATIENCE, until
 from support.zones import responses, transfer, zone
 
 FOLDER = Path(__file__).parents[1] / "fixtures" / "conversations"
@@ -149,7 +149,7 @@ def recorder(broker: Broker, file: Path) -> Iterator[subprocess.Popen[bytes]]:
         yield process
     finally:
         process.terminate()
-        process.wait(10)
+        process.wait(PATIENCE)
 
 
 async def record_all(folder: Path) -> None:

@@ -24,7 +24,7 @@ from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.versions import codec_for, topics_for
 from support.broker import Broker, MqttPeer
 from support.robot_core import HEADER, MAP
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 MANUFACTURER = "ACME"
 SERIAL = "0001"
@@ -59,7 +59,7 @@ async def running_agent(settings: EdgeAgentSettings) -> AsyncIterator[asyncio.Ev
     try:
         yield stop
         stop.set()
-        await asyncio.wait_for(task, 10)
+        await asyncio.wait_for(task, PATIENCE)
     finally:
         task.cancel()
 
@@ -98,7 +98,7 @@ class AgentProcess:
     def terminate(self) -> int:
         """End it in order; gives the exit status."""
         self.process.terminate()
-        return self.process.wait(15)
+        return self.process.wait(PATIENCE)
 
     def restart(self) -> None:
         """Start it once more with the same options."""
@@ -158,7 +158,7 @@ class FleetControl:
         return [json.loads(each)["connectionState"] for each in messages]
 
     async def state(
-        self, accept: Callable[[dict[str, Any]], Any] = lambda _: True, *, within: float = 15.0
+        self, accept: Callable[[dict[str, Any]], Any] = lambda _: True, *, within: float = PATIENCE
     ) -> dict[str, Any]:
         """Wait for a state, also an earlier one, that ``accept`` takes."""
         return await until(

@@ -7,6 +7,8 @@ from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Event, Thread
 
+from support.waiting import PATIENCE
+
 
 class Files:
     """What the server gives, by path.
@@ -52,7 +54,7 @@ def served_files() -> Iterator[Files]:
         files.closing.set()
         server.shutdown()
         server.server_close()
-        thread.join(5)
+        thread.join(PATIENCE)
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -78,7 +80,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("Content-Length", str(len(content)))
         self.end_headers()
         if self.path in self.server.files.slow:
-            self.server.files.closing.wait(30)
+            self.server.files.closing.wait()
         elif self.path in self.server.files.trickling:
             self._trickle(content)
         else:

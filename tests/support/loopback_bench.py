@@ -25,9 +25,9 @@ OPERATIONS = (
     {"action_type": "drop", "seconds": 0.05, "load": "give"},
     {"action_type": "startCharging", "seconds": 0.05, "charging": True},
 )
-ANSWERED_WITHIN = 10.0
+TRY_AGAIN = 1.0
 """Seconds."""
-TRIES = 10
+TRIES = 60
 
 
 class BenchRobot:
@@ -53,7 +53,7 @@ class BenchRobot:
             try:
                 return await until(
                     lambda: next((each for each in self.answers if each.get("id") == command["id"]), None),
-                    timeout=ANSWERED_WITHIN / TRIES,
+                    timeout=TRY_AGAIN,
                     what="an answer of the control door",
                 )
             except AssertionError:
@@ -84,7 +84,6 @@ class BenchRobot:
             lambda: next(
                 (each for each in (self.states[-1:] if last else self.states) if accept(each)), None
             ),
-            timeout=15.0,
             what=f"a state of {self.fleet.robot}; the last one was {self.fleet.states[-1:]}",
         )
 

@@ -20,7 +20,7 @@ from nena_robot_simulator.messages import pose_message, stamp_of
 from nena_robot_simulator.pose import Pose as Place
 from nena_shared.clock import SystemClock
 from support.ros import LATCHED, Inbox, RosPeer
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 Told = MapDriverEvent | GoalReport
 E = TypeVar("E", bound=Told)
@@ -67,7 +67,7 @@ class DrivenRobot:
         return [event for event in self.events if isinstance(event, kind)]
 
     async def hears(
-        self, kind: type[E], accept: Callable[[E], bool] = lambda _: True, *, seconds: float = 15.0
+        self, kind: type[E], accept: Callable[[E], bool] = lambda _: True, *, seconds: float = PATIENCE
     ) -> E:
         """Give the first event of a kind that ``accept`` takes, also an earlier one."""
         return await until(

@@ -19,7 +19,7 @@ from nena_order_service.app import serve
 from nena_order_service.settings import OrderServiceSettings
 from support.broker import Broker, MqttPeer, free_port
 from support.programs import OrderServiceProgram, Program
-from support.waiting import LOOK_EVERY
+from support.waiting import LOOK_EVERY, PATIENCE
 
 T = TypeVar("T")
 
@@ -150,7 +150,7 @@ async def running(
     task = asyncio.create_task(serve(settings, stop))
     url = f"{'https' if trust else 'http'}://127.0.0.1:{settings.http.port}"
     try:
-        async with httpx.AsyncClient(base_url=url, timeout=20, verify=trust or True) as client:
+        async with httpx.AsyncClient(base_url=url, timeout=PATIENCE, verify=trust or True) as client:
             await _answering(client, task)
             yield client
     finally:
@@ -170,7 +170,7 @@ async def _answering(client: httpx.AsyncClient, task: asyncio.Task[None]) -> Non
             return False
         return True
 
-    await awaited(look, bool, seconds=20, what="the order service answers")
+    await awaited(look, bool, seconds=PATIENCE, what="the order service answers")
 
 
 async def awaited(
@@ -185,7 +185,9 @@ async def awaited(
     return answer
 
 
-async def order_in(client: httpx.AsyncClient, name: str, *states: str, seconds: float = 30) -> dict[str, Any]:
+async def order_in(
+    client: httpx.AsyncClient, name: str, *states: str, seconds: float = PATIENCE
+) -> dict[str, Any]:
     """Wait until an order is in one of ``states``, and give it."""
 
     async def look() -> dict[str, Any]:
@@ -205,11 +207,11 @@ async def vehicle_idle(client: httpx.AsyncClient, name: str = "Robot-01") -> dic
         return found
 
     return await awaited(
-        look, lambda vehicle: vehicle.get("state") == "IDLE", seconds=30, what=f"{name} is idle"
+        look, lambda vehicle: vehicle.get("state") == "IDLE", seconds=PATIENCE, what=f"{name} is idle"
     )
 
 
-async def every_order_ended(client: httpx.AsyncClient, seconds: float = 60) -> list[dict[str, Any]]:
+async def every_order_ended(client: httpx.AsyncClient, seconds: float = PATIENCE) -> list[dict[str, Any]]:
     """Wait until no order is under way, and give them all."""
 
     async def look() -> list[dict[str, Any]]:

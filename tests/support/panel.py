@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from axe_playwright_python.async_playwright import Axe  # type: ignore[import-untyped]
-from playwright.async_api import Browser, Page
+from playwright.async_api import Browser, Page, expect
 
 from nena_shared.fleet_api.robot_map import topic_of_map
 from nena_shared.fleet_api.topics import FleetTopics
@@ -25,13 +25,13 @@ from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, MqttPeer, free_port
 from support.fleet_examples import ROBOT, START, order_status, sample_plant
 from support.robot_maps import robot_map
-from support.waiting import LOOK_EVERY
+from support.waiting import LOOK_EVERY, PATIENCE
 
 PICTURES = os.environ.get("NENA_SCREENSHOTS")
 """Folder for pictures of the panel; without one none are kept."""
 
 
-WITHIN = 10.0
+WITHIN = PATIENCE
 """Seconds that something in the page may take to come true."""
 
 
@@ -102,6 +102,7 @@ async def opened(
     expected: tuple[str, ...] = (),
 ) -> AsyncIterator[Page]:
     """Open the page; whatever the browser complains about fails the test, but for what is ``expected``."""
+    expect.set_options(timeout=1e3 * WITHIN)
     page = await browser.new_page(
         viewport={"width": width, "height": height},
         color_scheme="dark" if dark else "light",
@@ -110,6 +111,7 @@ async def opened(
     complaints: list[str] = []
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("console", lambda line: complaints.append(line.text) if line.type == "error" else None)
+    page.set_default_timeout(1e3 * WITHIN)
     await page.goto(url)
     yield page
     passed_over = ("net::ERR_", *expected)  # the first is said by the browser while the aggregator is away

@@ -13,9 +13,9 @@ from typing import Self
 import httpx
 import psutil
 
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
-ENDED_WITHIN = 15.0
+ENDED_WITHIN = PATIENCE
 """Seconds that a program has to end in order."""
 
 
@@ -64,7 +64,7 @@ class Program:
             assert match or self.process.poll() is None, f"the program has ended:\n{self.log}"
             return match
 
-        return await until(found, timeout=30, what=f"{pattern} in the log of {self.process.args!r}")
+        return await until(found, what=f"{pattern} in the log of {self.process.args!r}")
 
 
 class OrderServiceProgram(Program):
@@ -77,7 +77,7 @@ class OrderServiceProgram(Program):
     async def client(self) -> httpx.AsyncClient:
         """Give a client once the program listens."""
         url = (await self.logged(r"http listening.* url=(\S+)", start=self._start)).group(1)
-        return httpx.AsyncClient(base_url=url, timeout=20)
+        return httpx.AsyncClient(base_url=url, timeout=PATIENCE)
 
 
 def _environment() -> dict[str, str]:

@@ -14,12 +14,13 @@ import pytest
 
 from support.broker import free_port
 from support.reference import PROJECT
+from support.waiting import PATIENCE
 
 CONFIGURATION = PROJECT / "deploy" / "prometheus"
 
 T = TypeVar("T")
 
-END_WITHIN = 20.0
+END_WITHIN = PATIENCE
 """Seconds."""
 
 LOOK_EVERY = 0.05
@@ -56,7 +57,7 @@ class Prometheus:
         text = text.replace("rules/*.yml", f"{CONFIGURATION}/rules/*.yml")
         (folder / "prometheus.yml").write_text(text, encoding="utf-8")
         port = free_port()
-        self.http = httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}/api/v1")
+        self.http = httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}/api/v1", timeout=PATIENCE)
         self._log = folder / "log"
         with self._log.open("wb") as log:
             self._process = subprocess.Popen(

@@ -63,10 +63,8 @@ class Robot:
         await asyncio.sleep(0)
 
     async def until_published(self, *texts: str) -> None:
-        await until(lambda: [each["data"] for _, each in self.ros.published] == list(texts), timeout=30)
+        await until(lambda: [each["data"] for _, each in self.ros.published] == list(texts))
 
     async def end(self) -> tuple[str, str | None]:
-        last = await until(
-            lambda: next((each for each in self.reports if each.status.ended), None), timeout=30
-        )
+        last = await until(lambda: next((each for each in self.reports if each.status.ended), None))
         return last.status.value, last.result

@@ -13,6 +13,7 @@ import shutil
 import socket
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Generic, Self, TypeVar
@@ -37,6 +38,8 @@ from rclpy.node import Node  # noqa: E402
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
 from rclpy.signals import SignalHandlerOptions  # noqa: E402
 
+from support.waiting import PATIENCE  # noqa: E402
+
 T = TypeVar("T")
 
 LATCHED = QoSProfile(
@@ -46,14 +49,14 @@ RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-def wait_until(condition: Callable[[], bool], *, timeout: float = 10.0, what: str = "the condition") -> None:
+def wait_until(
+    condition: Callable[[], bool], *, timeout: float = PATIENCE, what: str = "the condition"
+) -> None:
     """Look at ``condition`` every 10 ms until it holds; AssertionError after ``timeout`` seconds."""
-    never = threading.Event()
-    for _ in range(int(timeout * 100)):
-        if condition():
-            return
+    never, end = threading.Event(), time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < end, f"{what} did not come true in {timeout} s"
         never.wait(0.01)
-    assert condition(), f"{what} did not come true in {timeout} s"
 
 
 @contextmanager
@@ -99,7 +102,7 @@ class Inbox(Generic[T]):
             self._messages.clear()
 
     def wait_for(
-        self, accept: Callable[[T], bool] = lambda _: True, *, timeout: float = 10.0, what: str = ""
+        self, accept: Callable[[T], bool] = lambda _: True, *, timeout: float = PATIENCE, what: str = ""
     ) -> T:
         """Give the first message (also an earlier one) that ``accept`` takes; AssertionError in the end."""
         seen = 0
@@ -151,7 +154,7 @@ class RosPeer:
 
     def close(self) -> None:
         self._executor.create_task(self._stop.set)
-        self._thread.join(5.0)
+        self._thread.join(PATIENCE)
         assert not self._thread.is_alive(), "the test's ROS thread does not end"
         self._executor.shutdown()
         self.node.destroy_node()
@@ -162,7 +165,9 @@ class RosPeer:
         self.node.create_subscription(message_type, topic, inbox.add, qos)
         return inbox
 
-    def publisher(self, message_type: Any, topic: str, qos: Any = RELIABLE, *, timeout: float = 10.0) -> Any:
+    def publisher(
+        self, message_type: Any, topic: str, qos: Any = RELIABLE, *, timeout: float = PATIENCE
+    ) -> Any:
         """Make a publisher and wait until somebody listens."""
         publisher = self.node.create_publisher(message_type, topic, qos)
         wait_until(
@@ -170,13 +175,13 @@ class RosPeer:
         )
         return publisher
 
-    def client(self, service_type: Any, name: str, *, timeout: float = 10.0) -> Any:
+    def client(self, service_type: Any, name: str, *, timeout: float = PATIENCE) -> Any:
         """Make a service client and wait until the service is there."""
         client = self.node.create_client(service_type, name)
         wait_until(client.service_is_ready, timeout=timeout, what=f"service {name}")
         return client
 
-    def call(self, client: Any, request: Any, *, timeout: float = 10.0) -> Any:
+    def call(self, client: Any, request: Any, *, timeout: float = PATIENCE) -> Any:
         """Call a service and give its answer."""
         done = threading.Event()
         future = client.call_async(request)

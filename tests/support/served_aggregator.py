@@ -19,6 +19,7 @@ from nena_status_aggregator.service import serve
 from nena_status_aggregator.settings import AggregatorHttpSettings, AggregatorSettings, HistorySettings
 from support.broker import Broker, MqttPeer, free_port
 from support.fleet_examples import ROBOT
+from support.waiting import PATIENCE
 
 
 @dataclass
@@ -38,11 +39,11 @@ class Served:
     async def get(self, path: str) -> Any:
         return (await self.http.get(path)).json()
 
-    async def until(self, path: str, accept: Callable[[Any], bool], *, seconds: float = 10.0) -> Any:
+    async def until(self, path: str, accept: Callable[[Any], bool], *, seconds: float = PATIENCE) -> Any:
         """Ask for ``path`` until ``accept`` takes the answer."""
         return await _until(lambda: self.get(path), accept, path, seconds)
 
-    async def metric(self, line: str, *, seconds: float = 10.0) -> None:
+    async def metric(self, line: str, *, seconds: float = PATIENCE) -> None:
         """Wait until ``/metrics`` holds this line."""
 
         async def text() -> str:
@@ -71,7 +72,7 @@ class EventReader:
 
     async def next(self, kind: str, accept: Callable[[Any], bool] = lambda _: True) -> Any:
         """Give the data of the next event of ``kind`` that ``accept`` takes."""
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(PATIENCE):
             while True:
                 event = await self._event()
                 if event["event"] == kind and accept(data := json.loads(event["data"])):
@@ -111,9 +112,10 @@ async def serving(broker: Broker, interface_name: str, **settings: Any) -> Async
     stop = asyncio.Event()
     running = asyncio.create_task(serve(chosen, stop), name="aggregator")
     transport = httpx.AsyncHTTPTransport(retries=8)
-    async with httpx.AsyncClient(transport=transport, base_url=f"http://127.0.0.1:{port}") as http:
+    url = f"http://127.0.0.1:{port}"
+    async with httpx.AsyncClient(transport=transport, base_url=url, timeout=PATIENCE) as http:
         served = Served(http, TopicScheme(interface_name), FleetTopics(f"{interface_name}/nena"))
         await served.until("/api/v1/fleet", lambda fleet: fleet["link"]["connected"])
         yield served
         stop.set()
-        await asyncio.wait_for(running, 10)
+        await asyncio.wait_for(running, PATIENCE)

@@ -81,7 +81,7 @@ async def _off(robot: DrivenRobot) -> None:
 async def _live(robot: DrivenRobot) -> None:
     """Be there for long enough to hear where the robot is."""
     await robot.driver.session.start()
-    await robot.hears(MapPoseReport, seconds=30.0)
+    await robot.hears(MapPoseReport)
     await robot.driver.session.stop()
     await _off(robot)
     robot.events.clear()
@@ -99,7 +99,7 @@ async def main() -> None:
         await _cycle(robot, cycles)
         seconds = time.perf_counter() - began
         await _live(robot)
-        await until(lambda: Left.now().threads <= before.threads, timeout=30.0, what=f"{before} again")
+        await until(lambda: Left.now().threads <= before.threads, what=f"{before} again")
         after = Left.now()
     sys.stdout.write(json.dumps(after.more_than(before, cycles, seconds)))
 

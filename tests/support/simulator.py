@@ -24,6 +24,7 @@ from nena_robot_simulator.pose import Pose
 from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
 from nena_shared.clock import SystemClock
 from support.ros import RosPeer, wait_until
+from support.waiting import PATIENCE
 
 HALL = hall(min_x=-20, min_y=-20, max_x=40, max_y=40, resolution=0.2)
 
@@ -125,7 +126,7 @@ class SimulatorProcess:
         assert self._process.stderr is not None
         self._process.stderr.close()
 
-    def wait_for_line(self, *parts: str, timeout: float = 20.0) -> None:
+    def wait_for_line(self, *parts: str, timeout: float = PATIENCE) -> None:
         """Wait until one line of the log holds all ``parts``."""
         wait_until(
             lambda: any(all(part in line for part in parts) for line in list(self.lines)),
@@ -141,7 +142,7 @@ class SimulatorProcess:
         """Whether SIGSTOP has taken effect."""
         return bool(psutil.Process(self._process.pid).status() == psutil.STATUS_STOPPED)
 
-    def ended(self, timeout: float = 10.0) -> int:
+    def ended(self, timeout: float = PATIENCE) -> int:
         """Wait for the end and give the exit status."""
         status = self._process.wait(timeout)
         self._reader.join(timeout)

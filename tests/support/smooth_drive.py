@@ -9,13 +9,13 @@ from nena_edge_agent.ros.settings import Navigation
 from support.edge_agent import FleetControl, ended
 from support.robot_core import order, position
 from support.ros import Inbox
+from support.waiting import PATIENCE
 
 SPACING = 2.0
 """Metres from node to node."""
 NODES = ("n0", "n1", "n2", "n3", "n4")
 NEAR = 0.9
 """Metres around a node in which the robot counts as passing it; it brakes over half a metre."""
-PATIENCE = 60.0
 WAYS = {
     Navigation.TOPICS: 1.0,
     Navigation.ACTION: 0.5,

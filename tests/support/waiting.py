@@ -11,11 +11,14 @@ T = TypeVar("T")
 LOOK_EVERY = 0.005
 """Seconds."""
 
+PATIENCE = 60.0
+"""Seconds that a test waits for what is sure to come, on however slow a machine; no measure of speed."""
+
 
 async def until(
     predicate: Callable[[], T | None],
     *,
-    timeout: float = 10.0,  # noqa: ASYNC109 - the bound is the point
+    timeout: float = PATIENCE,  # noqa: ASYNC109 - the bound is the point
     what: str = "the condition",
 ) -> T:
     """Give the first true value of ``predicate``; AssertionError when there is none for ``timeout`` s."""

@@ -30,7 +30,11 @@ def codes(page: dict[str, Any]) -> list[str]:
 
 
 async def drive(served: Served, peer: MqttPeer) -> None:
-    """Let a robot drive an order from A to B, and wait until that is in the history."""
+    """Let a robot drive an order from A to B, and wait until all of that is in the history.
+
+    What is told of its condition follows its states a moment later: when the robot is shown at the end of its
+    order all has been told, and what is told after that, here of TO-0, is written after it.
+    """
     for number, fields in enumerate(
         (
             {"last_node_id": "A", "mobile_robot_position": position(0, 0)},
@@ -44,7 +48,11 @@ async def drive(served: Served, peer: MqttPeer) -> None:
         )
     ):
         served.send(peer, Topic.STATE, state(number + 1, at=number, **fields))
-    await served.until("/api/v1/history", lambda page: "orderEnded" in codes(page))
+    robot = "/api/v1/robots/ACME/r1"
+    await served.until(robot, lambda shown: (shown.get("order") or {}).get("progress") == 100)
+    last = order_status("TO-0").model_dump_json(by_alias=True)
+    peer.publish(served.fleet.order_status("TO-0"), last)
+    await served.until("/api/v1/history?order=TO-0", lambda page: bool(page["entries"]))
 
 
 async def test_the_history_of_a_robot_also_after_a_restart(
