@@ -9,6 +9,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from nena_shared.fleet_api.base import Moment, ObjectName, OrderName, Request, Resource
+from nena_shared.fleet_api.failure_policy import FailurePolicy, Hold, Seconds
 
 
 class TransportOrderState(StrEnum):
@@ -66,6 +67,8 @@ class Destination(Request):
     coordinate: Coordinate | None = None
     operation: Annotated[str, Field(min_length=1, max_length=200)] = "MOVE"
     properties: Annotated[tuple[Property, ...], Field(max_length=100)] = ()
+    on_failure: FailurePolicy | None = None
+    """What is done when the vehicle fails here; None: what the order says."""
 
     @model_validator(mode="after")
     def _one_place(self) -> Self:
@@ -91,6 +94,12 @@ class TransportOrderRequest(Request):
     """Greater is more urgent."""
     deadline: Moment | None = None
     properties: Annotated[tuple[Property, ...], Field(max_length=100)] = ()
+    on_failure: FailurePolicy | None = None
+    """What is done when the vehicle fails; None: what the order service's setting says."""
+    timeout: Seconds | None = None
+    """Seconds from its creation on; if it is not done by then, it is withdrawn and cancelled at the robot."""
+    processing_timeout: Seconds | None = None
+    """The same, from when it was first given to a vehicle."""
 
 
 class DriveOrderStatus(Resource):
@@ -100,6 +109,12 @@ class DriveOrderStatus(Resource):
     state: DriveOrderState
     route: tuple[str, ...] | None = None
     """Names of the points to pass, the first is where the vehicle starts; None before the assignment."""
+    attempts: int = 0
+    """How often it was begun again: each time is another VDA 5050 order."""
+    measures_taken: int = 0
+    """How far its failure policy is used up."""
+    avoided: tuple[str, ...] = ()
+    """Names of paths and points that its way avoids, since the vehicle failed there."""
 
 
 class HistoryEntry(Resource):
@@ -132,6 +147,17 @@ class TransportOrderStatus(Resource):
     deadline: Moment | None = None
     created: Moment
     finished: Moment | None = None
+    on_failure: FailurePolicy | None = None
+    timeout: float | None = None
+    processing_timeout: float | None = None
+    assigned: Moment | None = None
+    """When it was first given to a vehicle."""
+    held: Hold | None = None
+    """Who holds it and why; None: nobody."""
+    next_try: Moment | None = None
+    """When it is tried again after a failure; None: nothing is waited for."""
+    excluded_vehicles: tuple[str, ...] = ()
+    """Vehicles that have failed at it, so that it is not given to them again."""
     history: tuple[HistoryEntry, ...] = ()
 
 

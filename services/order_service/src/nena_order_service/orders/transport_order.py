@@ -8,6 +8,7 @@ from datetime import datetime
 from typing import Any, Self
 
 from nena_order_service.orders.event_code import EventCode
+from nena_shared.fleet_api.failure_policy import Hold
 from nena_shared.fleet_api.transport_order import (
     DriveOrderState,
     DriveOrderStatus,
@@ -23,13 +24,13 @@ SUCCESSORS: dict[TransportOrderState, frozenset[TransportOrderState]] = {
     S.RAW: frozenset({S.ACTIVE, S.UNROUTABLE}),
     S.ACTIVE: frozenset({S.DISPATCHABLE, S.FAILED}),
     S.DISPATCHABLE: frozenset({S.BEING_PROCESSED, S.FAILED}),
-    S.BEING_PROCESSED: frozenset({S.FINISHED, S.FAILED, S.WITHDRAWN}),
+    S.BEING_PROCESSED: frozenset({S.FINISHED, S.FAILED, S.WITHDRAWN, S.DISPATCHABLE}),
     S.WITHDRAWN: frozenset({S.FAILED}),
     S.FINISHED: frozenset(),
     S.FAILED: frozenset(),
     S.UNROUTABLE: frozenset(),
 }
-"""Which states may follow which, in openTCS's life cycle."""
+"""Which states may follow which, in openTCS's life cycle; and an order may go on with another vehicle."""
 
 Urgency = tuple[int, float, int]
 """Less is more urgent; the last is the order's number."""
@@ -79,6 +80,9 @@ class TransportOrder:
             current_drive_order_index=-1,
             properties=request.properties,
             deadline=request.deadline,
+            on_failure=request.on_failure,
+            timeout=request.timeout,
+            processing_timeout=request.processing_timeout,
             created=now,
             history=(HistoryEntry(timestamp=now, event_code=EventCode.ORDER_CREATED),),
         )
@@ -92,6 +96,8 @@ class TransportOrder:
             and (status.intended_vehicle, status.type) == (request.intended_vehicle, request.type)
             and (status.priority, status.deadline) == (request.priority, request.deadline)
             and status.properties == request.properties
+            and status.on_failure == request.on_failure
+            and (status.timeout, status.processing_timeout) == (request.timeout, request.processing_timeout)
         )
 
     @property
@@ -110,10 +116,26 @@ class TransportOrder:
         return self.status.processing_vehicle
 
     @property
+    def index(self) -> int:
+        """Which destination it is at, from 0 on; the first one before it was ever given to a vehicle."""
+        return max(self.status.current_drive_order_index, 0)
+
+    @property
+    def current(self) -> DriveOrderStatus:
+        """The destination that it is at."""
+        return self.status.drive_orders[self.index]
+
+    @property
+    def held(self) -> bool:
+        """Whether it waits until a person resumes it."""
+        return self.status.held is not None
+
+    @property
     def resources_to_avoid(self) -> frozenset[str]:
-        """Names of points, paths and locations that its routes must not use."""
+        """Names of points, paths and locations that its routes must not use, to the next destination too."""
         listed = next((each.value for each in self.status.properties if each.key == RESOURCES_TO_AVOID), "")
-        return frozenset(name for part in listed.split(",") if (name := part.strip()))
+        named = frozenset(name for part in listed.split(",") if (name := part.strip()))
+        return named.union(self.current.avoided)
 
     @property
     def urgency(self) -> Urgency:
@@ -135,40 +157,51 @@ class TransportOrder:
 
     def deferred(self, reason: str, now: datetime) -> Self:
         """Say why a DISPATCHABLE order is not assigned yet; the same reason again changes nothing."""
-        self._require("deferring", S.DISPATCHABLE)
+        self.require("deferring", S.DISPATCHABLE)
         if reason == self.status.reason:
             return self
         history = self.status.history
         if history[-1].event_code == EventCode.DISPATCHING_DEFERRED:
             history = history[:-1]
         entry = HistoryEntry(timestamp=now, event_code=EventCode.DISPATCHING_DEFERRED, supplements=(reason,))
-        return self._changed(reason=reason, history=(*history, entry))
+        return self.changed(reason=reason, history=(*history, entry))
 
     def assigned(self, vehicle: str, routes: Iterable[tuple[str, ...]], why: str, now: datetime) -> Self:
-        """Give it to a vehicle, with the names of the points of each drive order's route."""
-        drive_orders = tuple(
-            each.model_copy(update={"route": route})
-            for each, route in zip(self.status.drive_orders, routes, strict=True)
-        )
-        first = drive_orders[0].model_copy(update={"state": DriveOrderState.TRAVELLING})
+        """Give it to a vehicle, with the names of the points of each route that is left to drive."""
+        done, left = self.status.drive_orders[: self.index], self.status.drive_orders[self.index :]
+        planned = [each.model_copy(update={"route": route}) for each, route in zip(left, routes, strict=True)]
+        first = planned[0].model_copy(update={"state": DriveOrderState.TRAVELLING})
         return self._moved(
             S.BEING_PROCESSED,
             None,
-            self._entry(now, EventCode.ASSIGNED_TO_VEHICLE, vehicle, why),
+            self.entry(now, EventCode.ASSIGNED_TO_VEHICLE, vehicle, why),
             processing_vehicle=vehicle,
-            current_drive_order_index=0,
-            drive_orders=(first, *drive_orders[1:]),
+            current_drive_order_index=self.index,
+            drive_orders=(*done, first, *planned[1:]),
+            assigned=self.status.assigned or now,
+        )
+
+    def dispatchable_again(self, entry: HistoryEntry, **changes: object) -> Self:
+        """Let another vehicle go on with it, from the destination that it is at."""
+        waiting = self.current.model_copy(update={"state": DriveOrderState.PRISTINE, "route": None})
+        return self._moved(
+            S.DISPATCHABLE,
+            "waits for another vehicle",
+            entry,
+            processing_vehicle=None,
+            drive_orders=self.with_current(waiting),
+            **changes,
         )
 
     def operating(self, index: int, now: datetime) -> Self:
         """Note that the operation at the destination of drive order ``index`` has started."""
-        self._require("starting an operation", S.BEING_PROCESSED, S.WITHDRAWN)
+        self.require("starting an operation", S.BEING_PROCESSED, S.WITHDRAWN)
         if self.status.drive_orders[index].state is not DriveOrderState.TRAVELLING:
             return self
         operation = self.status.drive_orders[index].destination.operation
-        return self._changed(
+        return self.changed(
             drive_orders=self._with_drive_order(index, DriveOrderState.OPERATING),
-            history=(*self.status.history, self._entry(now, EventCode.OPERATION_STARTED, operation)),
+            history=(*self.status.history, self.entry(now, EventCode.OPERATION_STARTED, operation)),
         )
 
     def drive_order_finished(self, index: int, now: datetime) -> Self:
@@ -176,26 +209,35 @@ class TransportOrder:
 
         A drive order that is not the current one changes nothing.
         """
-        self._require("finishing a drive order", S.BEING_PROCESSED, S.WITHDRAWN)
+        self.require("finishing a drive order", S.BEING_PROCESSED, S.WITHDRAWN)
         if index != self.status.current_drive_order_index:
             return self
-        done = self._with_drive_order(index, DriveOrderState.FINISHED)
-        entry = self._entry(now, EventCode.DRIVE_ORDER_FINISHED, f"destination {index + 1} of {len(done)}")
+        place = f"destination {index + 1} of {len(self.status.drive_orders)}"
+        return self.moved_on(DriveOrderState.FINISHED, self.entry(now, EventCode.DRIVE_ORDER_FINISHED, place))
+
+    def moved_on(self, state: DriveOrderState, entry: HistoryEntry) -> Self:
+        """Let the current drive order be at its end in ``state``; to a next one it travels on."""
+        index = self.status.current_drive_order_index
+        done = self._with_drive_order(index, state)
         changes: dict[str, Any] = {"drive_orders": done, "history": (*self.status.history, entry)}
         if index + 1 < len(done):
             travelling = done[index + 1].model_copy(update={"state": DriveOrderState.TRAVELLING})
             changes["drive_orders"] = (*done[: index + 1], travelling, *done[index + 2 :])
             changes["current_drive_order_index"] = index + 1
-        return self._changed(**changes)
+        return self.changed(**changes)
 
     def finished(self, now: datetime) -> Self:
-        """End it well: every drive order is done."""
+        """End it well: every drive order is done, or its operation was left out as the policy says."""
         drive_orders = tuple(
-            each.model_copy(update={"state": DriveOrderState.FINISHED}) for each in self.status.drive_orders
+            each
+            if each.state is DriveOrderState.FAILED
+            else each.model_copy(update={"state": DriveOrderState.FINISHED})
+            for each in self.status.drive_orders
         )
+        left_out = sum(each.state is DriveOrderState.FAILED for each in drive_orders)
         return self._ended(
             S.FINISHED,
-            f"done by vehicle {self.vehicle}",
+            f"done by vehicle {self.vehicle}" + (f", operations left out: {left_out}" if left_out else ""),
             now,
             drive_orders=drive_orders,
             current_drive_order_index=len(drive_orders) - 1,
@@ -215,19 +257,24 @@ class TransportOrder:
         """Withdraw it: it fails at once where no vehicle works on it, else once the vehicle has let it go."""
         if self.state in (S.ACTIVE, S.DISPATCHABLE):
             return self.failed(reason, now)
-        return self._moved(S.WITHDRAWN, None, self._entry(now, EventCode.WITHDRAWAL_REQUESTED, reason))
+        return self._moved(S.WITHDRAWN, None, self.entry(now, EventCode.WITHDRAWAL_REQUESTED, reason))
 
     def hindered(self, why: str) -> Self:
         """Say what keeps its vehicle from going on, empty for nothing; the same again changes nothing."""
-        self._require("being hindered", S.BEING_PROCESSED, S.WITHDRAWN)
+        self.require("being hindered", S.BEING_PROCESSED, S.WITHDRAWN)
         reason = f"{_doing(self.status)}, but {why}" if why else _doing(self.status)
-        return self if reason == self.status.reason else self._changed(reason=reason)
+        return self if reason == self.status.reason else self.changed(reason=reason)
 
     def adopted(self, now: datetime) -> Self:
         """Note that it has been taken up again after a restart of the order service."""
-        self._require("adopting", S.BEING_PROCESSED, S.WITHDRAWN)
-        entry = self._entry(now, EventCode.ADOPTED_AFTER_RESTART, f"vehicle {self.vehicle}")
-        return self._changed(history=(*self.status.history, entry))
+        self.require("adopting", S.BEING_PROCESSED, S.WITHDRAWN)
+        entry = self.entry(now, EventCode.ADOPTED_AFTER_RESTART, f"vehicle {self.vehicle}")
+        return self.changed(history=(*self.status.history, entry))
+
+    def with_current(self, drive_order: DriveOrderStatus) -> tuple[DriveOrderStatus, ...]:
+        """Give its drive orders with another one in place of the current one."""
+        drive_orders = self.status.drive_orders
+        return (*drive_orders[: self.index], drive_order, *drive_orders[self.index + 1 :])
 
     def _with_drive_order(self, index: int, state: DriveOrderState) -> tuple[DriveOrderStatus, ...]:
         drive_orders = self.status.drive_orders
@@ -235,7 +282,7 @@ class TransportOrder:
         return (*drive_orders[:index], changed, *drive_orders[index + 1 :])
 
     def _ended(self, state: TransportOrderState, reason: str, now: datetime, **changes: object) -> Self:
-        entry = self._entry(now, EventCode.FINAL_STATE_REACHED, state, reason)
+        entry = self.entry(now, EventCode.FINAL_STATE_REACHED, state, reason)
         return self._moved(state, reason, entry, finished=now, **changes)
 
     def _moved(
@@ -251,30 +298,44 @@ class TransportOrder:
         if reason is not None:
             changes["reason"] = reason
         history = (*self.status.history, entry) if entry else self.status.history
-        return self._changed(state=state, history=history, **changes)
+        return self.changed(state=state, history=history, **changes)
 
-    def _changed(self, **changes: object) -> Self:
+    def changed(self, **changes: object) -> Self:
+        """Give its next version, with other fields of the status."""
         status = self.status.model_copy(update={**changes, "version": self.status.version + 1})
         if "reason" not in changes and status.state in (S.BEING_PROCESSED, S.WITHDRAWN):
             status = status.model_copy(update={"reason": _doing(status)})
         return type(self)(self.number, status, self.idempotency_key)
 
-    def _require(self, change: str, *states: TransportOrderState) -> None:
+    def require(self, change: str, *states: TransportOrderState) -> None:
+        """Raise IllegalTransitionError where it is in none of these states."""
         if self.state not in states:
             raise IllegalTransitionError(self.name, self.state, change)
 
     @staticmethod
-    def _entry(now: datetime, code: EventCode, *supplements: str) -> HistoryEntry:
+    def entry(now: datetime, code: EventCode, *supplements: str) -> HistoryEntry:
+        """Make an entry of its history."""
         return HistoryEntry(timestamp=now, event_code=code, supplements=tuple(map(str, supplements)))
+
+
+def why_withdrawn(status: TransportOrderStatus) -> str:
+    """Say, of an order that was withdrawn, why."""
+    codes = [entry.event_code for entry in status.history]
+    return status.history[codes.index(EventCode.WITHDRAWAL_REQUESTED)].supplements[0]
+
+
+def held_in_words(hold: Hold) -> str:
+    """Say who holds an order, since when and why."""
+    return f"held by {hold.by} since {hold.since:%Y-%m-%d %H:%M:%S} UTC: {hold.reason}"
 
 
 def _doing(status: TransportOrderStatus) -> str:
     """Say what a vehicle does for an order that it has."""
     vehicle, index = status.processing_vehicle, status.current_drive_order_index
     if status.state is S.WITHDRAWN:
-        codes = [entry.event_code for entry in status.history]
-        asked = status.history[codes.index(EventCode.WITHDRAWAL_REQUESTED)].supplements[0]
-        return f"{asked}; waits until vehicle {vehicle} lets it go"
+        return f"{why_withdrawn(status)}; waits until vehicle {vehicle} lets it go"
+    if status.held:
+        return held_in_words(status.held)
     current = status.drive_orders[index]
     if current.state is DriveOrderState.OPERATING:
         return f"vehicle {vehicle} does {current.destination.operation!r} at destination {index + 1}"
