@@ -118,6 +118,10 @@ async def test_every_command_does_its_work_as_the_document_says(
     assert (await host.ask("lockPath", path=path, locked=False))["path"]["locked"] is False
     level = await host.ask("integrationLevel", vehicle="Robot-02", integrationLevel="TO_BE_IGNORED")
     assert (level["status"], level["vehicle"]["integrationLevel"]) == (200, "TO_BE_IGNORED")
+    types = await host.ask(
+        "acceptableOrderTypes", vehicle="Robot-02", acceptableOrderTypes=[{"name": "Park"}]
+    )
+    assert types["vehicle"]["acceptableOrderTypes"] == [{"name": "Park", "priority": 0}]
     sent = await host.ask("dispatch", vehicle="Robot-01", point="South 2")
     assert (sent["status"], sent["transportOrder"]["intendedVehicle"]) == (201, "Robot-01")
     name = sent["transportOrder"]["name"]

@@ -13,6 +13,7 @@ from nena_order_service.rest.bodies import (
     DispatchRequest,
     InstantActionRequest,
     IntegrationLevelRequest,
+    OrderTypesRequest,
     PathLockRequest,
     WithdrawalRequest,
 )
@@ -28,6 +29,7 @@ BODIES: dict[str, type[BaseModel]] = {
     "/instantActions": InstantActionRequest,
     "/lock": PathLockRequest,
     "/integrationLevel": IntegrationLevelRequest,
+    "/acceptableOrderTypes": OrderTypesRequest,
 }
 EXAMPLES = re.findall(r"\$nena(\S+) -H 'Content-Type: application/json' -d '(\{.*?\})'\n", GUIDE, re.DOTALL)
 

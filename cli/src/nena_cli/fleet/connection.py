@@ -55,6 +55,10 @@ class Connection:
         """Ask for something and give the answer; raises RefusedError and NotReachedError."""
         return model.model_validate_json(self._request("POST", path, body=body, headers=headers).content)
 
+    def put(self, model: type[M], path: str, body: JsonValue) -> M:
+        """Set something and give the answer; raises RefusedError and NotReachedError."""
+        return model.model_validate_json(self._request("PUT", path, body=body).content)
+
     @contextmanager
     def stream(self, path: str, query: dict[str, str], last_id: str | None) -> Iterator[Iterator[str]]:
         """Follow the lines of an event stream; raises as :meth:`get` does, also while it is followed."""

@@ -56,6 +56,9 @@ def create(
     priority: Annotated[int, typer.Option(help="Greater is more urgent.")] = 0,
     deadline: Annotated[datetime | None, typer.Option(help="When it is due, in local time.")] = None,
     kind: Annotated[str, typer.Option("--type", help="Type of the order.")] = "-",
+    dispensable: Annotated[
+        bool, typer.Option("--dispensable", help="It may be dropped when something better comes.")
+    ] = False,
     properties: Annotated[
         list[str] | None, typer.Option("--property", help="KEY=VALUE; several times if wanted.")
     ] = None,
@@ -80,6 +83,7 @@ def create(
         priority=priority,
         deadline=deadline.astimezone() if deadline else None,
         type=kind,
+        dispensable=dispensable,
         properties=tuple(map(parse_property, properties or ())),
         idempotency_key=key,
     )

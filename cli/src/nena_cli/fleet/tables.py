@@ -65,7 +65,8 @@ def order_details(order: TransportOrderStatus, delivery: DeliveryStatus) -> Tabl
         ("vehicle", Text(order.processing_vehicle or "")),
         ("intended vehicle", Text(order.intended_vehicle or "")),
         ("type, priority", Text(f"{order.type}, {order.priority}")),
-        ("deadline", Text(_local(order.deadline))),
+        ("deadline", _deadline(order)),
+        ("dispensable", Text("yes" if order.dispensable else "")),
         ("destinations", destinations(order)),
         ("delivery", Text(" ".join(filter(None, (delivery.phase, delivery.order_id, delivery.note))))),
         ("properties", Text(", ".join(f"{each.key}={each.value}" for each in order.properties))),
@@ -100,6 +101,19 @@ def vehicles_table(vehicles: Iterable[VehicleStatus]) -> Table:
             Text("; ".join((vehicle.reason, *vehicle.errors))),
         )
     return table
+
+
+def order_types_table(vehicle: VehicleStatus) -> Table:
+    """Give the types of orders that a vehicle accepts, liked best first."""
+    table = Table("type", "priority", title=vehicle.name, title_justify="left")
+    for each in sorted(vehicle.acceptable_order_types, key=lambda each: each.priority):
+        table.add_row(Text(each.name), Text(str(each.priority)))
+    return table
+
+
+def _deadline(order: TransportOrderStatus) -> Text:
+    text = Text(_local(order.deadline))
+    return text.append(", late", style="red") if order.late else text
 
 
 def _meant_for(order: TransportOrderStatus) -> str:

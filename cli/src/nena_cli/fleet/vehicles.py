@@ -84,6 +84,37 @@ def watch_(
             pass
 
 
+@app.command("order-types")
+def order_types(
+    name: Name,
+    types: Annotated[
+        list[str] | None,
+        typer.Argument(help="Types that it accepts, liked best first; * is any. None: show them."),
+    ] = None,
+    *,
+    none: Annotated[bool, typer.Option("--none", help="It accepts no orders.")] = False,
+    url: Urls = None,
+    token: Token = None,
+    token_file: TokenFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say which types of orders a vehicle accepts, or show it."""
+    if none and types:
+        message = "give types, or --none"
+        raise typer.BadParameter(message)
+    with connected(url, token, token_file) as connection:
+        if types or none:
+            wanted: list[JsonValue] = [{"name": each, "priority": n} for n, each in enumerate(types or ())]
+            body: dict[str, JsonValue] = {"acceptableOrderTypes": wanted}
+            vehicle = connection.put(VehicleStatus, f"{_path(name)}/acceptableOrderTypes", body)
+        else:
+            vehicle = connection.get(VehicleStatus, _path(name))
+    if as_json:
+        put_json(vehicle)
+    else:
+        show(tables.order_types_table(vehicle))
+
+
 def dispatch(
     name: Name,
     place: Annotated[str, typer.Argument(help="Point, location with --operation, or @X,Y,THETA.")],

@@ -20,6 +20,7 @@ from nena_order_service.rest.bodies import (
     InstantActionAnswer,
     InstantActionRequest,
     IntegrationLevelRequest,
+    OrderTypesRequest,
     PathLockRequest,
     WithdrawalRequest,
 )
@@ -74,6 +75,12 @@ class IntegrationLevelCommand(Command, IntegrationLevelRequest):
     vehicle: ObjectName
 
 
+class OrderTypesCommand(Command, OrderTypesRequest):
+    """Says which types of orders a vehicle accepts from now on."""
+
+    vehicle: ObjectName
+
+
 class LockPathCommand(Command, PathLockRequest):
     """Locks or unlocks a path."""
 
@@ -101,6 +108,7 @@ COMMANDS: dict[str, type[Command]] = {
     "instantAction": InstantActionCommand,
     "lockPath": LockPathCommand,
     "integrationLevel": IntegrationLevelCommand,
+    "acceptableOrderTypes": OrderTypesCommand,
 }
 """The bodies by the commands' names."""
 
@@ -121,6 +129,7 @@ class Verbs:
             "instantAction": self.instant_action,
             "lockPath": self.lock_path,
             "integrationLevel": self.integration_level,
+            "acceptableOrderTypes": self.order_types,
         }
 
     async def withdraw(self, command: WithdrawCommand) -> CommandAnswer:
@@ -151,6 +160,11 @@ class Verbs:
     async def integration_level(self, command: IntegrationLevelCommand) -> CommandAnswer:
         """Let a vehicle count so much from now on."""
         vehicle = await self._requests.set_integration_level(command.vehicle, command.integration_level)
+        return CommandAnswer(status=HTTPStatus.OK, vehicle=vehicle)
+
+    async def order_types(self, command: OrderTypesCommand) -> CommandAnswer:
+        """Let a vehicle accept orders of these types from now on."""
+        vehicle = await self._requests.accept_order_types(command.vehicle, command.acceptable_order_types)
         return CommandAnswer(status=HTTPStatus.OK, vehicle=vehicle)
 
     async def lock_path(self, command: LockPathCommand) -> CommandAnswer:

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from nena_shared.fleet_api.base import Moment, ObjectName, OrderName, Request, Resource
 from nena_shared.fleet_api.failure_policy import FailurePolicy, Hold, Seconds
+from nena_shared.fleet_api.order_types import OrderType
 
 
 class TransportOrderState(StrEnum):
@@ -89,10 +90,16 @@ class TransportOrderRequest(Request):
     """The same key again gives the order that the first request made, and no second one."""
     destinations: Annotated[tuple[Destination, ...], Field(min_length=1, max_length=100)]
     intended_vehicle: ObjectName | None = None
-    type: Annotated[str, Field(min_length=1, max_length=100)] = "-"
+    type: OrderType = "-"
+    """Which vehicles take it: those that accept orders of this type."""
     priority: Annotated[int, Field(ge=-1000, le=1000)] = 0
     """Greater is more urgent."""
     deadline: Moment | None = None
+    """Orders that are due earlier come first; one that is not done by then is ``late``."""
+    dispensable: bool = False
+    """Whether it may be dropped when something better comes for its vehicle, as parking may."""
+    peripheral_reservation_token: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+    """Kept and shown, as openTCS has it; there are no peripherals that it could reserve."""
     properties: Annotated[tuple[Property, ...], Field(max_length=100)] = ()
     on_failure: FailurePolicy | None = None
     """What is done when the vehicle fails; None: what the order service's setting says."""
@@ -145,6 +152,10 @@ class TransportOrderStatus(Resource):
     """-1 before the first."""
     properties: tuple[Property, ...] = ()
     deadline: Moment | None = None
+    late: bool = False
+    """Whether the deadline had passed before it was at its end."""
+    dispensable: bool = False
+    peripheral_reservation_token: str | None = None
     created: Moment
     finished: Moment | None = None
     on_failure: FailurePolicy | None = None

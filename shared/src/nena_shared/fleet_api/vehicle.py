@@ -5,6 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 
 from nena_shared.fleet_api.base import Moment, Resource
+from nena_shared.fleet_api.order_types import ANY_ORDER_TYPE, AcceptableOrderType
 
 
 class VehicleState(StrEnum):
@@ -61,6 +62,8 @@ class VehicleStatus(Resource):
     state: VehicleState
     processing_state: ProcessingState
     integration_level: IntegrationLevel = IntegrationLevel.TO_BE_UTILIZED
+    acceptable_order_types: tuple[AcceptableOrderType, ...] = ANY_ORDER_TYPE
+    """Orders of other types it does not get."""
     reason: str
     """Why it is in this state, or why it is idle, in words."""
     connection: str

@@ -33,6 +33,7 @@ _TEXTS: Final = frozenset(
         keys.VDA5050_MAP_ID,
         keys.VEHICLE_TYPE,
         keys.ALLOWED_MAPS,
+        keys.ACCEPTABLE_ORDER_TYPES,
     }
 )
 _COSTS: Final = (keys.ROUTING_COST_FORWARD, keys.ROUTING_COST_REVERSE)

@@ -87,6 +87,13 @@ class Vehicle(PlantRecord):
         return frozenset(name.strip() for name in value.split(","))
 
     @property
+    def acceptable_order_types(self) -> tuple[str, ...] | None:
+        """The types of orders that the robot accepts, the one it likes best first; None: any."""
+        if not (value := self.properties.get(keys.ACCEPTABLE_ORDER_TYPES)):
+            return None
+        return tuple(name for part in value.split(",") if (name := part.strip()))
+
+    @property
     def deviation_xy_m(self) -> float | None:
         """The allowed deviation from a node's position in metres; None if unset or no number >= 0."""
         return self._non_negative(keys.VDA5050_DEVIATION_XY)

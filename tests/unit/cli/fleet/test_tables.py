@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from datetime import timedelta
 from io import StringIO
 
 from rich.console import Console, RenderableType
@@ -8,6 +9,7 @@ from nena_cli.fleet import tables
 from nena_cli.fleet.events import Event
 from nena_cli.fleet.watch import ENDED_SHOWN, Board
 from nena_shared.fleet_api.delivery import DeliveryPhase, DeliveryStatus
+from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import PrecisePosition, ProcessingState, VehicleState, VehicleStatus
 from support.order_service import NOW, assigned_order, dispatchable_order
@@ -40,20 +42,22 @@ def test_details_name_the_delivery_and_leave_out_what_is_empty() -> None:
     assert "assignedToVehicle" in text_of(tables.history_table(assigned_order("A").status))
 
 
+VEHICLE = VehicleStatus(
+    name="V-1",
+    manufacturer="NeNa",
+    serial_number="v1",
+    state=VehicleState.ERROR,
+    processing_state=ProcessingState.IDLE,
+    reason="has an error",
+    connection="ONLINE",
+    precise_position=PrecisePosition(x=1.25, y=2.0, theta=0.0, map_id="m"),
+    energy_level=41.6,
+    errors=("FATAL lost",),
+)
+
+
 def test_vehicles_say_where_they_stand_and_why() -> None:
-    vehicle = VehicleStatus(
-        name="V-1",
-        manufacturer="NeNa",
-        serial_number="v1",
-        state=VehicleState.ERROR,
-        processing_state=ProcessingState.IDLE,
-        reason="has an error",
-        connection="ONLINE",
-        precise_position=PrecisePosition(x=1.25, y=2.0, theta=0.0, map_id="m"),
-        energy_level=41.6,
-        errors=("FATAL lost",),
-    )
-    shown = text_of(tables.vehicles_table([vehicle]))
+    shown = text_of(tables.vehicles_table([VEHICLE]))
     for part in ("V-1", "ERROR", "1.25, 2.00", "42 %", "has an error; FATAL lost"):
         assert part in shown
 
@@ -71,3 +75,14 @@ def test_board_shows_the_newest_of_each_and_lets_old_ends_go() -> None:
     assert shown.count("FAILED") == ENDED_SHOWN
     assert "T-4 " not in shown
     assert "T-5 " in shown
+
+
+def test_a_late_order_and_what_a_vehicle_accepts_are_shown() -> None:
+    late = assigned_order("A", deadline=NOW, dispensable=True).overdue(NOW + timedelta(seconds=1))
+    delivery = DeliveryStatus(transport_order="T", phase=DeliveryPhase.NONE)
+    shown = text_of(tables.order_details(late.status, delivery))
+    assert "late" in shown
+    assert "dispensable" in shown
+    types = (AcceptableOrderType(name="Transport", priority=2), AcceptableOrderType(name="[b]", priority=1))
+    shown = text_of(tables.order_types_table(VEHICLE.model_copy(update={"acceptable_order_types": types})))
+    assert shown.index("[b]") < shown.index("Transport")

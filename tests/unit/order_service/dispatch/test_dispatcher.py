@@ -85,3 +85,16 @@ def test_every_order_is_assigned_once_or_has_a_reason(
 def test_no_other_free_vehicle_is_cheaper(costs: dict[str, float]) -> None:
     decisions = decide([dispatchable_order()], dict.fromkeys(costs, ""), by_cost(costs))
     assert costs[decisions.assignments[0].vehicle] == min(costs.values())
+
+
+def test_a_vehicle_that_must_not_do_an_order_does_not_get_it_and_others_do() -> None:
+    orders = [dispatchable_order(number=1, type="Charge"), dispatchable_order(number=2)]
+
+    def misfit(order: TransportOrder, vehicle: str) -> str:
+        return "accepts no orders of this type" if order.status.type == "Charge" and vehicle != "c" else ""
+
+    decisions = decide(orders, {"a": "", "b": BUSY}, by_cost({"a": 1}), misfit)
+    assert pairs(decisions) == {"T-2": "a"}
+    assert decisions.reasons == {"T-1": "waits for a vehicle: each of them accepts no orders of this type"}
+    decisions = decide(orders, {"a": "", "c": ""}, by_cost({"a": 1, "c": 9}), misfit)
+    assert pairs(decisions) == {"T-1": "c", "T-2": "a"}

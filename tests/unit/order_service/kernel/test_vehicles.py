@@ -8,6 +8,7 @@ import pytest
 from nena_order_service.fleet import Availability, LinkStatus, RobotProfile, RobotView
 from nena_order_service.kernel.vehicle_status import vehicle_status
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
+from nena_shared.fleet_api.order_types import ANY_ORDER_TYPE
 from nena_shared.fleet_api.vehicle import IntegrationLevel, ProcessingState, VehicleState, VehicleStatus
 from nena_shared.plant import MapPlace, MapTransform, PlantModel, PlantPlace, Vehicle
 from nena_shared.vda5050.topics import RobotKey
@@ -120,6 +121,7 @@ def status(robot: RobotView, *, order: str | None = None, profile: RobotProfile 
         robot,
         plant=PLANT,
         level=IntegrationLevel.TO_BE_RESPECTED,
+        order_types=ANY_ORDER_TYPE,
         transport_order=order,
         reason="because",
         last_state=None,

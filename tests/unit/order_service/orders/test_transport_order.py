@@ -11,7 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from nena_order_service.orders.event_code import EventCode
 from nena_order_service.orders.transport_order import SUCCESSORS, IllegalTransitionError, TransportOrder
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
-from support.order_service import NOW, assigned_order, dispatchable_order, raw_order
+from support.order_service import NOW, assigned_order, dispatchable_order, raw_order, request
 
 S = TransportOrderState
 D = DriveOrderState
@@ -23,6 +23,28 @@ def drive_states(order: TransportOrder) -> list[DriveOrderState]:
 
 def codes(order: TransportOrder) -> list[str]:
     return [entry.event_code for entry in order.status.history]
+
+
+def test_it_is_late_once_whatever_it_does() -> None:
+    due, later = NOW + timedelta(seconds=1), NOW + timedelta(seconds=2)
+    order = assigned_order("A", deadline=due).hindered("it waits for 'B'")
+    assert order.overdue(later).status.late
+    assert order.overdue(later).status.reason == order.status.reason
+    assert order.overdue(later).overdue(later).status.version == order.status.version + 1
+    assert codes(order.overdue(later))[-1] == EventCode.DEADLINE_PASSED
+    assert not order.failed("broken", due).status.late
+    ended = order.failed("broken", later)
+    assert ended.status.late
+    assert ended.overdue(later) is ended
+
+
+@pytest.mark.parametrize("wish", [{"dispensable": True}, {"peripheralReservationToken": "door"}])
+def test_it_keeps_its_wishes_and_knows_them_again(wish: dict[str, object]) -> None:
+    asked = request("A", **wish)
+    order = TransportOrder.created(asked, number=1, name="T-1", now=NOW)
+    assert wish.items() <= order.status.model_dump(by_alias=True).items()
+    assert order.asked_for_by(asked)
+    assert not order.asked_for_by(request("A"))
 
 
 def test_goes_through_all_states_to_finished() -> None:

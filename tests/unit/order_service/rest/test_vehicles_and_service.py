@@ -119,3 +119,17 @@ async def test_integration_level_is_set_and_told(client: httpx.AsyncClient) -> N
     assert (await client.put(place, json={"integrationLevel": "LATER"})).status_code == 422
     missing = await client.put("/v1/vehicles/R2/integrationLevel", json={"integrationLevel": "TO_BE_IGNORED"})
     assert missing.status_code == 404
+
+
+async def test_acceptable_order_types_are_set_and_told(client: httpx.AsyncClient) -> None:
+    url = "/v1/vehicles/Robot-01/acceptableOrderTypes"
+    assert (await client.get("/v1/vehicles/Robot-01")).json()["acceptableOrderTypes"] == [
+        {"name": "*", "priority": 0}
+    ]
+    types = [{"name": "Transport", "priority": 2}, {"name": "Charge", "priority": 1}]
+    answer = await client.put(url, json={"acceptableOrderTypes": types})
+    assert (answer.status_code, answer.json()["acceptableOrderTypes"]) == (200, types)
+    assert (await client.get("/v1/vehicles/Robot-01")).json()["acceptableOrderTypes"] == types
+    assert (await client.put(url, json={"acceptableOrderTypes": [types[0], types[0]]})).status_code == 422
+    elsewhere = "/v1/vehicles/R2D2/acceptableOrderTypes"
+    assert (await client.put(elsewhere, json={"acceptableOrderTypes": []})).status_code == 404

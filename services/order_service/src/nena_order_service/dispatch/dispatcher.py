@@ -36,7 +36,23 @@ FindWay = Callable[[TransportOrder, str], Way]
 """Gives the way of a vehicle through an order's destinations; raises NoRouteError."""
 
 
-def decide(orders: Iterable[TransportOrder], obstacles: Mapping[str, str], find_way: FindWay) -> Decisions:
+Misfit = Callable[[TransportOrder, str], str]
+"""Says, as a predicate, why a vehicle must not do an order, whatever it does now; empty where it may.
+
+Of two orders of one kind (see :func:`_kind`) it says the same.
+"""
+
+
+def _anybody_may(_order: TransportOrder, _vehicle: str) -> str:
+    return ""
+
+
+def decide(
+    orders: Iterable[TransportOrder],
+    obstacles: Mapping[str, str],
+    find_way: FindWay,
+    misfit: Misfit = _anybody_may,
+) -> Decisions:
     """Assign what can be assigned of the dispatchable ``orders``, which come most urgent first.
 
     ``obstacles`` says of each vehicle, by its name, why it takes no order now (a predicate such as
@@ -44,15 +60,17 @@ def decide(orders: Iterable[TransportOrder], obstacles: Mapping[str, str], find_
     """
     decisions = Decisions()
     standing = dict(obstacles)
-    nobody_free: dict[str | None, str] = {}
+    nobody_free: dict[Kind, str] = {}
     for order in orders:
-        intended = order.status.intended_vehicle
-        if intended in nobody_free:
-            decisions.reasons[order.name] = nobody_free[intended]
+        kind = _kind(order)
+        if kind in nobody_free:
+            decisions.reasons[order.name] = nobody_free[kind]
             continue
-        free = _free(intended, standing)
+        hindrances = _hindrances(order, standing, misfit)
+        free = [name for name, hindrance in hindrances.items() if not hindrance]
         if not free:
-            nobody_free[intended] = decisions.reasons[order.name] = _nobody_free(intended, standing)
+            reason = _nobody_free(order.status.intended_vehicle, hindrances)
+            nobody_free[kind] = decisions.reasons[order.name] = reason
             continue
         best = _best(order, free, find_way)
         if isinstance(best, str):
@@ -63,10 +81,19 @@ def decide(orders: Iterable[TransportOrder], obstacles: Mapping[str, str], find_
     return decisions
 
 
-def _free(intended: str | None, obstacles: Mapping[str, str]) -> list[str]:
-    if intended is not None:
-        return [intended] if obstacles.get(intended) == "" else []
-    return [name for name, obstacle in obstacles.items() if not obstacle]
+Kind = tuple[str | None, str]
+"""What an order says about who may do it."""
+
+
+def _kind(order: TransportOrder) -> Kind:
+    return order.status.intended_vehicle, order.status.type
+
+
+def _hindrances(order: TransportOrder, standing: Mapping[str, str], misfit: Misfit) -> dict[str, str]:
+    """Say of each vehicle that may be meant why it does not get this order now; empty where it could."""
+    intended = order.status.intended_vehicle
+    meant = standing if intended is None else [name for name in (intended,) if name in standing]
+    return {name: misfit(order, name) or standing[name] for name in meant}
 
 
 def _best(order: TransportOrder, free: Sequence[str], find_way: FindWay) -> Assignment | str:

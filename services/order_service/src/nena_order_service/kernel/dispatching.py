@@ -14,7 +14,10 @@ from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
 from nena_order_service.orders.transport_order import TransportOrder
 
 NO_ORDER = "has nothing to do: no order waits"
-NO_ORDER_FITS = "has nothing to do: the orders that wait are for other vehicles, or it cannot reach them"
+NO_ORDER_FITS = (
+    "has nothing to do: the orders that wait are for other vehicles or of types that it does not accept, "
+    "or it cannot reach them"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +44,17 @@ class Dispatching:
         registry: VehicleRegistry,
         missions: MissionBook,
         planner: MissionPlanner,
+        *,
         view: Callable[[FleetVehicle], RobotView],
         obstacle: Callable[[FleetVehicle], str],
+        misfit: Callable[[TransportOrder, FleetVehicle], str],
     ) -> None:
         self._registry = registry
         self._missions = missions
         self._planner = planner
         self._view = view
         self._obstacle = obstacle
+        self._misfit = misfit
 
     def dispatch(self, orders: Sequence[TransportOrder]) -> tuple[list[Dispatched], dict[str, str]]:
         """Give what is to be assigned of orders, most urgent first, and why the others wait, by name."""
@@ -56,7 +62,8 @@ class Dispatching:
             return [], {}
         candidates: dict[str, Candidate] = {}
         obstacles: dict[str, str] = {}
-        for vehicle in self._registry:
+        vehicles = {vehicle.name: vehicle for vehicle in self._registry}
+        for vehicle in vehicles.values():
             if not vehicle.obstacle:
                 found = self._consider(vehicle)
                 obstacles[vehicle.name] = found if isinstance(found, str) else ""
@@ -67,7 +74,10 @@ class Dispatching:
             candidate = candidates[name]
             return self._planner.way(order, candidate.vehicle, candidate.standing)
 
-        decisions = decide(orders, obstacles, find_way)
+        def misfit(order: TransportOrder, name: str) -> str:
+            return self._misfit(order, vehicles[name])
+
+        decisions = decide(orders, obstacles, find_way, misfit)
         dispatched = [Dispatched(each, candidates[each.vehicle]) for each in decisions.assignments]
         return dispatched, decisions.reasons
 

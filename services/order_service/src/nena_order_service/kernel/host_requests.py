@@ -29,6 +29,7 @@ from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.validation import check_request
 from nena_order_service.store.database import OrderFilter
 from nena_shared.fleet_api.delivery import DeliveryStatus
+from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.transport_order import TransportOrderRequest, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
 from nena_shared.plant import MapPose, PlantPose, Point
@@ -134,6 +135,14 @@ class HostRequests:
         vehicle = self._vehicle(name)
         self._require_store()
         self._kernel.set_integration_level(vehicle, level)
+        await self._committed()
+        return self._kernel.status(vehicle)
+
+    async def accept_order_types(self, name: str, types: tuple[AcceptableOrderType, ...]) -> VehicleStatus:
+        """Let a vehicle accept orders of these types from now on, also after a restart."""
+        vehicle = self._vehicle(name)
+        self._require_store()
+        self._kernel.accept_order_types(vehicle, types)
         await self._committed()
         return self._kernel.status(vehicle)
 

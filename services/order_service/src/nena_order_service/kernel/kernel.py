@@ -28,6 +28,7 @@ from nena_order_service.kernel.instant_actions import PendingInstantActions, sta
 from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.order_book import OrderBook
+from nena_order_service.kernel.order_fit import OrderFit
 from nena_order_service.kernel.order_flow import OrderFlow
 from nena_order_service.kernel.places import Places
 from nena_order_service.kernel.ports import FleetControl
@@ -43,6 +44,7 @@ from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store.store import Store
 from nena_order_service.traffic.desk import TrafficDesk
 from nena_shared.clock import Clock
+from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
 from nena_shared.log import get_logger
@@ -104,7 +106,15 @@ class Kernel:
             clock=clock,
         )
         self._driving = self._make_driving(planner, settings.release_ahead)
-        self._dispatching = Dispatching(registry, self._missions, planner, self.view, self._driving.obstacle)
+        self._fit = OrderFit(self._vehicles)
+        self._dispatching = Dispatching(
+            registry,
+            self._missions,
+            planner,
+            view=self.view,
+            obstacle=self._driving.obstacle,
+            misfit=self._fit.misfit,
+        )
         self._orders = self._make_order_flow(planner)
 
     def _make_driving(self, planner: MissionPlanner, ahead: int) -> Driving:
@@ -183,6 +193,7 @@ class Kernel:
         """Try again whatever waits, and tell vehicles that stand otherwise than was told."""
         with self.step():
             self._orders.dispatch_due = self._driving.due = True
+            self._orders.note_deadlines()
             for vehicle in self.registry:
                 self._places.see(vehicle)
         with self.step():
@@ -236,6 +247,13 @@ class Kernel:
             self._orders.dispatch_due = self._driving.due = True
             self.steps.vehicle_changed(vehicle.name)
 
+    def accept_order_types(self, vehicle: FleetVehicle, types: tuple[AcceptableOrderType, ...]) -> None:
+        """Let a vehicle accept orders of these types from now on; an order that it has it does to the end."""
+        with self.step():
+            self._fit.accept(vehicle, types)
+            self._orders.dispatch_due = True
+            self.steps.vehicle_changed(vehicle.name)
+
     def send_instant_action(
         self, vehicle: FleetVehicle, action: Action
     ) -> asyncio.Future[InstantActionEnded]:
@@ -259,6 +277,7 @@ class Kernel:
             view,
             plant=self.plant,
             level=self._places.level(vehicle),
+            order_types=self._fit.order_types(vehicle),
             transport_order=order.name if order else None,
             reason=order.status.reason if order else self._idle_reason(vehicle),
             last_state=None if age is None else self.clock.now() - age,

@@ -80,6 +80,10 @@ class OrderBook:
         """Give an order as it is; KeyError if it is not here."""
         return self._orders[number]
 
+    def at_hand(self, number: int) -> TransportOrder | None:
+        """Give an order as it is; None if it is not here."""
+        return self._orders.get(number)
+
     def named(self, name: str) -> TransportOrder | None:
         """Give the order of this name as it is; None if it is not here."""
         number = self._by_name.get(name)

@@ -14,6 +14,7 @@ from nena_order_service.fleet import (
     OperationStarted,
     RobotView,
 )
+from nena_order_service.kernel.deadlines import Deadlines
 from nena_order_service.kernel.dispatching import Candidate, Dispatching
 from nena_order_service.kernel.driving import Driving
 from nena_order_service.kernel.mission_book import MissionBook
@@ -71,6 +72,7 @@ class OrderFlow:
         self._steps = steps
         self._clock = clock
         self._view = view
+        self._deadlines = Deadlines()
         self._unplaced: dict[str, int] = {}
         """Orders that go on when their vehicles have said where they are, by vehicle."""
 
@@ -81,6 +83,7 @@ class OrderFlow:
         why = self._finder.why_unroutable(request.destinations, order.resources_to_avoid)
         order = order.unroutable(why, now) if why else order.activated().dispatchable()
         self._book.put(order)
+        self._deadlines.watch(order)
         if not why:
             # Whatever is free was looked at for all the others before.
             self._dispatch((order,))
@@ -164,6 +167,13 @@ class OrderFlow:
         log.info("order ended", order=order.name, state=order.state.value, reason=order.status.reason)
         self.dispatch_due = True
 
+    def note_deadlines(self) -> None:
+        """Let the orders be late whose deadlines have passed."""
+        now = self._clock.now()
+        for number in self._deadlines.passed(now):
+            if order := self._book.at_hand(number):
+                self._book.put(order.overdue(now))
+
     def dispatch(self) -> None:
         """Assign what can be assigned now, and let orders go on whose vehicles have said where they are."""
         self.dispatch_due = False
@@ -176,6 +186,7 @@ class OrderFlow:
 
     def take_up(self, order: TransportOrder, document: str | None, recovery: Recovery) -> None:
         """Take up an order from before a restart; what the robots say decides how it goes on."""
+        self._deadlines.watch(order)
         if order.state is TransportOrderState.DISPATCHABLE:
             self._take_up_waiting(order)
             return

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from nena_order_service.kernel.mission_record import MissionRecord
 from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.traffic.resources import ResourceSet
+from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.log import get_logger
 from nena_shared.vda5050.malformed import problems_of
@@ -25,6 +26,8 @@ class VehicleRecord(BaseModel):
     manufacturer: str
     serial_number: str
     integration_level: IntegrationLevel = IntegrationLevel.TO_BE_UTILIZED
+    acceptable_order_types: tuple[AcceptableOrderType, ...] | None = None
+    """What hosts have said; None: what the plant model says holds."""
     held: tuple[ResourceSet, ...] = ()
     """What it held when it began what it does now, oldest first."""
     tries: int = 0

@@ -6,6 +6,7 @@ from datetime import datetime
 
 from nena_order_service.fleet import NotLocatedError, RobotView, locate
 from nena_order_service.kernel.vehicles import FleetVehicle
+from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.vehicle import IntegrationLevel, PrecisePosition, ProcessingState, VehicleStatus
 from nena_shared.plant import MapPose, PlantModel
 from nena_shared.vda5050.error import ErrorEntry
@@ -18,6 +19,7 @@ def vehicle_status(
     *,
     plant: PlantModel,
     level: IntegrationLevel,
+    order_types: tuple[AcceptableOrderType, ...],
     transport_order: str | None,
     reason: str,
     last_state: datetime | None,
@@ -31,6 +33,7 @@ def vehicle_status(
         state=view.vehicle_state,
         processing_state=ProcessingState.PROCESSING_ORDER if transport_order else ProcessingState.IDLE,
         integration_level=level,
+        acceptable_order_types=order_types,
         reason=reason,
         connection=view.link,
         operating_mode=state.operating_mode if state else None,

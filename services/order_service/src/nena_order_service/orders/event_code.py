@@ -18,6 +18,7 @@ class EventCode(StrEnum):
     REPLANNED = "nena:replanned"
     REASSIGNED = "nena:reassigned"
     SKIPPED = "nena:skipped"
+    DEADLINE_PASSED = "nena:deadlinePassed"
     WITHDRAWAL_REQUESTED = "nena:withdrawalRequested"
     ADOPTED_AFTER_RESTART = "nena:adoptedAfterRestart"
     FINAL_STATE_REACHED = "nena:finalStateReached"

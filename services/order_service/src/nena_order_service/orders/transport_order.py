@@ -32,6 +32,20 @@ SUCCESSORS: dict[TransportOrderState, frozenset[TransportOrderState]] = {
 }
 """Which states may follow which, in openTCS's life cycle; and an order may go on with another vehicle."""
 
+WISHES = (
+    "type",
+    "priority",
+    "intended_vehicle",
+    "properties",
+    "deadline",
+    "dispensable",
+    "peripheral_reservation_token",
+    "on_failure",
+    "timeout",
+    "processing_timeout",
+)
+"""What an order keeps of its request as it is, besides the destinations."""
+
 Urgency = tuple[int, float, int]
 """Less is more urgent; the last is the order's number."""
 
@@ -69,36 +83,21 @@ class TransportOrder:
             version=1,
             state=S.RAW,
             reason="has just been created",
-            type=request.type,
-            priority=request.priority,
-            intended_vehicle=request.intended_vehicle,
-            processing_vehicle=None,
             drive_orders=tuple(
                 DriveOrderStatus(destination=destination, state=DriveOrderState.PRISTINE)
                 for destination in request.destinations
             ),
             current_drive_order_index=-1,
-            properties=request.properties,
-            deadline=request.deadline,
-            on_failure=request.on_failure,
-            timeout=request.timeout,
-            processing_timeout=request.processing_timeout,
             created=now,
             history=(HistoryEntry(timestamp=now, event_code=EventCode.ORDER_CREATED),),
+            **{wish: getattr(request, wish) for wish in WISHES},
         )
         return cls(number, status, request.idempotency_key)
 
     def asked_for_by(self, request: TransportOrderRequest) -> bool:
         """Tell whether ``request`` says what the one said that made the order; names are another matter."""
-        status = self.status
-        return (
-            tuple(each.destination for each in status.drive_orders) == request.destinations
-            and (status.intended_vehicle, status.type) == (request.intended_vehicle, request.type)
-            and (status.priority, status.deadline) == (request.priority, request.deadline)
-            and status.properties == request.properties
-            and status.on_failure == request.on_failure
-            and (status.timeout, status.processing_timeout) == (request.timeout, request.processing_timeout)
-        )
+        same_stops = tuple(each.destination for each in self.status.drive_orders) == request.destinations
+        return same_stops and all(getattr(self.status, wish) == getattr(request, wish) for wish in WISHES)
 
     @property
     def name(self) -> str:
@@ -265,6 +264,13 @@ class TransportOrder:
         reason = f"{_doing(self.status)}, but {why}" if why else _doing(self.status)
         return self if reason == self.status.reason else self.changed(reason=reason)
 
+    def overdue(self, now: datetime) -> Self:
+        """Note that its deadline has passed; nothing else follows from that."""
+        if self.state.final or self.status.late:
+            return self
+        entry = self.entry(now, EventCode.DEADLINE_PASSED)
+        return self.changed(late=True, reason=self.status.reason, history=(*self.status.history, entry))
+
     def adopted(self, now: datetime) -> Self:
         """Note that it has been taken up again after a restart of the order service."""
         self.require("adopting", S.BEING_PROCESSED, S.WITHDRAWN)
@@ -283,7 +289,9 @@ class TransportOrder:
 
     def _ended(self, state: TransportOrderState, reason: str, now: datetime, **changes: object) -> Self:
         entry = self.entry(now, EventCode.FINAL_STATE_REACHED, state, reason)
-        return self._moved(state, reason, entry, finished=now, **changes)
+        deadline = self.status.deadline
+        late = self.status.late or (deadline is not None and deadline < now)
+        return self._moved(state, reason, entry, finished=now, late=late, **changes)
 
     def _moved(
         self,

@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from nena_shared.fleet_api.base import ObjectName, Request, Resource
+from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.path import PathStatus
 from nena_shared.fleet_api.transport_order import Coordinate, Destination, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
@@ -54,6 +55,21 @@ class IntegrationLevelRequest(Request):
     """Says how much a vehicle counts from now on."""
 
     integration_level: IntegrationLevel
+
+
+class OrderTypesRequest(Request):
+    """Says which types of orders a vehicle accepts from now on."""
+
+    acceptable_order_types: Annotated[tuple[AcceptableOrderType, ...], Field(max_length=100)]
+    """``*`` is any type; none at all: it accepts no orders."""
+
+    @model_validator(mode="after")
+    def _each_once(self) -> Self:
+        names = [each.name for each in self.acceptable_order_types]
+        if len(names) != len(set(names)):
+            message = "give each type once"
+            raise ValueError(message)
+        return self
 
 
 class DispatchRequest(Request):

@@ -17,6 +17,7 @@ from nena_order_service.rest.bodies import (
     InstantActionAnswer,
     InstantActionRequest,
     IntegrationLevelRequest,
+    OrderTypesRequest,
     VehicleList,
 )
 from nena_order_service.rest.responses import as_json
@@ -68,6 +69,11 @@ def make_router(requests: HostRequests) -> APIRouter:
     async def integration_level(name: str, request: IntegrationLevelRequest) -> Response:
         """Say how much a vehicle counts: whether it gets orders, and whether others keep away from it."""
         return as_json(await requests.set_integration_level(name, request.integration_level))
+
+    @router.put("/{name}/acceptableOrderTypes", response_model=VehicleStatus)
+    async def order_types(name: str, request: OrderTypesRequest) -> Response:
+        """Say which types of orders a vehicle accepts; one that it has it does to the end."""
+        return as_json(await requests.accept_order_types(name, request.acceptable_order_types))
 
     return router
 

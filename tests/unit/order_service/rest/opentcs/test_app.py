@@ -162,3 +162,21 @@ async def test_key_is_taken_for_the_token(headers: dict[str, str], expected: str
     async with httpx.AsyncClient(transport=transport, base_url="http://order-service") as client:
         await client.get("/", headers=headers)
     assert seen == [expected]
+
+
+async def test_acceptable_order_types_are_set_by_both_words(client: httpx.AsyncClient) -> None:
+    url = f"{API}/vehicles/Robot-01"
+    types = [{"name": "Transport", "priority": 2}]
+    assert (
+        await client.put(f"{url}/acceptableOrderTypes", json={"acceptableOrderTypes": types})
+    ).status_code == 200
+    assert (await client.get(url)).json()["acceptableOrderTypes"] == types
+    assert (await client.put(f"{url}/allowedOrderTypes", json={"orderTypes": ["A", "*"]})).status_code == 200
+    assert (await client.get(url)).json()["allowedOrderTypes"] == ["A", "*"]
+    assert (await client.put(f"{url}/allowedOrderTypes", json={})).status_code == 400
+
+
+async def test_dispensable_orders_and_reservation_tokens_are_kept(client: httpx.AsyncClient) -> None:
+    body = {**BODY, "dispensable": True, "peripheralReservationToken": "door"}
+    order = (await client.post(f"{API}/transportOrders/T-1", json=body)).json()
+    assert (order["dispensable"], order["peripheralReservationToken"]) == (True, "door")

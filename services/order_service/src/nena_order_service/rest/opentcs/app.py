@@ -17,7 +17,13 @@ from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.kernel.path_locks import PathLocks
 from nena_order_service.rest.bodies import InstantActionRequest
 from nena_order_service.rest.opentcs import errors
-from nena_order_service.rest.opentcs.bodies import CreationRequest, TransportOrderState, VehicleState
+from nena_order_service.rest.opentcs.bodies import (
+    AcceptableOrderTypes,
+    AllowedOrderTypes,
+    CreationRequest,
+    TransportOrderState,
+    VehicleState,
+)
 from nena_order_service.rest.opentcs.errors import NotPossibleError
 from nena_order_service.store.database import OrderFilter
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
@@ -139,7 +145,20 @@ def _vehicles(requests: HostRequests, plant: PlantModel) -> APIRouter:
             raise NotPossibleError(told.reason)
         return _done()
 
+    _add_order_types(router, requests)
     return router
+
+
+def _add_order_types(router: APIRouter, requests: HostRequests) -> None:
+    @router.put("/{name}/acceptableOrderTypes")
+    async def accept(name: str, body: AcceptableOrderTypes) -> Response:
+        await requests.accept_order_types(name, body.acceptable_order_types)
+        return _done()
+
+    @router.put("/{name}/allowedOrderTypes")
+    async def allow(name: str, body: AllowedOrderTypes) -> Response:
+        await requests.accept_order_types(name, body.acceptable())
+        return _done()
 
 
 def _plant(locks: PathLocks, dispatch: Callable[[], None]) -> APIRouter:

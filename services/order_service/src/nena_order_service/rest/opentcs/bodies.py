@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from pydantic.alias_generators import to_camel
 
 from nena_shared.fleet_api.base import Moment
+from nena_shared.fleet_api.order_types import AcceptableOrderType, OrderType
 from nena_shared.fleet_api.transport_order import (
     Destination,
     DriveOrderStatus,
@@ -58,6 +59,8 @@ class CreationRequest(Body):
     properties: Annotated[tuple[Property, ...], Field(max_length=100)] | None = None
     dependencies: tuple[str, ...] | None = None
     wrapping_sequence: str | None = None
+    dispensable: bool = False
+    peripheral_reservation_token: Annotated[str, Field(min_length=1, max_length=200)] | None = None
 
     @property
     def not_supported(self) -> tuple[str, ...]:
@@ -85,8 +88,26 @@ class CreationRequest(Body):
             "intendedVehicle": self.intended_vehicle,
             "type": self.type or TransportOrderRequest.model_fields["type"].default,
             "deadline": self.deadline,
+            "dispensable": self.dispensable,
+            "peripheralReservationToken": self.peripheral_reservation_token,
             "properties": self.properties or (),
         }
+
+
+class AcceptableOrderTypes(Body):
+    """The types of orders that a vehicle is to accept."""
+
+    acceptable_order_types: Annotated[tuple[AcceptableOrderType, ...], Field(max_length=100)]
+
+
+class AllowedOrderTypes(Body):
+    """The same without priorities, as openTCS has it up to 6.0."""
+
+    order_types: Annotated[tuple[OrderType, ...], Field(max_length=100)]
+
+    def acceptable(self) -> tuple[AcceptableOrderType, ...]:
+        """Give them with one priority for all."""
+        return tuple(AcceptableOrderType(name=name) for name in dict.fromkeys(self.order_types))
 
 
 class DestinationState(Body):
@@ -118,8 +139,8 @@ class TransportOrderState(Body):
     category: str
     intended_vehicle: str | None
     processing_vehicle: str | None
-    dispensable: bool = False
-    peripheral_reservation_token: str | None = None
+    dispensable: bool
+    peripheral_reservation_token: str | None
     wrapping_sequence: str | None = None
     dependencies: tuple[str, ...] = ()
     creation_time: Moment
@@ -138,6 +159,8 @@ class TransportOrderState(Body):
             state=order.state.value,
             intended_vehicle=order.intended_vehicle,
             processing_vehicle=order.processing_vehicle,
+            dispensable=order.dispensable,
+            peripheral_reservation_token=order.peripheral_reservation_token,
             creation_time=order.created,
             deadline=order.deadline or END_OF_TIME,
             finished_time=order.finished,
@@ -197,8 +220,9 @@ class VehicleState(Body):
     state: str
     allocated_resources: tuple[tuple[str, ...], ...] = ()
     claimed_resources: tuple[tuple[str, ...], ...] = ()
-    acceptable_order_types: tuple[dict[str, Any], ...] = ({"name": "*", "priority": 0},)
-    allowed_order_types: tuple[str, ...] = ("*",)
+    acceptable_order_types: tuple[AcceptableOrderType, ...]
+    allowed_order_types: tuple[str, ...]
+    """The same as openTCS has it up to 6.0."""
     envelope_key: str | None = None
 
     @classmethod
@@ -221,6 +245,8 @@ class VehicleState(Body):
             transport_order=status.transport_order,
             current_position=status.current_position,
             precise_position=Triple.of(position) if position else None,
+            acceptable_order_types=status.acceptable_order_types,
+            allowed_order_types=tuple(each.name for each in status.acceptable_order_types),
             orientation_angle=round(degrees(position.theta), 3) if position else None,
             state=status.state.value,
         )
