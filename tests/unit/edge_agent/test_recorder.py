@@ -175,3 +175,15 @@ async def test_a_record_that_failed_is_not_taken_for_one(tmp_path: Path) -> None
 
     assert not rig.recorder.has_written(rig.bench.core.durable_version)
     assert not rig.recorder.has_synced(rig.bench.core.durable_version)
+
+
+async def test_what_a_failed_record_may_have_overwritten_is_written_again(tmp_path: Path) -> None:
+    folder = tmp_path / "folder"
+    rig = Rig(Journal(folder, ROBOT))
+    before = rig.bench.core.durable_version
+    rig.bench.send(order("n0", "n1"))
+    await rig.write()
+    await rig.recorder.sync()
+
+    assert not rig.recorder.has_written(before)
+    assert not rig.recorder.has_synced(before)

@@ -12,6 +12,7 @@ from pathlib import Path
 from urllib.parse import quote
 from zlib import crc32
 
+from nena_edge_agent.durability import sync_folder
 from nena_edge_agent.protocol.memory import FORMAT, Memory
 from nena_shared.program import StartError
 from nena_shared.vda5050.topics import RobotKey
@@ -121,7 +122,7 @@ class Journal:
         with self._file.open("rb") as file:
             os.fdatasync(file.fileno())
         if self._made:
-            _sync_folder(self._folder)
+            sync_folder(self._folder)
             self._made = False
         self._number += 1
 
@@ -209,11 +210,3 @@ def _at_home(folder: Path) -> Path:
     except RuntimeError as error:
         message = f"the journal's folder {folder} cannot be found: {error}; set journal.folder"
         raise StartError(message) from error
-
-
-def _sync_folder(folder: Path) -> None:
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

@@ -44,9 +44,9 @@ class Recorder:
 
         """
         self._journal = journal
-        self._durable = version
+        self._durable: Version | None = version
         self._begun: Version | None = None
-        self._written = version
+        self._written: Version | None = version
         self._tell = tell
         self._wake = wake
         self._record: asyncio.Future[None] | None = None
@@ -58,15 +58,15 @@ class Recorder:
             return  # while the disk hangs at an older record, a newer one must not get in between
         loop = asyncio.get_running_loop()
         self._begun, self._deadline = version, loop.time() + PATIENCE
-        written: SimpleQueue[None] = SimpleQueue()
+        self._written = self._durable = None  # a record that fails may have taken the place of the one before
+        written: SimpleQueue[bool] = SimpleQueue()
         self._record = loop.run_in_executor(None, _work, self._journal, memory(), written)
         self._record.add_done_callback(_hear)
         try:
-            written.get(timeout=AT_ONCE)
-            self._written = version
+            outlives = written.get(timeout=AT_ONCE)
         except Empty:
-            done, _ = await asyncio.wait((self._record,), timeout=PATIENCE)
-            self._written = version if done and not self._record.exception() else self._written
+            outlives = await asyncio.to_thread(_await, written, PATIENCE)
+        self._written = version if outlives else None
 
     async def sync(self) -> None:
         """Come back when what was begun is on the disk, or the disk has failed."""
@@ -97,11 +97,23 @@ class Recorder:
         return self._record is not None and not self._record.done()
 
 
-def _work(journal: Journal, memory: Memory, written: SimpleQueue[None]) -> None:
-    """Live in a thread: write, tell, and wait for the disk."""
-    journal.write(memory)
-    written.put(None)
+def _work(journal: Journal, memory: Memory, written: SimpleQueue[bool]) -> None:
+    """Live in a thread: write, tell whether the kernel has it, and wait for the disk."""
+    taken = False
+    try:
+        journal.write(memory)
+        taken = True
+    finally:
+        written.put(taken)
     journal.sync()
+
+
+def _await(written: SimpleQueue[bool], seconds: float) -> bool:
+    """Live in another thread: wait for what is told, for so long."""
+    try:
+        return written.get(timeout=seconds)
+    except Empty:
+        return False
 
 
 def _hear(record: asyncio.Future[None]) -> None:

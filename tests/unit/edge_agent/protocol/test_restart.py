@@ -70,6 +70,44 @@ def test_what_may_be_begun_anew_is_and_what_may_not_fails() -> None:
     assert again.status("later") == "INITIALIZING"
 
 
+@pytest.mark.clause("6.6/restart", "6.6.4")
+@pytest.mark.parametrize("action_type", ["press", "work"])
+def test_a_robot_that_an_action_drove_is_stopped_before_anything_else(action_type: str) -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", node_actions={"n1": [action("a", "HARD", action_type)]}))
+    bench.do(listed(("g1", "EXECUTING")))
+    bench.arrive()
+    bench.runs("a")
+    bench.do(listed(("g1", "SUCCEEDED"), ("dock", "EXECUTING")))
+
+    again = restarted(bench)
+
+    assert len(again.effects_of(Halt)) == 1
+    assert again.state.driving
+    again.halted()
+    assert not again.state.driving
+
+
+def test_a_goal_that_the_order_still_wants_is_not_stopped() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.do(listed(("g1", "EXECUTING")))
+
+    assert not restarted(bench).effects_of(Halt)
+
+
+def test_an_action_that_begins_anew_is_shown_at_its_beginning() -> None:
+    bench = Bench()
+    bench.send(order("n0", node_actions={"n0": [action("work", "SOFT")]}))
+    bench.runs("work")
+    again = Bench(memory=bench.core.memory(), ready=False)
+    assert again.status("work") == "RUNNING"
+
+    again.do(Started())
+
+    assert again.status("work") == "INITIALIZING"
+
+
 @pytest.mark.clause("6.6/restart", "6.6.9")
 def test_an_action_that_ended_stays_ended() -> None:
     bench = Bench()

@@ -131,13 +131,23 @@ async def test_configure_says_what_is_wrong_and_changes_nothing(
     assert (robot.keeper.address, len(robot.told)) == (RosAddress("/r1", 7), 2)
 
 
-async def test_an_address_that_cannot_be_kept_is_told(tmp_path: Path) -> None:
+async def test_an_address_that_cannot_be_kept_is_told_and_not_moved_to(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     robot = Robot(tmp_path / "file")
     report = await robot.does(CONFIGURE_ROS_SESSION, domainId=9, keep=True)
     assert report.status is ActionStatus.FAILED
-    assert "will not be after a restart" in (report.result or "")
-    assert robot.keeper.address == RosAddress("/r1", 9)
+    assert "stays where it is" in (report.result or "")
+    assert robot.keeper.address == RosAddress("/r1", 7)
+
+
+async def test_an_address_is_kept_although_the_first_try_there_fails(tmp_path: Path) -> None:
+    robot = Robot(tmp_path)
+    await robot.does(START_ROS_SESSION)
+    robot.closed = {9}
+    report = await robot.does(CONFIGURE_ROS_SESSION, domainId=9, keep=True)
+    assert report.status is ActionStatus.FAILED
+    assert "it is tried again" in (report.result or "")
+    assert Robot(tmp_path).keeper.address == robot.keeper.address == RosAddress("/r1", 9)
 
 
 async def test_before_the_driver_is_made_there_is_nothing_to_switch() -> None:

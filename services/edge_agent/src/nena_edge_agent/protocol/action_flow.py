@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from nena_edge_agent.protocol.action_states import ActionRecord
+from nena_edge_agent.protocol.action_states import ActionRecord, ActionStates
 from nena_edge_agent.protocol.declaration import ActionDeclaration
 from nena_edge_agent.protocol.effects import CancelAction, PauseAction, ResumeAction, StartAction
 from nena_edge_agent.protocol.errors import Until
@@ -149,15 +149,15 @@ class ActionFlow:
                 if record.status is ActionStatus.RETRIABLE:
                     self._parts.errors.show(self.failure(record), Until.ORDER_OVER)
                 elif record.action.action_type not in PREDEFINED:  # the core's own go on by themselves
-                    self._take_up(record)
+                    self._take_up(states, record)
 
-    def _take_up(self, record: ActionRecord) -> None:
+    def _take_up(self, states: ActionStates, record: ActionRecord) -> None:
         action_id = record.action.action_id
         if self._is_left(record):
             self._left.add(action_id)
             self._parts.actions.change(action_id, ActionStatus.PAUSED)
         elif self._declares(record, "restartable") and not self._parts.clearing:
-            record.status = ActionStatus.INITIALIZING
+            states.begin_anew(action_id)
             self._start(action_id)
         else:
             result = "the agent was interrupted while the action ran"

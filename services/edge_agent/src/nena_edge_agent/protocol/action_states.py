@@ -86,9 +86,13 @@ class ActionStates:
             return False
         record.status = status
         record.result = result if result is not None else record.result
-        self._shown.pop(action_id, None)
-        self._changed()
+        self._touch(action_id)
         return True
+
+    def begin_anew(self, action_id: str) -> None:
+        """Take an action back to its start: an interrupted run of the program knows nothing of it."""
+        self._records[action_id].status = ActionStatus.INITIALIZING
+        self._touch(action_id)
 
     @property
     def all_ended(self) -> bool:
@@ -105,6 +109,10 @@ class ActionStates:
     def _show(self, action_id: str) -> ActionState:
         self._shown[action_id] = shown = _state(self._records[action_id])
         return shown
+
+    def _touch(self, action_id: str) -> None:
+        self._shown.pop(action_id, None)
+        self._changed()
 
     def _changed(self) -> None:
         self.revision += 1

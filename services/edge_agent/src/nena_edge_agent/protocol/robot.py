@@ -267,10 +267,10 @@ class RobotCore:
         parts.utc = (event.utc, parts.now) if event.utc else None
         parts.link.lost_since = parts.now
         self._position.interrupted()
+        if parts.clearing or parts.paused or self._travel.leftover:
+            self._travel.resume_halt()
         self._flow.take_up_again()
         self._flow.schedule()
-        if parts.clearing or parts.paused:
-            self._travel.resume_halt()
 
     def _action_reported(self, event: ActionReport) -> None:
         if event.zone_set and (problem := self._zone_keeping.take(event.zone_set)):

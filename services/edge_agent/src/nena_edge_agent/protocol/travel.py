@@ -130,6 +130,13 @@ class Travel:
                 return
 
     @property
+    def leftover(self) -> bool:
+        """Whether navigation may drive to a goal of ours that the order has no use for: an action's, say."""
+        parts = self._parts
+        wanted = parts.progress.next_node is not None and parts.queue.driving_allowed
+        return parts.goal.own is not None and not wanted
+
+    @property
     def new_base_request(self) -> bool:
         """Whether the end of the base comes near while a horizon is left (section 6.6.3)."""
         parts = self._parts

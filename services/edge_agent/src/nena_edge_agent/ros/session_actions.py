@@ -127,14 +127,14 @@ async def _configure(switch: SessionSwitch, action: Action) -> None:
     if keep and switch.store is None:
         message = "the robot keeps nothing over restarts: journal.enabled is off"
         raise WorkFailedError(message)
-    if address != switch.keeper.address:
-        await switch.keeper.move(address)
-    if keep and switch.store:
+    if keep and switch.store:  # at first: a session that fails there now is tried again there, also later
         try:
             await asyncio.to_thread(switch.store.write, address, switch.settings)
         except OSError as error:
-            message = f"the robot is there now, and will not be after a restart: {error}"
+            message = f"the robot stays where it is, as the address cannot be kept: {error}"
             raise WorkFailedError(message) from error
+    if address != switch.keeper.address:
+        await switch.keeper.move(address)
 
 
 def _wanted(address: RosAddress, action: Action) -> RosAddress:

@@ -8,6 +8,7 @@ from urllib.parse import quote
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from nena_edge_agent.durability import sync_folder
 from nena_edge_agent.ros.address import RosAddress
 from nena_edge_agent.ros.settings import RosSettings
 from nena_shared.log import get_logger
@@ -63,3 +64,4 @@ class SessionStore:
             file.flush()
             os.fsync(file.fileno())
         new.replace(self._file)
+        sync_folder(self._file.parent)
