@@ -8,8 +8,11 @@ from typing import Any, Protocol
 
 from nena_order_service.dispatch.way import WayFinder
 from nena_order_service.fleet import (
+    ActionRetriable,
     Availability,
     BaseWanted,
+    FailureKind,
+    InstantActionEnded,
     LinkStatus,
     Mission,
     MissionAccepted,
@@ -18,6 +21,7 @@ from nena_order_service.fleet import (
     MissionFinished,
     NodePassed,
     OperationMap,
+    OperationStarted,
     RobotBusyError,
     RobotChanged,
     RobotView,
@@ -33,9 +37,10 @@ from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import Unfinished
 from nena_order_service.store.store import Store
 from nena_shared.clock import ManualClock
+from nena_shared.fleet_api.failure_policy import FailurePolicy
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.plant import PlantModel
-from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 from support.fleet_examples import state
@@ -106,6 +111,8 @@ class ScriptedFleet:
     """The update that each mission was adopted with."""
     cancelled: list[str] = field(default_factory=list)
     actions: list[tuple[str, str]] = field(default_factory=list)
+    instants: list[Action] = field(default_factory=list)
+    """The instant actions that robots were sent."""
 
     def start_mission(self, robot: RobotKey, mission: Mission) -> None:
         if robot in self.missions:
@@ -138,6 +145,7 @@ class ScriptedFleet:
 
     def instant_action(self, robot: RobotKey, action: Action) -> None:
         self.actions.append((robot.serial_number, action.action_type))
+        self.instants.append(action)
 
     def all_known(self) -> bool:
         return not self.unknown
@@ -200,11 +208,37 @@ class ScriptedFleet:
         self._tell(RobotChanged(key(name)))
         return True
 
-    def fail(self, name: str, reason: str = "wheel lost") -> None:
-        """Let a robot's mission have failed."""
+    def fail(
+        self, name: str, reason: str = "wheel lost", kind: FailureKind = FailureKind.DRIVE, *, at: str = ""
+    ) -> None:
+        """Let a robot's mission have failed, and the robot stand where it was unless told otherwise."""
         mission = self.missions.pop(key(name))
-        self._tell(MissionFailed(key(name), mission.mission_id, reason, ("FATAL wheel",)))
+        self.at[name] = at or self.at[name]
+        self._tell(MissionFailed(key(name), mission.mission_id, reason, ("FATAL wheel",), kind))
         self._tell(RobotChanged(key(name)))
+
+    def fail_operation(self, name: str) -> None:
+        """Let a robot have come to the end of its mission, and its operation have failed there."""
+        self.operate(name)
+        self.fail(
+            name, "the action has failed", FailureKind.ACTION, at=self.missions[key(name)].nodes[-1].node_id
+        )
+
+    def operate(self, name: str) -> None:
+        """Let a robot have come to the end of its mission, and have begun what is to be done there."""
+        mission = self.missions[key(name)]
+        self.pass_node(name, len(mission.nodes) - 1)
+        self._tell(OperationStarted(key(name), mission.mission_id))
+
+    def wait_for_retry(self, name: str) -> None:
+        """Let an action of a robot's mission have failed that may be tried again."""
+        mission = self.missions[key(name)]
+        failed = mission.actions[0].action_id
+        self._tell(ActionRetriable(key(name), mission.mission_id, failed, "the action has failed"))
+
+    def answer_instant(self, name: str, status: ActionStatus) -> None:
+        """Let a robot have ended the last instant action that it was sent."""
+        self._tell(InstantActionEnded(key(name), self.instants[-1], status, "done"))
 
     def confirm_cancel(self, name: str) -> None:
         """Let a robot have let its mission go."""
@@ -231,6 +265,7 @@ async def make_kernel(
     release_ahead: int = 0,
     clock: ManualClock | None = None,
     settings: KernelSettings | None = None,
+    on_failure: FailurePolicy = (),
 ) -> Kernel:
     """Start a kernel, as after a restart, over ``store`` and ``fleet``."""
     settings = settings or KernelSettings(release_ahead=release_ahead, default_map_id="map")
@@ -243,6 +278,7 @@ async def make_kernel(
         planner=MissionPlanner(plant, finder, OperationMap()),
         clock=clock or ManualClock(),
         settings=settings,
+        on_failure=on_failure,
     )
     fleet.kernel = kernel
     await kernel.start(fleet)

@@ -188,7 +188,7 @@ async def test_what_was_not_sent_is_withdrawn_at_once() -> None:
 
     kernel.withdraw(order.number, "no longer wanted")
 
-    assert reason(kernel, "T-1") == "withdrawn before the vehicle was sent anything"
+    assert reason(kernel, "T-1") == "withdrawn, and the vehicle was at nothing for it: no longer wanted"
     assert kernel.status(kernel.registry.discover(key("V1"))).reason == "has nothing to do: no order waits"
 
 

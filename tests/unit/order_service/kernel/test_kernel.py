@@ -163,11 +163,15 @@ async def test_robot_that_finishes_before_the_cancel_gets_no_more_of_a_withdrawn
     assert sent(fleet) == [("V1", "T-0")]
 
 
-async def test_vehicle_that_cannot_go_on_fails_the_order(kernel: Kernel, fleet: ScriptedFleet) -> None:
+async def test_order_whose_vehicle_is_nowhere_waits_until_it_is_found(
+    kernel: Kernel, fleet: ScriptedFleet
+) -> None:
     order = kernel.create(request("B", "C"), "T")
     fleet.finish("V1", at="nowhere")
-    assert now(kernel, order).state is S.FAILED
-    assert "V1 cannot go on" in now(kernel, order).reason
+    assert now(kernel, order).state is S.BEING_PROCESSED
+    assert "but it reports neither a trusted pose" in now(kernel, order).reason
+    fleet.appear("V1", "B")
+    assert sent(fleet) == [("V1", "T-0"), ("V1", "T-1")]
 
 
 async def test_vehicle_whose_reason_changes_without_news_is_told_once(

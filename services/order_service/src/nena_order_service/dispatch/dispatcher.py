@@ -81,12 +81,13 @@ def decide(
     return decisions
 
 
-Kind = tuple[str | None, str]
+Kind = tuple[str | None, str, tuple[str, ...]]
 """What an order says about who may do it."""
 
 
 def _kind(order: TransportOrder) -> Kind:
-    return order.status.intended_vehicle, order.status.type
+    status = order.status
+    return status.intended_vehicle, status.type, status.excluded_vehicles
 
 
 def _hindrances(order: TransportOrder, standing: Mapping[str, str], misfit: Misfit) -> dict[str, str]:

@@ -6,12 +6,15 @@ The core is pure: messages and the time, in monotonic seconds, go in; messages t
 from nena_order_service.fleet.addresses import RobotAddresses
 from nena_order_service.fleet.controller import FleetController
 from nena_order_service.fleet.errors import RobotBusyError
+from nena_order_service.fleet.failure_kind import FailureKind
+from nena_order_service.fleet.instant_run import retry_or_skip
 from nena_order_service.fleet.link import FleetLink
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.mission_builder import build_mission, mission_id
 from nena_order_service.fleet.mission_update import BaseChangedError
 from nena_order_service.fleet.operations import OperationMap
 from nena_order_service.fleet.outputs import (
+    ActionRetriable,
     BaseWanted,
     FleetOutput,
     InstantActionEnded,
@@ -33,9 +36,11 @@ from nena_order_service.fleet.standing import NotLocatedError, Standing, locate
 from nena_order_service.fleet.view import Availability, LinkStatus, MissionPhase, RobotView
 
 __all__ = [
+    "ActionRetriable",
     "Availability",
     "BaseChangedError",
     "BaseWanted",
+    "FailureKind",
     "FleetController",
     "FleetLink",
     "FleetOutput",
@@ -65,4 +70,5 @@ __all__ = [
     "build_mission",
     "locate",
     "mission_id",
+    "retry_or_skip",
 ]

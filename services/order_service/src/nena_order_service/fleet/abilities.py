@@ -5,13 +5,15 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Final
 
-from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.factsheet import ActionParameterDescription, Factsheet, MobileRobotAction, Support
 from nena_shared.vda5050.own_actions import transforms_itself
+from nena_shared.vda5050.rules import RULES
 from nena_shared.vda5050.versions import nearest_codec
 
 ORDER_PREFIX: Final = "order."
+RETRY: Final = "retry"
 LISTS: Final = frozenset({"nodes", "edges"})
 """Where paths of an order's optional fields begin when they leave its name out."""
 
@@ -41,6 +43,14 @@ class Abilities:
         listed = self.factsheet.protocol_features.optional_parameters
         name = path.removeprefix("nodes.")
         return not listed or any(f".{name}." in f".{each.parameter}." for each in listed)
+
+    @cached_property
+    def takes_retries(self) -> bool:
+        """Whether an action that has failed may be tried again by ``retry``."""
+        rules = RULES[self.codec.version] if self.codec else None
+        known = rules is not None and ActionStatus.RETRIABLE in rules.action_statuses
+        listed = not self.lists_actions or bool(self.declarations(RETRY))
+        return known and listed and self.takes_field("nodes.actions.retriable")
 
     @cached_property
     def codec(self) -> Codec | None:

@@ -75,6 +75,8 @@ def _fitted_node(node: Node, heading: float, abilities: Abilities) -> Node:
 
 def _fitted_on_node(action: Action, abilities: Abilities) -> Action:
     action = fitted_action(action, abilities)
+    if action.retriable and not abilities.takes_retries:
+        action = action.model_copy(update={"retriable": None})
     if ACTION_DESCRIPTOR in abilities.required_fields:
         return action.model_copy(update={"action_descriptor": action.action_descriptor or action.action_type})
     if not abilities.takes_field(ACTION_DESCRIPTOR):

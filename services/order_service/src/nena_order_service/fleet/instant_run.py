@@ -97,6 +97,16 @@ def cancel_order(action_id: str, order_id: str | None = None) -> Action:
     )
 
 
+def retry_or_skip(action_id: str, failed: str, *, retry: bool) -> Action:
+    """Make the action that begins a RETRIABLE one anew, or lets it be FAILED (section 6.2.3)."""
+    return Action(
+        action_type="retry" if retry else "skipRetry",
+        action_id=action_id,
+        blocking_type=BlockingType.NONE,
+        action_parameters=(ActionParameter(key="actionId", value=failed),),
+    )
+
+
 def clear_instant_actions(action_id: str) -> Action:
     """Make the action that takes ended instant actions out of the robot's state (section 6.2.3)."""
     return Action(action_type=CLEAR_INSTANT_ACTIONS, action_id=action_id, blocking_type=BlockingType.NONE)

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 from nena_order_service.fleet import progress as progresses
 from nena_order_service.fleet import reported_errors
 from nena_order_service.fleet.delivery import Delivery
+from nena_order_service.fleet.failure_kind import FailureKind
 from nena_order_service.fleet.instant_run import InstantRun
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.mission_update import PendingUpdate, grown, held_by, update_of
 from nena_order_service.fleet.outputs import (
+    ActionRetriable,
     BaseWanted,
     FleetOutput,
     MissionAccepted,
@@ -26,7 +28,7 @@ from nena_order_service.fleet.progress import Progress
 from nena_order_service.fleet.reported_errors import ErrorIdentity
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.view import MissionPhase
-from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.action import ActionState, ActionStatus
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
@@ -34,8 +36,9 @@ from nena_shared.vda5050.topics import RobotKey
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """Why a mission fails: a sentence, and the robot's own words."""
+    """Why a mission fails: how, a sentence, and the robot's own words."""
 
+    kind: FailureKind
     reason: str
     details: tuple[str, ...] = ()
 
@@ -78,6 +81,8 @@ class MissionRun:
         self._failure: Failure | None = None
         self._before: frozenset[ErrorIdentity] = frozenset()
         self._standing_since: float | None = None
+        self._retriable: frozenset[str] = frozenset()
+        """Ids of the actions of which it was told that they may be tried again."""
 
     def wants_sending(self, now: float) -> bool:
         """Tell whether the order is to be sent (again) now, if the robot can be sent one."""
@@ -136,7 +141,7 @@ class MissionRun:
 
     def refuse(self, reason: str) -> FleetOutput:
         """End without having sent anything."""
-        return self._fail(Failure(reason))
+        return self._fail(Failure(FailureKind.UNFIT, reason))
 
     def hold(self) -> None:
         """Let no time pass for the delivery: the robot cannot be sent the order now."""
@@ -162,7 +167,7 @@ class MissionRun:
         if self._known_in(state):
             yield from self._follow(state, now)
         elif self._accepted and self.phase is not MissionPhase.CANCELLING:
-            yield self._fail(Failure(_lost(state)))
+            yield self._fail(Failure(FailureKind.LOST, _lost(state)))
         elif self.phase is MissionPhase.SENT:
             yield from self._look_for_refusal(state)
         if self.phase is MissionPhase.CANCELLING and not self.ended:
@@ -172,10 +177,18 @@ class MissionRun:
         """Give up what takes too long."""
         if self.phase is MissionPhase.SENT and self._delivery.failed(now):
             times = self._settings.sendings
-            yield self._fail(Failure(f"the order was sent {times} times, but the robot never took it up"))
+            yield self._fail(
+                Failure(
+                    FailureKind.NOT_TAKEN, f"the order was sent {times} times, but the robot never took it up"
+                )
+            )
         elif self._pending and self.phase is MissionPhase.RUNNING and self._pending.delivery.failed(now):
             times = self._settings.sendings
-            self._cancel_for(Failure(f"an update was sent {times} times, but the robot never took it up"))
+            self._cancel_for(
+                Failure(
+                    FailureKind.DRIVE, f"an update was sent {times} times, but the robot never took it up"
+                )
+            )
         elif state is None:
             return
         elif self.phase is MissionPhase.RUNNING:
@@ -200,6 +213,7 @@ class MissionRun:
     def _follow(self, state: State, now: float) -> Iterator[FleetOutput]:
         """Tell what a state that knows the mission says of it."""
         progress = progresses.read(state, self.mission)
+        self._retriable &= {each.action_id for each in progress.retriable}
         yield from self._tell(progress)
         yield from self._tell_base(state)
         if progress.done:
@@ -232,51 +246,63 @@ class MissionRun:
 
     def _judge(self, state: State, progress: Progress, now: float) -> Iterator[FleetOutput]:
         """Look for what went wrong with a mission that is neither done nor to be cancelled."""
-        failure = self._failed_actions(state, progress)
+        failure = self._failed_actions(state, progress.failed)
         if progress.idle and failure:
             yield self._fail(failure)
         elif progress.idle and not (progress.at_end and progress.unreported):
-            yield self._fail(Failure(_given_up(state), _words(state.errors)))
+            yield self._fail(Failure(FailureKind.DRIVE, _given_up(state), _words(state.errors)))
         elif failure:
             self._cancel_for(failure)
+        elif progress.retriable:
+            yield from self._tell_retriable(state, progress.retriable)
         elif self._pending and (refused := self._pending.refusals(state.errors)):
-            self._cancel_for(Failure("the robot refuses to go on with the order", _words(refused)))
+            self._cancel_for(
+                Failure(FailureKind.DRIVE, "the robot refuses to go on with the order", _words(refused))
+            )
         elif errors := reported_errors.about(state.errors, self.mission, self._before):
-            self._cancel_for(Failure("the robot cannot go on with it", _words(errors)))
+            kind = FailureKind.ACTION if reported_errors.name_actions(errors) else FailureKind.DRIVE
+            self._cancel_for(Failure(kind, "the robot cannot go on with it", _words(errors)))
         else:
             self._look_for_standstill(state, now)
 
-    def _failed_actions(self, state: State, progress: Progress) -> Failure | None:
-        if not progress.failed:
+    def _tell_retriable(self, state: State, actions: tuple[ActionState, ...]) -> Iterator[FleetOutput]:
+        """Tell, once for each time that it fails, that an action may be tried again."""
+        told, self._retriable = self._retriable, frozenset(each.action_id for each in actions)
+        for each in actions:
+            failure = self._failed_actions(state, (each,))
+            if failure and each.action_id not in told:
+                name = self.mission.mission_id
+                yield ActionRetriable(self._robot, name, each.action_id, failure.reason, failure.details)
+
+    def _failed_actions(self, state: State, failed: tuple[ActionState, ...]) -> Failure | None:
+        if not failed:
             return None
-        first = progress.failed[0]
-        own = (each.action_result for each in progress.failed)
-        said = (
-            text
-            for each in progress.failed
-            for text in reported_errors.of_action(state.errors, each.action_id)
-        )
+        first = failed[0]
+        own = (each.action_result for each in failed)
+        said = (text for each in failed for text in reported_errors.of_action(state.errors, each.action_id))
         name = next(each.action_type for each in self.mission.actions if each.action_id == first.action_id)
-        return Failure(f"the action {name!r} has failed", (*filter(None, own), *said))
+        return Failure(FailureKind.ACTION, f"the action {name!r} has failed", (*filter(None, own), *said))
 
     def _look_for_standstill(self, state: State, now: float) -> None:
         """Lose patience with a robot that stands and has the mission, but not what it takes to end it."""
-        reason = self._standstill(state)
-        if reason is None:
+        failure = self._standstill(state)
+        if failure is None:
             self._standing_since = None
         elif self._standing_since is None:
             self._standing_since = now
         elif now - self._standing_since >= self._settings.standstill_patience:
-            self._cancel_for(Failure(reason, _words(state.errors)))
+            self._cancel_for(failure)
 
-    def _standstill(self, state: State) -> str | None:
+    def _standstill(self, state: State) -> Failure | None:
         if state.driving or not self._known_in(state):
             return None
         if reported_errors.unexplained(state.errors, self.mission, self._before):
-            return "the robot stands with an error that it cannot go on with"
+            reason = "the robot stands with an error that it cannot go on with"
+            return Failure(FailureKind.DRIVE, reason, _words(state.errors))
         if self.mission.actions and not state.node_states:
             unreported = progresses.read(state, self.mission).unreported
-            return "the robot does not report the actions of the order" if unreported else None
+            reason = "the robot does not report the actions of the order"
+            return Failure(FailureKind.UNCLEAR, reason, _words(state.errors)) if unreported else None
         return None
 
     def _cancel_for(self, failure: Failure) -> None:
@@ -285,7 +311,7 @@ class MissionRun:
 
     def _look_for_refusal(self, state: State) -> Iterator[FleetOutput]:
         if errors := reported_errors.refusals(state.errors, self.mission, self._before):
-            yield self._fail(Failure("the robot refuses the order", _words(errors)))
+            yield self._fail(Failure(FailureKind.REFUSED, "the robot refuses the order", _words(errors)))
 
     def _settle_cancel(self, state: State) -> Iterator[FleetOutput]:
         """End the mission when the robot has confirmed the cancel, or can be seen not to have the mission."""
@@ -302,7 +328,7 @@ class MissionRun:
         else:
             why = self._failure.reason if self._failure else "it was to be cancelled"
             reason = f"{why}, but the robot does not confirm cancelOrder: {outcome.reason}"
-            yield self._fail(Failure(reason, _words(state.errors)))
+            yield self._fail(Failure(FailureKind.UNCLEAR, reason, _words(state.errors)))
 
     def _may_be_unseen(self, cancelled: ActionStatus | None) -> bool:
         """Tell whether the order may yet come to the robot, though no state knows it."""
@@ -322,7 +348,8 @@ class MissionRun:
             yield self._end(MissionCancelled(self._robot, self.mission.mission_id))
 
     def _fail(self, failure: Failure) -> FleetOutput:
-        return self._end(MissionFailed(self._robot, self.mission.mission_id, failure.reason, failure.details))
+        name = self.mission.mission_id
+        return self._end(MissionFailed(self._robot, name, failure.reason, failure.details, failure.kind))
 
     def _end(self, output: FleetOutput) -> FleetOutput:
         self.ended = True

@@ -54,15 +54,24 @@ class OperationMap:
     action_types: Mapping[str, str] = field(default_factory=dict)
     new_id: Callable[[], str] = fresh_id
 
+    def action_type(self, operation: str) -> str:
+        """Give the type of the action that ``operation`` stands for; empty for none."""
+        return {**DEFAULT_ACTION_TYPES, **self.action_types}.get(operation, operation)
+
     def actions(
-        self, operation: str, properties: Mapping[str, str], location: Location | None = None
+        self,
+        operation: str,
+        properties: Mapping[str, str],
+        location: Location | None = None,
+        *,
+        retriable: bool = False,
     ) -> tuple[Action, ...]:
         """Give the actions of ``operation`` with fresh ids; ``properties`` become parameters.
 
         For pick and drop the location's name and type become stationName and stationType, unless the
         properties say something else.
         """
-        action_type = {**DEFAULT_ACTION_TYPES, **self.action_types}.get(operation, operation)
+        action_type = self.action_type(operation)
         if action_type == NO_ACTION:
             return ()
         parameters = {**_station(action_type, location), **properties}
@@ -72,6 +81,7 @@ class OperationMap:
             action_descriptor=operation,
             blocking_type=BlockingType.HARD,
             action_parameters=tuple(_parameters(parameters.items())),
+            retriable=retriable or None,
         )
         return (action,)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from nena_order_service.fleet.failure_kind import FailureKind
 from nena_order_service.fleet.mission import Mission
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.responses import Response
@@ -102,6 +103,21 @@ class MissionFailed:
     mission_id: str
     reason: str
     details: tuple[str, ...] = ()
+    kind: FailureKind = FailureKind.DRIVE
+
+
+@dataclass(frozen=True, slots=True)
+class ActionRetriable:
+    """An action of the mission has failed, and the robot waits for ``retry`` or ``skipRetry``.
+
+    See section 6.6.9; words as in :class:`MissionFailed`.
+    """
+
+    robot: RobotKey
+    mission_id: str
+    action_id: str
+    reason: str
+    details: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +153,7 @@ FleetOutput = (
     | MissionFinished
     | MissionFailed
     | MissionCancelled
+    | ActionRetriable
     | InstantActionEnded
 )
 

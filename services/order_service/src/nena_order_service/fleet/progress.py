@@ -53,6 +53,8 @@ class Progress:
     """Whether the robot has come to the last node."""
     failed: tuple[ActionState, ...]
     """The mission's actions that have failed."""
+    retriable: tuple[ActionState, ...]
+    """Those that have failed and may be tried again."""
     unreported: frozenset[str]
     """Ids of the mission's actions that the state does not know."""
 
@@ -85,6 +87,7 @@ def read(state: State, mission: Mission) -> Progress:
         idle=not left and all(each.action_status.ended for each in own),
         at_end=passed == mission.last_sequence_id,
         failed=tuple(each for each in own if each.action_status is ActionStatus.FAILED),
+        retriable=tuple(each for each in own if each.action_status is ActionStatus.RETRIABLE),
         unreported=ids.difference(each.action_id for each in own) if len(own) < len(ids) else frozenset(),
     )
 

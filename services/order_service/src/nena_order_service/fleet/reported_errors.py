@@ -79,6 +79,11 @@ def of_another_action(error: ErrorEntry, mission: Mission) -> bool:
     return bool(actions) and actions.isdisjoint(mission.action_ids)
 
 
+def name_actions(errors: Iterable[ErrorEntry]) -> bool:
+    """Tell whether errors name actions."""
+    return any(_referenced(error, "actionId") for error in errors)
+
+
 def refuses_update(error: ErrorEntry, mission_id: str, update_id: int) -> bool:
     """Tell whether an error says that the robot does not take an update of the order that it has.
 

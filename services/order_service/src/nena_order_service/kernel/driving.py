@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cache, partial
 
 from nena_order_service.dispatch.way import Way
 from nena_order_service.fleet import (
+    FailureKind,
     LinkStatus,
     MissionFailed,
     NotLocatedError,
@@ -18,6 +20,7 @@ from nena_order_service.kernel.instant_actions import state_request
 from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.mission_record import MissionRecord
 from nena_order_service.kernel.missions import MissionPlanner
+from nena_order_service.kernel.pauses import Pauses
 from nena_order_service.kernel.places import Places
 from nena_order_service.kernel.ports import FleetControl
 from nena_order_service.kernel.restart_gate import RestartGate
@@ -29,12 +32,22 @@ from nena_order_service.traffic.evasion import Evasion
 from nena_order_service.traffic.traffic_control import Departure, NoWay, Wish
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
+from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.topics import RobotKey
 
 log = get_logger(__name__)
 
 EVASION_PAUSE = 10.0
 """Seconds in which a robot that did not make room is not asked again."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    """An order of whose drive order nothing is sent yet, and what its vehicle wishes for it."""
+
+    order: TransportOrder
+    wish: Wish
+    retriable: bool
 
 
 class Driving:
@@ -53,6 +66,7 @@ class Driving:
         ahead: int,
         missions: MissionBook,
         places: Places,
+        pauses: Pauses,
         planner: MissionPlanner,
         registry: VehicleRegistry,
         steps: Steps,
@@ -68,6 +82,7 @@ class Driving:
         self._ahead = ahead
         self._missions = missions
         self._places = places
+        self._pauses = pauses
         self._planner = planner
         self._registry = registry
         self._steps = steps
@@ -76,21 +91,30 @@ class Driving:
         self._clock = clock
         self._on_stuck = on_stuck
         self._on_busy = on_busy
-        self._orders: dict[str, tuple[TransportOrder, Wish]] = {}
+        self._orders: dict[str, _Wanted] = {}
         """Orders of whose drive orders nothing is sent yet, by vehicle."""
         self._unsent: dict[str, MissionRecord] = {}
         """Missions of which nothing is allocated yet, by vehicle."""
         self._no_evasion_until: dict[str, float] = {}
         self._told: dict[str, str] = {}
 
-    def want(self, order: TransportOrder, vehicle: FleetVehicle, way: Way, *, first: bool = False) -> None:
+    def want(
+        self,
+        order: TransportOrder,
+        vehicle: FleetVehicle,
+        way: Way,
+        *,
+        first: bool = False,
+        retriable: bool = False,
+    ) -> None:
         """Let a vehicle do the current drive order, which is the first leg of ``way``, as soon as it can.
 
-        It is ``first`` in the row where it had its turn before.
+        It is ``first`` in the row where it had its turn before. Its actions are ``retriable`` where they may
+        be tried again at the robot.
         """
         self._places.see(vehicle)
         wish = self._planner.wish(order, vehicle, way.legs[0])
-        self._orders[vehicle.name] = order, wish
+        self._orders[vehicle.name] = _Wanted(order, wish, retriable)
         self._desk.wish(wish, first=first)
         self.due = True
 
@@ -106,6 +130,10 @@ class Driving:
         self._shorten(record)
         self._missions.put(record.model_copy(update={"cancelled": True}))
         self._steps.after_commit(lambda: self._fleet().cancel_mission(record.robot))
+
+    def instruct(self, record: MissionRecord, action: Action) -> None:
+        """Have a robot told to do something at once about its mission."""
+        self._steps.after_commit(lambda: self._fleet().instant_action(record.robot, action))
 
     def end_early(self, record: MissionRecord, *, partial: bool) -> None:
         """Let a mission end where its base does; ``partial`` where its order is to go on from there."""
@@ -130,6 +158,12 @@ class Driving:
         record = self._missions.find(mission_id)
         if record and self._gate.is_open and (vehicle := self._under_way(record)):
             self._go_on(vehicle, self._ahead and self._desk.ahead(vehicle.name) + self._ahead)
+
+    def ahead_of(self, record: MissionRecord) -> tuple[str, ...]:
+        """Name the path and the point that come next for a robot; nothing where it is at the end."""
+        vehicle = self._under_way(record)
+        journey = self._desk.journey(vehicle.name) if vehicle else None
+        return record.ahead(journey.reached) if journey else ()
 
     def finished(self, record: MissionRecord) -> None:
         """Let a robot rest at the end of its mission."""
@@ -192,7 +226,7 @@ class Driving:
                 del self._unsent[name]
                 self._desk.revoke(name)
                 if name in self._orders:
-                    self._desk.wish(self._orders[name][1], first=True)
+                    self._desk.wish(self._orders[name].wish, first=True)
 
     def _replan(self) -> None:
         """Let missions end where their bases do whose ways lead over robots that will not make room.
@@ -212,6 +246,8 @@ class Driving:
             return "it makes room for others first"
         if reason := self._gate.reason:
             return reason
+        if vehicle.name in self._pauses:
+            return self._pauses.why(vehicle)
         if vehicle.name in self._orders:
             return self._why_it_stays(vehicle)
         why = self._desk.why_waiting(vehicle.name)
@@ -245,7 +281,7 @@ class Driving:
     def _movable(self, name: str) -> bool:
         """Tell whether a vehicle at rest could drive away now."""
         vehicle = self._registry.named(name)
-        if vehicle is None or vehicle.obstacle:
+        if vehicle is None or vehicle.obstacle or name in self._pauses:
             return False
         if self._places.obstacle(vehicle, working=name in self._orders):
             return False
@@ -258,7 +294,7 @@ class Driving:
     def _lost(self, name: str) -> bool:
         """Tell whether nobody knows when a vehicle at rest could drive away."""
         vehicle = self._registry.named(name)
-        if vehicle is None or self._view(vehicle).link is not LinkStatus.ONLINE:
+        if vehicle is None or name in self._pauses or self._view(vehicle).link is not LinkStatus.ONLINE:
             return True
         works = self._missions.order_number(vehicle.key) is not None
         return not works and not self._movable(name)
@@ -298,11 +334,11 @@ class Driving:
             mission = self._planner.evasion(vehicle, standing, granted.route)
             log.info("vehicle makes room", vehicle=vehicle.name, goal=granted.route.destination)
             return MissionRecord.of(vehicle.key, mission, None, granted.way)
-        order, _ = self._orders[vehicle.name]
-        tries = self._places.tries(vehicle)
-        mission = self._planner.mission(order, vehicle, standing, granted.route, tries)
-        index = order.status.current_drive_order_index
-        return MissionRecord.of(vehicle.key, mission, index, granted.way)
+        wanted = self._orders[vehicle.name]
+        mission = self._planner.mission(
+            wanted.order, vehicle, standing, granted.route, retriable=wanted.retriable
+        )
+        return MissionRecord.of(vehicle.key, mission, wanted.order.index, granted.way)
 
     def _go_on(self, vehicle: FleetVehicle, ahead: int | None = None) -> None:
         """Allocate what can be had, and send what is new."""
@@ -336,7 +372,8 @@ class Driving:
         try:
             self._fleet().start_mission(record.robot, record.as_released())
         except RobotBusyError as error:
-            self._on_busy(MissionFailed(record.robot, record.mission.mission_id, str(error)))
+            name = record.mission.mission_id
+            self._on_busy(MissionFailed(record.robot, name, str(error), kind=FailureKind.REFUSED))
 
     def _under_way(self, record: MissionRecord) -> FleetVehicle | None:
         vehicle = self._registry.of(record.robot)

@@ -9,6 +9,7 @@ from datetime import timedelta
 
 from nena_order_service.dispatch.way import WayFinder
 from nena_order_service.fleet import (
+    ActionRetriable,
     BaseWanted,
     FleetOutput,
     InstantActionEnded,
@@ -30,6 +31,7 @@ from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.kernel.order_fit import OrderFit
 from nena_order_service.kernel.order_flow import OrderFlow
+from nena_order_service.kernel.pauses import Pauses
 from nena_order_service.kernel.places import Places
 from nena_order_service.kernel.ports import FleetControl
 from nena_order_service.kernel.recovery import Recovery
@@ -44,6 +46,7 @@ from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store.store import Store
 from nena_order_service.traffic.desk import TrafficDesk
 from nena_shared.clock import Clock
+from nena_shared.fleet_api.failure_policy import FailurePolicy
 from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
@@ -80,6 +83,7 @@ class Kernel:
         planner: MissionPlanner,
         clock: Clock,
         settings: KernelSettings,
+        on_failure: FailurePolicy = (),
     ) -> None:
         self.plant = plant
         self.store = store
@@ -105,6 +109,7 @@ class Kernel:
             view=self.view,
             clock=clock,
         )
+        self._pauses = Pauses(self.book, planner, self.view, clock)
         self._driving = self._make_driving(planner, settings.release_ahead)
         self._fit = OrderFit(self._vehicles)
         self._dispatching = Dispatching(
@@ -115,7 +120,7 @@ class Kernel:
             obstacle=self._driving.obstacle,
             misfit=self._fit.misfit,
         )
-        self._orders = self._make_order_flow(planner)
+        self._orders = self._make_order_flow(planner, on_failure)
 
     def _make_driving(self, planner: MissionPlanner, ahead: int) -> Driving:
         return Driving(
@@ -123,24 +128,26 @@ class Kernel:
             ahead=ahead,
             missions=self._missions,
             places=self._places,
+            pauses=self._pauses,
             planner=planner,
             registry=self.registry,
             steps=self.steps,
             gate=self._gate,
             fleet=lambda: self.fleet,
             clock=self.clock,
-            on_stuck=lambda robot, reason: self._orders.give_up(robot, reason),  # noqa: PLW0108 - made later
+            on_stuck=lambda robot, reason: self._orders.no_way(robot, reason),  # noqa: PLW0108 - made later
             on_busy=self.on_news,
         )
 
-    def _make_order_flow(self, planner: MissionPlanner) -> OrderFlow:
+    def _make_order_flow(self, planner: MissionPlanner, policy: FailurePolicy) -> OrderFlow:
         return OrderFlow(
             self.plant,
             book=self.book,
             missions=self._missions,
             dispatching=self._dispatching,
             driving=self._driving,
-            places=self._places,
+            pauses=self._pauses,
+            policy=policy,
             registry=self.registry,
             finder=self._finder,
             planner=planner,
@@ -194,6 +201,7 @@ class Kernel:
         with self.step():
             self._orders.dispatch_due = self._driving.due = True
             self._orders.note_deadlines()
+            self._orders.end_late_ones()
             for vehicle in self.registry:
                 self._places.see(vehicle)
         with self.step():
@@ -229,6 +237,16 @@ class Kernel:
         """Withdraw an order that is not at its end; see :meth:`OrderFlow.withdraw`."""
         with self.step():
             self._orders.withdraw(self.book.get(number), reason, immediate=immediate)
+
+    def hold(self, number: int, by: str, reason: str, *, immediate: bool = True) -> None:
+        """Let an order wait that is neither at its end nor withdrawn; see :meth:`Holding.hold`."""
+        with self.step():
+            self._orders.holding.hold(self.book.get(number), by, reason, immediate=immediate)
+
+    def resume(self, number: int, by: str, reason: str) -> None:
+        """Let a held order go on; see :meth:`Holding.resume`."""
+        with self.step():
+            self._orders.holding.resume(self.book.get(number), by, reason)
 
     def set_integration_level(self, vehicle: FleetVehicle, level: IntegrationLevel) -> None:
         """Let a vehicle count so much from now on.
@@ -300,6 +318,9 @@ class Kernel:
                     self._robot_changed(robot)
                 case InstantActionEnded():
                     self.instant_actions.ended(news)
+                    self._orders.news.on_instant_action(news)
+                case ActionRetriable():
+                    self._orders.news.on_retriable(news)
                 case (
                     MissionAccepted()
                     | OperationStarted()
@@ -307,7 +328,7 @@ class Kernel:
                     | MissionFailed()
                     | MissionCancelled()
                 ):
-                    self._orders.on_mission(news)
+                    self._orders.news.on_mission(news)
                     self._orders.tell_hindrance(self.registry.discover(news.robot))
                 case NodePassed():
                     self._driving.passed(news.mission_id, news.sequence_id)

@@ -10,6 +10,7 @@ from nena_order_service.fleet import Mission
 from nena_order_service.fleet.mission_update import released_to
 from nena_order_service.traffic.desk import Journey
 from nena_order_service.traffic.resources import ResourceSet
+from nena_shared.plant import BACKWARD_SUFFIX
 from nena_shared.vda5050.topics import RobotKey
 
 
@@ -64,6 +65,13 @@ class MissionRecord(BaseModel):
     def allocated(self) -> int:
         """How many sets of its way are allocated."""
         return len(self.way) if self.released_to is None else self.released_to // 2
+
+    def ahead(self, reached: int) -> tuple[str, ...]:
+        """Name the path and the point behind the ``reached``-th node; nothing at the end."""
+        if reached >= len(self.mission.edges):
+            return ()
+        path = self.mission.edges[reached].edge_id.removesuffix(BACKWARD_SUFFIX)
+        return path, self.mission.nodes[reached + 1].node_id
 
     def released(self, journey: Journey) -> Self:
         """Give the record with what is allocated for its base."""

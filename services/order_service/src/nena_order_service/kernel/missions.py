@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from nena_order_service.dispatch.way import Leg, Way, WayFinder
 from nena_order_service.fleet import (
     Mission,
@@ -38,14 +40,30 @@ class MissionPlanner:
             raise NotLocatedError("it has not told its state yet")
         return locate(self._plant, view.state, vehicle.profile)
 
-    def way(self, order: TransportOrder, vehicle: FleetVehicle, standing: Standing) -> Way:
-        """Find the way through the destinations that are not reached yet; raises NoRouteError."""
-        first = max(order.status.current_drive_order_index, 0)
+    def action_type(self, operation: str) -> str:
+        """Give the VDA 5050 action that an operation stands for; empty for none."""
+        return self._operations.action_type(operation)
+
+    def paths(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Give those of the names that are paths."""
+        return tuple(name for name in names if name in self._plant.paths_by_name)
+
+    def way(
+        self,
+        order: TransportOrder,
+        vehicle: FleetVehicle,
+        standing: Standing,
+        avoid: frozenset[str] = frozenset(),
+    ) -> Way:
+        """Find the way through the destinations that are not reached yet, which keeps off ``avoid``, too.
+
+        Raises NoRouteError.
+        """
         return self._finder.find(
             standing.point,
-            [each.destination for each in order.status.drive_orders[first:]],
+            [each.destination for each in order.status.drive_orders[order.index :]],
             vehicle=vehicle.model,
-            avoid=order.resources_to_avoid,
+            avoid=order.resources_to_avoid | avoid,
         )
 
     def wish(self, order: TransportOrder, vehicle: FleetVehicle, leg: Leg) -> Wish:
@@ -64,24 +82,27 @@ class MissionPlanner:
         vehicle: FleetVehicle,
         standing: Standing,
         route: Route | None,
-        tries: int = 0,
+        *,
+        retriable: bool = False,
     ) -> Mission:
         """Make the mission of the current drive order, along ``route`` or straight to its coordinate.
 
-        ``tries`` counts the missions of the same drive order before it.
+        Where it is ``retriable``, its actions may be tried again at the robot (VDA 5050 3.0 section 6.6.9).
         """
-        index = order.status.current_drive_order_index
-        destination = order.status.drive_orders[index].destination
+        index, destination = order.index, order.current.destination
         location = self._plant.locations_by_name.get(destination.location_name or "")
         return build_mission(
-            mission_id(order.name, index, tries),
+            mission_id(order.name, index, order.current.attempts),
             plant=self._plant,
             standing=standing,
             profile=vehicle.profile,
             route=route,
             coordinate=destination.coordinate,
             actions=self._operations.actions(
-                destination.operation, {each.key: each.value for each in destination.properties}, location
+                destination.operation,
+                {each.key: each.value for each in destination.properties},
+                location,
+                retriable=retriable,
             ),
         )
 

@@ -30,4 +30,6 @@ class OrderFit:
 
     def misfit(self, order: TransportOrder, vehicle: FleetVehicle) -> str:
         """Say, as a predicate, why a vehicle must not be given an order; empty where it may."""
+        if vehicle.name in order.status.excluded_vehicles:
+            return "has failed at it"
         return why_not_accepted(self.order_types(vehicle), order.status.type)

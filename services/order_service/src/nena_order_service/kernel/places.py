@@ -116,14 +116,6 @@ class Places:
         """Tell how much a vehicle counts."""
         return self._book.of(vehicle.key).integration_level
 
-    def count_tries(self, vehicle: FleetVehicle, number: int) -> None:
-        """Note how often a vehicle has begun its drive order before: each time is a mission of its own."""
-        self._book.change(vehicle.key, tries=number)
-
-    def tries(self, vehicle: FleetVehicle) -> int:
-        """Tell how often a vehicle has begun its drive order before."""
-        return self._book.of(vehicle.key).tries
-
     def set_level(self, vehicle: FleetVehicle, level: IntegrationLevel) -> None:
         """Let a vehicle count so much from now on."""
         self._book.change(vehicle.key, integration_level=level)

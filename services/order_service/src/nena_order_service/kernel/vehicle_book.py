@@ -30,8 +30,6 @@ class VehicleRecord(BaseModel):
     """What hosts have said; None: what the plant model says holds."""
     held: tuple[ResourceSet, ...] = ()
     """What it held when it began what it does now, oldest first."""
-    tries: int = 0
-    """How often it has begun its drive order without coming to the end of it."""
     evasion: MissionRecord | None = None
     """What it was sent to make room for others."""
 

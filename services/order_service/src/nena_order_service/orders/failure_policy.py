@@ -72,10 +72,8 @@ def _objection(step: FailureStep, situation: Situation) -> str:
     """Say what speaks against a measure; empty for nothing."""
     if step.do.last:
         return ""
-    if situation.kind is K.UNCONFIRMED:
-        return "the robot may still be at it"
-    if situation.kind is K.LOST and situation.begun:
-        return "nobody knows how far the operation was done"
+    if situation.kind is K.UNCLEAR or (situation.kind is K.LOST and situation.begun):
+        return "nobody knows what the robot has done of it"
     return _AGAINST[step.do](step, situation)
 
 

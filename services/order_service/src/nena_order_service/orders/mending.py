@@ -69,11 +69,23 @@ def skipped(order: TransportOrder, why: str, now: datetime) -> TransportOrder:
     return order.moved_on(DriveOrderState.FAILED, entry)
 
 
+def failed_while_held(order: TransportOrder, words: str) -> TransportOrder:
+    """Say of an order that is held what has happened since: nothing is done about it before it is resumed."""
+    assert order.status.held, "somebody holds it"  # noqa: S101 - for the type
+    reason = f"{order.status.held.reason}; since then: {words}"
+    return order.changed(held=order.status.held.model_copy(update={"reason": reason}))
+
+
+def tried(order: TransportOrder) -> TransportOrder:
+    """Let the pause before the next try be over."""
+    return order.changed(next_try=None) if order.status.next_try else order
+
+
 def begun_again(order: TransportOrder) -> TransportOrder:
     """Count another mission of the current drive order, which the vehicle travels to again."""
     current = order.current
     update = {"attempts": current.attempts + 1, "state": DriveOrderState.TRAVELLING}
-    return order.changed(drive_orders=order.with_current(current.model_copy(update=update)), next_try=None)
+    return order.changed(drive_orders=order.with_current(current.model_copy(update=update)))
 
 
 def _again(

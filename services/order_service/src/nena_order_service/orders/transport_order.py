@@ -256,7 +256,8 @@ class TransportOrder:
         """Withdraw it: it fails at once where no vehicle works on it, else once the vehicle has let it go."""
         if self.state in (S.ACTIVE, S.DISPATCHABLE):
             return self.failed(reason, now)
-        return self._moved(S.WITHDRAWN, None, self.entry(now, EventCode.WITHDRAWAL_REQUESTED, reason))
+        entry = self.entry(now, EventCode.WITHDRAWAL_REQUESTED, reason)
+        return self._moved(S.WITHDRAWN, None, entry, held=None, next_try=None)
 
     def hindered(self, why: str) -> Self:
         """Say what keeps its vehicle from going on, empty for nothing; the same again changes nothing."""
@@ -291,7 +292,7 @@ class TransportOrder:
         entry = self.entry(now, EventCode.FINAL_STATE_REACHED, state, reason)
         deadline = self.status.deadline
         late = self.status.late or (deadline is not None and deadline < now)
-        return self._moved(state, reason, entry, finished=now, late=late, **changes)
+        return self._moved(state, reason, entry, finished=now, late=late, held=None, next_try=None, **changes)
 
     def _moved(
         self,

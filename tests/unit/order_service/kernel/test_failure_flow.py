@@ -1,0 +1,220 @@
+"""What is done about orders at which vehicles have failed, in the kernel."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+
+from nena_order_service.fleet import FailureKind, Mission
+from nena_order_service.kernel import Kernel
+from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
+from support.order_service import request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+
+S = TransportOrderState
+
+PLANT = PlantModel(
+    name="two ways",
+    points=tuple(point(name, 2000 * index) for index, name in enumerate("ABCDEFGH")),
+    paths=tuple(
+        path(ends, 2000, max_reverse_velocity_mm_s=1000)
+        for ends in ("A B", "B C", "A D", "D E", "E C", "C F", "F G", "G H")
+    ),
+    vehicles=(Vehicle(name="V1"), Vehicle(name="V2")),
+    location_types=(LocationType(name="T", allowed_operations=("Load", "Unload", "Wash")),),
+    locations=(
+        Location(name="L", type="T", links=(Link(point="C"),)),
+        Location(name="M", type="T", links=(Link(point="F"),)),
+    ),
+)
+
+
+async def make(store: MemoryStore, **places: str) -> tuple[Kernel, ScriptedFleet]:
+    fleet = ScriptedFleet(places or {"V1": "A", "V2": "H"})
+    kernel = await make_kernel(PLANT, store, fleet)
+    for name, at in fleet.at.items():
+        fleet.appear(name, at)
+    return kernel, fleet
+
+
+def status(kernel: Kernel, name: str = "T") -> TransportOrderStatus:
+    order = kernel.book.visible_named(name)
+    assert order
+    return order.status
+
+
+def codes(kernel: Kernel) -> list[str]:
+    return [entry.event_code.removeprefix("nena:") for entry in status(kernel).history]
+
+
+def sent(fleet: ScriptedFleet) -> list[tuple[str, str]]:
+    return [(robot, mission.mission_id) for robot, mission in fleet.sent]
+
+
+def way(mission: Mission) -> list[str]:
+    return [node.node_id for node in mission.nodes]
+
+
+async def test_a_drive_is_tried_again_and_then_another_way() -> None:
+    kernel, fleet = await make(MemoryStore())
+    policy = [{"do": "RETRY"}, {"do": "REPLAN"}, {"do": "REPLAN"}]
+    kernel.create(request("C", onFailure=policy, intendedVehicle="V1"), "T")
+    fleet.fail("V1")
+    fleet.fail("V1")
+
+    assert sent(fleet) == [("V1", "T-0"), ("V1", "T-0~1"), ("V1", "T-0~2")]
+    assert [way(mission) for _, mission in fleet.sent] == [
+        ["A", "B", "C"],
+        ["A", "B", "C"],
+        ["A", "D", "E", "C"],
+    ]
+    assert codes(kernel)[2:] == ["retried", "replanned"]
+    assert status(kernel).history[-1].supplements == ("wheel lost. FATAL wheel; avoids A --- B, B",)
+
+    fleet.fail("V1")
+    assert status(kernel).state is S.FAILED
+    assert status(kernel).reason == "wheel lost. FATAL wheel (no REPLAN: there is no other way)"
+
+
+async def test_a_pause_before_the_next_try_is_told_and_outlives_a_restart() -> None:
+    store = MemoryStore()
+    kernel, fleet = await make(store)
+    kernel.create(request("C", onFailure=[{"do": "RETRY", "after": 60}]), "T")
+    fleet.fail("V1")
+    assert "but it is tried again at" in status(kernel).reason
+    now = kernel.clock.now()
+
+    again, fleet = await make(store)
+    again.clock.advance(59)  # type: ignore[attr-defined] # the clock of make_kernel
+    again.look()
+    assert fleet.sent == []
+    assert status(again).next_try == now + timedelta(seconds=60)
+
+    again.clock.advance(1)  # type: ignore[attr-defined] # the clock of make_kernel
+    again.look()
+    assert sent(fleet) == [("V1", "T-0~1")]
+    assert fleet.finish("V1")
+    assert status(again).state is S.FINISHED
+
+
+async def test_another_vehicle_goes_on_and_the_first_one_never_gets_it_again() -> None:
+    kernel, fleet = await make(MemoryStore())
+    kernel.create(request("B", "C", onFailure=[{"do": "OTHER_VEHICLE", "times": 2}]), "T")
+    fleet.finish("V1")
+    fleet.out_of_order.add("V2")
+    fleet.fail("V1")
+    assert (status(kernel).state, status(kernel).processing_vehicle) == (S.DISPATCHABLE, None)
+    kernel.look()
+    assert status(kernel).state is S.DISPATCHABLE
+
+    fleet.out_of_order.clear()
+    fleet.appear("V2", "H")
+    assert sent(fleet)[-1] == ("V2", "T-1")
+    assert status(kernel).current_drive_order_index == 1
+    fleet.fail("V2")
+    assert status(kernel).state is S.FAILED
+    assert "no other vehicle" in status(kernel).reason
+
+
+async def test_a_loaded_vehicle_keeps_its_order() -> None:
+    kernel, fleet = await make(MemoryStore())
+    policy = [{"do": "OTHER_VEHICLE"}, {"do": "HOLD"}]
+    kernel.create(request("L:Load", "M:Unload", onFailure=policy), "T")
+    loader = fleet.sent[0][0]
+    fleet.finish(loader)
+    fleet.fail(loader)
+
+    assert status(kernel).processing_vehicle == loader
+    assert status(kernel).held
+    assert "no other one can go on with it" in status(kernel).reason
+
+
+async def test_an_operation_is_left_out_where_the_destination_says_so() -> None:
+    kernel, fleet = await make(MemoryStore())
+    stops = [
+        {"locationName": "L", "operation": "Wash", "onFailure": [{"do": "SKIP"}]},
+        {"locationName": "M", "operation": "Wash"},
+    ]
+    kernel.create(request("A").model_validate({"destinations": stops, "intendedVehicle": "V1"}), "T")
+    fleet.fail_operation("V1")
+    assert sent(fleet) == [("V1", "T-0"), ("V1", "T-1")]
+    assert codes(kernel)[-1] == "skipped"
+
+    fleet.fail_operation("V1")
+    assert status(kernel).state is S.FAILED
+    assert [each.state for each in status(kernel).drive_orders] == ["FAILED", "FAILED"]
+
+
+async def test_the_last_operation_is_left_out_and_the_order_is_done() -> None:
+    kernel, fleet = await make(MemoryStore())
+    kernel.create(request("L:Wash", onFailure=[{"do": "SKIP"}]), "T")
+    fleet.fail_operation("V1")
+    assert (status(kernel).state, fleet.missions) == (S.FINISHED, {})
+
+
+async def test_after_a_failure_a_person_lets_it_go_on() -> None:
+    store = MemoryStore()
+    kernel, fleet = await make(store)
+    order = kernel.create(request("C", onFailure=[{"do": "HOLD"}]), "T")
+    fleet.fail("V1", at="B")
+    assert status(kernel).state is S.BEING_PROCESSED
+    assert status(kernel).reason.startswith("held by failure policy since")
+    vehicle = kernel.registry.named("V1")
+    assert vehicle
+    assert kernel.status(vehicle).reason == status(kernel).reason
+
+    again, fleet = await make(store, V1="B", V2="H")
+    again.look()
+    assert fleet.sent == []
+    again.resume(order.number, "Ann", "wheel is back")
+    assert sent(fleet) == [("V1", "T-0~1")]
+    assert codes(again)[-2:] == ["adoptedAfterRestart", "resumed"]
+    fleet.fail("V1")
+    assert status(again).held
+
+
+async def test_the_setting_counts_where_the_order_says_nothing() -> None:
+    fleet = ScriptedFleet({"V1": "A"})
+    policy = request("A", onFailure=[{"do": "HOLD"}]).on_failure
+    assert policy
+    kernel = await make_kernel(PLANT, MemoryStore(), fleet, on_failure=policy)
+    kernel.create(request("C"), "T")
+    fleet.fail("V1")
+    assert status(kernel).held
+
+    kernel.withdraw(kernel.book.get(1).number, "not wanted")
+    kernel.create(request("C", onFailure=[]), "T2")
+    fleet.fail("V1")
+    assert status(kernel, "T2").state is S.FAILED
+
+
+@pytest.mark.parametrize("kind", list(FailureKind))
+async def test_an_order_ends_whatever_fails_and_however_often(kind: FailureKind) -> None:
+    kernel, fleet = await make(MemoryStore())
+    steps = [{"do": "RETRY", "times": 3}, {"do": "REPLAN", "times": 3}, {"do": "OTHER_VEHICLE", "times": 9}]
+    kernel.create(request("L:Load", onFailure=[*steps, {"do": "SKIP"}]), "T")
+    for _ in range(40):
+        for robot in tuple(fleet.missions):
+            fleet.fail(robot.serial_number, "no", kind)
+
+    assert status(kernel).state.final
+    ids = [(robot, mission.mission_id) for robot, mission in fleet.sent]
+    assert len(ids) == len(set(ids))
+
+
+async def test_a_way_that_is_locked_in_between_is_waited_for() -> None:
+    kernel, fleet = await make(MemoryStore(), V1="F")
+    kernel.create(request("G", "H", onFailure=[{"do": "RETRY", "times": 2, "after": 10}]), "T")
+    kernel._finder.set_locks({"G --- H": True})
+    kernel.plant_changed()
+    fleet.finish("V1")
+    assert "tried again at" in status(kernel).reason
+
+    kernel._finder.set_locks({"G --- H": False})
+    kernel.plant_changed()
+    kernel.clock.advance(10)  # type: ignore[attr-defined] # the clock of make_kernel
+    kernel.look()
+    assert sent(fleet)[-1] == ("V1", "T-1~1")

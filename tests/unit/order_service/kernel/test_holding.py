@@ -1,0 +1,168 @@
+"""Orders that a person holds, and lets go on."""
+
+from __future__ import annotations
+
+from nena_order_service.kernel import Kernel
+from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.plant import PlantModel, Vehicle
+from support.order_service import request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_kernel
+
+S = TransportOrderState
+
+ROW = PlantModel(
+    name="row",
+    points=tuple(point(name, 2000 * index) for index, name in enumerate("ABCDP")),
+    paths=tuple(path(ends, 2000, max_reverse_velocity_mm_s=1000) for ends in ("A B", "B C", "C D", "B P")),
+    vehicles=(Vehicle(name="V1"), Vehicle(name="V2")),
+)
+
+
+async def make(store: MemoryStore, ahead: int = 0, **places: str) -> tuple[Kernel, ScriptedFleet]:
+    fleet = ScriptedFleet(places)
+    kernel = await make_kernel(ROW, store, fleet, release_ahead=ahead)
+    for name, at in places.items():
+        fleet.appear(name, at)
+    return kernel, fleet
+
+
+def status(kernel: Kernel, name: str = "T") -> TransportOrderStatus:
+    order = kernel.book.visible_named(name)
+    assert order
+    return order.status
+
+
+async def test_an_order_that_waits_is_given_to_nobody_while_it_is_held() -> None:
+    store = MemoryStore()
+    kernel, fleet = await make(store)
+    order = kernel.create(request("C"), "T")
+    kernel.hold(order.number, "Ann", "tea")
+    fleet.appear("V1", "A")
+    assert (status(kernel).state, fleet.sent) == (S.DISPATCHABLE, [])
+    assert status(kernel).reason.startswith("held by Ann")
+
+    again, fleet = await make(store, V1="A")
+    again.look()
+    assert fleet.sent == []
+    again.resume(order.number, "Ann", "go")
+    assert status(again).processing_vehicle == "V1"
+
+
+async def test_a_robot_under_way_is_told_to_cancel_and_goes_on_when_the_order_is_resumed() -> None:
+    store = MemoryStore()
+    kernel, fleet = await make(store, V1="A")
+    order = kernel.create(request("D"), "T")
+    kernel.hold(order.number, "Ann", "tea")
+    kernel.hold(order.number, "Bob", "me too")
+    assert fleet.cancelled == ["V1"]
+    fleet.at["V1"] = "B"
+    fleet.confirm_cancel("V1")
+    assert status(kernel).state is S.BEING_PROCESSED
+    assert status(kernel).reason.startswith("held by Ann since 1970") or "Ann" in status(kernel).reason
+
+    again, fleet = await make(store, V1="B")
+    again.resume(order.number, "Bob", "go")
+    ((_, mission),) = fleet.sent
+    assert (mission.mission_id, mission.nodes[0].node_id) == ("T-0~1", "B")
+    assert fleet.finish("V1")
+    assert status(again).state is S.FINISHED
+
+
+async def test_a_restart_between_the_hold_and_the_cancel_cancels_again() -> None:
+    store = MemoryStore()
+    kernel, _ = await make(store, V1="A")
+    order = kernel.create(request("D"), "T")
+    kernel.hold(order.number, "Ann", "tea")
+
+    again, fleet = await make(store, V1="A")
+    assert fleet.cancelled == ["V1"]
+    again.resume(order.number, "Ann", "go")
+    fleet.confirm_cancel("V1")
+
+    assert [mission.mission_id for _, mission in fleet.sent] == ["T-0~1"]
+
+
+async def test_a_gentle_hold_ends_where_the_base_does() -> None:
+    kernel, fleet = await make(MemoryStore(), ahead=1, V1="A")
+    order = kernel.create(request("D"), "T")
+    kernel.hold(order.number, "Ann", "tea", immediate=False)
+    assert fleet.finish("V1")
+    assert fleet.at["V1"] == "B"
+    assert (status(kernel).held is not None, fleet.cancelled) == (True, [])
+
+    kernel.resume(order.number, "Ann", "go")
+    assert fleet.sent[-1][1].mission_id == "T-0~1"
+
+
+async def test_a_gentle_hold_becomes_an_immediate_one() -> None:
+    kernel, fleet = await make(MemoryStore(), V1="A")
+    order = kernel.create(request("D"), "T")
+    kernel.hold(order.number, "Ann", "tea", immediate=False)
+    kernel.hold(order.number, "Ann", "now")
+    assert fleet.cancelled == ["V1"]
+
+
+async def test_an_operation_is_done_to_its_end_and_the_next_destination_waits() -> None:
+    kernel, fleet = await make(MemoryStore(), V1="A")
+    order = kernel.create(request("B", "C"), "T")
+    fleet.operate("V1")
+    kernel.hold(order.number, "Ann", "tea")
+    assert fleet.cancelled == []
+    fleet.finish("V1")
+
+    assert (status(kernel).current_drive_order_index, len(fleet.sent)) == (1, 1)
+    kernel.resume(order.number, "Ann", "go")
+    assert fleet.sent[-1][1].mission_id == "T-1"
+
+
+async def test_what_fails_while_it_is_held_is_said_and_waits() -> None:
+    kernel, fleet = await make(MemoryStore(), V1="A")
+    order = kernel.create(request("D"), "T")
+    kernel.hold(order.number, "Ann", "tea")
+    fleet.fail("V1")
+    assert status(kernel).state is S.BEING_PROCESSED
+    assert status(kernel).reason.endswith("tea; since then: wheel lost. FATAL wheel")
+    kernel.withdraw(order.number, "not wanted")
+    assert status(kernel).reason == "withdrawn, and the vehicle was at nothing for it: not wanted"
+
+
+async def test_a_held_robot_keeps_its_place_and_others_say_why_they_wait() -> None:
+    kernel, fleet = await make(MemoryStore(), V1="B", V2="A")
+    order = kernel.create(request("D", intendedVehicle="V1"), "T")
+    kernel.hold(order.number, "Ann", "tea")
+    fleet.confirm_cancel("V1")
+    kernel.create(request("C", intendedVehicle="V2"), "T2")
+    kernel.look()
+
+    assert [robot for robot, _ in fleet.sent] == ["V1"]
+    assert status(kernel, "T2").reason.endswith("but it waits for 'B', where V1 rests")
+    assert not kernel.desk.journey("V1")
+
+    kernel.resume(order.number, "Ann", "go")
+    assert fleet.finish("V1")
+    kernel.look()
+    assert key("V2") in fleet.missions
+
+
+async def test_what_is_not_sent_yet_is_not_sent_while_it_is_held() -> None:
+    kernel, fleet = await make(MemoryStore(), V1="A", V2="C")
+    fleet.out_of_order.add("V2")
+    order = kernel.create(request("D", intendedVehicle="V1"), "T")
+    assert fleet.sent == []
+    kernel.hold(order.number, "Ann", "tea")
+    fleet.out_of_order.clear()
+    fleet.appear("V2", "P")
+    kernel.look()
+    assert fleet.sent == []
+
+    kernel.resume(order.number, "Ann", "go")
+    assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
+
+
+async def test_nothing_is_resumed_that_nobody_holds() -> None:
+    kernel, fleet = await make(MemoryStore(), V1="A")
+    order = kernel.create(request("D"), "T")
+    version = status(kernel).version
+    kernel.resume(order.number, "Ann", "go")
+    assert (status(kernel).version, len(fleet.sent)) == (version, 1)

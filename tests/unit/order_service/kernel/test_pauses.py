@@ -1,0 +1,48 @@
+"""Vehicles that stand with an order, and why."""
+
+from __future__ import annotations
+
+from nena_order_service.kernel import Kernel
+from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.plant import PlantModel, Vehicle
+from support.order_service import request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+
+PLANT = PlantModel(
+    name="row",
+    points=tuple(point(name, 2000 * index) for index, name in enumerate("AB")),
+    paths=(path("A B"),),
+    vehicles=(Vehicle(name="V1"),),
+)
+
+
+async def restarted(**places: str) -> tuple[Kernel, ScriptedFleet]:
+    """Restart after an order was assigned, before its robot was sent anything."""
+    store = MemoryStore()
+    kernel = await make_kernel(PLANT, store, ScriptedFleet({"V1": "A"}))
+    kernel.create(request("B"), "T")
+    store.found.missions.clear()
+    fleet = ScriptedFleet(places)
+    return await make_kernel(PLANT, store, fleet), fleet
+
+
+def status(kernel: Kernel) -> TransportOrderStatus:
+    order = kernel.book.visible_named("T")
+    assert order
+    return order.status
+
+
+async def test_a_robot_whose_first_state_does_not_locate_it_is_waited_for() -> None:
+    kernel, fleet = await restarted()
+    kernel.look()
+    assert status(kernel).reason.endswith("but the robot is offline")
+
+    fleet.appear("V1", "nowhere")
+    assert status(kernel).state is TransportOrderState.BEING_PROCESSED
+    assert "set its initial pose" in status(kernel).reason
+    assert fleet.sent == []
+
+    fleet.appear("V1", "A")
+    assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
+    assert status(kernel).reason == "vehicle V1 travels to destination 1 of 1"

@@ -1,0 +1,38 @@
+from __future__ import annotations
+
+import pytest
+from pydantic import ValidationError
+
+from nena_shared.fleet_api.failure_policy import FailureMeasure, FailureStep
+from nena_shared.fleet_api.transport_order import TransportOrderRequest
+from support.order_service import request
+
+
+@pytest.mark.parametrize(
+    ("steps", "problem"),
+    [
+        ([{"do": "FAIL"}, {"do": "RETRY"}], "nothing comes after HOLD or FAIL"),
+        ([{"do": "HOLD"}, {"do": "FAIL"}], "nothing comes after HOLD or FAIL"),
+        ([{"do": "SKIP", "times": 2}], "is done once"),
+        ([{"do": "HOLD", "after": 2}], "waits for nothing"),
+        ([{"do": "RETRY", "times": 0}], "greater than or equal to 1"),
+        ([{"do": "PRAY"}], "Input should be"),
+        ([{"do": "RETRY"}] * 21, "at most 20"),
+    ],
+)
+def test_a_policy_that_makes_no_sense_is_refused(steps: list[dict[str, object]], problem: str) -> None:
+    with pytest.raises(ValidationError, match=problem):
+        request("A", onFailure=steps)
+
+
+def test_a_policy_is_read_for_the_order_and_for_each_destination() -> None:
+    body = {
+        "destinations": [{"locationName": "A", "onFailure": [{"do": "SKIP"}]}],
+        "onFailure": [{"do": "RETRY", "times": 2, "after": 5}, {"do": "HOLD"}],
+        "timeout": 60,
+    }
+    made = TransportOrderRequest.model_validate(body)
+
+    assert made.destinations[0].on_failure == (FailureStep(do=FailureMeasure.SKIP),)
+    assert made.on_failure is not None
+    assert (made.on_failure[0].times, made.on_failure[0].after, made.timeout) == (2, 5.0, 60.0)
