@@ -167,6 +167,7 @@ class TransportOrder:
 
     def assigned(self, vehicle: str, routes: Iterable[tuple[str, ...]], why: str, now: datetime) -> Self:
         """Give it to a vehicle, with the names of the points of each route that is left to drive."""
+        self.require("assigning", S.DISPATCHABLE)
         done, left = self.status.drive_orders[: self.index], self.status.drive_orders[self.index :]
         planned = [each.model_copy(update={"route": route}) for each, route in zip(left, routes, strict=True)]
         first = planned[0].model_copy(update={"state": DriveOrderState.TRAVELLING})
