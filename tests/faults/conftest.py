@@ -10,13 +10,18 @@ from typing import Any
 
 import pytest
 
-from faults.checker import settled
+from faults.checker import Account, settled
+from faults.extent import WHOLE
+from faults.footprint import Footprint, grown
 from faults.host import Host
+from faults.recovery import FILE, Fault, Record
 from faults.site import Site
 from support.order_service_fleet import awaited
 
 AT_WORK_WITHIN = 60.0
 FLOWING_WITHIN = 120.0
+YARDSTICK = 10 if WHOLE else 2
+"""Orders by which it is measured how long two of them take."""
 
 
 @dataclass
@@ -25,8 +30,17 @@ class Trial:
 
     site: Site
     host: Host
-    recovered: list[tuple[str, float]] = field(default_factory=list)
-    """Each fault, with the seconds from its end until orders came to their end again."""
+    undisturbed: float = 0.0
+    """Seconds that two orders took to end before the first fault, on average."""
+    recovered: list[Fault] = field(default_factory=list)
+    before: dict[str, Footprint] = field(default_factory=dict)
+
+    def footprints(self) -> dict[str, Footprint]:
+        """What each program takes now."""
+        programs = self.site.programs.items()
+        return {
+            name: Footprint.of(each.process.pid) for name, each in programs if each.process.poll() is None
+        }
 
     def finished(self) -> int:
         """How many orders were told to have ended so far."""
@@ -46,13 +60,35 @@ class Trial:
 
     async def recovers(self, fault: str) -> None:
         """Wait until orders come to their end again, and note how long that took."""
+        self.recovered.append(Fault(fault, await self._timed()))
+
+    async def settle_in(self) -> None:
+        """Find out how things are before the first fault."""
+        await self.at_work(1)
+        self.undisturbed = round(await self._timed(YARDSTICK) * 2 / YARDSTICK, 1)
+        self.before = self.footprints()
+
+    def report(self, test: str, account: Account, after: dict[str, Footprint]) -> Record:
+        """Sum up what was found."""
+        return Record(
+            test=test,
+            undisturbed=self.undisturbed,
+            faults=tuple(self.recovered),
+            orders=len(account.store),
+            failed=sum(each.state != "FINISHED" for each in account.store.values()),
+            robots=len(self.site.serials),
+            before=self.before,
+            after=after,
+        )
+
+    async def _timed(self, more: int = 2) -> float:
         start = time.monotonic()
-        await self.at_work()
-        self.recovered.append((fault, round(time.monotonic() - start, 1)))
+        await self.at_work(more)
+        return round(time.monotonic() - start, 1)
 
 
 @pytest.fixture
-def trial(tmp_path: Path, record_property: Callable[[str, object], None]) -> Callable[..., Any]:
+def trial(tmp_path: Path, request: pytest.FixtureRequest) -> Callable[..., Any]:
     """Give a block that runs a site under orders, and checks the accounts at its end."""
 
     @asynccontextmanager
@@ -63,14 +99,16 @@ def trial(tmp_path: Path, record_property: Callable[[str, object], None]) -> Cal
             host = Host(made, at_once=at_once, seed=seed)
             ordering = asyncio.create_task(host.run(), name="host")
             found = Trial(made, host)
-            await found.at_work(1)
+            await found.settle_in()
             yield found
             host.stop()
             await asyncio.wait_for(ordering, AT_WORK_WITHIN)
             account = await settled(made, host)
-            for fault, seconds in found.recovered:
-                record_property(f"{fault}, seconds to recover", seconds)
-            record_property("orders", len(account.store))
+            after = found.footprints()
+            record = found.report(request.node.name, account, after)
+            record.append_to(FILE)
+            request.node.user_properties.append(("recovery", ", ".join(map(str, record.faults))))
+            assert grown(found.before, after) == {}
         finally:
             await made.close()
 
@@ -80,5 +118,5 @@ def trial(tmp_path: Path, record_property: Callable[[str, object], None]) -> Cal
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Show how long each fault was felt."""
     for report in terminalreporter.getreports("passed"):
-        for name, value in report.user_properties:
-            terminalreporter.write_line(f"{report.nodeid.rsplit('::', 1)[1]}: {name}: {value}")
+        for told in (value for name, value in report.user_properties if name == "recovery"):
+            terminalreporter.write_line(f"{report.nodeid.rsplit('::', 1)[1]}: {told}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from random import Random
 
 import httpx
@@ -26,18 +27,20 @@ class Host:
     def __init__(self, site: Site, *, at_once: int, seed: int) -> None:
         self._site = site
         self._chance = Random(seed)
-        self._at_once = at_once
+        self.at_once = at_once
         self._going_on = True
         self.answered: set[str] = set()
         """Names of the orders that the order service has said it has."""
         self.refused: list[str] = []
         """Answers that no host should get."""
+        self.put_off: Counter[tuple[int, str]] = Counter()
+        """Status and detail of the answers after which it asked again."""
 
     async def run(self) -> None:
         """Order until :meth:`stop`."""
         number = 0
         while self._going_on:
-            if await self._under_way() < self._at_once:
+            if await self._under_way() < self.at_once:
                 number += 1
                 await self._order(f"T-{number}")
             else:
@@ -69,6 +72,7 @@ class Host:
             if answer.status_code < httpx.codes.INTERNAL_SERVER_ERROR:
                 self.refused.append(answer.text)
                 return
+            self.put_off[answer.status_code, _detail(answer)] += 1
             await asyncio.sleep(ASK_AGAIN)
 
     async def _under_way(self) -> int:
@@ -77,4 +81,11 @@ class Host:
             answer = await self._site.orders.get("/v1/transportOrders", params=UNFINISHED)
             return len(answer.json()["transportOrders"])
         except (httpx.HTTPError, KeyError, ValueError):
-            return self._at_once
+            return self.at_once
+
+
+def _detail(answer: httpx.Response) -> str:
+    try:
+        return str(answer.json()["detail"])
+    except (ValueError, KeyError):
+        return answer.text

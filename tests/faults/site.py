@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from types import MappingProxyType
 
 import httpx
 
 from faults.hall import MAP_ID, start_of, write_hall
 from support.broker import Broker, MqttPeer, free_port
+from support.network import Line
 from support.order_service_fleet import awaited
 from support.programs import Program
 
@@ -19,6 +22,10 @@ SPEED = 6.0
 TIME_FACTOR = 6.0
 """How much faster than the clock the simulated robots on ROS move."""
 READY_WITHIN = 90.0
+KEEP_ALIVE, SHORT_KEEP_ALIVE = 15, 4
+"""Seconds; the shorter one behind a line that is cut."""
+
+NOTHING: Mapping[str, str] = MappingProxyType({})
 
 AGENT = """
 version = "2.1.0"
@@ -28,11 +35,13 @@ serial_number = "{serial}"
 [interval]
 state_maximum = 5.0
 [mqtt]
+host = "{host}"
 port = {port}
+keep_alive = {keep_alive}
 reconnect_min = 0.1
 reconnect_max = 1.0
 [journal]
-folder = "{folder}/journal"
+folder = "{journal}"
 [[operations]]
 action_type = "pick"
 seconds = 0.2
@@ -79,24 +88,50 @@ class Site:
         store_url: str = "",
         persistence: bool = True,
         domain: int = 77,
+        singles: int = 0,
+        line: Line | None = None,
+        data: Path | None = None,
+        robots_in: Mapping[str, str] = NOTHING,
+        services_in: Mapping[str, str] = NOTHING,
     ) -> None:
+        """Prepare it; nothing but the broker runs yet.
+
+        Args:
+            folder: of configurations and logs.
+            on_ros: whether the two robots on ROS are there.
+            store_url: of the orders, if not a file in ``data``.
+            persistence: whether the broker keeps what it had over a kill.
+            domain: of ROS.
+            singles: so many more robots, "single-1" and so on, are in the plant model; :meth:`start_single`
+                starts them.
+            line: behind which all robots are.
+            data: folder of stores and journals, if it is another one.
+            robots_in: environment of the robots' programs.
+            services_in: environment of order service and aggregator.
+
+        """
         self.folder = folder
+        self._data = data or folder
+        self._line = line
+        self._robots_in, self._services_in = robots_in, services_in
         self.interface = "uagv"
         self.stack = ExitStack()
-        data = folder / "broker"
-        data.mkdir()
-        kept = f"persistence true\npersistence_location {data}/\nautosave_interval 1\n"
-        self.broker = Broker(more=kept if persistence else "")
+        kept = folder / "broker"
+        kept.mkdir()
+        keeping = f"persistence true\npersistence_location {kept}/\nautosave_interval 1\n"
+        self.broker = Broker(more=keeping if persistence else "", addresses=(line.near,) if line else ())
         self.stack.callback(self.broker.close)
         self.wire = self.stack.enter_context(MqttPeer(self.broker, f"{self.interface}/#", "nena/v1/#"))
         self._domain = domain
         self._on_ros = on_ros
         self._ports = {"order-service": free_port(), "aggregator": free_port()}
-        self._store = store_url or f"sqlite:///{folder}/orders.db"
+        self._store = store_url or f"sqlite:///{self._data}/orders.db"
         serials = [f"loop-{number}" for number in range(1, LOOPBACK + 1)]
         serials += [f"ros-{number}" for number in range(1, ON_ROS + 1)] if on_ros else []
         self.serials = tuple(serials)
-        self.plant = write_hall(folder, dict.fromkeys(serials, "2.1.0"))
+        """Robots that are there."""
+        spare = [f"single-{number}" for number in range(1, singles + 1)]
+        self.plant = write_hall(folder, dict.fromkeys([*serials, *spare], "2.1.0"))
         self.orders = httpx.AsyncClient(
             base_url=f"http://127.0.0.1:{self._ports['order-service']}", timeout=15
         )
@@ -117,6 +152,11 @@ class Site:
 
     async def all_robots_ready(self) -> None:
         """Wait until every robot is there."""
+        await self.robots_are("ONLINE")
+
+    async def robots_are(self, connection: str, *more: str) -> None:
+        """Wait until the order service sees all robots, and ``more`` ones, with this connection."""
+        wanted = {*self.serials, *more}
 
         async def look() -> dict[str, str]:
             for name, program in self.programs.items():
@@ -129,9 +169,9 @@ class Site:
 
         await awaited(
             look,
-            lambda found: all(found.get(each) == "ONLINE" for each in self.serials),
+            lambda found: all(found.get(each) == connection for each in wanted),
             seconds=READY_WITHIN,
-            what="every robot is ONLINE",
+            what=f"every robot is {connection}",
         )
 
     def start_order_service(self) -> Program:
@@ -153,7 +193,7 @@ class Site:
                 "--http.port",
                 self._ports["aggregator"],
                 "--history.url",
-                f"sqlite:///{self.folder}/history.db",
+                f"sqlite:///{self._data}/history.db",
             ),
             *("--mqtt.port", self.broker.port, "--mqtt.reconnect_max", 1.0),
         )
@@ -165,12 +205,19 @@ class Site:
         )
         more = f'driver = "loopback"\n{self._agent("loop")}{LOOPBACK_PART.format(speed=SPEED, starts=starts)}'
         more = more.replace("[loopback]\n", f"[loopback]\ncount = {LOOPBACK}\n")
-        return self._program("loopback", "nena-edge-agent", "--config", self._file("loopback.toml", more))
+        return self._robot("loopback", more)
+
+    def start_single(self, serial: str, *, at: tuple[float, float], machine: str) -> Program:
+        """Start a robot without ROS in a program of its own; each ``machine`` has a journal of its own."""
+        start = f"[[loopback.starts]]\nx = {at[0]}\ny = {at[1]}\n"
+        agent = self._agent(serial, journal=self._data / machine)
+        text = f'driver = "loopback"\n{agent}{LOOPBACK_PART.format(speed=SPEED, starts=start)}'
+        return self._robot(machine, text)
 
     def _start_ros(self) -> None:
         a, b = start_of(LOOPBACK), start_of(LOOPBACK + 1)
         text = SIMULATOR.format(factor=TIME_FACTOR, domain=self._domain, a=a, b=b)
-        self._program("simulator", "nena-robot-simulator", "--config", self._file("simulator.toml", text))
+        self._robot("simulator", text, script="nena-robot-simulator")
         for number in range(1, ON_ROS + 1):
             self.start_ros_agent(number)
 
@@ -178,7 +225,7 @@ class Site:
         """Start the agent of a robot on ROS."""
         serial = f"ros-{number}"
         text = f'{self._agent(serial)}[ros]\nnamespace = "r{number}"\ndomain_id = {self._domain}\n'
-        return self._program(serial, "nena-edge-agent", "--config", self._file(f"{serial}.toml", text))
+        return self._robot(serial, text)
 
     @property
     def aggregator_url(self) -> str:
@@ -190,16 +237,37 @@ class Site:
         await self.orders.aclose()
         self.stack.close()
 
-    def _agent(self, serial: str) -> str:
+    def _agent(self, serial: str, journal: Path | None = None) -> str:
         return AGENT.format(
-            interface=self.interface, map_id=MAP_ID, serial=serial, port=self.broker.port, folder=self.folder
+            interface=self.interface,
+            map_id=MAP_ID,
+            serial=serial,
+            host=self._line.near if self._line else self.broker.host,
+            port=self.broker.port,
+            keep_alive=SHORT_KEEP_ALIVE if self._line else KEEP_ALIVE,
+            journal=journal or self._data / "journal",
         )
+
+    def _robot(self, name: str, text: str, script: str = "nena-edge-agent") -> Program:
+        """Start a program where the robots are."""
+        before = self._line.command if self._line else ()
+        config = self._file(f"{name}.toml", text)
+        return self._program(name, script, "--config", config, before=before, environment=self._robots_in)
 
     def _file(self, name: str, text: str) -> Path:
         (self.folder / name).write_text(text)
         return self.folder / name
 
-    def _program(self, name: str, script: str, *arguments: object) -> Program:
-        program = Program(script, *arguments, log=self.folder / f"{name}.log")
+    def _program(
+        self,
+        name: str,
+        script: str,
+        *arguments: object,
+        before: Sequence[str] = (),
+        environment: Mapping[str, str] | None = None,
+    ) -> Program:
+        log = self.folder / f"{name}.log"
+        environment = self._services_in if environment is None else environment
+        program = Program(script, *arguments, log=log, before=before, environment=environment)
         self.programs[name] = self.stack.enter_context(program)
         return program

@@ -13,7 +13,7 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Self
@@ -68,15 +68,19 @@ def mosquitto() -> str:
 class Broker:
     """A Mosquitto process; keeps its port over :meth:`restart`, forgets everything else.
 
-    With ``users`` (name to password) it lets nobody else in; ``more`` is added to its configuration.
+    With ``users`` (name to password) it lets nobody else in; ``more`` is added to its configuration. It
+    listens on ``addresses`` of this machine as well.
     """
 
     host = "127.0.0.1"
 
-    def __init__(self, *, users: dict[str, str] | None = None, more: str = "") -> None:
+    def __init__(
+        self, *, users: dict[str, str] | None = None, more: str = "", addresses: Sequence[str] = ()
+    ) -> None:
         self.port = free_port()
         self._users = users or {}
         self._more = more
+        self._addresses = addresses
         self._folder = Path(tempfile.mkdtemp(prefix="nena-test-broker-"))
         self._process: subprocess.Popen[bytes] | None = None
         self._configure()
@@ -158,7 +162,8 @@ class Broker:
             passwords.write_text("".join(f"{name}:{word}\n" for name, word in self._users.items()))
             subprocess.run(["mosquitto_passwd", "-U", str(passwords)], check=True, timeout=PATIENCE)
             text += f"password_file {passwords}\n"
-        (self._folder / "mosquitto.conf").write_text(text + self._more)
+        more = "".join(f"listener {self.port} {each}\n" for each in self._addresses)
+        (self._folder / "mosquitto.conf").write_text(text + more + self._more)
 
 
 class MqttPeer:

@@ -7,7 +7,9 @@ import re
 import signal
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Self
 
 import httpx
@@ -20,14 +22,28 @@ ENDED_WITHIN = PATIENCE
 
 
 class Program:
-    """A console script of the virtual environment; its log goes into a file."""
+    """A console script of the virtual environment; its log goes into a file.
 
-    def __init__(self, script: str, *arguments: object, log: Path) -> None:
+    ``before`` is a command that runs it elsewhere (another network) in the same process.
+    """
+
+    def __init__(
+        self,
+        script: str,
+        *arguments: object,
+        log: Path,
+        before: Sequence[str] = (),
+        environment: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
         self.log_file = log
-        command = [str(Path(sys.executable).with_name(script)), *map(str, arguments)]
+        command = [*before, str(Path(sys.executable).with_name(script)), *map(str, arguments)]
         with log.open("ab") as out:
             self.process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT, env=_environment()
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=subprocess.STDOUT,
+                env={**_environment(), **environment},
             )
 
     def __enter__(self) -> Self:

@@ -1,0 +1,78 @@
+"""Writes docs/recovery.md: what the fault tests found when they were last run as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from itertools import groupby
+from pathlib import Path
+from statistics import median
+
+from faults.footprint import Footprint
+from faults.recovery import FILE, Record, read_all
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "recovery.md"
+INTRODUCTION = Path(__file__).with_name("introduction.md")
+
+
+def document(records: Iterable[Record]) -> str:
+    """Give the whole text."""
+    found = list(records)
+    dates = sorted({each.date for each in found})
+    loads = [each.load for each in found]
+    times = f"{dates[0]} to {dates[-1]}" if len(dates) > 1 else dates[0]
+    said = (
+        f"Run on {times}, at a load of the machine of {min(loads)} to {max(loads)}: "
+        f"{len(found)} sites, {sum(each.orders for each in found)} orders, "
+        f"{sum(len(each.faults) for each in found)} faults. **None lost, none done twice, no program ended, "
+        f"none grew without bound.** {_failures(found)}"
+    )
+    parts = [INTRODUCTION.read_text(encoding="utf-8"), said, "", *_faults(found), "", *_programs(found), ""]
+    return "\n".join(parts)
+
+
+def _failures(found: Iterable[Record]) -> str:
+    failed = sum(each.failed for each in found)
+    return f"{failed} ended with a reason, as their robots were replaced or there twice." if failed else ""
+
+
+def _faults(found: Iterable[Record]) -> Iterator[str]:
+    yield _line(["Fault", "Robots", "Times", "Recovery, s: median", "longest", "Undisturbed, s", "Test"])
+    yield _line(["---"] * 7)
+    for record in found:
+        faults = sorted(record.faults, key=lambda each: each.name)
+        for name, group in groupby(faults, key=lambda each: each.name):
+            seconds = [each.seconds for each in group]
+            figures = (len(seconds), round(median(seconds), 1), max(seconds), record.undisturbed)
+            yield _line([name, str(record.robots), *map(str, figures), f"`{record.test}`"])
+
+
+def _programs(found: Iterable[Record]) -> Iterator[str]:
+    """Show the largest growth of each program, whatever the test."""
+    yield "What programs took at the end, and the most that one had grown by since its site was at work:"
+    yield ""
+    yield _line(["Program", "MB", "grown", "Descriptors", "grown", "Threads", "grown"])
+    yield _line(["---"] * 7)
+    pairs = sorted(_pairs(found), key=lambda each: each[0])
+    for name, group in groupby(pairs, key=lambda each: each[0]):
+        yield _line([name, *_growth([(before, after) for _, before, after in group])])
+
+
+def _pairs(found: Iterable[Record]) -> Iterator[tuple[str, Footprint, Footprint]]:
+    for record in found:
+        for name in record.before.keys() & record.after.keys():
+            yield name, record.before[name], record.after[name]
+
+
+def _growth(pairs: list[tuple[Footprint, Footprint]]) -> Iterator[str]:
+    for measure in ("megabytes", "descriptors", "threads"):
+        values = [(getattr(before, measure), getattr(after, measure)) for before, after in pairs]
+        yield f"{max(after for _, after in values):.0f}"
+        yield f"{max(after - before for before, after in values):+.0f}"
+
+
+def _line(cells: Iterable[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+if __name__ == "__main__":
+    DOCUMENT.write_text(document(read_all(FILE)), encoding="utf-8")

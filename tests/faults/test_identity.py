@@ -1,0 +1,95 @@
+"""A robot is there twice, or another one than before: its order ends once, with a reason, and all goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import httpx
+import pytest
+
+from faults.conftest import Trial
+from faults.extent import TIMES, only_in_whole
+from faults.hall import start_of
+from faults.site import LOOPBACK, Site
+from support.order_service_fleet import awaited
+
+pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(1200), only_in_whole]
+
+WITHIN = 120.0
+SINGLE, OTHER = "single-1", "single-2"
+
+
+async def vehicle(site: Site, name: str) -> dict[str, Any]:
+    """Give what the order service knows of a vehicle."""
+    try:
+        found: dict[str, Any] = (await site.orders.get(f"/v1/vehicles/{name}")).raise_for_status().json()
+    except httpx.HTTPError:
+        return {}
+    return found
+
+
+async def at_an_order(site: Site, name: str) -> tuple[float, float]:
+    """Wait until a vehicle drives for an order, and give where it is, m."""
+    found = await awaited(
+        lambda: vehicle(site, name),
+        lambda now: bool(now.get("transportOrder")) and now["state"] == "EXECUTING",
+        seconds=WITHIN,
+        what=f"{name} is at an order",
+    )
+    place = found["precisePosition"]
+    return place["x"], place["y"]
+
+
+async def with_single(running: Trial) -> None:
+    """Let the robot with a program of its own begin."""
+    running.site.start_single(SINGLE, at=start_of(LOOPBACK), machine="first")
+    await running.site.robots_are("ONLINE", SINGLE)
+
+
+async def test_replaced_by_a_machine_without_a_journal(trial: Callable[..., Any]) -> None:
+    """In mid-order, of which the new machine knows nothing: it fails, as nobody knows who has the load."""
+    async with trial(seed=13, singles=1, at_once=9) as running:
+        site = running.site
+        await with_single(running)
+        machine = "first"
+        for number in range(TIMES):
+            place = await at_an_order(site, SINGLE)
+            site.programs.pop(machine).kill()
+            await site.robots_are("ONLINE")
+            machine = f"new-{number}"
+            site.start_single(SINGLE, at=place, machine=machine)
+            site.may_fail += 1
+            await site.robots_are("ONLINE", SINGLE)
+            await running.recovers("robot replaced by a new machine")
+            await at_an_order(site, SINGLE)
+
+
+async def test_another_robot_in_its_place(trial: Callable[..., Any]) -> None:
+    """The old one is taken out of traffic, which ends its order; the other one stands where it stood."""
+    async with trial(seed=14, singles=2, at_once=9) as running:
+        site = running.site
+        await with_single(running)
+        place = await at_an_order(site, SINGLE)
+        site.programs.pop("first").kill()
+        site.may_fail += 1
+        body = {"integrationLevel": "TO_BE_IGNORED"}
+        await site.orders.put(f"/v1/vehicles/{SINGLE}/integrationLevel", json=body)
+        site.start_single(OTHER, at=place, machine="second")
+        await site.robots_are("ONLINE", OTHER)
+        await running.recovers("another robot in its place")
+        await at_an_order(site, OTHER)
+
+
+async def test_there_twice(trial: Callable[..., Any]) -> None:
+    """Two programs with one identity throw each other out at the broker."""
+    async with trial(seed=15, singles=1, at_once=9) as running:
+        site = running.site
+        await with_single(running)
+        for number in range(TIMES):
+            place = await at_an_order(site, SINGLE)
+            site.start_single(SINGLE, at=place, machine=f"double-{number}")
+            await running.at_work(20)
+            site.programs.pop(f"double-{number}").kill()
+            await running.recovers("robot there twice")
+            await at_an_order(site, SINGLE)

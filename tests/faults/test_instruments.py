@@ -1,0 +1,109 @@
+"""The instruments of the faults do what the tests say they do."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+
+from faults.footprint import Footprint, grown
+from support.network import Line, line
+from support.shifted_clock import ShiftedClock
+from support.small_disk import small_disk
+
+PORT = 7007
+DELAY = 0.2
+TIME_OF_DAY = (
+    "import time, datetime; print(time.time(), datetime.datetime.now().timestamp(), time.monotonic())"
+)
+
+
+async def answer_time(found: Line, seconds: float = 20) -> float:
+    """Let a program behind the line ask a server on this side, and give how long the answer took."""
+
+    async def echo(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.write(await reader.readexactly(1))
+        writer.close()
+
+    asking = (
+        f"import socket, time; s = socket.create_connection(({found.near!r}, {PORT}), timeout={seconds}); "
+        "t = time.monotonic(); s.sendall(b'x'); assert s.recv(1) == b'x'; print(time.monotonic() - t)"
+    )
+    async with await asyncio.start_server(echo, found.near, PORT):
+        program = await asyncio.create_subprocess_exec(
+            *found.command, sys.executable, "-c", asking, stdout=asyncio.subprocess.PIPE
+        )
+        out, _ = await program.communicate()
+    return float(out) if program.returncode == 0 else float("inf")
+
+
+async def test_a_line_is_slow_or_cut_and_whole_again() -> None:
+    with line() as found:
+        assert await answer_time(found) < 2 * DELAY
+
+        found.change(delay=DELAY)
+        assert await answer_time(found) >= 2 * DELAY
+
+        found.change(delay=0.0, loss=1.0)
+        assert await answer_time(found, seconds=2) == float("inf")
+
+        found.change(loss=0.0)
+        found.down()
+        assert await answer_time(found, seconds=2) == float("inf")
+
+        found.up()
+        assert await answer_time(found) < float("inf")
+
+
+def test_a_full_disk_takes_nothing_until_there_is_room(tmp_path: Path) -> None:
+    with small_disk(tmp_path / "disk", megabytes=1) as disk:
+        file = disk.folder / "file"
+        file.write_bytes(b"old")
+        disk.fill()
+
+        with pytest.raises(OSError, match=os.strerror(errno.ENOSPC)):
+            (disk.folder / "other").write_bytes(bytes(5000))
+
+        disk.clear()
+        (disk.folder / "other").write_bytes(bytes(5000))
+        assert file.read_bytes() == b"old"
+
+
+def test_a_clock_jumps_for_its_programs_alone(tmp_path: Path) -> None:
+    clock = ShiftedClock(tmp_path)
+    clock.jump_to(timedelta(hours=-3))
+    out = subprocess.run(
+        [sys.executable, "-c", TIME_OF_DAY],
+        env=os.environ | clock.environment,
+        check=True,
+        timeout=30,
+        capture_output=True,
+    ).stdout
+    of_day, of_date, monotonic = map(float, out.split())
+
+    assert of_day == pytest.approx(time.time() - 3 * 3600, abs=60)
+    assert of_date == pytest.approx(of_day, abs=60)
+    assert monotonic == pytest.approx(time.monotonic(), abs=60)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        lambda each: Footprint(each.megabytes + 100, each.descriptors, each.threads),
+        lambda each: Footprint(each.megabytes, each.descriptors + 100, each.threads),
+        lambda each: Footprint(each.megabytes, each.descriptors, each.threads + 100),
+    ],
+)
+def test_what_grows_is_told(more: Callable[[Footprint], Footprint]) -> None:
+    now = Footprint.of(os.getpid())
+
+    assert grown({"here": now}, {"here": now, "new": now}) == {}
+    assert list(grown({"here": now}, {"here": more(now)})) == ["here"]

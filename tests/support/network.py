@@ -1,0 +1,188 @@
+"""A network of its own behind one line, which a test cuts, slows and makes lossy. Needs root on Linux.
+
+The line is a pair of TAP devices whose frames this process carries: one here, one in a network namespace.
+TCP meets what it meets in the field, retransmissions and time-outs and all. (tc's netem does the same in the
+kernel; not every kernel has it.)
+"""
+
+from __future__ import annotations
+
+import fcntl
+import heapq
+import itertools
+import os
+import select
+import shutil
+import struct
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from random import Random
+
+import pytest
+
+TUNSETIFF = 0x400454CA
+IFF_TAP, IFF_NO_PI = 0x0002, 0x1000
+LONGEST_FRAME = 65_536
+MOST_WAITING = 1.0
+"""Seconds of a slow line's capacity that wait at its end; what comes on top is lost, as at a router."""
+IDLE = 0.2
+"""Seconds between two looks at whether it is over."""
+
+_numbers = itertools.count()
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """What the line does to frames, in both directions."""
+
+    delay: float = 0.0
+    """Seconds, one way."""
+    loss: float = 0.0
+    """Share of the frames that do not arrive, 0 to 1."""
+    rate: float = float("inf")
+    """Bits per second, each way."""
+
+
+FINE = Condition()
+SILENT = Condition(loss=1.0)
+"""A cut without a FIN: each side thinks that the other one is still there."""
+
+
+@dataclass(slots=True)
+class _Way:
+    """One direction of the line."""
+
+    into: int
+    free_at: float = 0.0
+    """When the frames before have been sent."""
+
+
+@dataclass
+class Line:
+    """Between this side (``near``) and the namespace (``far``)."""
+
+    near: str
+    far: str
+    namespace: str
+    device: str
+    """The namespace's own."""
+    condition: Condition = FINE
+    _ends: tuple[int, int] = (-1, -1)
+    _waiting: list[tuple[float, int, int, bytes]] = field(default_factory=list)
+    _order: Iterator[int] = field(default_factory=itertools.count)
+    _over: threading.Event = field(default_factory=threading.Event)
+
+    @property
+    def command(self) -> tuple[str, ...]:
+        """What is put before a command that shall run in the namespace."""
+        return ("ip", "netns", "exec", self.namespace)
+
+    def down(self) -> None:
+        """Let the namespace's own device lose its link: the programs there see it, the others do not."""
+        _run(*self.command, "ip", "link", "set", self.device, "down")
+
+    def up(self) -> None:
+        """End :meth:`down`."""
+        _run(*self.command, "ip", "link", "set", self.device, "up")
+
+    def change(self, **conditions: float) -> None:
+        """Have some conditions changed from now on."""
+        self.condition = replace(self.condition, **conditions)
+
+    def carry(self) -> None:
+        """Carry frames until the line is taken down."""
+        chance = Random(1)
+        ways = {self._ends[0]: _Way(self._ends[1]), self._ends[1]: _Way(self._ends[0])}
+        while not self._over.is_set():
+            now = time.monotonic()
+            self._send_due(now)
+            patience = min(IDLE, max(0.0, self._waiting[0][0] - now)) if self._waiting else IDLE
+            for end in select.select(self._ends, (), (), patience)[0]:
+                self._take(ways[end], os.read(end, LONGEST_FRAME), chance)
+
+    def end(self) -> None:
+        """Let :meth:`carry` return."""
+        self._over.set()
+
+    def _take(self, way: _Way, frame: bytes, chance: Random) -> None:
+        condition, now = self.condition, time.monotonic()
+        if chance.random() < condition.loss:
+            return
+        start = max(now, way.free_at)
+        if start - now > MOST_WAITING:
+            return
+        way.free_at = start + len(frame) * 8 / condition.rate
+        heapq.heappush(self._waiting, (way.free_at + condition.delay, next(self._order), way.into, frame))
+
+    def _send_due(self, now: float) -> None:
+        while self._waiting and self._waiting[0][0] <= now:
+            _, _, into, frame = heapq.heappop(self._waiting)
+            with suppress(OSError):  # the device is down: the frame is lost
+                os.write(into, frame)
+
+
+@contextmanager
+def line() -> Iterator[Line]:
+    """Give a line to a namespace of its own; the test is skipped where that cannot be had."""
+    number = os.getpid() % 30_000 * 8 + next(_numbers) % 8
+    third, fourth = number // 64 % 256, number % 64 * 4
+    names = f"nena{number}a", f"nena{number}b"
+    made = Line(
+        near=f"198.18.{third}.{fourth + 1}",
+        far=f"198.18.{third}.{fourth + 2}",
+        namespace=f"nena-{number}",
+        device=names[1],
+    )
+    _require()
+    try:
+        _run("ip", "netns", "add", made.namespace)
+    except subprocess.CalledProcessError as error:
+        pytest.skip(f"no network namespace can be made here: {error.stderr.strip()}")
+    ends: list[int] = []
+    carrying = threading.Thread(target=made.carry, name=f"line {number}", daemon=True)
+    try:
+        ends += [_tap(each) for each in names]
+        _connect(made, names)
+        made._ends = (ends[0], ends[1])
+        carrying.start()
+        yield made
+    finally:
+        made.end()
+        if carrying.ident:
+            carrying.join()
+        for each in ends:
+            os.close(each)
+        _run("ip", "netns", "del", made.namespace)
+
+
+def _require() -> None:
+    if os.geteuid() != 0:
+        pytest.skip("a network of its own needs root")
+    if shutil.which("ip") is None:
+        pytest.skip("a network of its own needs iproute2: apt-get install iproute2")
+    if not Path("/dev/net/tun").exists():
+        pytest.skip("a network of its own needs /dev/net/tun, which this kernel does not give")
+
+
+def _tap(name: str) -> int:
+    end = os.open("/dev/net/tun", os.O_RDWR)
+    fcntl.ioctl(end, TUNSETIFF, struct.pack("16sH22x", name.encode(), IFF_TAP | IFF_NO_PI))
+    return end
+
+
+def _connect(made: Line, names: tuple[str, str]) -> None:
+    _run("ip", "link", "set", names[1], "netns", made.namespace)
+    for command, name, address in (((), names[0], made.near), (made.command, names[1], made.far)):
+        _run(*command, "ip", "address", "add", f"{address}/30", "dev", name)
+        _run(*command, "ip", "link", "set", name, "up")
+    _run(*made.command, "ip", "link", "set", "lo", "up", "multicast", "on")
+    _run(*made.command, "ip", "route", "add", "224.0.0.0/4", "dev", "lo")
+
+
+def _run(*command: str) -> None:
+    subprocess.run(command, check=True, timeout=30, capture_output=True, text=True)

@@ -1,0 +1,34 @@
+"""The time of day of a program of its own, which a test lets jump while the program runs."""
+
+from __future__ import annotations
+
+import shutil
+import struct
+import subprocess
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).with_suffix(".c")
+
+
+class ShiftedClock:
+    """Programs with its ``environment`` read the machine's clock with a shift, which is none at first."""
+
+    def __init__(self, folder: Path) -> None:
+        compiler = shutil.which("cc") or shutil.which("gcc")
+        if compiler is None:
+            pytest.skip("a clock of its own needs a C compiler: apt-get install gcc libc6-dev")
+        self._file = folder / "shift"
+        library = folder / "shifted_clock.so"
+        command = [compiler, "-O2", "-shared", "-fPIC", "-o", str(library), str(SOURCE)]
+        subprocess.run(command, check=True, timeout=60, capture_output=True)
+        self.jump_to(timedelta())
+        self.environment = {"LD_PRELOAD": str(library), "SHIFTED_CLOCK": str(self._file)}
+
+    def jump_to(self, shift: timedelta) -> None:
+        """Let the clock be so far from the machine's from now on."""
+        mode = "r+b" if self._file.exists() else "wb"
+        with self._file.open(mode) as file:
+            file.write(struct.pack("=q", int(shift.total_seconds() * 1e9)))
