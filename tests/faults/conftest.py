@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -18,6 +19,7 @@ from faults.recovery import FILE, Fault, Record
 from faults.site import Site
 from support.order_service_fleet import awaited
 
+STATUS = re.compile("nena/v1/transportOrders/[^/]+/status")
 AT_WORK_WITHIN = 60.0
 FLOWING_WITHIN = 120.0
 YARDSTICK = 10 if WHOLE else 2
@@ -34,6 +36,10 @@ class Trial:
     """Seconds that two orders took to end before the first fault, on average."""
     recovered: list[Fault] = field(default_factory=list)
     before: dict[str, Footprint] = field(default_factory=dict)
+    _finished: set[str] = field(default_factory=set)
+    """Topics of the orders that were told to have ended."""
+    _looked_at: int = 0
+    """So many messages of the wire."""
 
     def footprints(self) -> dict[str, Footprint]:
         """What each program takes now."""
@@ -44,8 +50,12 @@ class Trial:
 
     def finished(self) -> int:
         """How many orders were told to have ended so far."""
-        told = self.site.wire.received("nena/v1/transportOrders/+/status")
-        return len({each.topic for each in told if b'"FINISHED"' in each.payload})
+        history = self.site.wire.history
+        new, self._looked_at = history[self._looked_at :], len(history)
+        self._finished |= {
+            each.topic for each in new if STATUS.match(each.topic) and b'"FINISHED"' in each.payload
+        }
+        return len(self._finished)
 
     async def at_work(self, more: int = 2) -> None:
         """Wait until so many further orders have ended: everything is moving."""

@@ -140,6 +140,8 @@ class Site:
         """Whether the broker was away: our own watch of it has holes then."""
         self.may_fail = 0
         """How many orders the fault may end, with a reason."""
+        self.suspects: set[str] = set()
+        """Vehicles all of whose orders may end so."""
 
     async def start(self) -> None:
         """Start everything, and wait until every robot could take an order."""

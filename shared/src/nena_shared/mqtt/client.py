@@ -23,6 +23,8 @@ from nena_shared.mqtt.message import Inbound
 READ_AT_ONCE = 10
 """Messages that are read before the event loop has its turn again."""
 
+ENDED_AT_ONCE = "the connection has ended as soon as it stood"
+
 Take = Callable[[Inbound], None]
 
 
@@ -38,12 +40,21 @@ class Client(aiomqtt.Client):
     _taken = 0
 
     async def __aenter__(self) -> Self:
-        """Connect to the broker."""
+        """Connect to the broker.
+
+        Raises:
+            aiomqtt.MqttError: it is not reached, or has ended the connection as soon as it stood, which
+                aiomqtt forgets.
+
+        """
         try:
-            return await super().__aenter__()
+            await super().__aenter__()
         except BaseException:
             self._client.disconnect()
             raise
+        if not self._client.is_connected():
+            raise aiomqtt.MqttError(ENDED_AT_ONCE)
+        return self
 
     async def hand_over(self, take: Take) -> None:
         """Give ``take`` all messages, first those that have waited, until the connection ends.

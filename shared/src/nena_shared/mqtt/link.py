@@ -15,6 +15,7 @@ import aiomqtt
 from nena_shared.log import get_logger
 from nena_shared.mqtt.client import Client
 from nena_shared.mqtt.message import Inbound, Outbound
+from nena_shared.mqtt.pauses import Pauses
 from nena_shared.mqtt.tls import tls_context
 from nena_shared.mqtt.topic_filter import matches
 from nena_shared.settings import ConfigurationError, MqttSettings
@@ -111,6 +112,7 @@ class MqttLink:
         self._session: _Session | None = None
         self._handlers = lru_cache(maxsize=10_000)(self._matching_handlers)
         self._silence = 0.0
+        self._connected_at = 0.0
         self.state = LinkState()
 
     def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1) -> None:
@@ -131,18 +133,20 @@ class MqttLink:
 
     async def run(self) -> None:
         """Keep the link up until cancelled; a refused or broken connection is tried again, with pauses."""
-        pause = self._settings.reconnect_min
+        pauses = Pauses(self._settings.reconnect_min, self._settings.reconnect_max)
+        clock = asyncio.get_running_loop().time
         while True:
             connects = self.state.connects
             try:
                 await self._serve()
             except (aiomqtt.MqttError, OSError, UnicodeError, ConfigurationError) as error:
                 self._tell_failure(error, lost=self.state.connects > connects)
-            if self.state.connects > connects:
-                pause = self._settings.reconnect_min
+            stood = clock() - self._connected_at if self.state.connects > connects else None
+            pause = pauses.after(stood)
+            if pauses.suspicious:
+                self._tell_suspicion()
             silence, self._silence = self._silence, 0.0
             await asyncio.sleep(max(pause, silence))
-            pause = min(pause * 2, self._settings.reconnect_max)
 
     def cut(self, seconds: float) -> None:
         """Break the connection as a robot does that leaves radio range, for ``seconds``: for rehearsals."""
@@ -200,6 +204,7 @@ class MqttLink:
         self._session = session
         self.state.connected = True
         self.state.connects += 1
+        self._connected_at = asyncio.get_running_loop().time()
         self.state.last_error = ""
         log.info("broker connected", host=self._settings.host, port=self._settings.port)
         self._refill()
@@ -289,6 +294,14 @@ class MqttLink:
         session = self._session
         while session and self._outbox and len(session.deliveries) < IN_FLIGHT_LIMIT:
             self._deliver(session, self._outbox.popleft())
+
+    def _tell_suspicion(self) -> None:
+        log.error(
+            "connections end as soon as they stand; see whether another program has this client id at the "
+            "broker, for a robot one with the same serial number",
+            client_id=self._client_id,
+            tried_at_most_every=self._settings.reconnect_max,
+        )
 
     def _tell_failure(self, error: Exception, *, lost: bool) -> None:
         text = str(error.__cause__ or error) or type(error).__name__

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
@@ -346,6 +346,27 @@ async def test_a_broker_that_is_not_there_is_told_once(monkeypatch: pytest.Monke
     assert "refused" in logs[0]["reason"].lower()
     assert logs[0]["port"] == settings.port
     assert link.state.last_error == logs[0]["reason"]
+
+
+async def test_two_programs_with_one_client_id_throw_each_other_out_ever_more_seldom(
+    broker: Broker, interface_name: str
+) -> None:
+    settings = broker.settings.model_copy(update={"reconnect_max": 1.0})
+    links = [MqttLink(settings, client_id=interface_name) for _ in range(2)]
+    with capture_logs() as logs:
+        async with running(links[0], connected=False), running(links[1], connected=False):
+            await until(lambda: len(told(logs)) == len(links), timeout=30, what="both say so")
+            before = sum(each.state.connects for each in links)
+            start = perf_counter()
+            await until(lambda: sum(each.state.connects for each in links) >= before + 6, timeout=30)
+
+            assert perf_counter() - start > 1.0
+            assert len(told(logs)) == len(links)
+    assert {each["client_id"] for each in told(logs)} == {interface_name}
+
+
+def told(logs: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    return [each for each in logs if "another program has this client id" in each["event"]]
 
 
 async def test_wrong_password_is_told_once_in_words(

@@ -106,6 +106,16 @@ async def test_locked_database_is_waited_for(sqlite_url: str, monkeypatch: pytes
     store.close()
 
 
+async def test_a_change_that_waits_for_too_long_is_told_with_the_databases_reason(
+    make_store: Callable[[], Store],
+) -> None:
+    store = make_store()
+    assert "in time" in store.why_not_answered
+
+    store.problem = "disk full"
+    assert store.why_not_answered == "disk full"
+
+
 async def test_drain_tells_when_the_store_takes_nothing(make_store: Callable[[], Store]) -> None:
     store = make_store()
     store.commit(change(dispatchable_order()), lambda: None)

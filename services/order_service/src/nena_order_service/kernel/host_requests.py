@@ -209,7 +209,7 @@ class HostRequests:
             async with asyncio.timeout(self._settings.commit_timeout):
                 await self._kernel.steps.committed()
         except TimeoutError:
-            raise StoreNotReadyError("it has not answered in time") from None
+            raise StoreNotReadyError(self._kernel.store.why_not_answered) from None
 
 
 def _distance(point: Point, pose: PlantPose) -> float:

@@ -78,7 +78,7 @@ class PathLocks:
             async with asyncio.timeout(self._commit_timeout):
                 await done
         except TimeoutError:
-            raise StoreNotReadyError("it has not answered in time") from None
+            raise StoreNotReadyError(self._store.why_not_answered) from None
         return self._status(path)
 
     def _committed(self, name: str, *, locked: bool, done: asyncio.Future[None]) -> None:

@@ -72,6 +72,11 @@ class Store:
         return self.problem or self.lead_problem or full
 
     @property
+    def why_not_answered(self) -> str:
+        """Why a change is not committed after all the time that it had."""
+        return self.why_not_ready or "it has not answered in time"
+
+    @property
     def ready(self) -> bool:
         """Whether new orders may be taken."""
         return not self.why_not_ready
