@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections import Counter
+from dataclasses import dataclass
+from datetime import UTC, datetime
 from random import Random
 
 import httpx
@@ -21,6 +24,15 @@ UNFINISHED: dict[str, list[str] | int] = {
 }
 
 
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """That an order was taken."""
+
+    at: datetime
+    seconds: float
+    """Since it was asked for."""
+
+
 class Host:
     """Has ``at_once`` orders under way, all the time until :meth:`stop`."""
 
@@ -31,6 +43,7 @@ class Host:
         self._going_on = True
         self.answered: set[str] = set()
         """Names of the orders that the order service has said it has."""
+        self.answers: list[Answer] = []
         self.refused: list[str] = []
         """Answers that no host should get."""
         self.put_off: Counter[tuple[int, str]] = Counter()
@@ -61,6 +74,7 @@ class Host:
             ],
         }
         while True:
+            asked = time.monotonic()
             try:
                 answer = await self._site.orders.post("/v1/transportOrders", json=body)
             except httpx.HTTPError:
@@ -68,6 +82,7 @@ class Host:
                 continue
             if answer.is_success:
                 self.answered.add(name)
+                self.answers.append(Answer(datetime.now(UTC), time.monotonic() - asked))
                 return
             if answer.status_code < httpx.codes.INTERNAL_SERVER_ERROR:
                 self.refused.append(answer.text)

@@ -1,0 +1,68 @@
+"""Tells whether what was measured in a long run has drifted: grown, and not only gone up and down."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import mean, median
+
+from faults.footprint import Footprint
+
+MORE_MB, MORE_OF_MB = 10.0, 0.08
+"""What a program may have grown by between the first third and the last one: so many MB and this share."""
+MORE_DESCRIPTORS, MORE_THREADS = 6.0, 3.0
+SLOWER, SLOWER_S = 2.0, 0.05
+"""By how much the median of the latency may have become worse: this factor, and so many seconds."""
+LEAST_WINDOWS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """A few minutes of the run."""
+
+    answers: Sequence[float]
+    """Seconds until each order was answered."""
+    orders: Sequence[float]
+    """Seconds from the creation of each order that ended until its end."""
+    footprints: Mapping[str, Footprint]
+    """At its end, by program."""
+
+
+def drift(windows: Sequence[Window]) -> list[str]:
+    """Say what has drifted, a sentence each; nothing where all is well.
+
+    The first window is that in which programs and caches warm up: it is left out.
+    """
+    settled = windows[1:]
+    third = len(settled) // 3
+    if third == 0:
+        message = f"at least {1 + LEAST_WINDOWS} windows are needed, there are {len(windows)}"
+        raise ValueError(message)
+    first, last = settled[:third], settled[-third:]
+    return [*_grown(first, last), *_slower(first, last)]
+
+
+def _grown(first: Sequence[Window], last: Sequence[Window]) -> list[str]:
+    found = []
+    for name in first[0].footprints:
+        before, after = ([window.footprints[name] for window in part] for part in (first, last))
+        for measure, room in (
+            ("megabytes", MORE_MB + MORE_OF_MB * before[0].megabytes),
+            ("descriptors", MORE_DESCRIPTORS),
+            ("threads", MORE_THREADS),
+        ):
+            was, now = (mean(getattr(each, measure) for each in part) for part in (before, after))
+            if now > was + room:
+                found.append(f"{name}: {now:.1f} {measure} in the last third, {was:.1f} in the first")
+    return found
+
+
+def _slower(first: Sequence[Window], last: Sequence[Window]) -> list[str]:
+    found = []
+    for measure in ("answers", "orders"):
+        was, now = (
+            median(value for window in part for value in getattr(window, measure)) for part in (first, last)
+        )
+        if now > SLOWER * was + SLOWER_S:
+            found.append(f"{measure}: {now:.3f} s in the last third, {was:.3f} s in the first")
+    return found

@@ -1,0 +1,79 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from faults.drift import Window, drift
+from faults.footprint import Footprint
+from faults.soak import document
+
+COUNT = 10
+
+
+def run(
+    *,
+    megabytes: Callable[[int], float] = lambda _: 100.0,
+    descriptors: Callable[[int], int] = lambda _: 20,
+    threads: Callable[[int], int] = lambda _: 5,
+    answer: Callable[[int], float] = lambda _: 0.01,
+    order: Callable[[int], float] = lambda _: 8.0,
+) -> list[Window]:
+    """Give the windows of a run, each by its number."""
+    return [
+        Window(
+            answers=[answer(number)] * 20,
+            orders=[order(number)] * 20,
+            footprints={"order-service": Footprint(megabytes(number), descriptors(number), threads(number))},
+        )
+        for number in range(COUNT)
+    ]
+
+
+def test_a_steady_run_has_not_drifted() -> None:
+    assert drift(run()) == []
+
+
+def test_what_goes_up_and_down_has_not_drifted() -> None:
+    assert (
+        drift(
+            run(
+                megabytes=lambda number: 100 + 15 * (number % 2),
+                answer=lambda number: 0.01 * (1 + number % 3),
+            )
+        )
+        == []
+    )
+
+
+def test_the_first_window_is_for_warming_up() -> None:
+    assert drift(run(megabytes=lambda number: 20 if number == 0 else 100.0)) == []
+
+
+@pytest.mark.parametrize(
+    ("found", "word"),
+    [
+        (run(megabytes=lambda number: 100 + 5 * number), "megabytes"),
+        (run(descriptors=lambda number: 20 + 2 * number), "descriptors"),
+        (run(threads=lambda number: 5 + number), "threads"),
+        (run(answer=lambda number: 0.05 * (1 + number)), "answers"),
+        (run(order=lambda number: 5.0 * (1 + number)), "orders"),
+    ],
+)
+def test_what_grows_and_grows_is_told(found: list[Window], word: str) -> None:
+    (said,) = drift(found)
+
+    assert word in said
+
+
+def test_a_run_that_is_too_short_is_no_run() -> None:
+    with pytest.raises(ValueError, match="at least 4 windows"):
+        drift(run()[:3])
+
+
+def test_the_report_has_a_line_for_each_window_and_says_what_has_drifted() -> None:
+    text = document(run(threads=lambda number: 5 + number), minutes=10, robots=10, load=2.0)
+
+    assert text.count("| 10 ms | 10 ms |") == COUNT
+    assert "threads in the last third" in text
+    assert "No drift" in document(run(), minutes=10, robots=10, load=2.0)
