@@ -59,8 +59,9 @@ async def test_killed_while_it_is_full(trial: Callable[..., Any], disk: SmallDis
             await refused_for_lack_of_room(running.host)
             for name in ("order-service", "loopback"):
                 running.site.programs[name].kill()
-            running.site.start_order_service()
+            before = len(running.site.programs["order-service"].log)
+            began = running.site.start_order_service()
             running.site.start_loopback()
-            await running.site.all_robots_ready()
+            await began.logged("the store takes nothing", start=before)
             disk.clear()
             await running.recovers("killed while the disk is full")
