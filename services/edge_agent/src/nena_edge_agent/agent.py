@@ -9,6 +9,7 @@ from typing import ParamSpec
 
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.runner import ActionRunner
+from nena_edge_agent.client_id import client_id_of
 from nena_edge_agent.collector import spare_what_is_loaded
 from nena_edge_agent.driver.port import DriveFailed, DriveFailure, DriveGoal, Driver, Pose
 from nena_edge_agent.factsheet import make_factsheet
@@ -317,7 +318,7 @@ class RobotAgent:
     def _connect(self, make_link: Callable[..., MqttLink]) -> MqttLink:
         link = make_link(
             self._settings.mqtt,
-            client_id=f"nena-edge-agent-{self.robot.manufacturer}-{self.robot.serial_number}",
+            client_id=client_id_of(self.robot, self._settings.mqtt),
             will=lambda: self._connection(ConnectionState.CONNECTION_BROKEN),
             on_connected=self._greet,
             on_subscribed=self._on_subscribed,
