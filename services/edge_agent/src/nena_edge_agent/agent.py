@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import ParamSpec
 
+from structlog.contextvars import bind_contextvars
+
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.runner import ActionRunner
 from nena_edge_agent.client_id import client_id_of
@@ -151,6 +153,7 @@ class RobotAgent:
             TaskFailedError: a task of the robot has failed.
 
         """
+        bind_contextvars(robot=str(self.robot))  # in the log of all that it has done, too
         if self._maps:
             self._mailbox.put(MapsReport(self._maps))
         if self._journal_loss:
@@ -324,14 +327,7 @@ class RobotAgent:
             on_subscribed=self._on_subscribed,
             on_lost=lambda: self._mailbox.put(LinkReport(connected=False)),
         )
-        handlers = {
-            Topic.ORDER: self._inbox.take_order,
-            Topic.INSTANT_ACTIONS: self._inbox.take_instant_actions,
-        }
-        if self._capabilities.zones:
-            handlers[Topic.ZONE_SET] = self._inbox.take_zone_set
-            handlers[Topic.RESPONSES] = self._inbox.take_responses
-        for topic, handler in handlers.items():
+        for topic, handler in self._inbox.handlers(zones=bool(self._capabilities.zones)).items():
             link.subscribe(self._topics.of(self.robot, topic), handler, qos=self._settings.qos)
         return link
 
