@@ -25,12 +25,11 @@ from nena_order_service.fleet.outputs import (
     PublishOrder,
 )
 from nena_order_service.fleet.progress import Progress
+from nena_order_service.fleet.reported import ActionState, ErrorEntry, State
 from nena_order_service.fleet.reported_errors import ErrorIdentity
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.view import MissionPhase
-from nena_shared.vda5050.action import ActionState, ActionStatus
-from nena_shared.vda5050.error import ErrorEntry
-from nena_shared.vda5050.state import State
+from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.topics import RobotKey
 
 

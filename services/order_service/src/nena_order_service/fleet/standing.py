@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from math import hypot
 
 from nena_order_service.fleet.profile import RobotProfile
+from nena_order_service.fleet.reported import Position, State
 from nena_shared.plant import MapPlace, PlantModel, PlantPlace, Point
-from nena_shared.vda5050.state import MobileRobotPosition, State
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,7 @@ class Standing:
 
     point: str
     on_point: bool
-    pose: MobileRobotPosition | None
+    pose: Position | None
 
 
 class NotLocatedError(Exception):
@@ -62,7 +62,7 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
     return Standing(nearest.name, _distance(nearest, here) <= profile.deviation_xy, pose)
 
 
-def _on(point: Point, pose: MobileRobotPosition, profile: RobotProfile) -> bool:
+def _on(point: Point, pose: Position, profile: RobotProfile) -> bool:
     """Tell whether the point is on the map that the robot is on."""
     return (point.map_id or profile.map_id) == pose.map_id
 
