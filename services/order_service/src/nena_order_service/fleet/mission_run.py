@@ -126,6 +126,12 @@ class MissionRun:
         return PublishOrder(self._robot, self._pending.message, self._pending.update_id)
 
     @property
+    def quiet(self) -> bool:
+        """Whether nothing is to be done before the robot tells something new: it does what it was sent."""
+        waits = self._pending or self._plan or self._standing_since is not None
+        return self.phase is MissionPhase.RUNNING and not waits
+
+    @property
     def sent_again(self) -> bool:
         """Whether the robot has not confirmed the order in the time that this usually takes."""
         return self.phase is MissionPhase.SENT and self._delivery.sendings > 1

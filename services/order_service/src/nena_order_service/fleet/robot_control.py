@@ -115,7 +115,8 @@ class RobotControl:
 
     def tick(self, now: float) -> Iterator[FleetOutput]:
         """Do what is overdue; most robots have nothing, so that is found out first."""
-        if not self._run and not self._desk.busy and self.robot.link(now) is self._told_link:
+        quiet = (self._run is None or self._run.quiet) and not self._desk.busy
+        if quiet and self.robot.link(now) is self._told_link:
             return
         yield from self._desk.on_tick(now)
         if self._run:
