@@ -111,6 +111,9 @@ async def test_every_command_does_its_work_as_the_document_says(
         what="T-1 is sent",
     )
     assert (delivery["status"], delivery["delivery"]["transportOrder"]) == (200, "T-1")
+    assignment = await host.ask("assignment", transportOrder="T-1")
+    fits = {each["vehicle"]: each["fits"] for each in assignment["assignment"]["vehicles"]}
+    assert fits == {"Robot-01": True, "Robot-02": False}
     paused = await host.ask("instantAction", vehicle="Robot-01", actionType="pause")
     assert (paused["status"], paused["instantAction"]["status"]) == (200, "FINISHED")
     path = (await client.get("/v1/paths")).json()["paths"][0]["name"]
@@ -125,10 +128,6 @@ async def test_every_command_does_its_work_as_the_document_says(
     sent = await host.ask("dispatch", vehicle="Robot-01", point="South 2")
     assert (sent["status"], sent["transportOrder"]["intendedVehicle"]) == (201, "Robot-01")
     name = sent["transportOrder"]["name"]
-    held = await host.ask("hold", transportOrder=name, by="Ann", reason="tea")
-    assert (held["status"], held["transportOrder"]["held"]["by"]) == (200, "Ann")
-    resumed = await host.ask("resume", transportOrder=name, version=held["transportOrder"]["version"])
-    assert (resumed["status"], resumed["transportOrder"].get("held")) == (200, None)
     stale = await host.ask("withdraw", transportOrder=name, version=99)
     assert (stale["status"], "has changed" in stale["problem"]["detail"]) == (412, True)
     withdrawn = await host.ask("withdraw", transportOrder=name, reason="not needed")
@@ -146,9 +145,8 @@ async def test_every_command_does_its_work_as_the_document_says(
     ("command", "body", "status"),
     [
         ("withdraw", {"transportOrder": "T-9"}, 404),
-        ("hold", {"transportOrder": "T-9"}, 404),
-        ("resume", {}, 422),
         ("delivery", {"transportOrder": "T-9"}, 404),
+        ("assignment", {"transportOrder": "T-9"}, 404),
         ("dispatch", {"vehicle": "R2D2", "point": "South 2"}, 404),
         ("dispatch", {"vehicle": "Robot-01"}, 422),
         ("instantAction", {"vehicle": "Robot-01", "actionType": "pause"}, 409),

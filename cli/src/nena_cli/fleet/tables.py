@@ -35,7 +35,7 @@ def orders_table(orders: Iterable[TransportOrderStatus]) -> Table:
     for order in orders:
         table.add_row(
             Text(order.name),
-            _state(order),
+            Text(order.state, style=STATE_STYLES.get(order.state, "")),
             Text(order.processing_vehicle or _meant_for(order)),
             destinations(order),
             Text(str(order.priority or "")),
@@ -60,7 +60,7 @@ def order_details(order: TransportOrderStatus, delivery: DeliveryStatus) -> Tabl
     table = Table.grid(padding=(0, 2))
     rows = [
         ("order", Text(order.name)),
-        ("state", _state(order)),
+        ("state", Text(order.state, style=STATE_STYLES.get(order.state, ""))),
         ("reason", Text(order.reason)),
         ("vehicle", Text(order.processing_vehicle or "")),
         ("intended vehicle", Text(order.intended_vehicle or "")),
@@ -114,11 +114,6 @@ def order_types_table(vehicle: VehicleStatus) -> Table:
 def _deadline(order: TransportOrderStatus) -> Text:
     text = Text(_local(order.deadline))
     return text.append(", late", style="red") if order.late else text
-
-
-def _state(order: TransportOrderStatus) -> Text:
-    style = STATE_STYLES.get(order.state, "")
-    return Text(f"{order.state} (held)", style="yellow") if order.held else Text(order.state, style=style)
 
 
 def _meant_for(order: TransportOrderStatus) -> str:

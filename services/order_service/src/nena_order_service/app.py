@@ -281,5 +281,4 @@ def _make_kernel(
         planner=MissionPlanner(plant, finder, OperationMap(settings.kernel.action_types)),
         clock=clock,
         settings=settings.kernel,
-        on_failure=settings.orders.on_failure,
     )

@@ -17,15 +17,14 @@ from nena_order_service.mqtt_requests import REQUESTS_LIMIT, read_request, too_m
 from nena_order_service.problems import FORESEEN, problem_of
 from nena_order_service.rest.bodies import (
     DispatchRequest,
-    HoldRequest,
     InstantActionAnswer,
     InstantActionRequest,
     IntegrationLevelRequest,
     OrderTypesRequest,
     PathLockRequest,
-    ResumeRequest,
     WithdrawalRequest,
 )
+from nena_shared.fleet_api.assignment import AssignmentStatus
 from nena_shared.fleet_api.base import ObjectName, Request, Resource
 from nena_shared.fleet_api.delivery import DeliveryStatus
 from nena_shared.fleet_api.path import PathStatus
@@ -53,24 +52,14 @@ class WithdrawCommand(Command, WithdrawalRequest):
     """Only if it still has this version."""
 
 
-class HoldCommand(Command, HoldRequest):
-    """Lets a transport order wait until it is resumed."""
-
-    transport_order: ObjectName
-    version: int | None = None
-    """Only if it still has this version."""
-
-
-class ResumeCommand(Command, ResumeRequest):
-    """Lets a held transport order go on."""
-
-    transport_order: ObjectName
-    version: int | None = None
-    """Only if it still has this version."""
-
-
 class DeliveryCommand(Command):
     """Asks how far a transport order has come on its way to its robot."""
+
+    transport_order: ObjectName
+
+
+class AssignmentCommand(Command):
+    """Asks why the vehicles do not do a transport order."""
 
     transport_order: ObjectName
 
@@ -113,6 +102,7 @@ class CommandAnswer(Resource):
     request_id: str | None = None
     transport_order: TransportOrderStatus | None = None
     delivery: DeliveryStatus | None = None
+    assignment: AssignmentStatus | None = None
     instant_action: InstantActionAnswer | None = None
     path: PathStatus | None = None
     vehicle: VehicleStatus | None = None
@@ -121,9 +111,8 @@ class CommandAnswer(Resource):
 
 COMMANDS: dict[str, type[Command]] = {
     "withdraw": WithdrawCommand,
-    "hold": HoldCommand,
-    "resume": ResumeCommand,
     "delivery": DeliveryCommand,
+    "assignment": AssignmentCommand,
     "dispatch": DispatchCommand,
     "instantAction": InstantActionCommand,
     "lockPath": LockPathCommand,
@@ -144,9 +133,8 @@ class Verbs:
         self._locks = locks
         self.by_name: dict[str, Verb] = {
             "withdraw": self.withdraw,
-            "hold": self.hold,
-            "resume": self.resume,
             "delivery": self.delivery,
+            "assignment": self.assignment,
             "dispatch": self.dispatch,
             "instantAction": self.instant_action,
             "lockPath": self.lock_path,
@@ -156,29 +144,9 @@ class Verbs:
 
     async def withdraw(self, command: WithdrawCommand) -> CommandAnswer:
         """Withdraw an order."""
+        seen = None if command.version is None else ETag.of(command.version)
         order = await self._requests.withdraw(
-            command.transport_order,
-            command.reason,
-            seen=_seen(command.version),
-            immediate=command.immediate,
-        )
-        return CommandAnswer(status=HTTPStatus.OK, transport_order=order)
-
-    async def hold(self, command: HoldCommand) -> CommandAnswer:
-        """Let an order wait."""
-        order = await self._requests.hold(
-            command.transport_order,
-            command.by,
-            command.reason,
-            seen=_seen(command.version),
-            immediate=command.immediate,
-        )
-        return CommandAnswer(status=HTTPStatus.OK, transport_order=order)
-
-    async def resume(self, command: ResumeCommand) -> CommandAnswer:
-        """Let a held order go on."""
-        order = await self._requests.resume(
-            command.transport_order, command.by, command.reason, seen=_seen(command.version)
+            command.transport_order, command.reason, seen=seen, immediate=command.immediate
         )
         return CommandAnswer(status=HTTPStatus.OK, transport_order=order)
 
@@ -186,6 +154,11 @@ class Verbs:
         """Tell the delivery of an order."""
         delivery = await self._requests.delivery(command.transport_order)
         return CommandAnswer(status=HTTPStatus.OK, delivery=delivery)
+
+    async def assignment(self, command: AssignmentCommand) -> CommandAnswer:
+        """Tell of each vehicle why it does not do an order."""
+        assignment = await self._requests.assignment(command.transport_order)
+        return CommandAnswer(status=HTTPStatus.OK, assignment=assignment)
 
     async def dispatch(self, command: DispatchCommand) -> CommandAnswer:
         """Send a vehicle somewhere."""
@@ -263,10 +236,6 @@ class MqttCommands:
     def _answer(self, host: str, name: str, answer: CommandAnswer) -> None:
         body = answer.model_dump_json(by_alias=True, exclude_none=True).encode()
         self._mqtt.publish(Outbound(self._topics.command_answer(host, name), body))
-
-
-def _seen(version: int | None) -> ETag | None:
-    return None if version is None else ETag.of(version)
 
 
 def _refusal(problem: Problem, command: Command | None = None) -> CommandAnswer:

@@ -12,7 +12,6 @@ STATUS: dict[type[Exception], HTTPStatus] = {
     errors.NameTakenError: HTTPStatus.CONFLICT,
     errors.KeyReusedError: HTTPStatus.UNPROCESSABLE_ENTITY,
     errors.OrderEndedError: HTTPStatus.CONFLICT,
-    errors.OrderWithdrawnError: HTTPStatus.CONFLICT,
     errors.VehicleNotReachedError: HTTPStatus.CONFLICT,
     errors.UnknownOrderError: HTTPStatus.NOT_FOUND,
     errors.UnknownVehicleError: HTTPStatus.NOT_FOUND,

@@ -31,6 +31,7 @@ _TEXTS: Final = frozenset(
         keys.VDA5050_SERIAL_NUMBER,
         keys.VDA5050_VERSION,
         keys.VDA5050_MAP_ID,
+        keys.VDA5050_RECHARGE_OPERATION,
         keys.VEHICLE_TYPE,
         keys.ALLOWED_MAPS,
         keys.ACCEPTABLE_ORDER_TYPES,

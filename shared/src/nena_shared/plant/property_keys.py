@@ -19,6 +19,7 @@ VDA5050_VERSION: Final = "vda5050:version"
 VDA5050_MAP_ID: Final = "vda5050:mapId"
 VDA5050_DEVIATION_XY: Final = "vda5050:deviationXY"
 VDA5050_DEVIATION_THETA: Final = "vda5050:deviationTheta"
+VDA5050_RECHARGE_OPERATION: Final = "vda5050:rechargeOperation"
 
 VEHICLE_TYPE: Final = "nena:vehicleType"
 """Of a vehicle: the type by which LIF names those who may use a point or path, such as `ACME.T800`."""

@@ -8,6 +8,7 @@ from itertools import groupby
 from math import hypot
 
 from nena_order_service.routing import NoRouteError, Route, Router
+from nena_order_service.routing.graph import CostMap
 from nena_shared.fleet_api.transport_order import Coordinate, Destination
 from nena_shared.plant import PlantModel, Point, Vehicle
 
@@ -113,6 +114,16 @@ class WayFinder:
     def costs(self, start: str, *, vehicle: Vehicle | None = None) -> Mapping[str, float]:
         """Give what it costs to reach each point that can be reached."""
         return self._router.costs_from(start, vehicle=vehicle)
+
+    def costs_to(
+        self, point: str, *, vehicle: Vehicle | None = None, avoid: Collection[str] = frozenset()
+    ) -> CostMap:
+        """Give what it costs to reach a point from each point."""
+        return self._router.costs_to(point, vehicle=vehicle, avoid=avoid)
+
+    def kind(self, vehicle: Vehicle | None) -> int:
+        """Give a number for the kind of a vehicle: those of one kind have the same ways."""
+        return self._router.kind(vehicle)
 
     def nearest(self, coordinate: Coordinate) -> str:
         """Give the point from which the way goes on after a coordinate."""

@@ -14,6 +14,8 @@ from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 NO_ACTION: Final = ""
 """What an operation is mapped to that is nothing but the drive."""
 
+RECHARGE_ACTION: Final = "startCharging"
+
 STATION_ACTIONS: Final = frozenset({"pick", "drop"})
 """Actions that hand a load over at a station."""
 
@@ -55,8 +57,13 @@ class OperationMap:
     new_id: Callable[[], str] = fresh_id
 
     def action_type(self, operation: str) -> str:
-        """Give the type of the action that ``operation`` stands for; empty for none."""
-        return {**DEFAULT_ACTION_TYPES, **self.action_types}.get(operation, operation)
+        """Give the action type that an operation stands for."""
+        usual = DEFAULT_ACTION_TYPES.get(operation, operation)
+        return self.action_types.get(operation, usual)
+
+    def recharges(self, operation: str) -> bool:
+        """Tell whether an operation is to recharge."""
+        return self.action_type(operation) == RECHARGE_ACTION
 
     def actions(
         self,

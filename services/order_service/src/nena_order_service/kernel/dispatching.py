@@ -5,35 +5,59 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from nena_order_service.dispatch.dispatcher import BUSY, Assignment, decide
-from nena_order_service.dispatch.way import Way
-from nena_order_service.fleet import NotLocatedError, RobotView, Standing
+from nena_order_service.dispatch.dispatcher import BUSY, Assignment, Dispatcher
+from nena_order_service.dispatch.energy import Energy
+from nena_order_service.dispatch.explanation import VehicleFit, explain
+from nena_order_service.dispatch.settings import DispatchSettings
+from nena_order_service.dispatch.vehicle import DispatchedVehicle
+from nena_order_service.dispatch.way import Way, WayFinder
+from nena_order_service.fleet import LinkStatus, NotLocatedError, RobotView, Standing
+from nena_order_service.kernel.driving import Driving
 from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.missions import MissionPlanner
+from nena_order_service.kernel.order_book import OrderBook
+from nena_order_service.kernel.order_costs import KnownCosts, OrderKnowledge
+from nena_order_service.kernel.order_fit import OrderFit
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
+from nena_order_service.orders.automatic import is_automatic_recharge
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_shared.clock import Clock
+from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
+from nena_shared.fleet_api.vehicle import VehicleState
+from nena_shared.plant import PlantModel
 
 NO_ORDER = "has nothing to do: no order waits"
 NO_ORDER_FITS = (
     "has nothing to do: the orders that wait are for other vehicles or of types that it does not accept, "
     "or it cannot reach them"
 )
+GIVES_UP = "gives up a dispensable order first"
+STANDS_STILL = (VehicleState.UNKNOWN, VehicleState.UNAVAILABLE, VehicleState.ERROR)
+"""States in which a robot could not go on with another order than it has."""
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A vehicle that takes an order now, and where it stands."""
+    """A vehicle as the dispatcher sees it, and where it stands; None where nobody knows."""
 
     vehicle: FleetVehicle
-    standing: Standing
+    seen: DispatchedVehicle
+    standing: Standing | None = None
+
+    @property
+    def matters(self) -> tuple[object, ...]:
+        """What makes a difference for who gets which order; energy alone does not."""
+        seen = self.seen
+        return seen.obstacle, seen.restriction, seen.gives_up, self.standing and self.standing.point
 
 
 @dataclass(frozen=True, slots=True)
 class Dispatched:
-    """An assignment and who does it."""
+    """An assignment, and the vehicle and way by which it is done."""
 
     assignment: Assignment
-    candidate: Candidate
+    vehicle: FleetVehicle
+    way: Way
 
 
 class Dispatching:
@@ -41,65 +65,168 @@ class Dispatching:
 
     def __init__(
         self,
+        plant: PlantModel,
+        settings: DispatchSettings,
+        *,
         registry: VehicleRegistry,
+        book: OrderBook,
         missions: MissionBook,
         planner: MissionPlanner,
-        *,
+        finder: WayFinder,
+        driving: Driving,
+        fit: OrderFit,
         view: Callable[[FleetVehicle], RobotView],
-        obstacle: Callable[[FleetVehicle], str],
-        misfit: Callable[[TransportOrder, FleetVehicle], str],
+        clock: Clock,
     ) -> None:
+        self._dispatcher = Dispatcher(settings)
+        self._energy = settings.energy
         self._registry = registry
+        self._book = book
         self._missions = missions
         self._planner = planner
+        self._driving = driving
+        self._fit = fit
         self._view = view
-        self._obstacle = obstacle
-        self._misfit = misfit
+        self._clock = clock
+        self._costs = KnownCosts(plant, finder, registry)
+        self._kept: dict[int, str] = {}
+        """Vehicles that give up dispensable orders, by the numbers of the orders that they are kept for."""
+        self._looked_at: dict[str, tuple[object, ...]] = {}
+        """What mattered of each vehicle when it was looked at last."""
 
     def dispatch(self, orders: Sequence[TransportOrder]) -> tuple[list[Dispatched], dict[str, str]]:
-        """Give what is to be assigned of orders, most urgent first, and why the others wait, by name."""
+        """Give what is to be assigned of orders, and why the others wait, by name.
+
+        Where a vehicle has to give up a dispensable order first, it is kept for its new one from now on.
+        """
         if not orders:
             return [], {}
-        candidates: dict[str, Candidate] = {}
-        obstacles: dict[str, str] = {}
-        vehicles = {vehicle.name: vehicle for vehicle in self._registry}
-        for vehicle in vehicles.values():
-            if not vehicle.obstacle:
-                found = self._consider(vehicle)
-                obstacles[vehicle.name] = found if isinstance(found, str) else ""
-                if isinstance(found, Candidate):
-                    candidates[vehicle.name] = found
-
-        def find_way(order: TransportOrder, name: str) -> Way:
-            candidate = candidates[name]
-            return self._planner.way(order, candidate.vehicle, candidate.standing)
-
-        def misfit(order: TransportOrder, name: str) -> str:
-            return self._misfit(order, vehicles[name])
-
-        decisions = decide(orders, obstacles, find_way, misfit)
-        dispatched = [Dispatched(each, candidates[each.vehicle]) for each in decisions.assignments]
+        self._forget_kept()
+        candidates = self._candidates()
+        decisions = self._dispatcher.decide(
+            orders,
+            (each.seen for each in candidates.values()),
+            self._knowledge(candidates),
+            now=self._clock.now(),
+            kept=self._kept,
+        )
+        dispatched = []
+        for assignment in decisions.assignments:
+            candidate = candidates[assignment.vehicle]
+            assert candidate.standing, "who is assigned anything stands somewhere"  # noqa: S101 - for the type
+            if assignment.gives_up:
+                self._kept[assignment.order.number] = assignment.vehicle
+            way = self._planner.way(assignment.order, candidate.vehicle, candidate.standing)
+            dispatched.append(Dispatched(assignment, candidate.vehicle, way))
         return dispatched, decisions.reasons
+
+    def explain(self, order: TransportOrder) -> list[VehicleFit]:
+        """Say of each vehicle why it does not do this order, or that it could."""
+        candidates = self._candidates()
+        seen = (each.seen for each in candidates.values())
+        return explain(order, seen, self._knowledge(candidates), kept=self._kept)
+
+    def forget(self) -> None:
+        """Look anew for each way: the plant has changed."""
+        self._costs.forget()
+
+    def has_changed(self, vehicle: FleetVehicle) -> bool:
+        """Tell whether anything that matters here is new about a vehicle since it was looked at."""
+        before = self._looked_at.get(vehicle.name)
+        return self._look_at(vehicle).matters != before
 
     def idle_reason(self, vehicle: FleetVehicle, *, orders_wait: bool) -> str:
         """Say why a vehicle that works on no order has none."""
-        if vehicle.obstacle:
-            return vehicle.obstacle
-        found = self._consider(vehicle)
-        if isinstance(found, str):
-            return found
-        return NO_ORDER_FITS if orders_wait else NO_ORDER
+        seen = self.consider(vehicle).seen
+        return seen.obstacle or seen.restriction or (NO_ORDER_FITS if orders_wait else NO_ORDER)
 
-    def _consider(self, vehicle: FleetVehicle) -> Candidate | str:
-        """Give the vehicle as a candidate, or as a predicate why it is none."""
-        if self._missions.order_number(vehicle.key) is not None:
-            return BUSY
-        if obstacle := self._obstacle(vehicle):
-            return obstacle
+    def consider(self, vehicle: FleetVehicle) -> Candidate:
+        """Give a vehicle as the dispatcher sees it now."""
+        if vehicle.obstacle:
+            return _hindered(vehicle, vehicle.obstacle)
+        order = self._order_of(vehicle)
+        if order is not None and not self._would_give_up(order):
+            kept = order.state is TransportOrderState.WITHDRAWN and vehicle.name in self._kept.values()
+            return _hindered(vehicle, GIVES_UP if kept else BUSY)
         view = self._view(vehicle)
-        if not view.availability.can_take_order:
-            return view.availability.reason
+        if obstacle := self._obstacle(vehicle, view, order):
+            return _hindered(vehicle, obstacle)
         try:
-            return Candidate(vehicle, self._planner.standing(vehicle, view))
+            standing = self._planner.standing(vehicle, view)
         except NotLocatedError as error:
-            return f"cannot be sent anywhere: {error.reason}"
+            return _hindered(vehicle, f"cannot be sent anywhere: {error.reason}")
+        energy = self.energy(vehicle, view)
+        seen = DispatchedVehicle(
+            vehicle.name,
+            restriction=energy.restriction(fully=self._energy.until_fully_recharged) if energy else "",
+            energy=energy.level if energy else 100.0,
+            idle=order is None and not (energy and energy.charging),
+            gives_up=order.name if order else "",
+            kept_for=next((number for number, name in self._kept.items() if name == vehicle.name), None),
+            order_types=self._fit.order_types(vehicle),
+        )
+        return Candidate(vehicle, seen, standing)
+
+    def energy(self, vehicle: FleetVehicle, view: RobotView) -> Energy | None:
+        """Give how much energy a vehicle has; None where that is of no account."""
+        if view.state is None or not self._energy.respected:
+            return None
+        thresholds = vehicle.model.energy_thresholds if vehicle.model else self._energy.thresholds
+        power = view.state.power_supply
+        return Energy(power.state_of_charge, power.charging, thresholds)
+
+    def _obstacle(self, vehicle: FleetVehicle, view: RobotView, order: TransportOrder | None) -> str:
+        """Say why a vehicle takes no order though it has none, or one that it would give up."""
+        if order is None:
+            obstacle = self._driving.obstacle(vehicle)
+            free = view.availability.can_take_order
+            return obstacle or ("" if free else view.availability.reason)
+        if view.link is not LinkStatus.ONLINE or view.vehicle_state in STANDS_STILL:
+            return BUSY
+        return self._driving.obstacle_at(vehicle)
+
+    def _order_of(self, vehicle: FleetVehicle) -> TransportOrder | None:
+        number = self._missions.order_number(vehicle.key)
+        return None if number is None else self._book.get(number)
+
+    def _would_give_up(self, order: TransportOrder) -> bool:
+        """Tell whether an order is given up for another one; whoever recharges has to be done with that."""
+        if order.state is not TransportOrderState.BEING_PROCESSED or order.held:
+            return False
+        return order.status.dispensable or (is_automatic_recharge(order) and is_operating(order))
+
+    def _candidates(self) -> dict[str, Candidate]:
+        return {each.name: self._look_at(each) for each in self._registry if not each.obstacle}
+
+    def _look_at(self, vehicle: FleetVehicle) -> Candidate:
+        """Consider a vehicle, and remember what mattered."""
+        found = self.consider(vehicle)
+        self._looked_at[vehicle.name] = found.matters
+        return found
+
+    def _knowledge(self, candidates: dict[str, Candidate]) -> OrderKnowledge:
+        places = {
+            name: (each.vehicle, each.standing.point)
+            for name, each in candidates.items()
+            if each.standing is not None
+        }
+        return OrderKnowledge(self._costs, places, self._planner, self._fit)
+
+    def _forget_kept(self) -> None:
+        """Keep vehicles only for orders that wait, and while they are about to be free."""
+        for number, name in tuple(self._kept.items()):
+            vehicle = self._registry.named(name)
+            order = self._book.at_hand(number)
+            waits = order is not None and order.state is TransportOrderState.DISPATCHABLE
+            obstacle = self.consider(vehicle).seen.obstacle if vehicle else BUSY
+            if not waits or obstacle not in ("", GIVES_UP):
+                del self._kept[number]
+
+
+def is_operating(order: TransportOrder) -> bool:
+    """Tell whether an order's vehicle does what is to be done at its destination."""
+    return order.current.state is DriveOrderState.OPERATING
+
+
+def _hindered(vehicle: FleetVehicle, obstacle: str) -> Candidate:
+    return Candidate(vehicle, DispatchedVehicle(vehicle.name, obstacle))

@@ -257,6 +257,10 @@ class Driving:
         """Say, as a predicate, why a vehicle takes no order because of what it does; empty if it does."""
         if self._desk.journey(vehicle.name):
             return "makes room for others"
+        return self.obstacle_at(vehicle)
+
+    def obstacle_at(self, vehicle: FleetVehicle) -> str:
+        """Say, as a predicate, why a vehicle takes no order because of its place; empty if it does."""
         return self._places.obstacle(vehicle)
 
     def _why_it_stays(self, vehicle: FleetVehicle) -> str:

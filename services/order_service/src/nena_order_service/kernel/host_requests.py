@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from dataclasses import dataclass
 from math import hypot
-from secrets import token_hex
 
 from nena_order_service.errors import (
     KeyReusedError,
     NameTakenError,
     OrderEndedError,
-    OrderWithdrawnError,
     StoreNotReadyError,
     UnknownOrderError,
     UnknownVehicleError,
@@ -26,21 +23,22 @@ from nena_order_service.kernel.etag import ETag
 from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.kernel.settings import KernelSettings
 from nena_order_service.kernel.vehicles import FleetVehicle
+from nena_order_service.orders.names import sortable_id
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.validation import check_request
 from nena_order_service.store.database import OrderFilter
+from nena_shared.fleet_api.assignment import AssignmentStatus, VehicleForOrder
 from nena_shared.fleet_api.delivery import DeliveryStatus
 from nena_shared.fleet_api.order_types import AcceptableOrderType
-from nena_shared.fleet_api.transport_order import (
-    TransportOrderRequest,
-    TransportOrderState,
-    TransportOrderStatus,
-)
+from nena_shared.fleet_api.transport_order import TransportOrderRequest, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
 from nena_shared.plant import MapPose, PlantPose, Point
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 
 NAME_PREFIX = "TOrder"
+
+VEHICLES_EXPLAINED = 100
+"""Vehicles of which it is said why they do not do an order, unless a host asks for more or less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +72,7 @@ class HostRequests:
         check_request(request, self._kernel.plant, self._kernel.registry.names())
         name, complete = request.name or NAME_PREFIX, request.name is None or request.incomplete_name
         if complete:
-            name = f"{name}-{_sortable_id()}"
+            name = f"{name}-{sortable_id()}"
         known = await self._find(None if complete else name, request.idempotency_key)
         if known is None:
             self._require_store()
@@ -98,31 +96,15 @@ class HostRequests:
         Only if it still is as the caller has ``seen`` it; None: whatever it is now. Not ``immediate``, its
         vehicle drives to the end of what it was given.
         """
-        order = await self._living(name, seen)
+        order = self._kernel.book.named(name) or await self._kernel.store.order(name=name)
+        if order is None:
+            raise UnknownOrderError(name)
+        if order.state.final:
+            raise OrderEndedError(name, order.state)
+        if seen is not None and not seen.fits(order.status.version):
+            raise VersionChangedError(name, str(seen), order.status.version)
+        self._require_store()
         self._kernel.withdraw(order.number, reason, immediate=immediate)
-        await self._committed()
-        return self._visible(order)
-
-    async def hold(
-        self, name: str, by: str, reason: str, *, seen: ETag | None = None, immediate: bool = True
-    ) -> TransportOrderStatus:
-        """Let an order wait until it is resumed; one that is held already is held by whom it was.
-
-        ``seen`` and ``immediate`` are as in :meth:`withdraw`.
-        """
-        order = await self._living(name, seen)
-        if order.state is TransportOrderState.WITHDRAWN:
-            raise OrderWithdrawnError(name)
-        self._kernel.hold(order.number, by, reason, immediate=immediate)
-        await self._committed()
-        return self._visible(order)
-
-    async def resume(
-        self, name: str, by: str, reason: str, *, seen: ETag | None = None
-    ) -> TransportOrderStatus:
-        """Let a held order go on; one that nobody holds goes on anyway. ``seen`` as in :meth:`withdraw`."""
-        order = await self._living(name, seen)
-        self._kernel.resume(order.number, by, reason)
         await self._committed()
         return self._visible(order)
 
@@ -142,6 +124,22 @@ class HostRequests:
         order = await self.order(name)
         vehicle = self._kernel.registry.named(order.processing_vehicle)
         return delivery_status(order, self._kernel.view(vehicle) if vehicle else None)
+
+    async def assignment(self, name: str, limit: int = VEHICLES_EXPLAINED) -> AssignmentStatus:
+        """Tell of each vehicle why it does not do an order, of ``limit`` vehicles at the most."""
+        status, order = await self.order(name), self._kernel.book.named(name)
+        found = [] if order is None or order.state.final else self._kernel.explain(order)
+        return AssignmentStatus(
+            transport_order=status.name,
+            state=status.state,
+            reason=status.reason,
+            processing_vehicle=status.processing_vehicle,
+            vehicles=tuple(
+                VehicleForOrder(vehicle=each.vehicle, fits=each.fits, reason=each.reason, cost=each.cost)
+                for each in found[:limit]
+            ),
+            left_out=len(found[limit:]),
+        )
 
     def vehicles(self) -> tuple[VehicleStatus, ...]:
         """Give all vehicles."""
@@ -200,18 +198,6 @@ class HostRequests:
         point = min(near, key=lambda each: _distance(each, pose)).name if near else ""
         return RobotPose(profile.on(map_id).pose_to_map(pose), map_id, point)
 
-    async def _living(self, name: str, seen: ETag | None) -> TransportOrder:
-        """Give an order that can be changed."""
-        order = self._kernel.book.named(name) or await self._kernel.store.order(name=name)
-        if order is None:
-            raise UnknownOrderError(name)
-        if order.state.final:
-            raise OrderEndedError(name, order.state)
-        if seen is not None and not seen.fits(order.status.version):
-            raise VersionChangedError(name, str(seen), order.status.version)
-        self._require_store()
-        return order
-
     async def _find(self, name: str | None, key: str | None) -> TransportOrder | None:
         """Give the order of this key, else of this name; from the store where it is not at hand."""
         if found := self._at_hand(name, key):
@@ -248,8 +234,3 @@ class HostRequests:
 def _distance(point: Point, pose: PlantPose) -> float:
     """Give the distance in m."""
     return hypot(point.x_m - pose.x_m, point.y_m - pose.y_m)
-
-
-def _sortable_id() -> str:
-    """Give an id that nothing else has; later ones sort behind earlier ones."""
-    return f"{time.time_ns() // 1_000_000:012x}{token_hex(5)}"

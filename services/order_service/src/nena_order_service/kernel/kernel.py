@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import timedelta
 
+from nena_order_service.dispatch.explanation import VehicleFit
+from nena_order_service.dispatch.settings import DispatchSettings
 from nena_order_service.dispatch.way import WayFinder
 from nena_order_service.fleet import (
     ActionRetriable,
@@ -25,6 +27,7 @@ from nena_order_service.fleet import (
 )
 from nena_order_service.kernel.dispatching import Dispatching
 from nena_order_service.kernel.driving import Driving
+from nena_order_service.kernel.idle_vehicles import IdleVehicles
 from nena_order_service.kernel.instant_actions import PendingInstantActions, state_request
 from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.missions import MissionPlanner
@@ -112,15 +115,9 @@ class Kernel:
         self._pauses = Pauses(self.book, planner, self.view, clock)
         self._driving = self._make_driving(planner, settings.release_ahead)
         self._fit = OrderFit(self._vehicles)
-        self._dispatching = Dispatching(
-            registry,
-            self._missions,
-            planner,
-            view=self.view,
-            obstacle=self._driving.obstacle,
-            misfit=self._fit.misfit,
-        )
+        self._dispatching = self._make_dispatching(planner, settings.dispatch)
         self._orders = self._make_order_flow(planner, on_failure)
+        self._idle = self._make_idle_vehicles(planner, settings.dispatch)
 
     def _make_driving(self, planner: MissionPlanner, ahead: int) -> Driving:
         return Driving(
@@ -137,6 +134,37 @@ class Kernel:
             clock=self.clock,
             on_stuck=lambda robot, reason: self._orders.no_way(robot, reason),  # noqa: PLW0108 - made later
             on_busy=self.on_news,
+        )
+
+    def _make_dispatching(self, planner: MissionPlanner, settings: DispatchSettings) -> Dispatching:
+        return Dispatching(
+            self.plant,
+            settings,
+            registry=self.registry,
+            book=self.book,
+            missions=self._missions,
+            planner=planner,
+            finder=self._finder,
+            driving=self._driving,
+            fit=self._fit,
+            view=self.view,
+            clock=self.clock,
+        )
+
+    def _make_idle_vehicles(self, planner: MissionPlanner, settings: DispatchSettings) -> IdleVehicles:
+        return IdleVehicles(
+            self.plant,
+            settings,
+            recharges=planner.recharging,
+            registry=self.registry,
+            book=self.book,
+            missions=self._missions,
+            dispatching=self._dispatching,
+            desk=self.desk,
+            finder=self._finder,
+            view=self.view,
+            clock=self.clock,
+            order=self._orders.create_automatic,
         )
 
     def _make_order_flow(self, planner: MissionPlanner, policy: FailurePolicy) -> OrderFlow:
@@ -204,6 +232,9 @@ class Kernel:
             self._orders.end_late_ones()
             for vehicle in self.registry:
                 self._places.see(vehicle)
+        if self._gate.is_open:
+            with self.step():
+                self._idle.attend()
         with self.step():
             for vehicle in self.registry:
                 if not self.steps.vehicle_as_told(self.status(vehicle)):
@@ -212,6 +243,7 @@ class Kernel:
     def plant_changed(self) -> None:
         """Look anew for each way; missions under way go on as they were granted."""
         self._ways.forget()
+        self._dispatching.forget()
         self.look()
 
     @contextmanager
@@ -303,8 +335,12 @@ class Kernel:
 
     def _idle_reason(self, vehicle: FleetVehicle) -> str:
         reason = self._dispatching.idle_reason(vehicle, orders_wait=self.book.orders_wait)
-        sharing = self.desk.sharing(vehicle.name)
-        return f"{reason}; {sharing}" if sharing else reason
+        more = (self._idle.note(vehicle), self.desk.sharing(vehicle.name))
+        return "; ".join(filter(None, (reason, *more)))
+
+    def explain(self, order: TransportOrder) -> list[VehicleFit]:
+        """Say of each vehicle why it does not do an order, or that it could."""
+        return self._dispatching.explain(order)
 
     def _status_of(self, name: str) -> VehicleStatus | None:
         vehicle = self.registry.named(name)

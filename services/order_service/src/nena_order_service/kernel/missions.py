@@ -34,6 +34,10 @@ class MissionPlanner:
         self._finder = finder
         self._operations = operations
 
+    def recharging(self, operation: str) -> bool:
+        """Tell whether an operation is to recharge."""
+        return self._operations.recharges(operation)
+
     def standing(self, vehicle: FleetVehicle, view: RobotView) -> Standing:
         """Tell where a vehicle stands; raises NotLocatedError."""
         if view.state is None:
@@ -65,6 +69,10 @@ class MissionPlanner:
             vehicle=vehicle.model,
             avoid=order.resources_to_avoid | avoid,
         )
+
+    def recharges(self, order: TransportOrder) -> bool:
+        """Tell whether the next thing that an order asks for is to recharge."""
+        return self._operations.recharges(order.current.destination.operation)
 
     def wish(self, order: TransportOrder, vehicle: FleetVehicle, leg: Leg) -> Wish:
         """Give what a vehicle wants of traffic for the current drive order, whose way is ``leg``."""

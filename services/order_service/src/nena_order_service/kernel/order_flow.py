@@ -12,7 +12,7 @@ from nena_order_service.fleet import (
 )
 from nena_order_service.kernel import order_timeouts
 from nena_order_service.kernel.deadlines import Deadlines
-from nena_order_service.kernel.dispatching import Candidate, Dispatching
+from nena_order_service.kernel.dispatching import GIVES_UP, Dispatched, Dispatching, is_operating
 from nena_order_service.kernel.driving import Driving
 from nena_order_service.kernel.failure_flow import Failure, FailureFlow
 from nena_order_service.kernel.holding import Holding
@@ -26,6 +26,7 @@ from nena_order_service.kernel.recovery import LostMissionError, Recovery
 from nena_order_service.kernel.steps import Steps
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
 from nena_order_service.orders import mending
+from nena_order_service.orders.automatic import automatic_name
 from nena_order_service.orders.transport_order import TransportOrder, why_withdrawn
 from nena_order_service.orders.validation import InvalidRequestError, check_order
 from nena_order_service.routing import NoRouteError
@@ -106,6 +107,17 @@ class OrderFlow:
             self._dispatch((order,))
         return order
 
+    def create_automatic(self, request: TransportOrderRequest) -> bool:
+        """Make an order for a vehicle that has nothing to do; tell whether it does it.
+
+        An order that does not begin at once is not kept: what the vehicle needs may be another one by then.
+        """
+        order = self._book.get(self.create(request, automatic_name(request)).number)
+        begun = order.state is TransportOrderState.BEING_PROCESSED
+        if not begun and not order.state.final:
+            self.withdraw(order, "its vehicle did not begin it", immediate=True)
+        return begun
+
     def withdraw(self, order: TransportOrder, reason: str, *, immediate: bool) -> None:
         """Withdraw an order that is not at its end; of one that is withdrawn only the way may change.
 
@@ -150,8 +162,7 @@ class OrderFlow:
 
     def robot_changed(self, vehicle: FleetVehicle) -> None:
         """Take notice that a robot has told something new."""
-        free = self._missions.order_number(vehicle.key) is None
-        if free or vehicle.name in self._pauses:
+        if vehicle.name in self._pauses or self._dispatching.has_changed(vehicle):
             self.dispatch_due = True
         self.tell_hindrance(vehicle)
 
@@ -169,9 +180,7 @@ class OrderFlow:
     def end(self, order: TransportOrder) -> None:
         """Let an order be at its end, and its vehicle be free."""
         self._let_go(order)
-        told = order.status
-        by, state, reason = told.processing_vehicle, told.state.value, told.reason
-        log.info("order ended", order=told.name, vehicle=by, state=state, reason=reason)
+        log.info("order ended", order=order.name, state=order.state.value, reason=order.status.reason)
 
     def give_to_another(self, order: TransportOrder) -> None:
         """Let an order wait for another vehicle than the one that had it."""
@@ -273,18 +282,33 @@ class OrderFlow:
     def _dispatch(self, orders: Sequence[TransportOrder]) -> None:
         """Assign what can be assigned of these orders, and say of the others why not."""
         dispatched, reasons = self._dispatching.dispatch(orders)
-        now = self._clock.now()
         for each in dispatched:
-            self._assign(each.assignment.order, each.candidate, each.assignment.way, each.assignment.why)
+            if each.assignment.gives_up:
+                reasons[each.assignment.order.name] = self._give_way(each)
+            else:
+                self._assign(each)
+        now = self._clock.now()
         for order in orders:
             reason = reasons.get(order.name, order.status.reason)
             if reason != order.status.reason:
                 self._book.put(order.deferred(reason, now))
 
-    def _assign(self, order: TransportOrder, candidate: Candidate, way: Way, why: str) -> None:
-        vehicle = candidate.vehicle
+    def _give_way(self, dispatched: Dispatched) -> str:
+        """Let a vehicle give up a dispensable order for another one; say for what that one waits.
+
+        It drives to the end of what it was given; but one that recharges would go on, and is told to cancel.
+        """
+        wanted, given_up = dispatched.assignment.order.name, dispatched.assignment.gives_up
+        order = self._book.named(given_up)
+        assert order, "vehicles work for orders of the book"  # noqa: S101 - for the type
+        log.info("order gives way", order=given_up, vehicle=dispatched.vehicle.name, wanted=wanted)
+        self.withdraw(order, f"gives way to order {wanted}", immediate=is_operating(order))
+        return f"waits for vehicle {dispatched.vehicle.name!r}, which {GIVES_UP}"
+
+    def _assign(self, dispatched: Dispatched) -> None:
+        vehicle, way, why = dispatched.vehicle, dispatched.way, dispatched.assignment.why
         routes = (leg.points for leg in way.legs)
-        order = order.assigned(vehicle.name, routes, why, self._clock.now())
+        order = dispatched.assignment.order.assigned(vehicle.name, routes, why, self._clock.now())
         log.info("order assigned", order=order.name, vehicle=vehicle.name, why=why)
         self._timeouts.watch(order)
         self._missions.assign(order, vehicle.key)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from nena_order_service.dispatch.settings import DispatchSettings
 from nena_shared.settings import SettingsGroup
 
 
@@ -34,6 +35,9 @@ class KernelSettings(SettingsGroup):
         default=True,
         description="Whether points, paths and blocks are given to one robot at a time; false: robots are "
         "sent wherever they are to go, and have to avoid each other by themselves.",
+    )
+    dispatch: DispatchSettings = Field(
+        default_factory=DispatchSettings, description="Which order is given to which vehicle."
     )
     action_types: dict[str, str] = Field(
         default_factory=dict,

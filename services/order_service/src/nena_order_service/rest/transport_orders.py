@@ -7,16 +7,12 @@ from typing import Annotated
 
 from fastapi import APIRouter, Header, Query, Response
 
-from nena_order_service.kernel.host_requests import HostRequests
+from nena_order_service.kernel.host_requests import VEHICLES_EXPLAINED, HostRequests
 from nena_order_service.rest import responses
-from nena_order_service.rest.bodies import (
-    HoldRequest,
-    ResumeRequest,
-    TransportOrderPage,
-    WithdrawalRequest,
-)
+from nena_order_service.rest.bodies import TransportOrderPage, WithdrawalRequest
 from nena_order_service.rest.responses import IfMatch, IfNoneMatch, as_json
 from nena_order_service.store.database import OrderFilter
+from nena_shared.fleet_api.assignment import AssignmentStatus
 from nena_shared.fleet_api.delivery import DeliveryStatus
 from nena_shared.fleet_api.transport_order import (
     TransportOrderRequest,
@@ -58,6 +54,13 @@ def make_router(requests: HostRequests) -> APIRouter:
         """Tell how far a transport order has come on its way to its robot."""
         return as_json(await requests.delivery(name))
 
+    @router.get("/{name}/assignment", response_model=AssignmentStatus)
+    async def assignment(
+        name: str, limit: Annotated[int, Query(ge=1, le=1000)] = VEHICLES_EXPLAINED
+    ) -> Response:
+        """Tell of each vehicle why it does not do a transport order, or that it could."""
+        return as_json(await requests.assignment(name, limit))
+
     @router.post("/{name}/withdrawal", response_model=TransportOrderStatus)
     async def withdraw(
         name: str, request: WithdrawalRequest | None = None, if_match: IfMatch = None
@@ -67,23 +70,7 @@ def make_router(requests: HostRequests) -> APIRouter:
         order = await requests.withdraw(name, asked.reason, seen=seen, immediate=asked.immediate)
         return responses.order(order)
 
-    _add_holding(router, requests)
     return router
-
-
-def _add_holding(router: APIRouter, requests: HostRequests) -> None:
-    @router.post("/{name}/hold", response_model=TransportOrderStatus)
-    async def hold(name: str, request: HoldRequest | None = None, if_match: IfMatch = None) -> Response:
-        """Let a transport order wait until it is resumed; it keeps its vehicle, which stands."""
-        asked, seen = request or HoldRequest(), responses.seen(if_match)
-        order = await requests.hold(name, asked.by, asked.reason, seen=seen, immediate=asked.immediate)
-        return responses.order(order)
-
-    @router.post("/{name}/resume", response_model=TransportOrderStatus)
-    async def resume(name: str, request: ResumeRequest | None = None, if_match: IfMatch = None) -> Response:
-        """Let a held transport order go on from where its vehicle stands."""
-        asked, seen = request or ResumeRequest(), responses.seen(if_match)
-        return responses.order(await requests.resume(name, asked.by, asked.reason, seen=seen))
 
 
 def _add_creation(router: APIRouter, requests: HostRequests) -> None:

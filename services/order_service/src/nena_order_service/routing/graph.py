@@ -1,9 +1,11 @@
 """The graph that is searched: what one kind of vehicle may drive, and what each edge costs it."""
 
+from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
+from dataclasses import dataclass
 from itertools import chain, pairwise
-from math import isfinite
+from math import inf, isfinite
 from operator import attrgetter
 from typing import Final
 
@@ -17,6 +19,18 @@ from nena_shared.plant import DirectedEdge, Path, PlantModel
 
 _COST: Final[Callable[[Step], float]] = attrgetter("cost")
 """A function in C, for it is called for every edge that a search meets."""
+
+
+@dataclass(frozen=True, slots=True)
+class CostMap:
+    """What it costs to reach one point, wherever a vehicle starts; kept small, for there are many."""
+
+    indices: Mapping[str, int]
+    costs: "array[float]"
+
+    def source(self, point: str) -> float:
+        """Return the cost from a point; infinity where there is no way."""
+        return self.costs[self.indices[point]]
 
 
 class RoutingGraph:
@@ -35,6 +49,7 @@ class RoutingGraph:
     ) -> None:
         access = Access(plant, profile, locks)
         self._indices = {point.name: index for index, point in enumerate(plant.points)}
+        self._backward: rx.PyDiGraph[str, Step] | None = None
         self._graph: rx.PyDiGraph[str, Step] = rx.PyDiGraph()
         self._graph.add_nodes_from(list(self._indices))
         self._graph.add_edges_from(
@@ -53,6 +68,7 @@ class RoutingGraph:
         along_paths = (self._path_indices(path) for path in paths)
         pruned = copy(self)
         pruned._graph = self._graph.copy()  # noqa: SLF001 - an object of this class
+        pruned._backward = None  # noqa: SLF001 - an object of this class
         for index in {*chain.from_iterable(to_points), *chain.from_iterable(along_paths)}:
             pruned._graph.remove_edge_from_index(index)  # noqa: SLF001 - an object of this class
         return pruned
@@ -74,6 +90,18 @@ class RoutingGraph:
         indices = {name: self._indices[name] for name in destinations}
         costs = {name: lengths[index] for name, index in indices.items() if index in lengths}
         return {**costs, source: 0.0} if source in indices else costs
+
+    def costs_to(self, destination: str) -> "CostMap":
+        """Return what it costs to reach a point from each point."""
+        if self._backward is None:
+            self._backward = self._graph.copy()
+            self._backward.reverse()
+        goal = self._indices[destination]
+        costs = array("d", [inf]) * len(self._indices)
+        for index, cost in rx.digraph_dijkstra_shortest_path_lengths(self._backward, goal, _COST).items():
+            costs[index] = cost
+        costs[goal] = 0.0
+        return CostMap(self._indices, costs)
 
     def _path_indices(self, path: Path) -> list[int]:
         ends = (self._indices[path.source], self._indices[path.destination])

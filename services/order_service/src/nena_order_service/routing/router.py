@@ -1,15 +1,20 @@
 """The router: the cheapest ways through a plant. Other vehicles, blocks and queues do not influence it."""
 
+from collections import OrderedDict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import chain, pairwise
 from typing import NamedTuple
 
 from nena_order_service.routing.costs import CostEvaluator, distance
 from nena_order_service.routing.errors import NoRouteError
-from nena_order_service.routing.graph import RoutingGraph
+from nena_order_service.routing.graph import CostMap, RoutingGraph
+from nena_order_service.routing.kinds import VehicleKinds
 from nena_order_service.routing.profile import RoutingProfile
 from nena_order_service.routing.route import Route
 from nena_shared.plant import ObjectKind, Path, PlantModel, UnknownObjectError, Vehicle
+
+COSTS_KEPT = 2_000_000
+"""Costs that are remembered, 8 bytes each: as many maps of costs as fit, whatever the size of the plant."""
 
 
 class Router:
@@ -24,11 +29,14 @@ class Router:
         # As many as there are kinds of vehicle.
         self._graphs: dict[RoutingProfile, RoutingGraph] = {}
         self._locks: dict[str, bool] = {}
+        self._maps: OrderedDict[tuple[int, frozenset[str], str], CostMap] = OrderedDict()
+        self._kinds = VehicleKinds(plant.vehicle_types)
 
     def set_locks(self, locks: Mapping[str, bool]) -> None:
         """Lock or unlock paths by name, over what the plant model says; replaces what was set before."""
         self._locks = dict(locks)
         self._graphs.clear()
+        self._maps.clear()
 
     def route(
         self,
@@ -84,8 +92,34 @@ class Router:
         self._check_points((source,))
         return self._graph(vehicle, (), loaded=loaded).costs_from(source, self._plant.points_by_name)
 
+    def costs_to(
+        self, destination: str, *, vehicle: Vehicle | None = None, avoid: Collection[str] = frozenset()
+    ) -> CostMap:
+        """Return what it costs to reach a point from each point; remembered until a path is locked or not.
+
+        Many starts and few goals are compared by this without a search for each. Raises UnknownObjectError.
+        """
+        key = (self.kind(vehicle), frozenset(avoid), destination)
+        known = self._maps.get(key)
+        if known is None:
+            self._check_points((destination,))
+            known = self._maps[key] = self._graph(vehicle, avoid, loaded=None).costs_to(destination)
+            while len(self._maps) * len(self._plant.points) > COSTS_KEPT and len(self._maps) > 1:
+                self._maps.popitem(last=False)
+        else:
+            self._maps.move_to_end(key)
+        return known
+
+    def kind(self, vehicle: Vehicle | None) -> int:
+        """Return a number for the kind of a vehicle: those of one kind have the same ways."""
+        return self._kinds.of(vehicle).number
+
     def _graph(self, vehicle: Vehicle | None, avoid: Collection[str], *, loaded: bool | None) -> RoutingGraph:
-        profile = RoutingProfile.of(vehicle, self._plant.vehicle_types, loaded=loaded)
+        profile = (
+            self._kinds.of(vehicle).profile
+            if loaded is None
+            else RoutingProfile.of(vehicle, self._plant.vehicle_types, loaded=loaded)
+        )
         if profile not in self._graphs:
             self._graphs[profile] = RoutingGraph(self._plant, self._costs, profile, self._locks)
         graph = self._graphs[profile]

@@ -66,6 +66,10 @@ class TrafficDesk:
         """Give what a vehicle holds, oldest first; nothing of one that is not here."""
         return tuple(self._scheduler.occupant(vehicle).held) if vehicle in self._scheduler else ()
 
+    def users(self, resource: str) -> frozenset[str]:
+        """Give who holds, claims or will rest on a point, path, block or location."""
+        return self._scheduler.users(resource)
+
     def stands(self, vehicle: str, point: str, *, on_point: bool) -> bool:
         """Tell whether the vehicle is known to stand at or, else, to be nearest to this point."""
         occupant = self._scheduler.occupant(vehicle)

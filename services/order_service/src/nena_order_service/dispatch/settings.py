@@ -1,0 +1,121 @@
+"""Settings of the dispatcher."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from nena_order_service.dispatch.comparators import CandidateKey, OrderKey, VehicleKey
+from nena_shared.plant.vehicle import EnergyThresholds
+from nena_shared.settings import SettingsGroup
+
+
+class Chooser(StrEnum):
+    """Who chooses whom."""
+
+    ORDERS = "ORDERS"
+    """Each order in turn chooses a vehicle."""
+    SCARCER = "SCARCER"
+    """As in openTCS: where fewer vehicles are free than orders wait, vehicles choose orders."""
+
+
+class EnergySettings(SettingsGroup):
+    """What is done by the energy of vehicles."""
+
+    respected: bool = Field(
+        default=True,
+        description="Whether vehicles whose energy is critical, and those that recharge, take no orders but "
+        "to recharge. false: for robots that do not tell their charge.",
+    )
+    until_fully_recharged: bool = Field(
+        default=True,
+        description="Whether a vehicle that recharges takes no order before it is fully recharged; false: "
+        "before it is sufficiently recharged.",
+    )
+    critical: int = Field(30, ge=0, le=100, description="Percent, for vehicles that the plant model lacks.")
+    good: int = Field(90, ge=0, le=100, description="The same; below it idle vehicles are recharged.")
+    sufficiently_recharged: int = Field(30, ge=0, le=100, description="The same.")
+    fully_recharged: int = Field(90, ge=0, le=100, description="The same.")
+
+    @model_validator(mode="after")
+    def _not_crossed(self) -> Self:
+        self.thresholds  # noqa: B018 - raises ValueError where they are crossed
+        return self
+
+    @property
+    def thresholds(self) -> EnergyThresholds:
+        """The thresholds of vehicles that the plant model lacks."""
+        return EnergyThresholds(
+            critical=self.critical,
+            good=self.good,
+            sufficiently_recharged=self.sufficiently_recharged,
+            fully_recharged=self.fully_recharged,
+        )
+
+
+class RechargingSettings(SettingsGroup):
+    """Vehicles that have nothing to do are sent to recharge."""
+
+    enabled: bool = Field(
+        default=False,
+        description="Whether idle vehicles whose energy is not good are sent to recharge (as openTCS, off).",
+    )
+
+
+class ParkingSettings(SettingsGroup):
+    """Vehicles that have nothing to do are sent to parking positions."""
+
+    enabled: bool = Field(
+        default=False, description="Whether idle vehicles are sent to parking positions (as openTCS, off)."
+    )
+    delay: float = Field(
+        5.0, ge=0, description="Seconds that a vehicle has had nothing to do before it is sent to park."
+    )
+    priorities: bool = Field(
+        default=False,
+        description="Whether tcs:parkingPositionPriority counts more than the way (smaller: better).",
+    )
+    repark: bool = Field(
+        default=False,
+        description="Whether a parked vehicle goes to a position of a better priority that becomes free.",
+    )
+
+
+class DispatchSettings(SettingsGroup):
+    """Which order is given to which vehicle."""
+
+    choosers: Chooser = Field(
+        Chooser.ORDERS, description="Who chooses: ORDERS, or SCARCER: whichever are fewer, as in openTCS."
+    )
+    orders: list[OrderKey] = Field(
+        [OrderKey.BY_PRIORITY, OrderKey.BY_DEADLINE, OrderKey.BY_AGE],
+        min_length=1,
+        description="By what the orders that wait are sorted.",
+    )
+    vehicles: list[VehicleKey] = Field(
+        [VehicleKey.IDLE_FIRST, VehicleKey.BY_ENERGY_LEVEL, VehicleKey.BY_NAME],
+        min_length=1,
+        description="By what the vehicles that are free are sorted, where vehicles choose.",
+    )
+    vehicle_candidates: list[CandidateKey] = Field(
+        [CandidateKey.BY_COMPLETE_ROUTING_COSTS, CandidateKey.BY_VEHICLE_NAME],
+        min_length=1,
+        description="By what an order chooses its vehicle.",
+    )
+    order_candidates: list[CandidateKey] = Field(
+        [CandidateKey.BY_PRIORITY, CandidateKey.BY_DEADLINE, CandidateKey.BY_AGE],
+        min_length=1,
+        description="By what a vehicle chooses its order.",
+    )
+    deadline_at_risk: float = Field(
+        60.0, ge=0, description="Seconds before an order's deadline from which on it is at risk."
+    )
+    energy: EnergySettings = Field(
+        default_factory=EnergySettings, description="What is done by the energy of vehicles."
+    )
+    recharging: RechargingSettings = Field(
+        default_factory=RechargingSettings, description="Idle vehicles recharge."
+    )
+    parking: ParkingSettings = Field(default_factory=ParkingSettings, description="Idle vehicles park.")

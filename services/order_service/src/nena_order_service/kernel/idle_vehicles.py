@@ -1,0 +1,182 @@
+"""Vehicles that have nothing to do: they recharge, and they park."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from nena_order_service.dispatch.parking import ParkingPositions
+from nena_order_service.dispatch.recharging import RechargeLocations
+from nena_order_service.dispatch.settings import DispatchSettings
+from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.fleet import RobotView
+from nena_order_service.kernel.dispatching import Candidate, Dispatching
+from nena_order_service.kernel.mission_book import MissionBook
+from nena_order_service.kernel.order_book import OrderBook
+from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
+from nena_order_service.orders.automatic import park_request, recharge_request
+from nena_order_service.traffic.desk import TrafficDesk
+from nena_shared.clock import Clock
+from nena_shared.fleet_api.transport_order import TransportOrderRequest
+from nena_shared.plant import PlantModel
+
+PAUSE = 30.0
+"""Seconds before a vehicle is sent to recharge or park once more, so that nobody tries all the time."""
+
+
+@dataclass(slots=True)
+class _Idle:
+    """What is remembered of a vehicle."""
+
+    since: float | None = None
+    """When it was first seen with nothing to do; None: it has something."""
+    not_before: float = 0.0
+    note: str = ""
+    """Why it neither recharges nor parks though it should; empty where it need not."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Round:
+    """What is true while the vehicles are looked at once."""
+
+    now: float
+    goals: dict[str, str] = field(default_factory=dict)
+    """Where vehicles with orders will stand at last, by their names."""
+
+
+class IdleVehicles:
+    """Makes orders for vehicles that have nothing to do.
+
+    Ask it after all orders that wait were dispatched: what is idle then is idle because nothing suits it.
+    """
+
+    def __init__(
+        self,
+        plant: PlantModel,
+        settings: DispatchSettings,
+        *,
+        recharges: Callable[[str], bool],
+        registry: VehicleRegistry,
+        book: OrderBook,
+        missions: MissionBook,
+        dispatching: Dispatching,
+        desk: TrafficDesk,
+        finder: WayFinder,
+        view: Callable[[FleetVehicle], RobotView],
+        clock: Clock,
+        order: Callable[[TransportOrderRequest], bool],
+    ) -> None:
+        """``order`` makes an order and tells whether its vehicle has begun it."""
+        self._settings = settings
+        self._locations = RechargeLocations(plant, recharges)
+        parking = settings.parking
+        self._positions = ParkingPositions(plant, priorities=parking.priorities, repark=parking.repark)
+        self._registry = registry
+        self._book = book
+        self._missions = missions
+        self._dispatching = dispatching
+        self._desk = desk
+        self._finder = finder
+        self._view = view
+        self._clock = clock
+        self._order = order
+        self._idle: dict[str, _Idle] = {}
+
+    def attend(self) -> None:
+        """Send those to recharge who need it, and those to park who are in the way."""
+        if not (self._settings.recharging.enabled or self._settings.parking.enabled):
+            return
+        round_ = _Round(self._clock.monotonic(), self._goals())
+        for vehicle in self._registry:
+            candidate = self._dispatching.consider(vehicle)
+            known = self._idle.setdefault(vehicle.name, _Idle())
+            if candidate.seen.obstacle or candidate.seen.gives_up or candidate.seen.kept_for is not None:
+                known.since, known.note = None, ""
+                continue
+            if known.since is None:
+                known.since = round_.now
+            if round_.now >= known.not_before:
+                self._attend(candidate, known, round_)
+
+    def note(self, vehicle: FleetVehicle) -> str:
+        """Say why an idle vehicle neither recharges nor parks though it should; empty where it need not."""
+        known = self._idle.get(vehicle.name)
+        return known.note if known else ""
+
+    def _attend(self, candidate: Candidate, known: _Idle, round_: _Round) -> None:
+        vehicle, known.note = candidate.vehicle, ""
+        energy = self._dispatching.energy(vehicle, self._view(vehicle))
+        if energy and energy.charging:
+            return
+        if self._settings.recharging.enabled and energy and energy.degraded:
+            request = self._recharging(candidate, known, round_, urgent=energy.critical)
+        elif self._is_to_park(candidate, known, round_):
+            request = self._parking(candidate, known, round_)
+        else:
+            return
+        if request:
+            known.not_before = round_.now + PAUSE
+            if self._order(request):
+                known.since = None
+                round_.goals.update(self._goals())
+
+    def _recharging(
+        self, candidate: Candidate, known: _Idle, round_: _Round, *, urgent: bool
+    ) -> TransportOrderRequest | None:
+        vehicle = candidate.vehicle
+        found = self._locations.choose(
+            vehicle.model,
+            cost=self._cost(candidate),
+            taken=lambda point: self._is_taken(point, vehicle, round_),
+            held_in_vain=lambda point: urgent and self._is_held_in_vain(point, vehicle, round_),
+        )
+        if not found.location:
+            known.note = f"it should recharge, but {found.reason}"
+            return None
+        return recharge_request(vehicle.name, found.location, found.operation, dispensable=not urgent)
+
+    def _is_to_park(self, candidate: Candidate, known: _Idle, round_: _Round) -> bool:
+        parking = self._settings.parking
+        since = round_.now if known.since is None else known.since
+        return parking.enabled and not candidate.seen.restriction and round_.now - since >= parking.delay
+
+    def _parking(self, candidate: Candidate, known: _Idle, round_: _Round) -> TransportOrderRequest | None:
+        vehicle, standing = candidate.vehicle, candidate.standing
+        assert standing, "who has no obstacle stands somewhere"  # noqa: S101 - for the type
+        found = self._positions.choose(
+            vehicle.model,
+            standing.point if standing.on_point else None,
+            cost=self._cost(candidate),
+            taken=lambda point: self._is_taken(point, vehicle, round_),
+        )
+        known.note = f"it should park, but {found.reason}" if found.reason else ""
+        return park_request(vehicle.name, found.point) if found.point else None
+
+    def _cost(self, candidate: Candidate) -> Callable[[str], float]:
+        """Give what it costs a vehicle to reach points."""
+        model, standing = candidate.vehicle.model, candidate.standing
+        assert standing, "who has no obstacle stands somewhere"  # noqa: S101 - for the type
+        return lambda point: self._finder.costs_to(point, vehicle=model).source(standing.point)
+
+    def _goals(self) -> dict[str, str]:
+        goals = {}
+        for vehicle in self._registry:
+            number = self._missions.order_number(vehicle.key)
+            order = None if number is None else self._book.at_hand(number)
+            if order and (route := order.status.drive_orders[-1].route):
+                goals[vehicle.name] = route[-1]
+        return goals
+
+    def _is_taken(self, point: str, vehicle: FleetVehicle, round_: _Round) -> bool:
+        """Tell whether another vehicle is at a point, passes it now or is to come there."""
+        return bool(self._users(point, vehicle, round_))
+
+    def _users(self, point: str, vehicle: FleetVehicle, round_: _Round) -> set[str]:
+        coming = {name for name, goal in round_.goals.items() if goal == point}
+        return {*self._desk.users(point), *coming} - {vehicle.name}
+
+    def _is_held_in_vain(self, point: str, vehicle: FleetVehicle, round_: _Round) -> bool:
+        """Tell whether all who are at a point have energy enough and nothing to do."""
+        others = (self._registry.named(name) for name in self._users(point, vehicle, round_))
+        seen = (self._dispatching.consider(each).seen for each in others if each)
+        return all(not (each.obstacle or each.restriction or each.gives_up) for each in seen)

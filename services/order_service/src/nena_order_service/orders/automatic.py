@@ -1,0 +1,59 @@
+"""Orders that the order service makes by itself, for vehicles that have nothing to do."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from nena_order_service.orders.names import sortable_id
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.validation import PARK
+from nena_shared.fleet_api.failure_policy import FailureMeasure, FailureStep
+from nena_shared.fleet_api.transport_order import Destination, TransportOrderRequest
+
+PARK_TYPE: Final = "Park"
+RECHARGE_TYPE: Final = "Charge"
+PREFIXES: Final = {PARK_TYPE: "Park-", RECHARGE_TYPE: "Recharge-"}
+"""What the names of these orders begin with, by their types."""
+
+JUST_FAIL: Final = (FailureStep(do=FailureMeasure.FAIL),)
+"""A new one is made where it is still needed."""
+
+
+def park_request(vehicle: str, point: str) -> TransportOrderRequest:
+    """Ask for an order by which a vehicle parks; anything else is more important."""
+    return TransportOrderRequest(
+        destinations=(Destination(location_name=point, operation=PARK),),
+        intended_vehicle=vehicle,
+        type=PARK_TYPE,
+        dispensable=True,
+        on_failure=JUST_FAIL,
+    )
+
+
+def recharge_request(
+    vehicle: str, location: str, operation: str, *, dispensable: bool
+) -> TransportOrderRequest:
+    """Ask for an order by which a vehicle recharges; ``dispensable`` where it has energy left."""
+    return TransportOrderRequest(
+        destinations=(Destination(location_name=location, operation=operation),),
+        intended_vehicle=vehicle,
+        type=RECHARGE_TYPE,
+        dispensable=dispensable,
+        on_failure=JUST_FAIL,
+    )
+
+
+def is_automatic(order: TransportOrder) -> bool:
+    """Tell whether the order service made an order by itself, whatever types its vehicle accepts."""
+    prefix = PREFIXES.get(order.status.type)
+    return prefix is not None and order.name.startswith(prefix) and order.status.intended_vehicle is not None
+
+
+def is_automatic_recharge(order: TransportOrder) -> bool:
+    """Tell whether the order service made an order to recharge a vehicle."""
+    return order.status.type == RECHARGE_TYPE and is_automatic(order)
+
+
+def automatic_name(request: TransportOrderRequest) -> str:
+    """Give the order of such a request a name that nothing else has."""
+    return f"{PREFIXES[request.type]}{sortable_id()}"

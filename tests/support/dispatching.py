@@ -1,0 +1,45 @@
+"""What the dispatcher knows, as a test says it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import inf
+from typing import Any
+
+from nena_order_service.dispatch.dispatcher import Decisions
+from nena_order_service.dispatch.vehicle import DispatchedVehicle
+from nena_order_service.dispatch.way_costs import WayCost
+from nena_order_service.orders.transport_order import TransportOrder
+
+
+@dataclass(frozen=True)
+class Told:
+    """Knowledge that is told: costs by vehicle, or by order and vehicle; without one there is no way."""
+
+    costs: Mapping[Any, float] = field(default_factory=dict)
+    misfits: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    """Why vehicles must not do orders of a type, by type and vehicle."""
+
+    def misfit(self, order: TransportOrder, vehicle: str) -> str:
+        return self.misfits.get((order.status.type, vehicle), "")
+
+    def recharges(self, order: TransportOrder) -> bool:
+        return order.current.destination.operation == "Charge"
+
+    def cost(self, order: TransportOrder, vehicle: str) -> WayCost:
+        cost = self.costs.get((order.name, vehicle), self.costs.get(vehicle, inf))
+        return WayCost(cost, cost)
+
+    def why_no_way(self, order: TransportOrder, vehicle: str) -> str:
+        return f"No route for {order.name} and {vehicle}."
+
+
+def vehicles(**obstacles: str) -> list[DispatchedVehicle]:
+    """Make vehicles with what keeps each from taking orders."""
+    return [DispatchedVehicle(name, obstacle) for name, obstacle in obstacles.items()]
+
+
+def pairs(decisions: Decisions) -> dict[str, str]:
+    """Give the vehicles of the orders that were assigned."""
+    return {each.order.name: each.vehicle for each in decisions.assignments}

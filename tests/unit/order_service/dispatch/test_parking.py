@@ -1,0 +1,114 @@
+from __future__ import annotations
+
+from collections.abc import Collection
+from math import inf
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_order_service.dispatch.parking import PARKED, Parking, ParkingPositions
+from nena_shared.plant import PlantModel, Vehicle
+from nena_shared.plant.point import PointType
+from nena_shared.plant.property_keys import (
+    ASSIGNED_PARKING_POSITION,
+    PARKING_POSITION_PRIORITY,
+    PREFERRED_PARKING_POSITION,
+)
+from support.plants import point
+
+PARK = PointType.PARK_POSITION
+PLANT = PlantModel(
+    name="yard",
+    points=(
+        point("near", type=PARK),
+        point("good", type=PARK, properties={PARKING_POSITION_PRIORITY: "1"}),
+        point("fair", type=PARK, properties={PARKING_POSITION_PRIORITY: "2"}),
+        point("aisle"),
+    ),
+)
+COSTS = {"near": 1.0, "fair": 2.0, "good": 3.0, "aisle": 0.0}
+
+
+def choose(
+    here: str | None = "aisle",
+    taken: Collection[str] = (),
+    *,
+    priorities: bool = False,
+    repark: bool = False,
+    plant: PlantModel = PLANT,
+    wishes: dict[str, str] | None = None,
+) -> Parking:
+    model = Vehicle(name="V1", properties=wishes or {})
+    positions = ParkingPositions(plant, priorities=priorities, repark=repark)
+    return positions.choose(
+        model, here, cost=lambda name: COSTS.get(name, inf), taken=lambda name: name in taken
+    )
+
+
+def properties_of(key: str, value: str) -> dict[str, str]:
+    return {key: value}
+
+
+def test_nearest_free_position_is_taken() -> None:
+    assert choose().point == "near"
+    assert choose(taken=["near"]).point == "fair"
+    assert choose(here=None).point == "near"
+
+
+def test_priorities_count_more_than_the_way_where_they_are_respected() -> None:
+    assert choose(priorities=True).point == "good"
+    assert choose(priorities=True, taken=["good", "fair"]).point == "near"
+
+
+def test_who_is_parked_stays_unless_a_better_position_becomes_free() -> None:
+    assert choose(here="fair") == PARKED
+    assert choose(here="fair", priorities=True) == PARKED
+    assert choose(here="fair", priorities=True, repark=True).point == "good"
+    assert choose(here="good", priorities=True, repark=True) == PARKED
+    assert choose(here="fair", taken=["good"], priorities=True, repark=True) == PARKED
+
+
+def test_assigned_position_is_the_only_one() -> None:
+    assigned = properties_of(ASSIGNED_PARKING_POSITION, "fair")
+    assert choose(wishes=assigned).point == "fair"
+    assert choose(here="near", wishes=assigned).point == "fair"
+    assert choose(here="fair", wishes=assigned) == PARKED
+    assert choose(taken=["fair"], wishes=assigned).reason == "its assigned parking position 'fair' is taken"
+    gone = choose(wishes=properties_of(ASSIGNED_PARKING_POSITION, "gone"))
+    assert gone.reason == "its assigned parking position 'gone' is no point of the plant model"
+
+
+def test_preferred_position_is_taken_while_it_is_free() -> None:
+    preferred = properties_of(PREFERRED_PARKING_POSITION, "good")
+    assert choose(wishes=preferred).point == "good"
+    assert choose(taken=["good"], wishes=preferred).point == "near"
+    assert choose(here="near", wishes=preferred) == PARKED
+
+
+def test_why_nobody_can_park_is_said() -> None:
+    full = choose(taken=["near", "fair", "good"])
+    assert full == Parking(reason="no parking position is free that it can reach")
+    nowhere = choose(plant=PlantModel(name="no yard", points=(point("aisle"),)))
+    assert nowhere.reason == "the plant model has no parking positions"
+
+
+@given(
+    taken=st.sets(st.sampled_from(sorted(COSTS))),
+    here=st.none() | st.sampled_from(sorted(COSTS)),
+    wishes=st.dictionaries(
+        st.sampled_from([ASSIGNED_PARKING_POSITION, PREFERRED_PARKING_POSITION]),
+        st.sampled_from([*COSTS, "gone"]),
+    ),
+    modes=st.tuples(st.booleans(), st.booleans()),
+)
+def test_nobody_is_sent_to_a_place_that_is_taken_or_where_it_is(
+    taken: set[str], here: str | None, wishes: dict[str, str], modes: tuple[bool, bool]
+) -> None:
+    found = choose(here, taken - {here or ""}, priorities=modes[0], repark=modes[1], wishes=wishes)
+    assert not (found.point and found.reason)
+    if found.point:
+        assert found.point not in taken
+        assert found.point != here
+        assert COSTS[found.point] < inf
+    elif not found.reason:
+        assert here in ("near", "good", "fair", wishes.get(ASSIGNED_PARKING_POSITION))
