@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -266,10 +266,12 @@ async def make_kernel(
     clock: ManualClock | None = None,
     settings: KernelSettings | None = None,
     on_failure: FailurePolicy = (),
+    locks: Mapping[str, bool] | None = None,
 ) -> Kernel:
     """Start a kernel, as after a restart, over ``store`` and ``fleet``."""
     settings = settings or KernelSettings(release_ahead=release_ahead, default_map_id="map")
-    finder = WayFinder(plant, Router(plant))
+    finder = WayFinder(plant, Router(plant), any_day=Router(plant))
+    finder.set_locks(locks or {})
     kernel = Kernel(
         plant,
         store=store,

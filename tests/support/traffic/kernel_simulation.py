@@ -8,11 +8,15 @@ every move.
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from dataclasses import dataclass
 from random import Random
 from typing import NoReturn
 
+from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
 from nena_order_service.kernel import Kernel, KernelSettings
+from nena_order_service.kernel.mission_flow import BEGUN_MEANWHILE
+from nena_shared.fleet_api.rerouting import ReroutingOutcome, ReroutingType
 from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant import Link, Location, LocationType, PlantModel
@@ -39,6 +43,8 @@ class Adversity:
     kill: float = 0.0
     break_link: float = 0.0
     withdraw: float = 0.0
+    lock: float = 0.0
+    reroute: float = 0.0
 
 
 def with_stations(plant: PlantModel, stations: tuple[str, ...], length_mm: int) -> PlantModel:
@@ -97,6 +103,9 @@ class KernelSimulation:
         self.fleet = CoreFleet(self.timeline, self.wire, self.robots)
         self.ends: dict[str, TransportOrderStatus] = {}
         self.withdrawn: set[str] = set()
+        self.locks: dict[str, bool] = {}
+        self.locked = 0
+        self.rerouted: Counter[ReroutingOutcome] = Counter()
         self.kills = 0
         self.breaks = 0
         self.finished = 0
@@ -157,7 +166,12 @@ class KernelSimulation:
         self.fleet.away = away
         self.fleet.on_message = self._told
         self.kernel = await make_kernel(
-            self.plant, self.store, self.fleet, clock=self.timeline.clock, settings=self.settings
+            self.plant,
+            self.store,
+            self.fleet,
+            clock=self.timeline.clock,
+            settings=self.settings,
+            locks=self.locks,
         )
         self.kernel.steps.listeners.append(self)
         self.fleet.connect()
@@ -175,6 +189,10 @@ class KernelSimulation:
             self._break(self.random.choice(list(self.robots.values())))
         if self.adversity.withdraw and self.random.random() < TICK / self.adversity.withdraw:
             self._withdraw()
+        if self.adversity.lock and self.random.random() < TICK / self.adversity.lock:
+            self._lock()
+        if self.adversity.reroute and self.random.random() < TICK / self.adversity.reroute:
+            self._reroute()
 
     def _look(self) -> None:
         self.timeline.after(LOOK, self._look)
@@ -206,6 +224,27 @@ class KernelSimulation:
             order = self.random.choice(alive)
             self.withdrawn.add(order.name)
             self.kernel.withdraw(order.number, "not needed", immediate=self.random.random() < 0.5)
+
+    def _lock(self) -> None:
+        """Lock a path for a while."""
+        path = self.random.choice(self.plant.paths).name
+        self.locked += 1
+        self._set_lock(path, locked=True)
+        self.timeline.after(self.random.uniform(5, 120), lambda: self._set_lock(path, locked=False))
+
+    def _set_lock(self, path: str, *, locked: bool) -> None:
+        self.locks[path] = locked
+        self.kernel.finder.set_locks(self.locks)
+        self.kernel.plant_changed()
+
+    def _reroute(self) -> None:
+        """Ask for another way of a vehicle that works on an order."""
+        vehicle = self.random.choice(list(self.kernel.registry))
+        try:
+            done = self.kernel.reroute(vehicle, self.random.choice(list(ReroutingType)))
+        except (NotReroutableError, VehicleNotReachedError):
+            return
+        self.rerouted[done.outcome] += 1
 
     def _told(self, robot: DrivingRobot) -> None:
         """Let a robot that was told something say so, and go on."""
@@ -253,8 +292,10 @@ class KernelSimulation:
         assert self.ends.keys() == {f"T{number}" for number in range(len(self.orders))}
         for order in self.ends.values():
             finished = order.state is TransportOrderState.FINISHED
-            assert finished or order.name in self.withdrawn, f"{order.name}: {order.reason}"
+            stopped = order.name in self.withdrawn or order.reason == BEGUN_MEANWHILE
+            assert finished or stopped, f"{order.name}: {order.reason}"
         self.finished = sum(order.state is TransportOrderState.FINISHED for order in self.ends.values())
+        self.withdrawn |= {name for name, order in self.ends.items() if order.reason == BEGUN_MEANWHILE}
 
     def order_changed(self, status: TransportOrderStatus) -> None:
         """Hear of an order, as hosts do."""

@@ -15,6 +15,7 @@ from nena_order_service.rest.bodies import (
     IntegrationLevelRequest,
     OrderTypesRequest,
     PathLockRequest,
+    ReroutingRequest,
     WithdrawalRequest,
 )
 from nena_shared.fleet_api.topics import FleetTopics
@@ -30,6 +31,7 @@ BODIES: dict[str, type[BaseModel]] = {
     "/lock": PathLockRequest,
     "/integrationLevel": IntegrationLevelRequest,
     "/acceptableOrderTypes": OrderTypesRequest,
+    "/rerouting": ReroutingRequest,
 }
 EXAMPLES = re.findall(r"\$nena(\S+) -H 'Content-Type: application/json' -d '(\{.*?\})'\n", GUIDE, re.DOTALL)
 

@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from nena_shared.fleet_api.delivery import DeliveryStatus
+from nena_shared.fleet_api.rerouting import ReroutingAnswer
 from nena_shared.fleet_api.transport_order import DriveOrderStatus, TransportOrderState, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleState, VehicleStatus
 
@@ -114,6 +115,14 @@ def order_types_table(vehicle: VehicleStatus) -> Table:
 def _deadline(order: TransportOrderStatus) -> Text:
     text = Text(_local(order.deadline))
     return text.append(", late", style="red") if order.late else text
+
+
+def rerouting_table(done: ReroutingAnswer) -> Table:
+    """Give what has become of a request for rerouting."""
+    table = Table("vehicle", "order", "outcome", "way", "reason")
+    way = " > ".join(done.route)
+    table.add_row(*map(Text, (done.vehicle, done.transport_order, done.outcome, way, done.reason)))
+    return table
 
 
 def _meant_for(order: TransportOrderStatus) -> str:

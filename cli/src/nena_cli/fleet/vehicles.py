@@ -15,6 +15,7 @@ from nena_cli.fleet.shell import AsJson, Token, TokenFile, Urls, connected, put_
 from nena_cli.fleet.stops import COORDINATE, parse_coordinate
 from nena_cli.fleet.watch import Board, watch
 from nena_shared.fleet_api.base import Resource
+from nena_shared.fleet_api.rerouting import ReroutingAnswer, ReroutingType
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleState, VehicleStatus
 
@@ -113,6 +114,28 @@ def order_types(
         put_json(vehicle)
     else:
         show(tables.order_types_table(vehicle))
+
+
+@app.command()
+def reroute(
+    name: Name,
+    *,
+    forced: Annotated[
+        bool, typer.Option("--forced", help="From where it stands: its robot is told to stop first.")
+    ] = False,
+    url: Urls = None,
+    token: Token = None,
+    token_file: TokenFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Plan the way of the order that a vehicle works on anew, from the end of what its robot was given."""
+    kind = ReroutingType.FORCED if forced else ReroutingType.REGULAR
+    with connected(url, token, token_file) as connection:
+        done = connection.post(ReroutingAnswer, f"{_path(name)}/rerouting", {"type": kind.value})
+    if as_json:
+        put_json(done)
+    else:
+        show(tables.rerouting_table(done))
 
 
 def dispatch(

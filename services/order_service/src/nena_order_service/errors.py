@@ -61,6 +61,15 @@ class VehicleNotReachedError(Exception):
         self.name = name
 
 
+class NotReroutableError(Exception):
+    """The vehicle has nothing whose way could change."""
+
+    def __init__(self, name: str, reason: str) -> None:
+        super().__init__(f"Vehicle {name!r} cannot be rerouted: {reason}.")
+        self.name = name
+        self.reason = reason
+
+
 class StoreNotReadyError(Exception):
     """Nothing can be kept, so nothing is promised."""
 

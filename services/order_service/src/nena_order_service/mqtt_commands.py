@@ -22,12 +22,14 @@ from nena_order_service.rest.bodies import (
     IntegrationLevelRequest,
     OrderTypesRequest,
     PathLockRequest,
+    ReroutingRequest,
     WithdrawalRequest,
 )
 from nena_shared.fleet_api.assignment import AssignmentStatus
 from nena_shared.fleet_api.base import ObjectName, Request, Resource
 from nena_shared.fleet_api.delivery import DeliveryStatus
 from nena_shared.fleet_api.path import PathStatus
+from nena_shared.fleet_api.rerouting import ReroutingAnswer
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import Problem, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
@@ -88,6 +90,12 @@ class OrderTypesCommand(Command, OrderTypesRequest):
     vehicle: ObjectName
 
 
+class RerouteCommand(Command, ReroutingRequest):
+    """Asks for another way for the order that a vehicle works on."""
+
+    vehicle: ObjectName
+
+
 class LockPathCommand(Command, PathLockRequest):
     """Locks or unlocks a path."""
 
@@ -105,6 +113,7 @@ class CommandAnswer(Resource):
     assignment: AssignmentStatus | None = None
     instant_action: InstantActionAnswer | None = None
     path: PathStatus | None = None
+    rerouting: ReroutingAnswer | None = None
     vehicle: VehicleStatus | None = None
     problem: Problem | None = None
 
@@ -116,6 +125,7 @@ COMMANDS: dict[str, type[Command]] = {
     "dispatch": DispatchCommand,
     "instantAction": InstantActionCommand,
     "lockPath": LockPathCommand,
+    "reroute": RerouteCommand,
     "integrationLevel": IntegrationLevelCommand,
     "acceptableOrderTypes": OrderTypesCommand,
 }
@@ -138,6 +148,7 @@ class Verbs:
             "dispatch": self.dispatch,
             "instantAction": self.instant_action,
             "lockPath": self.lock_path,
+            "reroute": self.reroute,
             "integrationLevel": self.integration_level,
             "acceptableOrderTypes": self.order_types,
         }
@@ -181,6 +192,11 @@ class Verbs:
         """Let a vehicle accept orders of these types from now on."""
         vehicle = await self._requests.accept_order_types(command.vehicle, command.acceptable_order_types)
         return CommandAnswer(status=HTTPStatus.OK, vehicle=vehicle)
+
+    async def reroute(self, command: RerouteCommand) -> CommandAnswer:
+        """Plan the way of a vehicle's order anew."""
+        done = await self._requests.reroute(command.vehicle, command.type)
+        return CommandAnswer(status=HTTPStatus.OK, rerouting=done)
 
     async def lock_path(self, command: LockPathCommand) -> CommandAnswer:
         """Lock or unlock a path."""

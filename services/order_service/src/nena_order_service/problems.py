@@ -13,6 +13,7 @@ STATUS: dict[type[Exception], HTTPStatus] = {
     errors.KeyReusedError: HTTPStatus.UNPROCESSABLE_ENTITY,
     errors.OrderEndedError: HTTPStatus.CONFLICT,
     errors.VehicleNotReachedError: HTTPStatus.CONFLICT,
+    errors.NotReroutableError: HTTPStatus.CONFLICT,
     errors.UnknownOrderError: HTTPStatus.NOT_FOUND,
     errors.UnknownVehicleError: HTTPStatus.NOT_FOUND,
     errors.StoreNotReadyError: HTTPStatus.SERVICE_UNAVAILABLE,

@@ -10,6 +10,7 @@ from nena_cli.fleet.events import Event
 from nena_cli.fleet.watch import ENDED_SHOWN, Board
 from nena_shared.fleet_api.delivery import DeliveryPhase, DeliveryStatus
 from nena_shared.fleet_api.order_types import AcceptableOrderType
+from nena_shared.fleet_api.rerouting import ReroutingAnswer, ReroutingOutcome
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import PrecisePosition, ProcessingState, VehicleState, VehicleStatus
 from support.order_service import NOW, assigned_order, dispatchable_order
@@ -59,6 +60,19 @@ VEHICLE = VehicleStatus(
 def test_vehicles_say_where_they_stand_and_why() -> None:
     shown = text_of(tables.vehicles_table([VEHICLE]))
     for part in ("V-1", "ERROR", "1.25, 2.00", "42 %", "has an error; FATAL lost"):
+        assert part in shown
+
+
+def test_rerouting_says_what_became_of_it() -> None:
+    done = ReroutingAnswer(
+        vehicle="V-1",
+        transport_order="T-1",
+        outcome=ReroutingOutcome.REROUTED,
+        reason="a host has asked for it",
+        route=("A", "[b]"),
+    )
+    shown = text_of(tables.rerouting_table(done))
+    for part in ("V-1", "T-1", "REROUTED", "A > [b]", "a host has asked"):
         assert part in shown
 
 

@@ -68,3 +68,15 @@ def test_coordinates_are_routable_from_the_nearest_point() -> None:
     near, far = Destination(coordinate=Coordinate(x=4, y=0)), Destination(coordinate=Coordinate(x=80, y=0))
     assert finder.why_unroutable([near, at("A")], frozenset()) is None
     assert "from 'Z' to 'A'" in (finder.why_unroutable([far, at("A")], frozenset()) or "")
+
+
+def test_locks_of_hosts_are_told_from_ways_that_there_are_not() -> None:
+    model = plant(path("A B"), path("B C", locked=True), path("B D"))
+    finder = WayFinder(model, Router(model), any_day=Router(model))
+    finder.set_locks({"A --- B": True})
+    assert finder.is_locked("A --- B")
+    assert finder.is_locked("B --- C")
+    assert not finder.is_locked("B --- D")
+    assert not finder.is_locked("no path")
+    assert finder.only_locks_close("A", [at("D")])
+    assert not finder.only_locks_close("A", [at("C")])

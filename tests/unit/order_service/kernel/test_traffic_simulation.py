@@ -14,7 +14,12 @@ ORDERS = 50
 ROBOTS = (2, 6, 12, 60, 3, 20, 8, 40, 5)
 LENGTHS_MM = (0, 800, 1500)
 AHEAD = (0, 2, 1, 3)
-ADVERSITY = (Adversity(), Adversity(kill=120.0, break_link=60.0), Adversity(withdraw=90.0, kill=400.0))
+ADVERSITY = (
+    Adversity(),
+    Adversity(kill=120.0, break_link=60.0, lock=60.0, reroute=20.0),
+    Adversity(withdraw=90.0, kill=400.0),
+    Adversity(lock=20.0, reroute=5.0),
+)
 
 
 @pytest.mark.parametrize("seed", range(KERNEL_PLANTS))

@@ -156,6 +156,15 @@ def test_nothing_changes_an_order_at_its_end(change: Callable[[TransportOrder], 
         change(assigned_order().finished(NOW))
 
 
+def test_another_way_is_noted_with_why() -> None:
+    order = assigned_order("A", "B").rerouted(("A", "C"), "a path was locked", NOW)
+    assert order.status.drive_orders[0].route == ("A", "C")
+    assert order.status.drive_orders[1].route == ("A", "B")
+    assert order.rerouted(None, "forced", NOW).status.drive_orders == order.status.drive_orders
+    assert order.status.history[-1].event_code == EventCode.REROUTED
+    assert order.status.history[-1].supplements == ("a path was locked",)
+
+
 def test_priority_goes_before_deadline_before_age() -> None:
     soon, later = NOW + timedelta(minutes=1), NOW + timedelta(minutes=9)
     orders = [

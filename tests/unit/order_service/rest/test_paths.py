@@ -41,7 +41,7 @@ async def test_unknown_path_and_bad_request_are_problems(client: httpx.AsyncClie
 async def test_routes_keep_off_locked_paths_and_orders_wait_for_them(
     client: httpx.AsyncClient, service: OrderService
 ) -> None:
-    finder = service.kernel._finder
+    finder = service.kernel.finder
     plant = service.kernel.plant
     start, goal = plant.points[0].name, plant.points[-1].name
     before = finder.find(start, [_to(goal)])

@@ -255,3 +255,24 @@ def test_a_wish_without_a_way_is_told_and_forgotten() -> None:
 @pytest.mark.parametrize(("on_point", "stands"), [(True, True), (False, False)])
 def test_where_a_vehicle_is_known_to_stand(on_point: bool, stands: bool) -> None:  # noqa: FBT001 - an example
     assert Bench(v="A").desk.stands("v", "A", on_point=on_point) is stands
+
+
+def test_another_way_keeps_what_is_allocated_and_a_refused_one_changes_nothing() -> None:
+    bench = Bench(v="A", w="D")
+    bench.desk.wish(Wish("v", "X"))
+    (_,) = bench.desk.decide(lambda _: True)
+    bench.desk.allocate("v", 1)
+    held, before = bench.desk.held("v"), bench.desk.journey("v")
+    assert before
+    way = before.way
+
+    refusal = bench.desk.replan("v", bench.router.route("B", "E").steps)
+    assert refusal
+    assert refusal.vehicles == ("w",)
+    assert (bench.desk.held("v"), before.way) == (held, way)
+
+    assert bench.desk.replan("v", bench.router.route("B", "C").steps) is None
+    assert bench.desk.held("v") == held
+    assert [each.point for each in before.way] == ["B", "C"]
+    bench.desk.allocate("v")
+    assert before.all_allocated

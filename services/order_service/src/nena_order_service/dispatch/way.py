@@ -58,6 +58,7 @@ class WayFinder:
         self._plant = plant
         self._router = router
         self._any_day = any_day or router
+        self._locks: Mapping[str, bool] = {}
 
     def set_locks(self, locks: Mapping[str, bool]) -> None:
         """Lock or unlock paths by name, over what the plant model says.
@@ -66,6 +67,27 @@ class WayFinder:
         """
         self._any_day.set_locks({path: locked for path, locked in locks.items() if not locked})
         self._router.set_locks(locks)
+        self._locks = dict(locks)
+
+    def is_locked(self, path: str) -> bool:
+        """Tell whether new routes keep off a path; what is no path of the plant is not locked."""
+        known = self._plant.paths_by_name.get(path)
+        return known is not None and self._locks.get(path, known.locked)
+
+    def only_locks_close(
+        self,
+        start: str,
+        destinations: Sequence[Destination],
+        *,
+        vehicle: Vehicle | None = None,
+        avoid: Collection[str] = frozenset(),
+    ) -> bool:
+        """Tell whether there is a way that :meth:`find` would find if hosts unlocked what they locked."""
+        try:
+            self._find(self._any_day, start, destinations, vehicle=vehicle, avoid=avoid)
+        except NoRouteError:
+            return False
+        return True
 
     def find(
         self,

@@ -140,8 +140,12 @@ class Driving:
         self._shorten(record)
         shorter = record.ending_early(partial=partial)
         if shorter is not record:
-            self._missions.put(shorter)
-            self._extend(shorter)
+            self.send_on(shorter)
+
+    def reconsider(self, misfits: Callable[[MissionRecord], bool]) -> None:
+        """Let those wish anew of whose missions nothing is sent yet, where these do not fit any more."""
+        for name in [each for each, record in self._unsent.items() if misfits(record)]:
+            self._wish_anew(name)
 
     def resume(self, vehicle: FleetVehicle, record: MissionRecord) -> None:
         """Take up a mission from before a restart: its robot holds all that it was given."""
@@ -221,12 +225,16 @@ class Driving:
 
     def _reconsider(self) -> None:
         """Let those wish anew who were granted ways on which somebody has come to rest since."""
-        for name in tuple(self._unsent):
-            if self._desk.is_blocked(name):
-                del self._unsent[name]
-                self._desk.revoke(name)
-                if name in self._orders:
-                    self._desk.wish(self._orders[name].wish, first=True)
+        for name in filter(self._desk.is_blocked, tuple(self._unsent)):
+            self._wish_anew(name)
+
+    def _wish_anew(self, name: str) -> None:
+        """Take back a way of which nothing was sent."""
+        del self._unsent[name]
+        self._desk.revoke(name)
+        if name in self._orders:
+            self._desk.wish(self._orders[name].wish, first=True)
+        self.due = True
 
     def _replan(self) -> None:
         """Let missions end where their bases do whose ways lead over robots that will not make room.
@@ -360,11 +368,11 @@ class Driving:
             self._steps.vehicle_changed(name)
             self._steps.after_commit(partial(self._start, record))
         elif more and (known := self._missions.of_robot(vehicle.key)):
-            record = known.released(journey).updated()
-            self._missions.put(record)
-            self._extend(record)
+            self.send_on(known.released(journey).updated())
 
-    def _extend(self, record: MissionRecord) -> None:
+    def send_on(self, record: MissionRecord) -> None:
+        """Have a robot told what is new about its mission."""
+        self._missions.put(record)
         self._steps.after_commit(lambda: self._fleet().extend_mission(record.robot, record.as_released()))
 
     def _shorten(self, record: MissionRecord) -> None:

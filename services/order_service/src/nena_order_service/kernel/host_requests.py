@@ -30,6 +30,7 @@ from nena_order_service.store.database import OrderFilter
 from nena_shared.fleet_api.assignment import AssignmentStatus, VehicleForOrder
 from nena_shared.fleet_api.delivery import DeliveryStatus
 from nena_shared.fleet_api.order_types import AcceptableOrderType
+from nena_shared.fleet_api.rerouting import ReroutingAnswer, ReroutingType
 from nena_shared.fleet_api.transport_order import TransportOrderRequest, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
 from nena_shared.plant import MapPose, PlantPose, Point
@@ -164,6 +165,21 @@ class HostRequests:
         self._kernel.accept_order_types(vehicle, types)
         await self._committed()
         return self._kernel.status(vehicle)
+
+    async def reroute(self, name: str, kind: ReroutingType) -> ReroutingAnswer:
+        """Plan the way of the order that a vehicle works on anew; see :meth:`Rerouting.request`."""
+        vehicle = self._vehicle(name)
+        self._require_store()
+        done = self._kernel.reroute(vehicle, kind)
+        order = self._kernel.status(vehicle).transport_order
+        await self._committed()
+        return ReroutingAnswer(
+            vehicle=name,
+            transport_order=order or "",
+            outcome=done.outcome,
+            reason=done.reason,
+            route=done.route,
+        )
 
     async def instant_action(
         self,

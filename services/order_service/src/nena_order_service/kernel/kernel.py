@@ -38,6 +38,7 @@ from nena_order_service.kernel.pauses import Pauses
 from nena_order_service.kernel.places import Places
 from nena_order_service.kernel.ports import FleetControl
 from nena_order_service.kernel.recovery import Recovery
+from nena_order_service.kernel.rerouting import Rerouted, Rerouting
 from nena_order_service.kernel.restart_gate import RestartGate
 from nena_order_service.kernel.settings import KernelSettings
 from nena_order_service.kernel.steps import Steps
@@ -51,6 +52,7 @@ from nena_order_service.traffic.desk import TrafficDesk
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.failure_policy import FailurePolicy
 from nena_shared.fleet_api.order_types import AcceptableOrderType
+from nena_shared.fleet_api.rerouting import ReroutingType
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
 from nena_shared.log import get_logger
@@ -99,7 +101,7 @@ class Kernel:
         self._asked: set[RobotKey] = set()
         self._vehicles = VehicleBook(self.book)
         self._missions = MissionBook(self.book, self._vehicles)
-        self._finder = finder
+        self.finder = finder
         self._ways = VehicleWays(finder, registry)
         self.desk = TrafficDesk(plant, self._ways, exclusive=settings.traffic)
         self._gate = RestartGate(settings.restart_patience, clock, fleet=lambda: self.fleet, view=self.view)
@@ -118,6 +120,7 @@ class Kernel:
         self._dispatching = self._make_dispatching(planner, settings.dispatch)
         self._orders = self._make_order_flow(planner, on_failure)
         self._idle = self._make_idle_vehicles(planner, settings.dispatch)
+        self._rerouting = self._make_rerouting(planner)
 
     def _make_driving(self, planner: MissionPlanner, ahead: int) -> Driving:
         return Driving(
@@ -144,7 +147,7 @@ class Kernel:
             book=self.book,
             missions=self._missions,
             planner=planner,
-            finder=self._finder,
+            finder=self.finder,
             driving=self._driving,
             fit=self._fit,
             view=self.view,
@@ -161,10 +164,24 @@ class Kernel:
             missions=self._missions,
             dispatching=self._dispatching,
             desk=self.desk,
-            finder=self._finder,
+            finder=self.finder,
             view=self.view,
             clock=self.clock,
             order=self._orders.create_automatic,
+        )
+
+    def _make_rerouting(self, planner: MissionPlanner) -> Rerouting:
+        return Rerouting(
+            self.plant,
+            self.desk,
+            book=self.book,
+            missions=self._missions,
+            driving=self._driving,
+            planner=planner,
+            finder=self.finder,
+            registry=self.registry,
+            clock=self.clock,
+            view=self.view,
         )
 
     def _make_order_flow(self, planner: MissionPlanner, policy: FailurePolicy) -> OrderFlow:
@@ -177,7 +194,7 @@ class Kernel:
             pauses=self._pauses,
             policy=policy,
             registry=self.registry,
-            finder=self._finder,
+            finder=self.finder,
             planner=planner,
             steps=self.steps,
             clock=self.clock,
@@ -215,6 +232,7 @@ class Kernel:
             recovery.take_up_vehicles()
             for order in found.orders:
                 self._orders.take_up(order, found.missions.get(order.number), recovery)
+            self._rerouting.keep_off_locked_paths()
         await self.steps.committed()
         log.info("orders taken up", unfinished=len(found.orders), last_number=found.last_number)
 
@@ -241,10 +259,17 @@ class Kernel:
                     self.steps.vehicle_changed(vehicle.name)
 
     def plant_changed(self) -> None:
-        """Look anew for each way; missions under way go on as they were granted."""
+        """Look anew for each way, also behind what vehicles under way were told to drive."""
         self._ways.forget()
         self._dispatching.forget()
+        with self.step():
+            self._rerouting.keep_off_locked_paths()
         self.look()
+
+    def reroute(self, vehicle: FleetVehicle, kind: ReroutingType) -> Rerouted:
+        """Plan the way of a vehicle's order anew; see :meth:`Rerouting.request`."""
+        with self.step():
+            return self._rerouting.request(vehicle, kind)
 
     @contextmanager
     def step(self) -> Iterator[None]:

@@ -23,10 +23,12 @@ from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
 from nena_order_service.orders import mending
 from nena_order_service.orders.transport_order import TransportOrder, why_withdrawn
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
 from nena_shared.log import get_logger
 
 log = get_logger(__name__)
+
+BEGUN_MEANWHILE = "the vehicle had begun its operation when it was stopped for another way; look what is done"
 
 MissionNews = MissionAccepted | OperationStarted | MissionFinished | MissionFailed | MissionCancelled
 
@@ -125,6 +127,8 @@ class MissionFlow:
         if order.state is TransportOrderState.WITHDRAWN:
             words = f"withdrawn: {why_withdrawn(order.status)}; the vehicle has let it go"
             self._flow.end(order.failed(words, self._clock.now()))
+        elif record.rerouting and order.current.state is DriveOrderState.OPERATING:
+            self._failures.failed(order, Failure(FailureKind.ACTION, BEGUN_MEANWHILE))
         elif given_up and not order.held:
             self._failures.failed(order, Failure(FailureKind.ACTION, given_up))
         else:

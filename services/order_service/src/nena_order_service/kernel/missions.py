@@ -18,9 +18,9 @@ from nena_order_service.fleet.operations import fresh_id
 from nena_order_service.fleet.standing import NotLocatedError
 from nena_order_service.kernel.vehicles import FleetVehicle
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.routing import Route
+from nena_order_service.routing import NoRouteError, Route
 from nena_order_service.traffic.traffic_control import Wish
-from nena_shared.plant import PlantModel
+from nena_shared.plant import PlantModel, UnknownObjectError
 
 EVASION_PREFIX = "evasion-"
 """Before what is unique, in the ids of missions that make room for others."""
@@ -73,6 +73,22 @@ class MissionPlanner:
     def recharges(self, order: TransportOrder) -> bool:
         """Tell whether the next thing that an order asks for is to recharge."""
         return self._operations.recharges(order.current.destination.operation)
+
+    def locked_out(self, order: TransportOrder, vehicle: FleetVehicle, standing: Standing) -> str:
+        """Say that only locks of hosts keep a vehicle from where an order is to go on; empty otherwise."""
+        try:
+            self.way(order, vehicle, standing)
+        except NoRouteError as error:
+            closed = self._finder.only_locks_close(
+                standing.point,
+                [each.destination for each in order.status.drive_orders[order.index :]],
+                vehicle=vehicle.model,
+                avoid=order.resources_to_avoid,
+            )
+            return f"it waits until a path is unlocked: {error}" if closed else ""
+        except UnknownObjectError:
+            return ""
+        return ""
 
     def wish(self, order: TransportOrder, vehicle: FleetVehicle, leg: Leg) -> Wish:
         """Give what a vehicle wants of traffic for the current drive order, whose way is ``leg``."""

@@ -155,10 +155,17 @@ class OrderFlow:
             self.end(self._book.get(number).failed(reason, self._clock.now()))
 
     def no_way(self, robot: RobotKey, reason: str) -> None:
-        """Take notice that a robot has no way for its order, if it has one."""
+        """Take notice that a robot has no way for its order, if it has one; it waits for what is locked."""
         number = self._missions.order_number(robot)
-        if number is not None:
-            self._failures.failed(self._book.get(number), Failure(FailureKind.NO_WAY, reason))
+        if number is None:
+            return
+        vehicle, order = self._registry.discover(robot), self._book.get(number)
+        self._pauses.begin(vehicle, order)
+        if self._pauses.is_over(vehicle):
+            self._pauses.end(vehicle.name)
+            self._failures.failed(order, Failure(FailureKind.NO_WAY, reason))
+        else:
+            self.tell_hindrance(vehicle)
 
     def robot_changed(self, vehicle: FleetVehicle) -> None:
         """Take notice that a robot has told something new."""

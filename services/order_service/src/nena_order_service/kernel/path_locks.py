@@ -16,7 +16,7 @@ log = get_logger(__name__)
 
 
 class PathLocks:
-    """Routes that are made from now on keep to it; vehicles that are under way go on."""
+    """Routes that are made from now on keep to it, and vehicles under way behind their bases."""
 
     def __init__(
         self,

@@ -15,8 +15,8 @@ from nena_shared.clock import Clock
 class Pauses:
     """Knows which vehicles stand with an order, until they can go on.
 
-    A person holds it, it is tried again later, or nobody knows where the vehicle is. The vehicle keeps its
-    place meanwhile: nobody sends it away.
+    A person holds it, it is tried again later, nobody knows where the vehicle is, or locks of paths close its
+    way. The vehicle keeps its place meanwhile: nobody sends it away.
     """
 
     def __init__(
@@ -54,15 +54,16 @@ class Pauses:
 
     def why(self, vehicle: FleetVehicle) -> str:
         """Say why a vehicle cannot go on; empty for nothing, or where the order itself says who holds it."""
-        status = self._book.get(self._orders[vehicle.name]).status
+        order = self._book.get(self._orders[vehicle.name])
+        status = order.status
         if status.held:
             return ""
         if status.next_try and self._clock.now() < status.next_try:
             return f"it is tried again at {status.next_try:%H:%M:%S} UTC"
         view = self._view(vehicle)
         try:
-            self._planner.standing(vehicle, view)
+            standing = self._planner.standing(vehicle, view)
         except NotLocatedError as error:
             away = view.state is None or view.link is not LinkStatus.ONLINE
             return f"the robot {view.availability.reason}" if away else str(error)
-        return ""
+        return self._planner.locked_out(order, vehicle, standing)

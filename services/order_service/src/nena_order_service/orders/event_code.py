@@ -19,6 +19,7 @@ class EventCode(StrEnum):
     REASSIGNED = "nena:reassigned"
     SKIPPED = "nena:skipped"
     DEADLINE_PASSED = "nena:deadlinePassed"
+    REROUTED = "nena:rerouted"
     WITHDRAWAL_REQUESTED = "nena:withdrawalRequested"
     ADOPTED_AFTER_RESTART = "nena:adoptedAfterRestart"
     FINAL_STATE_REACHED = "nena:finalStateReached"

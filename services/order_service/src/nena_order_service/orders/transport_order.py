@@ -260,6 +260,13 @@ class TransportOrder:
         entry = self.entry(now, EventCode.WITHDRAWAL_REQUESTED, reason)
         return self._moved(S.WITHDRAWN, None, entry, held=None, next_try=None)
 
+    def rerouted(self, route: tuple[str, ...] | None, why: str, now: datetime) -> Self:
+        """Note that its vehicle goes another way; None: which one is not known yet."""
+        self.require("rerouting", S.BEING_PROCESSED)
+        current = self.current if route is None else self.current.model_copy(update={"route": route})
+        entry = self.entry(now, EventCode.REROUTED, why)
+        return self.changed(drive_orders=self.with_current(current), history=(*self.status.history, entry))
+
     def hindered(self, why: str) -> Self:
         """Say what keeps its vehicle from going on, empty for nothing; the same again changes nothing."""
         self.require("being hindered", S.BEING_PROCESSED, S.WITHDRAWN)

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from nena_shared.fleet_api.base import ObjectName, Request, Resource
 from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.path import PathStatus
+from nena_shared.fleet_api.rerouting import ReroutingType
 from nena_shared.fleet_api.transport_order import Coordinate, Destination, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
 from nena_shared.vda5050.action import ActionStatus, BlockingType, ParameterValue
@@ -70,6 +71,13 @@ class OrderTypesRequest(Request):
             message = "give each type once"
             raise ValueError(message)
         return self
+
+
+class ReroutingRequest(Request):
+    """Asks for another way for the order that a vehicle works on."""
+
+    type: ReroutingType = ReroutingType.REGULAR
+    """REGULAR: from the end of what its robot was told to drive; FORCED: from where it stands."""
 
 
 class DispatchRequest(Request):

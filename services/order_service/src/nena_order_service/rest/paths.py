@@ -21,7 +21,7 @@ def make_router(locks: PathLocks) -> APIRouter:
 
     @router.put("/{name:path}/lock", response_model=PathStatus)
     async def lock(name: str, request: PathLockRequest) -> Response:
-        """Lock or unlock a path: new routes keep off it, vehicles that are under way go on."""
+        """Lock or unlock a path: new routes keep off it, also those of vehicles under way."""
         return as_json(await locks.set(name, locked=request.locked))
 
     @router.get("/{name:path}", response_model=PathStatus)

@@ -18,10 +18,12 @@ from nena_order_service.rest.bodies import (
     InstantActionRequest,
     IntegrationLevelRequest,
     OrderTypesRequest,
+    ReroutingRequest,
     VehicleList,
 )
 from nena_order_service.rest.responses import as_json
 from nena_shared.fleet_api.base import ObjectName
+from nena_shared.fleet_api.rerouting import ReroutingAnswer
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 
@@ -64,6 +66,11 @@ def make_router(requests: HostRequests) -> APIRouter:
         """Let a vehicle do something at once; waits a while for the end of it."""
         answer = await vehicle_commands.instant_action(requests, name, request)
         return as_json(answer, HTTPStatus.ACCEPTED if answer.status == "PENDING" else HTTPStatus.OK)
+
+    @router.post("/{name}/rerouting", response_model=ReroutingAnswer)
+    async def reroute(name: str, request: ReroutingRequest) -> Response:
+        """Plan the way of the order that a vehicle works on anew; what its robot was told to drive stays."""
+        return as_json(await requests.reroute(name, request.type))
 
     @router.put("/{name}/integrationLevel", response_model=VehicleStatus)
     async def integration_level(name: str, request: IntegrationLevelRequest) -> Response:

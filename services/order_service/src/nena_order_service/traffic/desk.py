@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
+from nena_order_service.routing import Step
 from nena_order_service.traffic.evasion import Evasion
 from nena_order_service.traffic.footing import Footings, Found
 from nena_order_service.traffic.resources import Resources, ResourceSet
@@ -180,6 +181,18 @@ class TrafficDesk:
         self._left_at.pop(granted.vehicle, None)
         self._journeys[granted.vehicle] = Journey(granted.way)
         return granted
+
+    def replan(self, vehicle: str, steps: Sequence[Step], location: str | None = None) -> Refusal | None:
+        """Let a vehicle's way go on by other steps behind what is allocated; gives why not.
+
+        What is allocated stays with the vehicle. Where it is refused, the way stays as it was.
+        """
+        journey, occupant = self._journeys[vehicle], self._scheduler.occupant(vehicle)
+        way = self.resources.way(steps, start=occupant.held[-1], location=location)
+        refusal = self._scheduler.claim(vehicle, way)
+        if refusal is None:
+            journey.way, journey.refusal = (*journey.way[: journey.allocated], *way), None
+        return refusal
 
     def revoke(self, vehicle: str) -> None:
         """Take back a way of which nothing is allocated yet: the vehicle rests where it was."""

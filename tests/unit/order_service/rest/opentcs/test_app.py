@@ -180,3 +180,12 @@ async def test_dispensable_orders_and_reservation_tokens_are_kept(client: httpx.
     body = {**BODY, "dispensable": True, "peripheralReservationToken": "door"}
     order = (await client.post(f"{API}/transportOrders/T-1", json=body)).json()
     assert (order["dispensable"], order["peripheralReservationToken"]) == (True, "door")
+
+
+async def test_rerouting_of_who_has_no_order_is_refused(client: httpx.AsyncClient) -> None:
+    answer = await client.post(f"{API}/vehicles/Robot-01/rerouteRequest", params={"forced": True})
+    assert (answer.status_code, answer.json()) == (
+        409,
+        ["Vehicle 'Robot-01' cannot be rerouted: it works on no transport order."],
+    )
+    assert (await client.post(f"{API}/vehicles/R2D2/rerouteRequest")).status_code == 404

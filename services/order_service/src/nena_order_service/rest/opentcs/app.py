@@ -26,6 +26,7 @@ from nena_order_service.rest.opentcs.bodies import (
 )
 from nena_order_service.rest.opentcs.errors import NotPossibleError
 from nena_order_service.store.database import OrderFilter
+from nena_shared.fleet_api.rerouting import ReroutingType
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from nena_shared.fleet_api.vehicle import ProcessingState
 from nena_shared.plant import PlantModel
@@ -135,6 +136,11 @@ def _vehicles(requests: HostRequests, plant: PlantModel) -> APIRouter:
         order = requests.vehicle(name).transport_order
         if order is not None:
             await requests.withdraw(order, REASON)
+        return _done()
+
+    @router.post("/{name}/rerouteRequest")
+    async def reroute(name: str, *, forced: bool = False) -> Response:
+        await requests.reroute(name, ReroutingType.FORCED if forced else ReroutingType.REGULAR)
         return _done()
 
     @router.put("/{name}/paused")
