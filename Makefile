@@ -10,9 +10,8 @@ DISTRIBUTIONS := shared services/edge_agent services/order_service services/stat
 SOURCES := $(DISTRIBUTIONS:%=%/src)
 # Processes that run tests side by side; ROS, brokers and ports are their own in each test.
 WORKERS ?= 2
-# What failed side by side has one more try, alone (docs/decisions/0015). Nothing failed but the coverage: no try.
-AGAIN = { echo "== once more, alone: what failed above" >&2; \
-	$(BIN)/pytest --last-failed --last-failed-no-failures none --maxfail 1 && $(BIN)/coverage report --format=total --fail-under=85; }
+# What failed side by side has two further tries, alone (docs/decisions/0015).
+AGAIN := PYTHONPATH=tests $(BIN)/python -m support.again
 # Tests of which more examples find more.
 SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/order_service/traffic/test_simulation.py \
 	tests/unit/order_service/kernel/test_traffic_simulation.py \
@@ -62,7 +61,7 @@ lint: $(STAMP) ## style, types, import rules, what is known to be unsafe
 	deploy/audit
 
 test: $(STAMP) action-types broker browser ## every test, with branch coverage; TESTS=path for a part of them
-	$(BIN)/pytest $(if $(TESTS),$(TESTS),-n $(WORKERS) --cov --cov-report=xml --cov-fail-under=85 || $(AGAIN))
+	$(if $(TESTS),$(BIN)/pytest $(TESTS),$(AGAIN) -n $(WORKERS) --cov --cov-report=xml --cov-fail-under=85)
 
 conformance: $(STAMP) ## write docs/vda5050.md anew: how the standard is kept, and which tests show it
 	PYTHONPATH=tests $(BIN)/python -m conformance.table

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from support.programs import Program
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 UNITS = sorted((Path(__file__).parents[2] / "deploy" / "systemd").glob("*.service"))
 DROP_IN = UNITS[0].with_name("broker-password.conf")
@@ -38,7 +38,7 @@ def unit(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 def analyze(*arguments: object) -> subprocess.CompletedProcess[str]:
     command = ["systemd-analyze", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
 
 
 def test_systemd_understands_a_unit(unit: Path) -> None:
@@ -87,5 +87,5 @@ async def test_the_program_tells_systemd_of_its_life(supervisor: socket.socket, 
         assert heard[0] == "READY=1"
         program.process.terminate()
         await until(lambda: "STOPPING=1" in gather())
-        assert await until(lambda: program.process.poll() is not None, timeout=20)
+        assert await until(lambda: program.process.poll() is not None)
     assert program.process.returncode == os.EX_OK

@@ -12,17 +12,24 @@ from pathlib import Path
 import psutil
 import pytest
 
-from support.ros import wait_until
+from support.ros import own_domain_id, wait_until
+from support.waiting import PATIENCE
 
 DEMO = str(Path(sys.executable).with_name("nena-demo"))
 pytestmark = [pytest.mark.e2e, pytest.mark.ros, pytest.mark.broker, pytest.mark.timeout(420)]
 
 
 @pytest.fixture
-def running_demo(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+def domain_id() -> Iterator[int]:
+    with own_domain_id() as reserved:
+        yield reserved
+
+
+@pytest.fixture
+def running_demo(tmp_path: Path, domain_id: int) -> Iterator[subprocess.Popen[str]]:
     """A demo whose services are all started."""
     process = subprocess.Popen(
-        [DEMO, "run", "--time-factor", "10", "--domain-id", "81"],
+        [DEMO, "run", "--time-factor", "10", "--domain-id", str(domain_id)],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -40,9 +47,11 @@ def running_demo(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
 
 
 @pytest.mark.parametrize("broker", ["mosquitto", "amqtt"])
-def test_smoke_run_carries_out_an_order_over_rest_and_one_over_mqtt(tmp_path: Path, broker: str) -> None:
+def test_smoke_run_carries_out_an_order_over_rest_and_one_over_mqtt(
+    tmp_path: Path, domain_id: int, broker: str
+) -> None:
     result = subprocess.run(
-        [DEMO, "smoke", "--broker", broker, "--time-factor", "10", "--domain-id", "80"],
+        [DEMO, "smoke", "--broker", broker, "--time-factor", "10", "--domain-id", str(domain_id)],
         capture_output=True,
         text=True,
         timeout=300,
@@ -64,10 +73,10 @@ def test_a_signal_ends_every_process_and_removes_every_file(
     assert len(children) >= 5
 
     running_demo.send_signal(number)
-    output, _ = running_demo.communicate(timeout=60)
+    output, _ = running_demo.communicate(timeout=PATIENCE)
 
     assert running_demo.returncode == 130, output
-    assert [child for child in children if _lives(child)] == []
+    wait_until(lambda: not any(_lives(child) for child in children), what="end of all children")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -77,7 +86,7 @@ def test_children_end_when_the_demo_is_killed(running_demo: subprocess.Popen[str
 
     os.kill(running_demo.pid, signal.SIGKILL)
 
-    wait_until(lambda: not any(_lives(child) for child in children), timeout=30, what="end of all children")
+    wait_until(lambda: not any(_lives(child) for child in children), what="end of all children")
 
 
 def _lives(process: psutil.Process) -> bool:

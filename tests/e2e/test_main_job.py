@@ -18,9 +18,12 @@ from nena_demo.host import Host
 from nena_demo.processes import Processes
 from nena_demo.stack import Choices, Stack
 from nena_shared.fleet_api.transport_order import Destination, TransportOrderRequest, TransportOrderStatus
-from support.ros import RELIABLE, RosPeer, own_domain_id
+from support.order_service_fleet import awaited
+from support.ros import RosPeer, own_domain_id
+from support.simulator import heard, publisher_to
+from support.waiting import PATIENCE
 
-pytestmark = [pytest.mark.e2e, pytest.mark.ros, pytest.mark.broker, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.e2e, pytest.mark.ros, pytest.mark.broker]
 
 ENDED_WITHIN = 120.0
 
@@ -49,17 +52,19 @@ class Running:
 
     async def robot(self, serial_number: str) -> dict[str, object]:
         """What the aggregator shows of a robot."""
-        async with httpx.AsyncClient(base_url=self.stack.panel_url) as client:
+        async with httpx.AsyncClient(base_url=self.stack.panel_url, timeout=PATIENCE) as client:
             answer = await client.get(f"/api/v1/robots/NeNa/{serial_number}")
             found: dict[str, object] = answer.raise_for_status().json()
             return found
 
     async def robot_in(self, serial_number: str, condition: str) -> dict[str, object]:
         """Wait until the aggregator, which hears of it on its own, shows a robot in ``condition``."""
-        async with asyncio.timeout(20):
-            while (robot := await self.robot(serial_number))["condition"] != condition:  # noqa: ASYNC110 - over HTTP
-                await asyncio.sleep(0.05)
-        return robot
+        return await awaited(
+            lambda: self.robot(serial_number),
+            lambda robot: robot["condition"] == condition,
+            seconds=PATIENCE,
+            what=f"{serial_number} is {condition}",
+        )
 
 
 @pytest.fixture
@@ -104,8 +109,9 @@ async def test_an_aborted_drive_is_an_error_of_the_robot_and_failed_at_the_host(
     choices = Choices(domain_id=domain_id, time_factor=10.0)
     async with started(tmp_path, choices) as running:
         with RosPeer(domain_id, "r1") as peer:
-            faults = peer.publisher(String, "simulator/fault", RELIABLE)
+            faults = publisher_to(peer, String, "simulator/fault", "r1")
             faults.publish(String(data=json.dumps({"kind": "abort_halfway", "goals": 1})))
+            heard(peer, "r1")
 
             failed = await running.ended(await running.order("Middle 1"))
             assert failed.state == "FAILED"
@@ -125,10 +131,14 @@ async def test_a_robot_is_sent_to_a_coordinate_and_back_to_a_point(tmp_path: Pat
         assert answer.status_code == httpx.codes.CREATED, answer.text
         end = await running.ended(answer.json()["name"])
         assert end.state == "FINISHED", end.reason
-        position = (await running.robot("robot-01"))["position"]
-        assert isinstance(position, dict)
-        assert position["x"] == pytest.approx(5.0, abs=0.5)
-        assert position["y"] == pytest.approx(8.5, abs=0.5)
+
+        async def place() -> list[float]:
+            position = (await running.robot("robot-01"))["position"]
+            assert isinstance(position, dict)
+            return [position["x"], position["y"]]
+
+        there = pytest.approx([5.0, 8.5], abs=0.5)
+        await awaited(place, lambda shown: shown == there, seconds=PATIENCE, what="the panel shows it there")
 
         back = await running.ended(await running.order("Middle 2"))
         assert back.state == "FINISHED", back.reason

@@ -21,7 +21,7 @@ from support.waiting import until
 WORK = ("pick", "drop")
 ENDED_WITHIN = 240.0
 """Seconds that what was ordered has to come to its end once everything works again."""
-TOLD_WITHIN = 30.0
+TOLD_WITHIN = 60.0
 MOST_MB = 300.0
 """Resident memory of a program; what grows without a bound passes it."""
 PAGE = 500

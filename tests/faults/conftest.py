@@ -21,7 +21,7 @@ from support.order_service_fleet import awaited
 
 STATUS = re.compile("nena/v1/transportOrders/[^/]+/status")
 AT_WORK_WITHIN = 60.0
-FLOWING_WITHIN = 120.0
+FLOWING_WITHIN = 240.0
 YARDSTICK = 10 if WHOLE else 2
 """Orders by which it is measured how long two of them take."""
 

@@ -21,7 +21,7 @@ SPEED = 6.0
 """m/s of the loopback robots: hours of a site in minutes."""
 TIME_FACTOR = 6.0
 """How much faster than the clock the simulated robots on ROS move."""
-READY_WITHIN = 90.0
+READY_WITHIN = 180.0
 KEEP_ALIVE, SHORT_KEEP_ALIVE = 15, 4
 """Seconds; the shorter one behind a line that is cut."""
 
@@ -133,7 +133,7 @@ class Site:
         spare = [f"single-{number}" for number in range(1, singles + 1)]
         self.plant = write_hall(folder, dict.fromkeys([*serials, *spare], "2.1.0"))
         self.orders = httpx.AsyncClient(
-            base_url=f"http://127.0.0.1:{self._ports['order-service']}", timeout=15
+            base_url=f"http://127.0.0.1:{self._ports['order-service']}", timeout=60
         )
         self.programs: dict[str, Program] = {}
         self.wire_broke = False

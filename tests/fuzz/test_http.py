@@ -58,7 +58,7 @@ def ask_everything(url: str, description: str) -> int:
             )
             @given(case=operation.as_strategy(generation_mode=mode))
             def asked(case: schemathesis.Case[Any]) -> None:
-                case.call_and_validate(base_url=url, checks=CHECKS, timeout=20)
+                case.call_and_validate(base_url=url, checks=CHECKS, timeout=60)
 
             try:
                 asked()

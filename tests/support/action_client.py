@@ -11,7 +11,7 @@ from rclpy.action import ActionClient
 from nena_robot_simulator.action import Action
 from nena_robot_simulator.action_types import action_types
 from support.ros import Inbox, RosPeer, wait_until
-from support.simulator import goal
+from support.simulator import goal, heard
 from support.waiting import PATIENCE
 
 Outcome = tuple[int, int]
@@ -30,6 +30,7 @@ class Client:
         self._types = action_types()[action]
         self.ros = ActionClient(peer.node, self._types, action)
         wait_until(self.ros.server_is_ready, what=f"the server of {action}")
+        heard(peer)  # the robot knows that feedback is listened to
         self.feedback: Inbox[Any] = Inbox()
 
     def send(self, *places: tuple[float, float], goal_id: Any = None, frame: str = "map") -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,13 @@ from std_msgs.msg import String
 from nena_edge_agent.settings import EdgeAgentSettings
 from support.broker import Broker, MqttPeer
 from support.edge_agent import AgentProcess, FleetControl, agent_settings, running_agent
-from support.nav2_driver import QUICK
+from support.nav2_driver import PATIENT
 from support.ros import BEST_EFFORT, Inbox, RosPeer
 from support.simulator import SimulatorProcess, publisher_to
 from support.waiting import until
 
-ROS: dict[str, Any] = {"goals": QUICK.model_dump(), "watch_period": 0.1, "call_timeout": 0.3}
-"""Patience for tests on one machine, where nothing is lost on the way."""
+ROS: dict[str, Any] = {"goals": PATIENT.model_dump(), "watch_period": 0.1, "call_timeout": 3.0}
+"""Quick to notice, and patient with a slow machine."""
 
 
 class Bench:
@@ -60,6 +61,17 @@ class Bench:
     def speed(self) -> float:
         """How fast the robot is by its odometry, m/s."""
         return abs(self._odometry.messages[-1].twist.twist.linear.x) if self._odometry.messages else 0.0
+
+    async def speed_at(self, state: dict[str, Any]) -> float:
+        """Give how fast the robot was by its odometry, m/s, when a state of it was told."""
+        told = datetime.fromisoformat(state["timestamp"]).timestamp()
+
+        def after() -> bool:
+            return bool(self._odometry.messages) and _time_of(self._odometry.messages[-1]) > told
+
+        await until(after, what="odometry that is younger than the state")
+        before = [each for each in self._odometry.messages if _time_of(each) <= told]
+        return abs(float(before[-1].twist.twist.linear.x))
 
     @property
     def places(self) -> list[float]:
@@ -105,14 +117,19 @@ class Bench:
 
     @asynccontextmanager
     async def robot(
-        self, *, ros: dict[str, Any] | None = None, **changes: Any
+        self, *, ros: dict[str, Any] | None = None, time_factor: float = 5.0, **changes: Any
     ) -> AsyncIterator[FleetControl]:
         """Run the simulator and the agent; gives fleet control once the robot can be sent somewhere."""
-        with self.simulator():
+        with self.simulator(time_factor=time_factor):
             async with self.agent(ros=ros, **changes) as fleet:
                 await fleet.state(ready)
                 self.fault("stuck", active=False)  # makes the publisher, so that the next one takes no time
                 yield fleet
+
+
+def _time_of(message: Odometry) -> float:
+    """When it was stamped, UTC in s."""
+    return float(message.header.stamp.sec + message.header.stamp.nanosec / 1e9)
 
 
 def ready(state: dict[str, Any]) -> bool:

@@ -27,7 +27,9 @@ E = TypeVar("E", bound=Told)
 
 MAP = "hall"
 QUICK = GoalSettings(confirmation_time=0.5, settle_time=0.3, pose_wait=1.0, cancel_time=0.5)
-"""Patience for tests on one machine, where nothing is lost on the way."""
+"""Patience for tests of what never comes."""
+PATIENT = GoalSettings(settle_time=0.3, pose_wait=3.0)
+"""Patience with a slow machine: what is on its way is not given up."""
 
 
 def goal_at(generation: int, x: float, y: float = 0.0, *, theta: float = 0.0, xy: float = 0.5) -> MapGoal:
@@ -40,7 +42,13 @@ class DrivenRobot:
     def __init__(self, domain_id: int, namespace: str = "", **settings: Any) -> None:
         self.events: list[Told] = []
         self._goals: dict[str, GoalReport] = {}
-        fields = {"goals": QUICK, "watch_period": 0.1, "navigation": Navigation.TOPICS, **settings}
+        fields = {
+            "goals": PATIENT,
+            "watch_period": 0.1,
+            "call_timeout": 3.0,
+            "navigation": Navigation.TOPICS,
+            **settings,
+        }
         chosen = RosSettings(domain_id=domain_id, namespace=namespace, **fields)
         self.driver = Nav2Driver(chosen, MAP, self._hear, SystemClock())
 

@@ -63,8 +63,17 @@ def publisher_to(peer: RosPeer, kind: Any, topic: str, namespace: str = "") -> A
     """
     prefix = f"/{namespace}/" if namespace else "/"
     publisher = peer.publisher(kind, prefix + topic)
-    peer.call(peer.client(Trigger, f"{prefix}lifecycle_manager_navigation/is_active"), Trigger.Request())
+    heard(peer, namespace)
     return publisher
+
+
+def heard(peer: RosPeer, namespace: str = "") -> None:
+    """Wait until the robot in ``namespace`` has taken what ``peer`` has said, and knows what it listens to.
+
+    It answers one after the other, and hears of a node's ends in the order in which they were made.
+    """
+    prefix = f"/{namespace}/" if namespace else "/"
+    peer.call(peer.client(Trigger, f"{prefix}lifecycle_manager_navigation/is_active"), Trigger.Request())
 
 
 def goal(x: float, y: float, yaw: float = 0.0, frame: str = "map") -> Any:

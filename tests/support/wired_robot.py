@@ -23,6 +23,9 @@ from support.waiting import until
 QUICK = FleetSettings(
     silent_after=2.0, resend_after=0.1, resend_at_most_after=0.4, sendings=5, tick_interval=0.02
 )
+"""Fleet control that soon says of a robot that it is silent, and of a message that it is lost."""
+PATIENT = FleetSettings(resend_after=60.0, resend_at_most_after=60.0, tick_interval=0.02)
+"""Fleet control on a slow machine, where nothing is lost."""
 
 
 class WiredRobot:
@@ -105,7 +108,7 @@ class WiredFleet:
         self,
         broker: Broker,
         interface_name: str,
-        settings: FleetSettings = QUICK,
+        settings: FleetSettings = PATIENT,
         vehicles: Mapping[RobotKey, Vehicle] | None = None,
     ) -> None:
         self.news: list[FleetOutput] = []

@@ -23,7 +23,7 @@ from support.fleet_examples import (
 )
 from support.panel import Hall, findings, opened, picture, seconds_now
 
-pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
 OTHER = RobotKey("ACME", "r2")
 VIEWS = {

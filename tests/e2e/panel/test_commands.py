@@ -17,12 +17,13 @@ from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
 from support.order_service_fleet import Fleet, awaited, order_in, vehicle_idle
 from support.panel import opened, picture
+from support.waiting import PATIENCE
 
-pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
 ROBOT = "#/robots/NeNa%2Frobot-01"
 REFUSALS = ("409", "422")  # the browser writes each answer of an error into its console
-SLOW = 1.0
+SLOW = 0.3
 """m/s"""
 
 
@@ -40,7 +41,7 @@ class Operated:
             answer = (await self.orders.get("/v1/transportOrders")).json()
             return [order["name"] for order in answer["transportOrders"]]
 
-        return (await awaited(look, bool, seconds=10, what="there is an order"))[0]
+        return (await awaited(look, bool, seconds=PATIENCE, what="there is an order"))[0]
 
     async def robot(self) -> dict[str, float]:
         """Where the robot is."""
@@ -52,7 +53,7 @@ class Operated:
         return await awaited(
             self.robot,
             lambda at: abs(at["x"] - x) < 0.5 and abs(at["y"] - y) < 0.5,
-            seconds=30,
+            seconds=PATIENCE,
             what=f"the robot is at {x}, {y}",
         )
 
@@ -86,7 +87,7 @@ async def test_an_order_is_created_watched_to_its_end_and_read_about(
     broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
 ) -> None:
     async with (
-        operated(broker, interface_name, tmp_path, speed=4.0) as fleet,
+        operated(broker, interface_name, tmp_path, speed=2.0) as fleet,
         opened(browser, fleet.url) as page,
     ):
         await page.get_by_role("link", name="New order").click()
@@ -109,7 +110,7 @@ async def test_an_order_is_created_watched_to_its_end_and_read_about(
         await expect(shown).to_contain_text("A vehicle works on it.")
         await expect(shown.locator(".history")).to_contain_text("Given to a vehicle")
         await picture(page, "order")
-        await expect(shown.locator(".chip")).to_have_text("Finished", timeout=30_000)
+        await expect(shown.locator(".chip")).to_have_text("Finished")
         await expect(shown.locator(".stops")).to_contain_text("Goods in: Load cargo done")
         await expect(shown.locator(".history")).to_contain_text("Ended")
         await expect(button(page, "Withdraw")).to_be_disabled()
@@ -287,11 +288,11 @@ async def reach(page: Page, url: str) -> None:
     """Open a page as soon as it is served."""
 
     async def look() -> bool:
-        async with httpx.AsyncClient() as client:
+        async with httpx.AsyncClient(timeout=PATIENCE) as client:
             try:
                 return (await client.get(url.split("#", maxsplit=1)[0])).is_success
             except httpx.TransportError:
                 return False
 
-    await awaited(look, bool, seconds=20, what=f"{url} is served")
+    await awaited(look, bool, seconds=PATIENCE, what=f"{url} is served")
     await page.goto(url)

@@ -12,6 +12,7 @@ from nena_shared.vda5050.topics import Topic
 from support.fleet_examples import connection, position, state
 from support.order_service_fleet import awaited
 from support.panel import Hall, becomes, opened, picture, seconds_now
+from support.waiting import PATIENCE
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -29,7 +30,7 @@ SLIDE = """(time) => {
 
 async def positions(hall: Hall) -> list[str]:
     """Give the times of the positions in the history, oldest first."""
-    async with httpx.AsyncClient(base_url=hall.url) as client:
+    async with httpx.AsyncClient(base_url=hall.url, timeout=PATIENCE) as client:
         found = (await client.get("/api/v1/history?code=position")).json()["entries"]
     return [entry["time"] for entry in reversed(found)]
 
@@ -46,7 +47,7 @@ async def test_the_slider_shows_where_a_robot_was(hall: Hall, browser: Browser, 
             await awaited(
                 lambda: positions(hall),
                 lambda times, number=number: len(times) == number,  # type: ignore[misc]
-                seconds=10,
+                seconds=PATIENCE,
                 what=f"position {number} is in the history",
             )
         times = await positions(hall)
@@ -57,7 +58,8 @@ async def test_the_slider_shows_where_a_robot_was(hall: Hall, browser: Browser, 
             await expect(events.first).to_contain_text("r1")
             await page.evaluate(f"({SLIDE})(Date.parse('{times[0]}') - 500)")
             await becomes(page, SHOWN, None, lambda shown: shown == [["ACME/r1", 3, "SILENT"]])
-            await page.evaluate(f"({SLIDE})(Date.parse('{times[0]}') + 200)")
+            between = f"(Date.parse('{times[0]}') + Date.parse('{times[1]}')) / 2"
+            await page.evaluate(f"({SLIDE})(Math.floor({between}))")
             await becomes(page, SHOWN, None, lambda shown: 3 <= shown[0][1] < 9 and shown[0][2] == "BUSY")
             await expect(page.get_by_text("Replay:")).to_be_visible()
             await picture(page, "history")

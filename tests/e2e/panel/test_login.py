@@ -15,7 +15,7 @@ from support.broker import free_port
 from support.fleet_examples import connection, position, state
 from support.panel import Hall, findings, opened, picture, seconds_now
 
-pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
 UNKNOWN = ("401",)
 """What the browser says of each answer to somebody unknown."""

@@ -19,7 +19,7 @@ from support.fleet_examples import (
     vehicle_status,
     way,
 )
-from support.panel import Hall, opened, seconds_now
+from support.panel import Hall, becomes, opened, seconds_now
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -97,8 +97,8 @@ async def test_a_robot_is_picked_on_the_map_and_from_the_keyboard(hall: Hall, br
             before = await page.evaluate("document.querySelector('nena-fleet-map').view.scale")
             await canvas.focus()
             await page.keyboard.press("+")
-            after = await page.evaluate("document.querySelector('nena-fleet-map').view.scale")
-            assert after == pytest.approx(before * 1.25)
+            scale = "document.querySelector('nena-fleet-map').view.scale"
+            await becomes(page, scale, None, lambda after: after == pytest.approx(before * 1.25))
 
 
 async def test_on_a_telephone_a_name_leads_to_the_robot_and_to_the_map(hall: Hall, browser: Browser) -> None:
@@ -135,7 +135,7 @@ async def test_the_page_outlives_the_aggregator(hall: Hall, browser: Browser) ->
             await expect(row).to_contain_text("Idle")
             with hall.aggregator() as second:
                 await second.logged("broker connected")
-                await expect(banner).to_be_hidden(timeout=15_000)
+                await expect(banner).to_be_hidden()
                 await expect(row).to_have_count(0)
                 hall.send(Topic.STATE, state(2, at=seconds_now(), operating_mode="MANUAL"))
                 await expect(row).to_contain_text("Manual")
@@ -151,7 +151,7 @@ async def test_a_lost_broker_is_said(own_broker: Broker, browser: Browser) -> No
             own_broker.kill()
             await expect(banner).to_contain_text("no link to the MQTT broker")
             own_broker.start()
-            await expect(banner).to_be_hidden(timeout=15_000)
+            await expect(banner).to_be_hidden()
 
 
 @pytest.mark.parametrize("dark", [False, True])

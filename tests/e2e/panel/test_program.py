@@ -13,7 +13,7 @@ from nena_shared.vda5050.v2_1 import CODEC
 from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, MqttPeer, free_port
 from support.fleet_examples import connection, factsheet, position, state, way
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -27,7 +27,7 @@ async def test_without_a_broker_it_starts_and_says_so() -> None:
         url = await aggregator.url()
         told = await aggregator.logged("broker not reached, trying on")
         assert told["port"] == port
-        async with httpx.AsyncClient(base_url=url) as http:
+        async with httpx.AsyncClient(base_url=url, timeout=PATIENCE) as http:
             assert (await http.get("/healthz")).status_code == 200
             assert (await http.get("/readyz")).status_code == 503
         assert aggregator.end() == 0
@@ -37,7 +37,7 @@ def test_a_port_in_use_is_one_clear_line() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with AggregatorProcess("--http.port", str(port)) as aggregator:
-            assert aggregator.process.wait(20) == 1
+            assert aggregator.process.wait(PATIENCE) == 1
             assert aggregator.output == (
                 f"nena-status-aggregator: cannot listen on 127.0.0.1 port {port}: Address already in use. "
                 "Set http.port to a free port (0 takes any) or end the program that has it.\n"
@@ -47,7 +47,10 @@ def test_a_port_in_use_is_one_clear_line() -> None:
 async def test_it_ends_in_order_while_somebody_follows_the_events(broker: Broker) -> None:
     with AggregatorProcess("--http.port", "0", "--mqtt.port", str(broker.port)) as aggregator:
         url = await aggregator.url()
-        async with httpx.AsyncClient(base_url=url) as http, http.stream("GET", "/api/v1/events") as stream:
+        async with (
+            httpx.AsyncClient(base_url=url, timeout=PATIENCE) as http,
+            http.stream("GET", "/api/v1/events") as stream,
+        ):
             lines = stream.aiter_lines()
             assert (await anext(lines)).startswith("id: ")
             assert aggregator.end() == 0
@@ -73,7 +76,7 @@ async def test_memory_with_fifty_robots(broker: Broker, interface_name: str) -> 
                     **way(*[f"node {each}" for each in range(20)]),
                 )
                 peer.publish(topics.of(robot, Topic.STATE), CODEC.encode(moving))
-        with httpx.Client(base_url=url) as http:
+        with httpx.Client(base_url=url, timeout=PATIENCE) as http:
             await until(lambda: _last_is_there(http), what="the last state")
         used = psutil.Process(aggregator.process.pid).memory_info().rss
         assert used <= MEMORY_LIMIT, f"{used / 1024 / 1024:.0f} MB"

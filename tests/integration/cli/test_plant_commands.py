@@ -8,11 +8,12 @@ from pathlib import Path
 
 from nena_demo.plants import sample_plant_path
 from nena_shared.plant.files import read
+from support.waiting import PATIENCE
 
 
 def nena(*arguments: str, stdin: bytes = b"") -> subprocess.CompletedProcess[bytes]:
     command = [sys.executable, "-m", "nena_cli", "plant", *arguments]
-    return subprocess.run(command, capture_output=True, input=stdin, timeout=60, check=False)
+    return subprocess.run(command, capture_output=True, input=stdin, timeout=PATIENCE, check=False)
 
 
 def test_a_plant_goes_through_a_pipe_from_format_to_format(tmp_path: Path) -> None:

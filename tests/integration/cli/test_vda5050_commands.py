@@ -14,7 +14,7 @@ from nena_cli.vda5050.recording import read_file
 from support.broker import Broker, MqttPeer, free_port
 from support.certificates import Authority
 from support.conversations import FOLDER, recorder
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 pytestmark = pytest.mark.broker
 
@@ -24,7 +24,7 @@ RECORD = ("vda5050", "record")
 
 def nena(*arguments: str, stdin: str = "") -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "nena_cli", "vda5050", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, input=stdin, timeout=60, check=False)
+    return subprocess.run(command, capture_output=True, text=True, input=stdin, timeout=PATIENCE, check=False)
 
 
 def url(broker: Broker) -> str:
@@ -44,24 +44,26 @@ async def test_what_is_replayed_is_what_was_recorded(own_broker: Broker, tmp_pat
     assert [(each.topic, each.payload) for each in first] == [(each.topic, each.payload) for each in second]
 
 
-def test_one_side_is_replayed_with_fresh_headers(own_broker: Broker) -> None:
+async def test_one_side_is_replayed_with_fresh_headers(own_broker: Broker) -> None:
+    told = [entry for entry in read_file(FILE) if entry.topic.endswith(("/order", "/instantActions"))]
     with MqttPeer(own_broker, "fleet/#") as peer:
         done = nena("replay", str(FILE), url(own_broker), "--speed", "1000", "--only", "fleet", "--fresh")
         assert done.returncode == 0, done.stderr
-        received = peer.received()
+        received = await until(lambda: got if len(got := peer.received()) >= len(told) else None)
 
+    assert len(received) == len(told)
     assert {each.topic.rsplit("/", 1)[1] for each in received} <= {"order", "instantActions"}
     recorded = {entry.topic: json.loads(entry.payload)["timestamp"] for entry in read_file(FILE)}
     for each in received:
         assert json.loads(each.payload)["timestamp"] > recorded[each.topic]
 
 
-def test_a_part_of_a_recording_is_replayed(own_broker: Broker) -> None:
+async def test_a_part_of_a_recording_is_replayed(own_broker: Broker) -> None:
     states = ("--topic", "fleet/+/+/+/state", "--speed", "1000")
     with MqttPeer(own_broker, "#") as peer:
         assert "2 messages" in nena("replay", str(FILE), url(own_broker), *states, "--messages", "2").stderr
         assert "0 messages" in nena("replay", str(FILE), url(own_broker), "--robot", "ACME/0002").stderr
-        received = peer.received()
+        received = await until(lambda: got if len(got := peer.received()) >= 2 else None)
 
     first, second = [each for each in read_file(FILE) if each.topic.endswith("/state")][:2]
     assert [each.payload for each in received] == [first.payload, second.payload]
@@ -79,7 +81,7 @@ async def test_one_robot_is_recorded_as_it_was_said(own_broker: Broker, tmp_path
             await until(lambda: own_broker.log.count("SUBSCRIBE") > 1, what="the recorder")
             for topic, qos in (("2/state", 1), ("1/order", 0), ("1/state", 1)):
                 peer.publish(f"site/hall/v2/ACME/{topic}", b"\xff", qos=qos)
-            assert process.wait(20) == 0
+            assert process.wait(PATIENCE) == 0
         finally:
             process.kill()
 
@@ -97,7 +99,7 @@ async def test_a_recording_that_is_interrupted_is_whole(own_broker: Broker, tmp_
         peer.publish("fleet/v2/ACME/1/state", b"{}")
         await until(lambda: file.exists() and file.read_text().endswith("\n"), what="the line")
         process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 0
+        assert process.wait(PATIENCE) == 0
 
     assert [each.payload for each in read_file(file)] == [b"{}"]
 
@@ -167,7 +169,7 @@ async def test_check_listens_to_a_broker(own_broker: Broker) -> None:
         try:
             await until(lambda: own_broker.log.count("SUBSCRIBE") > 1, what="the checker")
             peer.publish("fleet/v3/ACME/0001/state", b"{}")
-            out, _ = process.communicate(timeout=20)
+            out, _ = process.communicate(timeout=PATIENCE)
         finally:
             process.kill()
 
@@ -195,7 +197,7 @@ def test_what_cannot_be_done_is_one_clear_line_and_status_2(arguments: tuple[str
     assert "Traceback" not in done.stderr
 
 
-def test_a_recording_is_replayed_over_tls(tmp_path: Path) -> None:
+async def test_a_recording_is_replayed_over_tls(tmp_path: Path) -> None:
     authority, port = Authority(tmp_path), free_port()
     server = authority.sign("broker")
     door = f"listener {port} 127.0.0.1\ncertfile {server.certificate}\nkeyfile {server.key}\n"
@@ -206,7 +208,7 @@ def test_a_recording_is_replayed_over_tls(tmp_path: Path) -> None:
             ours = ("--ca", str(authority.ca))
             done = nena(*ours, "replay", str(FILE), address, "--speed", "1000", "--messages", "2")
             assert done.returncode == 0, done.stderr
-            assert len(peer.received()) == 2
+            await until(lambda: len(peer.received()) == 2, what="both messages")
         unknown = nena("replay", str(FILE), address, "--messages", "2")
     finally:
         broker.close()

@@ -21,7 +21,7 @@ from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.mqtt.tls import tls_context
 from nena_shared.settings import MqttSettings, MqttTlsSettings
 from support.broker import free_port, mosquitto
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 pytestmark = pytest.mark.broker
 
@@ -82,7 +82,7 @@ class Running:
 
     def end(self) -> None:
         self.process.send_signal(signal.SIGTERM)
-        self.process.wait(20)
+        self.process.wait(PATIENCE)
 
     def folder_of(self, kind: Kind, name: str) -> Path:
         identity = next(each for each in self.site if (each.kind, each.name) == (kind, name))
@@ -98,7 +98,7 @@ class Running:
     async def client(self, who: tuple[Kind, str], *filters: str) -> AsyncIterator[Client]:
         """Be somebody, until the block ends."""
         async with connected(Client(self.settings_in(self.folder_of(*who)), who[1], *filters)) as client:
-            await until(lambda: client.link.state.connected, timeout=30, what=f"{who[1]} is let in")
+            await until(lambda: client.link.state.connected, what=f"{who[1]} is let in")
             yield client
 
     def _start(self) -> subprocess.Popen[bytes]:
@@ -136,11 +136,11 @@ async def test_the_main_job_is_possible(running: Running) -> None:
         running.client(HOST, "nena/v1/transportOrders/+/status") as host,
     ):
         host.publish(asked)
-        await until(lambda: asked in service.topics, timeout=30)
+        await until(lambda: asked in service.topics)
         service.publish(order, told)
-        await until(lambda: order in robot.topics and told in host.topics, timeout=30)
+        await until(lambda: order in robot.topics and told in host.topics)
         robot.publish(state)
-        await until(lambda: state in service.topics and state in aggregator.topics, timeout=30)
+        await until(lambda: state in service.topics and state in aggregator.topics)
 
 
 async def test_its_certificates_stand_the_strictest_look(running: Running) -> None:
@@ -171,7 +171,7 @@ async def test_a_robot_cannot_command_its_neighbour_or_speak_for_it(running: Run
         running.client(ROBOT_1) as robot,
     ):
         robot.publish(*forbidden, "uagv/v2/ACME/1/state")
-        await until(lambda: watcher.came, timeout=30)
+        await until(lambda: watcher.came)
 
         assert watcher.topics == ["uagv/v2/ACME/1/state"], "what was sent before it never came"
         assert neighbour.came == []
@@ -183,7 +183,7 @@ async def test_a_robot_does_not_read_the_orders_of_others(running: Running) -> N
         running.client(ORDER_SERVICE) as service,
     ):
         service.publish("uagv/v2/ACME/2/order", "uagv/v2/ACME/1/order")
-        await until(lambda: robot.came, timeout=30)
+        await until(lambda: robot.came)
 
         assert set(robot.topics) == {"uagv/v2/ACME/1/order"}
 
@@ -197,7 +197,7 @@ async def test_a_host_neither_commands_robots_nor_speaks_for_another_host(runnin
         own = "nena/v1/hosts/wms/transportOrders/create"
         withdrawal = "nena/v1/hosts/wms/commands/withdraw"
         host.publish("uagv/v2/ACME/1/order", "nena/v1/hosts/mes/transportOrders/create", withdrawal, own)
-        await until(lambda: service.came, timeout=30)
+        await until(lambda: service.came)
 
         assert service.topics == [own]
         assert robot.came == []
@@ -210,9 +210,9 @@ async def test_the_aggregator_only_watches(running: Running) -> None:
         running.client(AGGREGATOR) as aggregator,
     ):
         aggregator.publish("uagv/v2/ACME/1/order")
-        assert await aggregator.link.drain(30)
+        assert await aggregator.link.drain(PATIENCE)
         service.publish("uagv/v2/ACME/1/order")
-        await until(lambda: robot.came, timeout=30)
+        await until(lambda: robot.came)
 
         assert len(robot.came) == 1
 
@@ -225,7 +225,7 @@ async def test_who_is_removed_is_not_let_in_again(running: Running, tmp_path: Pa
         pass  # the broker is there
 
     async with connected(Client(running.settings_in(tmp_path / "stolen"), "gone")) as gone:
-        await until(lambda: gone.link.state.last_error, timeout=30)
+        await until(lambda: gone.link.state.last_error)
 
         assert gone.link.state.connects == 0
 
@@ -237,7 +237,7 @@ async def test_who_is_added_has_its_rights_without_a_restart(running: Running) -
         running.process.send_signal(signal.SIGHUP)
         async with running.client(new) as robot:
             robot.publish("uagv/v2/ACME/1/state", "uagv/v2/ACME/3/state")
-            await until(lambda: watcher.came, timeout=30)
+            await until(lambda: watcher.came)
 
         assert watcher.topics == ["uagv/v2/ACME/3/state"]
         assert watcher.link.state.connects == 1, "nobody else has noticed"

@@ -52,9 +52,9 @@ async def test_without_ros_such_an_action_is_refused_before_the_robot_drives(
     broker: Broker, interface_name: str, fleet: FleetControl, tmp_path: Path
 ) -> None:
     async with running_agent(agent_settings(broker, interface_name, tmp_path, operations=OPERATIONS)):
-        await fleet.state(within=30)
+        await fleet.state()
         fleet.send(order("n0", "n1", node_actions={"n1": [hard("p", "pick", height=1)]}))
-        state = await fleet.state(error_types, within=30)
+        state = await fleet.state(error_types)
 
         assert error_types(state) == ["orderError"]
         assert "it uses ROS, which this robot does not have" in state["errors"][0]["errorDescription"]
@@ -68,23 +68,23 @@ async def test_rehearsed_actions_do_a_whole_order_and_the_load_outlives_the_agen
     actions = {"without_ros": "rehearse", "rehearsal_seconds": 0.05}
     settings = agent_settings(broker, interface_name, tmp_path, operations=OPERATIONS, actions=actions)
     async with running_agent(settings):
-        await fleet.state(within=30)
+        await fleet.state()
         fleet.send(order("n0", order_id="high", node_actions={"n0": [hard("x", "pick", height=3)]}))
-        await fleet.state(lambda state: error_types(state) == ["orderError"], within=30)
+        await fleet.state(lambda state: error_types(state) == ["orderError"])
         taken = {"n0": [hard("p", "pick", height=1, loadId="box")], "n1": [hard("k", "dock")]}
         fleet.send(order("n0", "n1", order_id="fetch", node_actions=taken))
-        done = await fleet.state(ended("fetch"), within=30)
+        done = await fleet.state(ended("fetch"))
         assert [status_of(done, each) for each in ("p", "k")] == ["FINISHED"] * 2
         assert done["agvPosition"]["x"] == pytest.approx(10.5, abs=0.15)
 
     fleet.peer.clear()
     async with running_agent(settings):
-        again = await fleet.state(within=30)
+        again = await fleet.state()
         assert [each["loadId"] for each in again["loads"]] == ["box"]
 
         fleet.send(order("n1", order_id="twice", node_actions={"n1": [hard("p2", "pick", height=1)]}))
-        refused = await fleet.state(lambda state: error_types(state) == ["orderError"], within=30)
+        refused = await fleet.state(lambda state: error_types(state) == ["orderError"])
         assert "loaded already" in refused["errors"][0]["errorDescription"]
 
         fleet.send(order("n1", order_id="bring", node_actions={"n1": [hard("d", "drop", height=0)]}))
-        assert (await fleet.state(ended("bring"), within=30))["loads"] == []
+        assert (await fleet.state(ended("bring")))["loads"] == []

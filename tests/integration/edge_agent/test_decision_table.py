@@ -21,7 +21,7 @@ from nena_shared.vda5050.state import OperatingMode, State
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.versions import codec_for
 from support.broker import Broker, MqttPeer
-from support.loopback_bench import BenchRobot, bench_process, idle
+from support.loopback_bench import BenchRobot, bench_process, idle, place
 from support.published import robots_problems
 from support.robot_core import MAP, action, order, position
 
@@ -52,11 +52,17 @@ async def robot(process: BenchRobot) -> BenchRobot:
     await process.command("operatingMode", mode="AUTOMATIC")
     await process.command("speed", speed=500)
     await process.command("pose", x=0, y=0)
-    state = await process.state(lambda state: state.operating_mode is OperatingMode.AUTOMATIC)
+    state = await process.state(ready)
     if not idle(state):
         await process.cancel()
         await process.command("pose", x=0, y=0)
+        await process.state(lambda state: ready(state) and idle(state))
     return process
+
+
+def ready(state: State) -> bool:
+    there = place(state)
+    return state.operating_mode is OperatingMode.AUTOMATIC and (there.x, there.y) == (0, 0)
 
 
 @dataclass(frozen=True)

@@ -19,12 +19,18 @@ from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.topics import Topic
 from support.broker import Broker, MqttPeer, free_port
 from support.edge_agent import FleetControl, agent_settings, running_agent
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 pytestmark = pytest.mark.broker
 
 PLUGIN = Path("/usr/lib/x86_64-linux-gnu/mosquitto_dynamic_security.so")
 OK, MISSING, UNKNOWN = Verdict.OK, Verdict.MISSING, Verdict.UNKNOWN
+
+
+@pytest.fixture(autouse=True)
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is there answers, on however slow a machine."""
+    monkeypatch.setattr("nena_edge_agent.doctor.broker.ANSWER_WITHIN", PATIENCE)
 
 
 def settings_for(mqtt: MqttSettings, **more: str) -> EdgeAgentSettings:
@@ -63,7 +69,7 @@ async def test_a_name_that_nobody_knows() -> None:
 
 async def test_something_that_is_no_broker(monkeypatch: pytest.MonkeyPatch) -> None:
     """It takes the connection and closes it."""
-    monkeypatch.setattr("nena_edge_agent.doctor.broker.ANSWER_WITHIN", 1.0)
+    monkeypatch.setattr("nena_edge_agent.doctor.broker.ANSWER_WITHIN", 2.0)
 
     async def close(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         writer.close()
@@ -137,7 +143,10 @@ async def test_a_robot_that_may_not_read_orders(tmp_path: Path) -> None:
     assert first_missing(view).text == "may not subscribe to uagv/v2/ACME/0001/order"
 
 
-async def test_the_maps_of_a_plant_model_are_read(own_broker: Broker) -> None:
+async def test_the_maps_of_a_plant_model_are_read(
+    own_broker: Broker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("nena_edge_agent.doctor.broker.RETAINED_WITHIN", PATIENCE)
     with MqttPeer(own_broker) as peer:
         plant = {"points": [{"properties": {"vda5050:mapId": "hall"}}]}
         peer.publish("nena/v1/plantModel", json.dumps(plant), retain=True)

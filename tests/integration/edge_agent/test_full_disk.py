@@ -16,6 +16,7 @@ from support.broker import Broker, MqttPeer
 from support.edge_agent import AgentProcess, FleetControl, ended, error_types
 from support.restarts.oracle import check_headers, check_states
 from support.robot_core import order
+from support.waiting import until
 
 pytestmark = pytest.mark.broker
 ROOM = 100
@@ -69,18 +70,18 @@ def check_all(fleet: FleetControl) -> None:
 async def test_an_order_that_the_disk_does_not_take_is_neither_shown_nor_begun(
     fleet: FleetControl, agent: AgentProcess
 ) -> None:
-    await fleet.state(within=30.0)
+    await fleet.state()
     fill(agent, full=True)
     fleet.send(order("n0", "n1", order_id="first"))
-    await fleet.state(full_disk, within=30.0)
+    await fleet.state(full_disk)
     fleet.send(order("n0", "n1", order_id="second"))
-    state = await fleet.state(refused("second"), within=30.0)
+    state = await fleet.state(refused("second"))
     assert state["orderId"] == ""
     assert not state["driving"]
     assert all(each["agvPosition"]["x"] == 0.0 for each in fleet.states)
 
     fill(agent, full=False)
-    state = await fleet.state(ended("first"), within=30.0)
+    state = await fleet.state(ended("first"))
 
     assert error_types(state) == []
     check_all(fleet)
@@ -90,11 +91,11 @@ async def test_an_order_that_the_disk_does_not_take_is_neither_shown_nor_begun(
 async def test_an_agent_that_is_killed_with_a_full_disk_takes_nothing_back(
     fleet: FleetControl, agent: AgentProcess
 ) -> None:
-    await fleet.state(within=30.0)
+    await fleet.state()
     fleet.send(order("n0", "n1", "n2", "n3", "n4"))
-    await fleet.state(lambda state: state["lastNodeId"] == "n1", within=30.0)
+    await fleet.state(lambda state: state["lastNodeId"] == "n1")
     fill(agent, full=True)
-    stands = await fleet.state(lambda state: full_disk(state) and not state["driving"], within=30.0)
+    stands = await fleet.state(lambda state: full_disk(state) and not state["driving"])
     shown = stands["lastNodeId"]
     assert shown in ("n1", "n2", "n3")
 
@@ -102,9 +103,9 @@ async def test_an_agent_that_is_killed_with_a_full_disk_takes_nothing_back(
     fleet.peer.clear()
     agent.restart()
 
-    first = await fleet.state(within=30.0)
+    first = await fleet.state()
     assert first["lastNodeId"] == shown
-    await fleet.state(ended("o1"), within=30.0)
+    await fleet.state(ended("o1"))
     check_all(fleet)
 
 
@@ -114,18 +115,19 @@ async def test_a_robot_whose_journal_is_lost_says_so_and_takes_no_orders(
 ) -> None:
     (tmp_path / "ACME.0001.journal").write_bytes(b"torn")
     with AgentProcess(broker, interface_name, tmp_path) as agent:
-        state = await fleet.state(lambda state: "JOURNAL_LOST" in error_types(state), within=30.0)
+        state = await fleet.state(lambda state: "JOURNAL_LOST" in error_types(state))
         (lost,) = (each for each in state["errors"] if each["errorType"] == "JOURNAL_LOST")
         assert lost["errorLevel"] == "FATAL"
         assert "remove " in lost["errorDescription"]
         fleet.send(order("n0", "n1"))
-        await fleet.state(refused("o1"), within=30.0)
+        await fleet.state(refused("o1"))
         agent.terminate()
+        await until(lambda: "OFFLINE" in fleet.connections, what="its farewell, after all that it has said")
         assert (tmp_path / "ACME.0001.journal").read_bytes() == b"torn", "it is a person's to look at"
 
         (tmp_path / "ACME.0001.journal").unlink()
         fleet.peer.clear()
         agent.restart()
-        assert error_types(await fleet.state(within=30.0)) == []
+        assert error_types(await fleet.state()) == []
         fleet.send(order("n0", "n1", order_id="o2"))
-        await fleet.state(lambda state: state["orderId"] == "o2", within=30.0)
+        await fleet.state(lambda state: state["orderId"] == "o2")

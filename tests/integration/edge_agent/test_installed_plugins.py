@@ -117,14 +117,14 @@ async def test_the_agent_does_its_actions_and_lives_with_the_broken_ones(
     monkeypatch.setenv("PYTHONPATH", environment_with(forks, broken)["PYTHONPATH"])
     options = ("--actions.options", '{"forks": {"speed": 2.0}}', "--loopback.speed", "20")
     with AgentProcess(broker, interface_name, tmp_path, *options) as process:
-        state = await fleet.state(error_types, within=60)
+        state = await fleet.state(error_types)
         warning = state["errors"][0]
         assert warning["errorType"] == "ACTION_PLUGIN_UNUSABLE"
         assert warning["errorLevel"] == "WARNING"
         assert "No module named 'acme_hydraulics'" in warning["errorDescription"]
         assert "it needs ROS" in warning["errorDescription"]
 
-        sheets = await until(lambda: fleet.peer.payloads(fleet.topic(Topic.FACTSHEET)), timeout=30)
+        sheets = await until(lambda: fleet.peer.payloads(fleet.topic(Topic.FACTSHEET)))
         actions: list[dict[str, Any]] = json.loads(sheets[-1])["protocolFeatures"]["agvActions"]
         (height,) = next(each for each in actions if each["actionType"] == "raiseForks")["actionParameters"]
         assert height["description"] == "m, at least 0 and at most 2"
@@ -133,12 +133,12 @@ async def test_the_agent_does_its_actions_and_lives_with_the_broken_ones(
         fleet.send(
             order("n0", order_id="high", node_actions={"n0": [action("a0", "HARD", "raiseForks", height=3)]})
         )
-        refused = await fleet.state(lambda each: "orderError" in error_types(each), within=30)
+        refused = await fleet.state(lambda each: "orderError" in error_types(each))
         assert refused["orderId"] == ""
 
         raise_forks = action("a1", "HARD", "raiseForks", height=1.5)
         fleet.send(order("n0", "n1", order_id="job", node_actions={"n1": [raise_forks]}))
-        done = await fleet.state(ended("job"), within=60)
+        done = await fleet.state(ended("job"))
         assert status_of(done, "a1") == "FINISHED"
         results = {each.get("resultDescription") for each in done["actionStates"]}
         assert results == {"at 1.50 m"}

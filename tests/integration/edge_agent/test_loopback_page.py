@@ -19,6 +19,7 @@ from nena_edge_agent.loopback.rehearsal import rehearsal_actions
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from support.broker import Broker, MqttPeer
 from support.loopback_bench import BenchRobot
+from support.waiting import PATIENCE
 
 PAGE = (Path(__file__).parents[3] / "docs" / "loopback.md").read_text(encoding="utf-8")
 
@@ -56,7 +57,7 @@ def shown_agent(broker: Broker, folder: Path) -> Iterator[None]:
 
 
 def publish(broker: Broker, call: list[str]) -> None:
-    subprocess.run(["mosquitto_pub", "-p", str(broker.port), *call], check=True, timeout=10)
+    subprocess.run(["mosquitto_pub", "-p", str(broker.port), *call], check=True, timeout=PATIENCE)
 
 
 @pytest.mark.broker

@@ -21,6 +21,7 @@ from support.fleet_examples import ROBOT, START, connection, order_status, posit
 from support.prometheus import CONFIGURATION, Prometheus, eventually, program
 from support.reference import PROJECT
 from support.served_aggregator import Served, serving
+from support.waiting import PATIENCE
 
 GRAFANA = PROJECT / "deploy" / "grafana"
 DASHBOARDS = sorted((GRAFANA / "dashboards").glob("*.json"))
@@ -31,7 +32,7 @@ BLOCKED = RobotKey("ACME", "r2")
 
 def promtool(*arguments: str) -> None:
     done = subprocess.run(
-        [program("promtool"), *arguments], capture_output=True, text=True, timeout=60, check=False
+        [program("promtool"), *arguments], capture_output=True, text=True, timeout=PATIENCE, check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
 
@@ -148,12 +149,12 @@ async def test_every_query_of_rules_and_dashboards_finds_something(
             for rule in rules:
                 assert rule["health"] == "ok", f"{rule['name']}: {rule.get('lastError')}"
                 if rule["type"] == "recording":
-                    assert await prometheus.query(rule["name"]), rule["name"]
-            (stands,) = await prometheus.query('ALERTS{alertname="NenaRobotStands"}')
+                    await eventually(partial(prometheus.query, rule["name"]), rule["name"])
+            alert = 'ALERTS{alertname="NenaRobotStands"}'
+            (stands,) = await eventually(partial(prometheus.query, alert), alert)
             assert stands["metric"]["serial_number"] == BLOCKED.serial_number
-            condition = await prometheus.query(
-                f'nena_robot_condition{{serial_number="{ROBOT.serial_number}"}}'
-            )
+            told = f'nena_robot_condition{{serial_number="{ROBOT.serial_number}"}}'
+            condition = await eventually(partial(prometheus.query, told), told)
             assert condition[0]["metric"]["manufacturer"] == ROBOT.manufacturer
 
 

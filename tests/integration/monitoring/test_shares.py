@@ -15,6 +15,7 @@ from support.broker import Broker, MqttPeer
 from support.fleet_examples import state, vehicle_status
 from support.panel import Hall, seconds_now
 from support.prometheus import Prometheus, eventually
+from support.waiting import PATIENCE
 
 ROBOTS = tuple(RobotKey("ACME", f"r{number}") for number in range(1, 13))
 
@@ -25,7 +26,7 @@ def halves(broker: Broker, peer: MqttPeer, interface_name: str) -> list[Hall]:
 
 
 async def fleet(hall: Hall) -> dict[str, Any]:
-    async with httpx.AsyncClient() as http:
+    async with httpx.AsyncClient(timeout=PATIENCE) as http:
         answer: dict[str, Any] = (await http.get(f"{hall.url}api/v1/fleet")).json()
     return answer
 
@@ -50,7 +51,7 @@ async def test_two_aggregators_divide_the_robots_and_one_prometheus_sums_them_up
             for each in (one, other):
                 await each.logged("broker connected")
             say(halls[0])
-            first, second = await eventually(partial(both, halls), "all robots", seconds=30)
+            first, second = await eventually(partial(both, halls), "all robots")
             assert (first["share"], second["share"]) == ("1/2", "2/2")
             assert robots_of(first) | robots_of(second) == {str(robot) for robot in ROBOTS}
             assert not robots_of(first) & robots_of(second)
@@ -70,15 +71,15 @@ async def one_prometheus_sums_them_up(halls: list[Hall], folder: Path) -> None:
     async with Prometheus(folder, *addresses) as prometheus:
         ask = prometheus.query
         all_idle = f'nena:robots:sum{{condition="IDLE"}} == {len(ROBOTS)}'
-        await eventually(partial(ask, all_idle), "the sum of both", seconds=30)
+        await eventually(partial(ask, all_idle), "the sum of both")
         once = f"count(count by (serial_number) (nena_robot_states_total) == 1) == {len(ROBOTS)}"
-        await eventually(partial(ask, once), "each robot at one of them", seconds=30)
-        await eventually(partial(ask, "sum(nena_robots_share_ratio) == 1"), "the whole", seconds=30)
+        await eventually(partial(ask, once), "each robot at one of them")
+        await eventually(partial(ask, "sum(nena_robots_share_ratio) == 1"), "the whole")
         watched = 'absent(ALERTS{alertname="NenaRobotsUnwatched"})'
-        await eventually(partial(ask, watched), "nothing to alert of", seconds=30)
+        await eventually(partial(ask, watched), "nothing to alert of")
 
 
 def test_a_share_that_is_none_is_a_mistake_at_the_start() -> None:
     with AggregatorProcess("--share", "3/2") as process:
-        assert process.process.wait(30) != 0
+        assert process.process.wait(PATIENCE) != 0
         assert "1/2 for the first of two" in process.output

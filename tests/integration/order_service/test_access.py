@@ -16,6 +16,7 @@ from nena_shared.web.users import Role, User, hash_of, write_users
 from support.broker import free_port
 from support.certificates import Authority
 from support.order_service_fleet import Fleet, running
+from support.waiting import PATIENCE
 
 pytestmark = pytest.mark.broker
 
@@ -75,7 +76,7 @@ async def test_over_tls_tokens_are_not_seen_on_the_way(fleet: Fleet, tmp_path: P
     trusting = ssl.create_default_context(cafile=authority.ca)
     async with running(settings, trust=trusting) as client:
         assert (await client.get("/v1/vehicles", headers=as_("VIEWER"))).status_code == 200
-        async with httpx.AsyncClient(base_url=client.base_url) as other:
+        async with httpx.AsyncClient(base_url=client.base_url, timeout=PATIENCE) as other:
             with pytest.raises(httpx.ConnectError, match="CERTIFICATE_VERIFY_FAILED"):
                 await other.get("/v1/vehicles")
 
@@ -93,4 +94,4 @@ async def test_it_does_not_start_where_others_could_come_unasked(
 ) -> None:
     settings = fleet.settings(http={"host": "0.0.0.0", "port": 0, **http})
     with pytest.raises(ConfigurationError, match=complaint):
-        await asyncio.wait_for(serve(settings, asyncio.Event()), 10)
+        await asyncio.wait_for(serve(settings, asyncio.Event()), PATIENCE)

@@ -15,7 +15,7 @@ from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant import PlantModel
 from support.broker import Broker
 from support.order_service_fleet import Fleet, awaited, order_in, vehicle_idle
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 pytestmark = pytest.mark.broker
 
@@ -55,8 +55,8 @@ async def test_order_over_rest_is_done(fleet: Fleet, service: Start) -> None:
         "finalStateReached",
     ]
     sent = [json.loads(message.payload) for message in wire.received()]
-    assert [each["orderId"] for each in sent] == ["T-1-0", "T-1-1"]
-    vehicle = (await client.get("/v1/vehicles/Robot-01")).json()
+    assert list(dict.fromkeys(each["orderId"] for each in sent)) == ["T-1-0", "T-1-1"]
+    vehicle = await vehicle_idle(client)
     assert vehicle["processingState"] == "IDLE"
     assert vehicle["transportOrder"] is None
     assert vehicle["currentPosition"].startswith("Storage")
@@ -73,7 +73,7 @@ async def test_order_over_mqtt_is_answered_told_and_cleared(fleet: Fleet, servic
     answer = CreationAnswer.model_validate_json(message.payload)
     assert (answer.status, answer.name) == (201, "T-1")
     topic = f"{fleet.prefix}/transportOrders/T-1/status"
-    await host.wait_for(topic, lambda each: each.payload == b"", timeout=30)
+    await host.wait_for(topic, lambda each: each.payload == b"")
 
     told = [TransportOrderStatus.model_validate_json(each) for each in host.payloads(topic) if each]
     versions = [each.version for each in told]
@@ -106,7 +106,10 @@ async def test_bad_requests_over_mqtt_are_answered(
     client = await service()
     host = fleet.peer(f"{fleet.prefix}/hosts/+/transportOrders/answer")
     await awaited(
-        lambda: client.get("/readyz"), lambda got: got.status_code == 200, seconds=10, what="it is ready"
+        lambda: client.get("/readyz"),
+        lambda got: got.status_code == 200,
+        seconds=PATIENCE,
+        what="it is ready",
     )
     host.publish(f"{fleet.prefix}/hosts/plc-7/transportOrders/create", body)
     message = await host.wait_for(f"{fleet.prefix}/hosts/plc-7/transportOrders/answer")
@@ -164,7 +167,7 @@ async def test_withdrawn_order_ends_when_the_robot_has_let_it_go(fleet: Fleet, s
     fleet.agent(speed=0.5)
     await vehicle_idle(client)
     await client.post("/v1/transportOrders", json=TRANSPORT)
-    await wire.wait_for(f"{fleet.interface}/v2/+/+/order", timeout=30)
+    await wire.wait_for(f"{fleet.interface}/v2/+/+/order")
     answer = (await client.post("/v1/transportOrders/T-1/withdrawal")).json()
     assert answer["state"] == "WITHDRAWN"
     order = await order_in(client, "T-1", "FAILED")
@@ -217,7 +220,7 @@ async def test_instant_actions_are_followed_to_their_end(fleet: Fleet, service: 
         found: str | None = (await client.get("/v1/vehicles/Robot-01")).json()["currentPosition"]
         return found
 
-    await awaited(position, lambda point: point == "Middle 2", seconds=10, what="it is at Middle 2")
+    await awaited(position, lambda point: point == "Middle 2", seconds=PATIENCE, what="it is at Middle 2")
 
 
 async def test_robot_that_is_not_in_the_plant_is_listed_and_gets_no_orders(

@@ -121,7 +121,7 @@ def _resource(part: dict[str, str]) -> str:
     return part["nodeId"] if "nodeId" in part else part["edgeId"].removesuffix(":backward")
 
 
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(600)
 async def test_sixty_orders_over_a_single_track_are_done_without_two_robots_in_one_place(
     fleet: Fleet, tmp_path: File
 ) -> None:
@@ -143,7 +143,7 @@ async def test_sixty_orders_over_a_single_track_are_done_without_two_robots_in_o
         body = {"name": f"T-{number}", "destinations": [load, unload]}
         assert (await client.post("/v1/transportOrders", json=body)).status_code == 201
 
-    orders = await every_order_ended(client, 240)
+    orders = await every_order_ended(client, 400)
     assert {order["state"] for order in orders} == {"FINISHED"}, [order["reason"] for order in orders]
     assert len(orders) == ORDERS
     checker = Checker()

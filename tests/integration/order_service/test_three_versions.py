@@ -46,7 +46,7 @@ async def test_each_robot_does_its_order_in_its_version(fleet: Fleet, service: S
         assert (await client.post("/v1/transportOrders", json=order)).status_code == 201
 
     for serial in VERSIONS:
-        order = await order_in(client, f"T-{serial}", "FINISHED", "FAILED", seconds=60)
+        order = await order_in(client, f"T-{serial}", "FINISHED", "FAILED")
         assert order["state"] == "FINISHED", order["reason"]
 
     for serial, version in VERSIONS.items():
@@ -71,7 +71,7 @@ async def test_a_way_is_released_piece_by_piece_and_nothing_of_it_breaks_the_sta
     body = {"name": "T-1", "destinations": [{"locationName": "North 3", "operation": "MOVE"}]}
     assert (await client.post("/v1/transportOrders", json=body)).status_code == 201
 
-    order = await order_in(client, "T-1", "FINISHED", "FAILED", seconds=60)
+    order = await order_in(client, "T-1", "FINISHED", "FAILED")
     assert order["state"] == "FINISHED", order["reason"]
 
     entries = [

@@ -19,6 +19,7 @@ from std_msgs.msg import String
 from nena_robot_simulator import messages
 from support.ros import LATCHED, Inbox, RosPeer, wait_until
 from support.simulator import goal, initial_pose, publisher_to, simulated_robot, trace
+from support.waiting import PATIENCE
 
 pytestmark = pytest.mark.ros
 
@@ -39,7 +40,7 @@ class Conversation:
         self.goals.publish(goal(x, y, frame=frame))
 
     def see(self, line: str) -> None:
-        wait_until(lambda: line in self.trace(), what=f"array '{line}' ({self.trace()})", timeout=15.0)
+        wait_until(lambda: line in self.trace(), what=f"array '{line}' ({self.trace()})")
 
     def trace(self) -> list[str]:
         return trace(self.arrays.messages)
@@ -73,7 +74,7 @@ def test_plain_drive_and_a_late_joiner_sees_its_end(conversation: Conversation, 
 
 
 def test_second_goal_while_driving(conversation: Conversation) -> None:
-    conversation.send(6.0, 0.0)
+    conversation.send(35.0, 0.0)
     conversation.see("A:2")
     conversation.send(2.0, 0.0)
     conversation.see("A:6 B:4")
@@ -90,7 +91,7 @@ def test_of_goals_sent_at_once_the_last_one_is_driven(conversation: Conversation
 
 
 def test_cancel_all(conversation: Conversation) -> None:
-    conversation.send(20.0, 0.0)
+    conversation.send(35.0, 0.0)
     conversation.see("A:2")
     answer = conversation.cancel()
     assert (answer.return_code, len(answer.goals_canceling)) == (0, 1)
@@ -107,7 +108,7 @@ def test_unknown_frame_and_goal_outside_the_map(conversation: Conversation) -> N
 
 
 def test_cancel_and_a_new_goal_directly_after_never_drives_both(conversation: Conversation) -> None:
-    conversation.send(20.0, 0.0)
+    conversation.send(35.0, 0.0)
     conversation.see("A:2")
     conversation.cancel(0)
     conversation.send(10.0, 0.0)
@@ -116,12 +117,14 @@ def test_cancel_and_a_new_goal_directly_after_never_drives_both(conversation: Co
     )
     states = [entry.status for entry in last.status_list]
     assert states in ([5, 2], [5, 6], [6, 2])
-    if states[0] == 5:
+    if "A:5" in conversation.trace():  # the new goal came when the old one had ended already
+        conversation.see("A:5 B:4")
+    elif states[0] == 5:
         conversation.see("A:5 B:6")
 
 
 def test_deactivated_while_driving(conversation: Conversation) -> None:
-    conversation.send(20.0, 0.0)
+    conversation.send(35.0, 0.0)
     conversation.see("A:2")
     faults = publisher_to(conversation.peer, String, "simulator/fault")
     faults.publish(String(data='{"kind": "inactive"}'))
@@ -144,7 +147,7 @@ def test_cancel_codes(conversation: Conversation) -> None:
 
 
 def test_cancel_by_time_spares_what_was_accepted_later(conversation: Conversation) -> None:
-    conversation.send(20.0, 0.0)
+    conversation.send(35.0, 0.0)
     conversation.see("A:2")
     accepted = messages.nanoseconds_of(conversation.arrays.messages[-1].status_list[0].goal_info.stamp)
     assert len(conversation.cancel(stamp=accepted - 1).goals_canceling) == 0
@@ -193,9 +196,9 @@ def test_a_restarted_server_begins_with_an_empty_list(domain_id: int, peer: RosP
 
 
 def test_answer_comes_after_the_canceling_array(conversation: Conversation) -> None:
-    conversation.send(20.0, 0.0)
+    conversation.send(35.0, 0.0)
     conversation.see("A:2")
     done = threading.Event()
     conversation.canceller.call_async(CancelGoal.Request()).add_done_callback(lambda _: done.set())
     conversation.see("A:3")
-    assert done.wait(5.0)
+    assert done.wait(PATIENCE)

@@ -17,6 +17,7 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import String
 from std_srvs.srv import Empty, Trigger
+from structlog.testing import capture_logs
 
 from nena_robot_simulator import messages
 from support.ros import BEST_EFFORT, LATCHED, RosPeer, own_domain_id, wait_until
@@ -141,7 +142,7 @@ def test_silence_hides_everything_and_its_end_shows_the_newest_array(peer: RosPe
     fault(peer, '{"kind": "silence"}')
     wait_until(lambda: odometry.stays_silent(0.3), what="silence")
     goals.publish(goal(1.0, 0.0))
-    assert arrays.stays_silent(1.5)
+    assert arrays.stays_silent(3.0)  # the robot is there by then
     fault(peer, '{"kind": "silence", "active": false}')
     arrays.wait_for()
     assert trace(arrays.messages) == ["A:4"]
@@ -210,8 +211,8 @@ def test_starts_and_stops_leave_no_thread_behind(domain_id: int) -> None:
     for _ in range(10):
         with simulated_robot(domain_id) as robot:
             assert robot.alive
-        assert not robot.alive
-    assert threading.active_count() == before
+        wait_until(lambda: not robot.alive, what="the end of the thread")
+    wait_until(lambda: threading.active_count() == before, what="the end of all threads")
 
 
 def test_a_callback_that_fails_costs_its_message_only(
@@ -220,10 +221,13 @@ def test_a_callback_that_fails_costs_its_message_only(
     with simulated_robot(domain_id) as robot:
         arrays = peer.subscribe(GoalStatusArray, STATUS, LATCHED)
         goals = publisher_to(peer, PoseStamped, "goal_pose")
-        with monkeypatch.context() as broken:
+        with monkeypatch.context() as broken, capture_logs() as lines:
             broken.setattr(robot, "_robot", None)
             goals.publish(goal(1.0, 0.0))
-            assert arrays.stays_silent(0.3)
+            wait_until(
+                lambda: any(each.get("work") == "_deliver_goals" for each in lines), what="the failure"
+            )
+        assert arrays.messages == []
         goals.publish(goal(2.0, 0.0))
         arrays.wait_for(lambda array: array.status_list[0].status == 4)
 
@@ -231,8 +235,7 @@ def test_a_callback_that_fails_costs_its_message_only(
 def test_the_stamps_are_of_now(domain_id: int, peer: RosPeer) -> None:
     with simulated_robot(domain_id):
         inbox = peer.subscribe(Odometry, "odom", BEST_EFFORT)
-        inbox.wait_for()
-        inbox.clear()
-        message = inbox.wait_for()
+        began = peer.node.get_clock().now().nanoseconds
+        message = inbox.wait_for(lambda each: messages.nanoseconds_of(each.header.stamp) > began)
         age = peer.node.get_clock().now().nanoseconds - messages.nanoseconds_of(message.header.stamp)
-    assert 0 <= age < 2_000_000_000
+    assert age >= 0

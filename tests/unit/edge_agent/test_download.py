@@ -83,7 +83,7 @@ async def test_a_server_that_trickles_does_not_hold_a_thread_for_longer_than_the
     with pytest.raises(DownloadError, match=r"not fetched in 0\.2 s"):
         await download(link, None, SETTINGS.model_copy(update={"timeout": 0.2}))
 
-    await until(lambda: files.open == 0, timeout=5.0)
+    await until(lambda: files.open == 0)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from structlog.testing import capture_logs
 
 from nena_edge_agent.fleet import run_fleet
 from nena_shared.program import StartError
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 
 class Robot:
@@ -43,7 +43,7 @@ async def test_a_robot_that_fails_is_started_again_and_the_others_go_on(error: E
     assert (good.starts, good.running, bad.starts) == (1, True, 3)
     assert [each["robot"] for each in logs if each["event"] == "robot failed"] == ["bad", "bad"]
     stop.set()
-    await asyncio.wait_for(fleet, 5)
+    await asyncio.wait_for(fleet, PATIENCE)
     assert not good.running
 
 
@@ -57,14 +57,14 @@ async def test_a_robot_is_given_up_after_its_restarts() -> None:
 
     assert (hopeless.starts, good.running) == (3, True)
     stop.set()
-    await asyncio.wait_for(fleet, 5)
+    await asyncio.wait_for(fleet, PATIENCE)
 
 
 async def test_a_fleet_of_which_nothing_works_ends() -> None:
     robots = {"a": Robot(100).make, "b": Robot(100).make}
 
     with capture_logs(), pytest.raises(StartError, match="none of the robots"):
-        await asyncio.wait_for(run_fleet(robots, asyncio.Event(), restarts=1, pause=0.01), 5)
+        await asyncio.wait_for(run_fleet(robots, asyncio.Event(), restarts=1, pause=0.01), PATIENCE)
 
 
 async def test_a_robot_that_cannot_be_made_is_no_worse() -> None:
@@ -80,6 +80,6 @@ async def test_a_robot_that_cannot_be_made_is_no_worse() -> None:
         )
         await until(lambda: good.running)
         stop.set()
-        await asyncio.wait_for(fleet, 5)  # also while the other one waits for its next start
+        await asyncio.wait_for(fleet, PATIENCE)  # also while the other one waits for its next start
 
     assert not good.running

@@ -6,6 +6,7 @@ from nena_edge_agent.driver.port import Arrived, BatteryReport, DriveProgress
 from nena_edge_agent.mailbox import MESSAGE_LIMIT, Mailbox
 from nena_edge_agent.protocol.events import OrderReceived, Started
 from support.robot_core import at, order
+from support.waiting import PATIENCE
 
 
 def test_events_come_out_in_their_order_and_once() -> None:
@@ -57,9 +58,9 @@ async def test_a_wait_ends_with_an_event_or_with_its_time() -> None:
     assert mailbox.empty
 
     asyncio.get_running_loop().call_soon(mailbox.put, Started())
-    await asyncio.wait_for(mailbox.wait(60.0), 5.0)
+    await asyncio.wait_for(mailbox.wait(600.0), PATIENCE)
     assert mailbox.take() == [Started()]
 
     mailbox.wake()
-    await asyncio.wait_for(mailbox.wait(60.0), 5.0)
+    await asyncio.wait_for(mailbox.wait(600.0), PATIENCE)
     assert mailbox.take() == []

@@ -51,6 +51,12 @@ class Rig:
         await self.recorder.write(core.durable_version, core.memory)
 
 
+@pytest.fixture(autouse=True)
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No disk counts as one that hangs because the machine is slow."""
+    monkeypatch.setattr(recorder_module, "PATIENCE", WAIT)
+
+
 @pytest.fixture
 async def disk(tmp_path: Path) -> AsyncIterator[SlowDisk]:
     disk = SlowDisk(tmp_path)

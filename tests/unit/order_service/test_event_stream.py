@@ -17,6 +17,7 @@ from nena_order_service.errors import StoreNotReadyError, TooManyClientsError
 from nena_order_service.event_stream import EventKind, EventStream, Interest
 from nena_order_service.settings import EventSettings
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
+from support.waiting import PATIENCE
 
 ORDERS = Interest(frozenset({EventKind.TRANSPORT_ORDER}))
 
@@ -45,7 +46,7 @@ class Client:
         self._frames = frames
 
     async def hear(self) -> list[Told]:
-        async with asyncio.timeout(30):
+        async with asyncio.timeout(PATIENCE):
             return parsed(await anext(self._frames))
 
 

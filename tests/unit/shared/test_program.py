@@ -13,6 +13,7 @@ import pytest
 from nena_shared.program import EXIT_FAILED, EXIT_MISCONFIGURED, StartError, run
 from nena_shared.settings import ConfigurationError, ServiceSettings
 from nena_shared.tasks import Supervisor
+from support.waiting import PATIENCE
 
 PROGRAM = """
 import asyncio, sys
@@ -97,4 +98,4 @@ def test_signal_ends_the_process_in_order(number: signal.Signals, tmp_path: Path
         process.send_signal(number)
 
         assert process.stdout.readline() == "in order\n"
-        assert process.wait(10) == 0
+        assert process.wait(PATIENCE) == 0

@@ -6,7 +6,7 @@ import pytest
 from structlog.testing import capture_logs
 
 from nena_shared.tasks import Supervisor, TaskFailedError, forever
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 
 async def nothing() -> None:
@@ -26,7 +26,7 @@ async def test_stop_ends_the_wait_and_then_the_tasks() -> None:
     async with Supervisor() as tasks:
         task = tasks.start("endless", endless())
         asyncio.get_running_loop().call_soon(stop.set)
-        await asyncio.wait_for(tasks.wait(stop), 5)
+        await asyncio.wait_for(tasks.wait(stop), PATIENCE)
         assert not task.done()
 
     assert task.cancelled()
@@ -38,7 +38,7 @@ async def test_vital_task_that_ends_in_any_way_ends_the_wait(work: object) -> No
         async with Supervisor() as tasks:
             tasks.start("the heart", fail() if work is fail else nothing())
             with pytest.raises(TaskFailedError, match="'the heart' has ended") as caught:
-                await asyncio.wait_for(tasks.wait(asyncio.Event()), 5)
+                await asyncio.wait_for(tasks.wait(asyncio.Event()), PATIENCE)
 
     assert caught.value.name == "the heart"
     assert [line["task"] for line in logs] == (["the heart"] if work is fail else [])
@@ -51,7 +51,7 @@ async def test_other_tasks_fail_alone_but_not_unseen() -> None:
             tasks.start("helper", fail(), vital=False)
             await until(lambda: logs)
             stop.set()
-            await asyncio.wait_for(tasks.wait(stop), 5)
+            await asyncio.wait_for(tasks.wait(stop), PATIENCE)
 
     assert [(line["event"], line["task"]) for line in logs] == [("task failed", "helper")]
     assert str(logs[0]["exc_info"]) == "why"
@@ -82,6 +82,6 @@ async def test_forever_goes_on_after_a_failure() -> None:
     with capture_logs() as logs:
         async with Supervisor() as tasks:
             tasks.start("poll", forever("poll", work, pause=0.001))
-            await asyncio.wait_for(third.wait(), 5)
+            await asyncio.wait_for(third.wait(), PATIENCE)
 
     assert [line["task"] for line in logs] == ["poll", "poll"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from nena_edge_agent.doctor.finding import Finding, Link, Verdict
 from nena_edge_agent.doctor.navigation import judge_map, judge_robot
 from nena_edge_agent.doctor.program import examine
 from nena_edge_agent.doctor.robot_clock import judge_clock
-from nena_edge_agent.doctor.ros_probe import look
+from nena_edge_agent.doctor.ros_probe import _Probe, look
 from nena_edge_agent.doctor.ros_view import RosView
 from nena_edge_agent.ros.address import RosAddress
 from nena_edge_agent.ros.session_store import SessionStore
@@ -24,18 +25,29 @@ from support.broker import Broker
 from support.edge_agent import agent_settings
 from support.ros import BEST_EFFORT, RosPeer
 from support.simulator import simulated_robot
+from support.waiting import PATIENCE
 
 pytestmark = pytest.mark.ros
 
 OK, MISSING = Verdict.OK, Verdict.MISSING
 
 
+PROBE = "nena_edge_agent.doctor.ros_probe"
+CALLS = 30.0
+"""Seconds that a service has to answer."""
+
+
 @pytest.fixture(autouse=True)
-def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Discovery on one machine is quick, and what is missing is waited for in vain."""
-    monkeypatch.setattr("nena_edge_agent.doctor.ros_probe.LOOK_FOR", 2.5)
-    monkeypatch.setattr("nena_edge_agent.doctor.ros_probe.LOOK_ELSEWHERE", 2.0)
-    monkeypatch.setattr("nena_edge_agent.doctor.ros_probe.POSE_WAIT", 0.5)
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All that is there is found, on however slow a machine."""
+    monkeypatch.setattr(f"{PROBE}.LOOK_FOR", PATIENCE)
+    monkeypatch.setattr(f"{PROBE}.LOOK_ELSEWHERE", 6.0)
+    monkeypatch.setattr(f"{PROBE}.POSE_WAIT", 0.5)
+
+
+def expect(monkeypatch: pytest.MonkeyPatch, enough: Callable[[_Probe], object]) -> None:
+    """Have the look end once ``enough`` is seen: what is missing would be waited for in vain."""
+    monkeypatch.setattr(_Probe, "_complete", enough)
 
 
 def first_missing(view: RosView, settings: RosSettings) -> Finding:
@@ -43,7 +55,7 @@ def first_missing(view: RosView, settings: RosSettings) -> Finding:
 
 
 async def test_a_robot_that_is_well(domain_id: int) -> None:
-    settings = RosSettings(namespace="r1", domain_id=domain_id)
+    settings = RosSettings(namespace="r1", domain_id=domain_id, call_timeout=CALLS)
     with simulated_robot(domain_id, "r1"):
         view = await look(settings)
 
@@ -59,6 +71,7 @@ async def test_a_robot_in_the_domain_of_the_environment(
     domain_id: int, other_domain_id: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", str(domain_id))
+    monkeypatch.setattr(f"{PROBE}.LOOK_FOR", 0.5)  # there is nobody
     settings = RosSettings(domain_id=other_domain_id)
     with simulated_robot(domain_id):
         view = await look(settings)
@@ -73,7 +86,11 @@ async def test_an_agent_that_was_moved_is_looked_for_where_it_is(
     broker: Broker, interface_name: str, domain_id: int, tmp_path: Path
 ) -> None:
     settings = agent_settings(
-        broker, interface_name, tmp_path, driver="nav2", ros={"namespace": "r2", "domain_id": domain_id}
+        broker,
+        interface_name,
+        tmp_path,
+        driver="nav2",
+        ros={"namespace": "r2", "domain_id": domain_id, "call_timeout": CALLS},
     )
     robot = RobotKey(settings.manufacturer, settings.serial_number)
     SessionStore(tmp_path, robot).write(RosAddress("/r1", domain_id), settings.ros)
@@ -83,7 +100,8 @@ async def test_an_agent_that_was_moved_is_looked_for_where_it_is(
     assert namespace.verdict is OK
 
 
-async def test_a_robot_in_another_namespace(domain_id: int) -> None:
+async def test_a_robot_in_another_namespace(domain_id: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    expect(monkeypatch, lambda probe: probe._elsewhere())
     settings = RosSettings(namespace="r2", domain_id=domain_id)
     with simulated_robot(domain_id, "r1"):
         view = await look(settings)
@@ -93,7 +111,8 @@ async def test_a_robot_in_another_namespace(domain_id: int) -> None:
     assert "but somebody does in /r1" in finding.text
 
 
-async def test_a_domain_without_nav2(domain_id: int, peer: RosPeer) -> None:
+async def test_a_domain_without_nav2(domain_id: int, peer: RosPeer, monkeypatch: pytest.MonkeyPatch) -> None:
+    expect(monkeypatch, lambda probe: probe._nodes())
     settings = RosSettings(domain_id=domain_id)
 
     view = await look(settings)
@@ -104,15 +123,27 @@ async def test_a_domain_without_nav2(domain_id: int, peer: RosPeer) -> None:
 
 
 async def test_nav2_that_is_not_active(domain_id: int) -> None:
-    settings = RosSettings(domain_id=domain_id)
+    settings = RosSettings(domain_id=domain_id, call_timeout=CALLS)
     with simulated_robot(domain_id, faults=({"kind": "inactive"},)):
         view = await look(settings)
 
     assert first_missing(view, settings).link is Link.NAVIGATION
 
 
-async def test_a_robot_that_does_not_know_where_it_is(domain_id: int) -> None:
-    settings = RosSettings(domain_id=domain_id)
+async def test_a_robot_that_does_not_know_where_it_is(
+    domain_id: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = RosSettings(domain_id=domain_id, call_timeout=CALLS)
+    expect(
+        monkeypatch,
+        lambda probe: (
+            probe._servers()
+            and probe._grid
+            and probe._lifecycle.service_is_ready()
+            and probe._goals.get_subscription_count()
+            and probe._fresh_pose.service_is_ready()
+        ),
+    )
     with simulated_robot(domain_id, localisation={"known_at_start": False}):
         view = await look(settings)
 
@@ -122,7 +153,7 @@ async def test_a_robot_that_does_not_know_where_it_is(domain_id: int) -> None:
 
 
 async def test_a_robot_that_is_not_sure(domain_id: int) -> None:
-    settings = RosSettings(domain_id=domain_id)
+    settings = RosSettings(domain_id=domain_id, call_timeout=CALLS)
     with simulated_robot(domain_id, localisation={"xy_deviation": 3.0}):
         view = await look(settings)
 
@@ -130,7 +161,7 @@ async def test_a_robot_that_is_not_sure(domain_id: int) -> None:
 
 
 async def test_another_frame(domain_id: int) -> None:
-    settings = RosSettings(domain_id=domain_id, frame="earth")
+    settings = RosSettings(domain_id=domain_id, frame="earth", call_timeout=CALLS)
     with simulated_robot(domain_id):
         view = await look(settings)
 
@@ -138,8 +169,9 @@ async def test_another_frame(domain_id: int) -> None:
     assert "frame 'map'" in judge_map(view, settings, "hall", ()).text
 
 
-async def test_simulated_time(domain_id: int, peer: RosPeer) -> None:
+async def test_simulated_time(domain_id: int, peer: RosPeer, monkeypatch: pytest.MonkeyPatch) -> None:
     """Odometry with stamps of its own instead of the simulator's."""
+    expect(monkeypatch, lambda probe: probe._clock_offset)
     settings = RosSettings(domain_id=domain_id, namespace="r1")
     odometry = peer.node.create_publisher(Odometry, "/r1/odom", BEST_EFFORT)
     peer.node.create_timer(0.05, lambda: odometry.publish(Odometry()))
@@ -162,7 +194,7 @@ def test_the_command(broker: Broker, domain_id: int) -> None:
             [program, "doctor", *options],
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=PATIENCE,
             env=environment,
             check=False,
         )

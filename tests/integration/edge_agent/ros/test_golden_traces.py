@@ -21,7 +21,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure, Halted, NavigationReport
-from support.nav2_driver import DrivenRobot, goal_at
+from support.nav2_driver import PATIENT, QUICK, DrivenRobot, goal_at
 from support.ros import LATCHED, Inbox, RosPeer
 from support.simulator import SimulatorProcess, goal, publisher_to, trace
 from support.waiting import until
@@ -89,7 +89,7 @@ async def test_plain_drive(robot: DrivenRobot, arrays: Arrays) -> None:
 
 
 async def test_second_goal_while_driving(robot: DrivenRobot, arrays: Arrays) -> None:
-    await robot.driving(goal_at(1, 20.0))
+    await robot.driving(goal_at(1, 35.0))
     robot.driver.go_to(goal_at(2, 6.0))
     assert await robot.hears(Arrived) == Arrived(2)
     await arrays.end_with("A:6 B:4")
@@ -119,7 +119,7 @@ async def test_cancel_of_all_by_somebody_else(robot: DrivenRobot, arrays: Arrays
 
 async def test_goal_outside_the_map(robot: DrivenRobot, arrays: Arrays) -> None:
     robot.driver.go_to(goal_at(1, 500.0))
-    assert (await robot.hears(DriveFailed, seconds=3.0)).failure is DriveFailure.ABORTED
+    assert (await robot.hears(DriveFailed)).failure is DriveFailure.ABORTED
     await arrays.end_with("A:6")
 
 
@@ -128,7 +128,7 @@ async def test_robot_that_is_not_localised_gets_no_goal_and_aborts_those_of_othe
 ) -> None:
     with simulator(localisation={"known_at_start": False}):
         arrays.known()
-        async with DrivenRobot(domain_id) as robot:
+        async with DrivenRobot(domain_id, goals=QUICK) as robot:
             await robot.hears(NavigationReport, lambda report: "no pose has come" in report.reason)
             robot.driver.go_to(goal_at(1, 2.0))
             failed = await robot.hears(DriveFailed)
@@ -181,7 +181,7 @@ async def test_server_restarted(simulator: Callable[..., Any], domain_id: int, a
             nav2.ended()
         before = len(arrays.lines)
         with simulator():
-            await until(lambda: robot.all(NavigationReport)[-1].available, timeout=20, what="Nav2 again")
+            await until(lambda: robot.all(NavigationReport)[-1].available, what="Nav2 again")
             assert len(arrays.lines) == before
             arrays.known()
             robot.driver.go_to(goal_at(2, 2.0))
@@ -196,7 +196,8 @@ async def test_latched_end_of_somebody_elses_drive_is_not_taken_for_ours(
         arrays.known()
         publisher_to(peer, PoseStamped, "goal_pose").publish(goal(3.0, 0.0))
         await arrays.end_with("A:4")
-        async with DrivenRobot(domain_id) as robot:
+        goals = PATIENT.model_copy(update={"settle_time": 2.0})
+        async with DrivenRobot(domain_id, goals=goals) as robot:
             await robot.ready()
             robot.driver.go_to(goal_at(1, 6.0))
             assert await robot.hears(Arrived) == Arrived(1)

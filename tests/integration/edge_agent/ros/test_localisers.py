@@ -21,7 +21,6 @@ QOS = {
     "reliable": QoSProfile(depth=1),
     "best effort": QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT),
 }
-WAIT = 30.0
 
 
 def pose(x: int) -> PoseWithCovarianceStamped:
@@ -43,15 +42,15 @@ async def test_a_pose_is_heard_however_it_is_sent(peer: RosPeer, domain_id: int,
             publisher.publish(pose(next(places)))
             return bool(robot.all(MapPoseReport))
 
-        await until(heard, timeout=WAIT, what="a pose")
+        await until(heard, what="a pose")
 
 
 async def test_a_latched_pose_is_heard_afterwards_and_each_pose_once(peer: RosPeer, domain_id: int) -> None:
     publisher = peer.node.create_publisher(PoseWithCovarianceStamped, "amcl_pose", LATCHED)
     publisher.publish(pose(3))
     async with DrivenRobot(domain_id) as robot:
-        await robot.hears(MapPoseReport, seconds=WAIT)
+        await robot.hears(MapPoseReport)
         publisher.publish(pose(7))
-        await robot.hears(MapPoseReport, lambda report: report.pose.x == 7.0, seconds=WAIT)
+        await robot.hears(MapPoseReport, lambda report: report.pose.x == 7.0)
 
     assert [report.pose.x for report in robot.all(MapPoseReport)] == [3.0, 7.0]

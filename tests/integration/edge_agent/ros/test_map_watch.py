@@ -39,7 +39,7 @@ async def test_the_map_of_a_robot_that_was_there_before(domain_id: int) -> None:
     watch.tell = told.append
     with simulated_robot(domain_id):
         async with watched(watch, domain_id):
-            await until(lambda: bool(told), timeout=30, what="the map")
+            await until(lambda: bool(told), what="the map")
         assert told[0].size == (HALL.width, HALL.height)
         assert told[0].map_id == "hall"
         assert told[0].resolution == pytest.approx(0.2)

@@ -10,15 +10,15 @@ import pytest
 from std_msgs.msg import String
 
 from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure, GoalReport, NavigationReport
-from nena_edge_agent.ros.settings import GoalSettings
-from support.nav2_driver import QUICK, DrivenRobot, goal_at
+from support.nav2_driver import PATIENT, QUICK, DrivenRobot, goal_at
 from support.ros import RosPeer
 from support.simulator import SimulatorProcess, publisher_to, simulated_robot
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 pytestmark = pytest.mark.ros
 
-PATIENT = GoalSettings(**{**QUICK.model_dump(), "confirmation_time": 3.5})
+LEASE = 20.0
+"""Seconds that DDS gives a participant that is silent and has not said goodbye."""
 
 
 def one_robot(directory: Path, domain_id: int) -> str:
@@ -28,7 +28,7 @@ def one_robot(directory: Path, domain_id: int) -> str:
 
 
 async def test_nav2_absent_at_the_start_then_there(domain_id: int) -> None:
-    async with DrivenRobot(domain_id, "r1", goals=PATIENT) as robot:
+    async with DrivenRobot(domain_id, "r1", goals=PATIENT.model_copy(update={"resends": 20})) as robot:
         missing = await robot.hears(NavigationReport)
         assert not missing.available
         assert "no node publishes navigate_to_pose/_action/status in namespace /r1" in missing.reason
@@ -39,7 +39,7 @@ async def test_nav2_absent_at_the_start_then_there(domain_id: int) -> None:
 
 
 async def test_goal_for_a_nav2_that_never_comes(domain_id: int) -> None:
-    async with DrivenRobot(domain_id) as robot:
+    async with DrivenRobot(domain_id, goals=QUICK) as robot:
         robot.driver.go_to(goal_at(1, 3.0))
         failed = await robot.hears(DriveFailed)
     assert failed.failure is DriveFailure.NOT_TAKEN_UP
@@ -64,12 +64,12 @@ async def test_nav2_ends_in_order_in_mid_drive_and_comes_back(domain_id: int, tm
         with SimulatorProcess("--config", file, directory=tmp_path) as nav2:
             await (await robot.ready()).driving(goal_at(1, 30.0))
             nav2.stop(signal.SIGTERM)
-            failed = await robot.hears(DriveFailed, seconds=5.0)
+            failed = await robot.hears(DriveFailed, seconds=0.75 * LEASE)
             nav2.ended()
         assert failed.failure is DriveFailure.NAVIGATION_GONE
         await until(lambda: not robot.all(NavigationReport)[-1].available, what="word that Nav2 is gone")
         with SimulatorProcess("--config", file, directory=tmp_path):
-            await until(lambda: robot.all(NavigationReport)[-1].available, timeout=20.0, what="Nav2 again")
+            await until(lambda: robot.all(NavigationReport)[-1].available, what="Nav2 again")
             robot.driver.go_to(goal_at(2, 3.0))
             assert await robot.hears(Arrived) == Arrived(2)
 
@@ -82,10 +82,11 @@ async def test_crashed_nav2_is_told_in_seconds_and_its_drive_ends_with_the_lease
         with SimulatorProcess("--config", file, directory=tmp_path) as nav2:
             await (await robot.ready()).driving(goal_at(1, 30.0))
             nav2.stop(signal.SIGKILL)
-            await robot.hears(NavigationReport, lambda report: "not answer" in report.reason, seconds=5.0)
+            await robot.hears(
+                NavigationReport, lambda report: "not answer" in report.reason, seconds=0.75 * LEASE
+            )
             assert robot.ends == []
-            # Nobody says goodbye: DDS gives a silent participant 20 s.
-            assert (await robot.hears(DriveFailed, seconds=25.0)).failure is DriveFailure.NAVIGATION_GONE
+            assert (await robot.hears(DriveFailed)).failure is DriveFailure.NAVIGATION_GONE
 
 
 async def test_nav2_that_hangs_is_told(domain_id: int, tmp_path: Path) -> None:
@@ -118,7 +119,7 @@ async def test_stop_is_bounded_where_nav2_does_not_stop_the_robot(domain_id: int
     async with DrivenRobot(domain_id, stop_timeout=0.5, call_timeout=0.3) as robot:
         with SimulatorProcess("--config", one_robot(tmp_path, domain_id), directory=tmp_path) as nav2:
             await (await robot.ready()).driving(goal_at(1, 30.0))
-            assert robot.all(GoalReport)[-1].status == "EXECUTING"
+            await robot.hears(GoalReport, lambda report: report.status == "EXECUTING")
             nav2.stop(signal.SIGSTOP)
-            async with asyncio.timeout(3.0):
+            async with asyncio.timeout(PATIENCE):
                 await robot.driver.stop()

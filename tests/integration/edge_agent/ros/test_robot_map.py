@@ -24,9 +24,9 @@ async def test_the_broker_keeps_the_map_for_those_who_come_later(
     topic = topic_of_map(TopicScheme(interface_name), RobotKey(MANUFACTURER, SERIAL))
     with bench.mqtt:
         async with bench.robot():
-            await until(lambda: bool(bench.mqtt.received(topic)), timeout=30, what="the map")
+            await until(lambda: bool(bench.mqtt.received(topic)), what="the map")
     with MqttPeer(broker, topic) as late:
-        await until(lambda: bool(late.received(topic)), timeout=30, what="the map that the broker keeps")
+        await until(lambda: bool(late.received(topic)), what="the map that the broker keeps")
         found = RobotMap.model_validate_json(late.payloads(topic)[0])
     assert min(found.size) > 50
     assert found.digest

@@ -27,7 +27,7 @@ from support.ros import RosPeer
 from support.served_aggregator import serving
 from support.session_cycles import measured
 from support.simulator import simulated_robot
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 pytestmark = [pytest.mark.ros, pytest.mark.broker]
 
@@ -35,7 +35,6 @@ CYCLES = int(os.environ.get("NENA_SESSIONS", "20"))
 """Starts and stops in the test for leaks; `make soak` has more."""
 GROWTH = 5.0
 """MB of memory that so many may cost."""
-WITHIN = 30.0
 
 
 @pytest.fixture
@@ -58,9 +57,7 @@ def session_in(state: dict[str, Any]) -> dict[str, str]:
 async def does(bench: Bench, action_id: str, action_type: str, **parameters: Any) -> dict[str, Any]:
     """Have the robot do an instant action; gives the first state in which that has ended."""
     bench.fleet.instant(action(action_id, action_type=action_type, **parameters))
-    return await bench.fleet.state(
-        lambda state: status_of(state, action_id) in ("FINISHED", "FAILED"), within=WITHIN
-    )
+    return await bench.fleet.state(lambda state: status_of(state, action_id) in ("FINISHED", "FAILED"))
 
 
 async def test_an_agent_that_waits_for_its_start_takes_no_orders_until_then(bench: Bench) -> None:
@@ -74,9 +71,9 @@ async def test_an_agent_that_waits_for_its_start_takes_no_orders_until_then(benc
 
             started = await does(bench, "s1", START_ROS_SESSION)
             assert status_of(started, "s1") == "FINISHED"
-            await fleet.state(ready, within=WITHIN)
+            await fleet.state(ready)
             fleet.send(order("n0", "n1"))
-            done = await fleet.state(ended("o1"), within=WITHIN)
+            done = await fleet.state(ended("o1"))
             assert error_types(done) == []
 
 
@@ -85,19 +82,19 @@ async def test_a_session_is_stopped_when_its_order_is_over_and_leaves_the_graph(
         return "nena_edge_agent" in bench.ros.node.get_node_names()
 
     async with bench.robot() as fleet:
-        fleet.send(order("n0", "n2"))
+        fleet.send(order("n0", "n3"))
         await bench.moves()
         refused = await does(bench, "s1", STOP_ROS_SESSION)
         assert status_of(refused, "s1") == "FAILED"
         assert session_in(refused)["state"] == "ACTIVE"
-        await fleet.state(ended("o1"), within=WITHIN)
+        await fleet.state(ended("o1"))
 
-        assert there()
+        await until(there, what="the node in the graph")
         stopped = await does(bench, "s2", STOP_ROS_SESSION)
         assert status_of(stopped, "s2") == "FINISHED"
         off = await fleet.state(lambda state: session_in(state).get("state") == "NOT_ACTIVE")
         assert not off["agvPosition"]["positionInitialized"]
-        await until(lambda: not there(), timeout=WITHIN, what="the node's leave")
+        await until(lambda: not there(), what="the node's leave")
         seen = {session_in(state).get("state") for state in fleet.states}
         assert {"ACTIVE", "NOT_ACTIVE"} <= seen
 
@@ -105,18 +102,17 @@ async def test_a_session_is_stopped_when_its_order_is_over_and_leaves_the_graph(
 async def test_an_agent_is_moved_to_the_robot_of_another_namespace_and_stays_there(bench: Bench) -> None:
     with bench.simulator(namespace="r1", start={"x": 5.0}), bench.simulator(namespace="r2"):
         async with bench.agent(ros={"namespace": "r1"}) as fleet:
-            first = await fleet.state(ready, within=WITHIN)
+            first = await fleet.state(ready)
             assert first["agvPosition"]["x"] == pytest.approx(5.0, abs=0.2)
             moved = await does(bench, "c1", CONFIGURE_ROS_SESSION, namespace="r2", keep=True)
             assert status_of(moved, "c1") == "FINISHED"
-            await fleet.state(lambda state: ready(state) and state["agvPosition"]["x"] < 1.0, within=WITHIN)
+            await fleet.state(lambda state: ready(state) and state["agvPosition"]["x"] < 1.0)
             fleet.send(order("n0", "n1"))
-            await fleet.state(ended("o1"), within=WITHIN)
+            await fleet.state(ended("o1"))
         count = len(bench.fleet.states)
         async with bench.agent(ros={"namespace": "r1"}):
             await until(
                 lambda: any(session_in(state).get("namespace") == "/r2" for state in fleet.states[count:]),
-                timeout=WITHIN,
                 what="the namespace that was kept",
             )
 
@@ -128,7 +124,7 @@ async def test_the_aggregator_shows_the_session(
         path = "/api/v1/robots/ACME/0001"
 
         async def shows(session: str) -> Any:
-            return await served.until(path, lambda robot: robot.get("session") == session, seconds=WITHIN)
+            return await served.until(path, lambda robot: robot.get("session") == session)
 
         robot = await shows("NOT_ACTIVE")
         assert robot["rosSession"] == {"state": "NOT_ACTIVE", "namespace": "/", "domainId": str(domain_id)}
@@ -156,7 +152,7 @@ async def test_a_node_that_cannot_be_furnished_is_told_and_its_thread_ends(domai
     with pytest.raises(SessionError, match="no room"):
         await session.start(refuse)
     assert (session.state, session.reason) == (SessionState.FAILED, "no room")
-    await until(lambda: not session._thread.is_alive(), timeout=WITHIN, what="the thread's end")
+    await until(lambda: not session._thread.is_alive(), what="the thread's end")
 
 
 async def test_a_start_that_is_given_up_leaves_no_thread(domain_id: int) -> None:
@@ -164,13 +160,13 @@ async def test_a_start_that_is_given_up_leaves_no_thread(domain_id: int) -> None
 
     def furnish(_: object) -> None:
         there.set()
-        go_on.wait(WITHIN)
+        go_on.wait(PATIENCE)
 
     session = RosSession(node_name="short_lived", namespace="/", domain_id=domain_id)
     start = asyncio.create_task(session.start(furnish))
-    await until(there.is_set, timeout=WITHIN, what="the node")
+    await until(there.is_set, what="the node")
     start.cancel()
     with pytest.raises(asyncio.CancelledError):
         await start
     go_on.set()
-    await until(lambda: not session._thread.is_alive(), timeout=WITHIN, what="the thread's end")
+    await until(lambda: not session._thread.is_alive(), what="the thread's end")

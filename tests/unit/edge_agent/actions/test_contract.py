@@ -15,13 +15,18 @@ from nena_edge_agent.protocol.declaration import ActionDeclaration
 from support.bad_plugins import BAD, NODE, Good, Hangs, NeverEnds, made
 
 PATIENCE = Patience(begin=0.3, obey=0.3)
+PATIENT = Patience(begin=30.0, obey=30.0)
 SEEN_AT_THE_END = ("Nothing left", "Does not block")
 
 
 def findings(
-    plugin: ActionPlugin, *, seconds: float = 30.0, checks: Sequence[Check] = CHECKS
+    plugin: ActionPlugin,
+    *,
+    seconds: float = 30.0,
+    checks: Sequence[Check] = CHECKS,
+    patience: Patience = PATIENCE,
 ) -> dict[str, Finding]:
-    subject = Subject(plugin, patience=PATIENCE, seconds=seconds)
+    subject = Subject(plugin, patience=patience, seconds=seconds)
     return {each.check: each for each in findings_of(subject, checks)}
 
 
@@ -30,7 +35,7 @@ def named(name: str) -> Check:
 
 
 def test_a_good_plug_in_keeps_it() -> None:
-    found = findings(Good())
+    found = findings(Good(), patience=PATIENT)
 
     assert {each.verdict for each in found.values()} == {Verdict.OK}, found
 

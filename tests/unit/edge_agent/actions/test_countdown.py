@@ -10,7 +10,7 @@ async def test_behind_its_end_nothing_can_be_done_to_it() -> None:
     ends: list[str] = []
     countdown = Countdown("a", 0.01, reports.append, lambda: ends.append("over"))
     countdown.start()
-    await until(lambda: ends, timeout=30)
+    await until(lambda: ends)
     for step in (countdown.pause, countdown.resume, countdown.cancel):
         step()
 

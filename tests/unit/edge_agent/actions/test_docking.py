@@ -46,7 +46,7 @@ def docking(**settings: object) -> tuple[Docking, DryDrive]:
 async def end(plugin: Docking, **parameters: float) -> ActionReport:
     reports: list[ActionReport] = []
     plugin.start(action("a", "HARD", "dock", **parameters), (), reports.append)  # type: ignore[arg-type]
-    return await until(lambda: next((each for each in reports if each.status.ended), None), timeout=30)
+    return await until(lambda: next((each for each in reports if each.status.ended), None))
 
 
 async def test_it_drives_as_far_as_it_is_set_to() -> None:
@@ -75,17 +75,17 @@ async def test_held_it_stands_and_then_drives_to_the_same_place() -> None:
     settings = DockOperationSettings(kind="dock", action_type="dock", forward=1.0)
     reports: list[ActionReport] = []
     running = Docking(settings, drive).start(action("a", "HARD", "dock"), (), reports.append)
-    await until(lambda: driver.goals, timeout=30)
+    await until(lambda: driver.goals)
 
     running.pause()
-    await until(lambda: reports[-1].status is ActionStatus.PAUSED, timeout=30)
+    await until(lambda: reports[-1].status is ActionStatus.PAUSED)
     assert driver.halts == 1
     drive.hear(PoseReport(Pose(0.4, 0.0, 0.0, "hall"), localized=True))
     running.resume()
-    await until(lambda: len(driver.goals) == 2, timeout=30)
+    await until(lambda: len(driver.goals) == 2)
     assert driver.goals[1].pose == driver.goals[0].pose
     drive.hear(Arrived(driver.goals[1].generation))
-    await until(lambda: reports[-1].status is ActionStatus.FINISHED, timeout=30)
+    await until(lambda: reports[-1].status is ActionStatus.FINISHED)
 
     assert [each.status.value for each in reports] == ["RUNNING", "PAUSED", "RUNNING", "FINISHED"]
 
@@ -98,17 +98,17 @@ async def test_given_up_the_robot_stands_before_it_is_told(*, held: bool) -> Non
     settings = DockOperationSettings(kind="dock", action_type="dock")
     reports: list[ActionReport] = []
     running = Docking(settings, drive).start(action("a", "HARD", "dock"), (), reports.append)
-    await until(lambda: driver.goals, timeout=30)
+    await until(lambda: driver.goals)
     if held:
         running.pause()
-        await until(lambda: driver.halts, timeout=30)
+        await until(lambda: driver.halts)
         drive.hear(Halted())
-        await until(lambda: reports[-1].status is ActionStatus.PAUSED, timeout=30)
+        await until(lambda: reports[-1].status is ActionStatus.PAUSED)
     running.cancel()
-    await until(lambda: driver.halts, timeout=30)
+    await until(lambda: driver.halts)
     assert not reports[-1].status.ended
     drive.hear(Halted())
-    await until(lambda: reports[-1].status.ended, timeout=30)
+    await until(lambda: reports[-1].status.ended)
 
     assert reports[-1].result == "cancelled"
     assert driver.halts == 1

@@ -17,7 +17,7 @@ from nena_edge_agent.driver.port import (
     PoseReport,
 )
 from support.scripted_driver import ScriptedDriver
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 PLACE = Pose(1.0, 2.0, 0.5, "hall")
 
@@ -31,7 +31,7 @@ def begun() -> tuple[ActionDrive, ScriptedDriver]:
 async def driving(drive: ActionDrive, driver: ScriptedDriver) -> asyncio.Task[None]:
     before = len(driver.goals)
     task = asyncio.create_task(drive.drive(PLACE, deviation_xy=0.1, maximum_speed=0.3))
-    await until(lambda: len(driver.goals) > before, timeout=30)
+    await until(lambda: len(driver.goals) > before)
     return task
 
 
@@ -47,7 +47,7 @@ async def test_it_ends_with_the_arrival_of_its_own_goal() -> None:
     assert not task.done()
     drive.hear(Arrived(goal.generation))
 
-    await asyncio.wait_for(task, 30)
+    await asyncio.wait_for(task, PATIENCE)
 
 
 async def test_a_drive_that_fails_says_why() -> None:
@@ -56,24 +56,24 @@ async def test_a_drive_that_fails_says_why() -> None:
     drive.hear(DriveFailed(driver.goals[0].generation, DriveFailure.ABORTED, "a wall"))
 
     with pytest.raises(DriveError, match=r"a wall \(ABORTED\)"):
-        await asyncio.wait_for(task, 30)
+        await asyncio.wait_for(task, PATIENCE)
 
 
 async def test_one_that_is_given_up_ends_when_the_robot_stands() -> None:
     drive, driver = begun()
     task = await driving(drive, driver)
     task.cancel()
-    await until(lambda: driver.halts, timeout=30)
+    await until(lambda: driver.halts)
     assert not task.done()
     drive.hear(Halted())
     with pytest.raises(asyncio.CancelledError):
-        await asyncio.wait_for(task, 30)
+        await asyncio.wait_for(task, PATIENCE)
 
     again = await driving(drive, driver)  # the next one may begin
     assert driver.goals[1].generation < driver.goals[0].generation
     again.cancel()
     driver.on_halt = lambda: drive.hear(Halted())
-    await asyncio.wait([again], timeout=30)
+    await asyncio.wait([again], timeout=PATIENCE)
 
 
 async def test_two_cannot_drive_at_a_time() -> None:
@@ -83,7 +83,7 @@ async def test_two_cannot_drive_at_a_time() -> None:
     with pytest.raises(DriveError, match="another action drives"):
         await drive.drive(PLACE, deviation_xy=0.1)
     task.cancel()
-    await asyncio.wait([task], timeout=30)
+    await asyncio.wait([task], timeout=PATIENCE)
 
 
 async def test_without_a_driver_nothing_drives() -> None:

@@ -139,7 +139,7 @@ async def test_without_ros_they_are_rehearsed_where_it_is_set_so() -> None:
     (plugin,) = plugins_of(LIFT, ros=None, without_ros="rehearse", rehearsal_seconds=0.01)
     reports: list[ActionReport] = []
     plugin.start(action("a", "HARD", "lift", height=1), (), reports.append)
-    await until(lambda: reports[-1].status.ended, timeout=30)
+    await until(lambda: reports[-1].status.ended)
 
     assert reports[-1].result == "rehearsed"
     assert [each.key for each in plugin.declaration.parameters] == ["height"]

@@ -108,7 +108,7 @@ async def test_charging_begins_when_the_battery_says_so() -> None:
     robot = Robot({"kind": "charge", "call": {"service": "connect", "type": "std_srvs/srv/Trigger"}})
     robot.ros.services["connect"] = {"success": True, "message": "connected"}
     await robot.begin("startCharging")
-    await until(lambda: robot.ros.called, timeout=30)
+    await until(lambda: robot.ros.called)
     robot.ros.say("battery_state", power_supply_status=2)
     assert not [each for each in robot.reports if each.status.ended]
     robot.ros.say("battery_state", power_supply_status=1)

@@ -67,7 +67,7 @@ class Trial:
         return [each.status.value for each in self.told]
 
     async def fails(self) -> str:
-        await until(lambda: self.statuses[-1:] == ["FAILED"], timeout=30, what="the failure")
+        await until(lambda: self.statuses[-1:] == ["FAILED"], what="the failure")
         return str(self.told[-1].result)
 
 
@@ -169,7 +169,7 @@ async def test_one_that_does_not_hold_says_so_and_goes_on() -> None:
     trial = Trial(Puppet(), QUICK)
     trial.plugin.report(RUNNING)
     trial.run.pause()
-    await until(lambda: len(trial.told) == 2, timeout=30)
+    await until(lambda: len(trial.told) == 2)
 
     assert trial.told[-1].status is ActionStatus.RUNNING
     assert "told to hold, and did not" in str(trial.told[-1].result)
@@ -183,7 +183,7 @@ async def test_reports_from_other_threads_come_in_the_loop() -> None:
     trial.run._told = lambda _: heard.append(threading.get_ident())
 
     await asyncio.to_thread(trial.plugin.report, RUNNING)
-    await until(lambda: heard, timeout=30)
+    await until(lambda: heard)
 
     assert heard == [threading.get_ident()]
 
@@ -195,7 +195,7 @@ async def test_progress_is_told_now_and_then() -> None:
         trial.plugin.report(ActionReport("a", ActionStatus.RUNNING, f"{number} %"))
 
     assert [each.result for each in trial.told] == [None, "0 %"]
-    await until(lambda: len(trial.told) == 3, timeout=30)
+    await until(lambda: len(trial.told) == 3)
     assert trial.told[2].result == "49 %"
 
 

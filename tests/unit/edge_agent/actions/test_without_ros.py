@@ -26,7 +26,7 @@ async def test_a_rehearsal_takes_its_time_and_tells_of_charging() -> None:
     reports: list[ActionReport] = []
     plugin = Rehearsed(LIFT, 0.01, charging=True)
     plugin.start(action("a", "HARD", "lift"), (), reports.append)
-    await until(lambda: reports[-1].status.ended, timeout=30)
+    await until(lambda: reports[-1].status.ended)
 
     assert (reports[-1].result, reports[-1].charging) == ("rehearsed", True)
     assert plugin.declaration.pause_allowed

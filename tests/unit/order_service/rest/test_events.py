@@ -11,6 +11,7 @@ import pytest
 from nena_order_service.app import OrderService
 from nena_shared.web.server import HttpServer
 from nena_shared.web.settings import HttpSettings
+from support.waiting import PATIENCE
 
 BODY = {"name": "T-1", "destinations": [{"locationName": "South 2"}]}
 
@@ -23,13 +24,13 @@ async def served(service: OrderService) -> AsyncIterator[httpx.AsyncClient]:
         yield client
     service.stream.close()
     server.stop()
-    await asyncio.wait_for(task, 30)
+    await asyncio.wait_for(task, PATIENCE)
 
 
 async def heard(lines: AsyncIterator[str], event: str) -> list[str]:
     """Read to the end of the next event of this kind; give its lines."""
     found: list[str] = []
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(PATIENCE):
         async for line in lines:
             if line:
                 found.append(line)

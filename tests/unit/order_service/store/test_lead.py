@@ -16,13 +16,13 @@ from nena_order_service.store.lead import Lead
 from nena_order_service.store.leadership import Fence
 from nena_order_service.store.store import Store
 from support.postgres import Postgres
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 
 @pytest.fixture
 async def leads(postgres: Postgres, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[tuple[Lead, Lead]]:
     monkeypatch.setattr(lead_module, "POLL", 0.02)
-    monkeypatch.setattr(lead_module, "GRACE", 0.5)
+    monkeypatch.setattr(lead_module, "GRACE", 2.0)
     made = (Lead(postgres.url), Lead(postgres.url))
     yield made
     for lead in made:
@@ -35,10 +35,10 @@ async def test_the_next_one_has_it_when_the_first_ends(leads: tuple[Lead, Lead],
     assert await first.take(stop)
     Fence.raise_for(open_database(postgres.url), "http://first.example")
     waiting = asyncio.create_task(second.take(stop))
-    await until(lambda: second.active_url == "http://first.example", timeout=30)
+    await until(lambda: second.active_url == "http://first.example")
     assert not waiting.done()
     first._lock.release()
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(PATIENCE):
         assert await waiting
 
 
@@ -47,7 +47,7 @@ async def test_waiting_ends_when_the_program_is_to_stop(leads: tuple[Lead, Lead]
     assert await leads[0].take(stop)
     waiting = asyncio.create_task(leads[1].take(stop))
     stop.set()
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(PATIENCE):
         assert not await waiting
 
 
@@ -62,12 +62,12 @@ async def test_the_lead_is_kept_over_a_restart_of_the_database(
     store = Store(engine, fence=fence)
     keeping = asyncio.create_task(first.keep(store, engine, fence))
     waiting = asyncio.create_task(second.take(stop))
-    await until(lambda: second.active_url, timeout=30)
+    await until(lambda: second.active_url)
     postgres.stop()
-    await until(lambda: store.lead_problem and second.problem, timeout=30)
+    await until(lambda: store.lead_problem and second.problem)
     assert not store.ready
     postgres.start()
-    await until(lambda: store.ready and not second.problem and second.active_url, timeout=30)
+    await until(lambda: store.ready and not second.problem and second.active_url)
     assert not keeping.done()
     assert not waiting.done()
     stop.set()
@@ -86,7 +86,7 @@ async def test_who_finds_another_one_in_the_lead_ends(leads: tuple[Lead, Lead], 
     first._lock.release()
     assert await second.take(stop)
     Fence.raise_for(engine, "")
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(PATIENCE):
         with pytest.raises(FencedError):
             await first.keep(store, engine, fence)
     store.close()
@@ -114,7 +114,7 @@ async def test_the_lead_is_held_while_the_store_is_made_ready(
         return open_database(url)
 
     monkeypatch.setattr(lead_module, "open_database", slow)
-    async with asyncio.timeout(30):
+    async with asyncio.timeout(PATIENCE):
         _, fence = await first.raise_fence(postgres.url, "http://first.example")
     assert fence.epoch == 1
     assert held[:3] == [True] * 3

@@ -34,7 +34,7 @@ async def test_one_has_the_lock_until_it_lets_go(locks: tuple[LeaderLock, Leader
     assert not other.take()
     one.release()
     assert not one.keep()
-    await until(other.take, timeout=30)  # the server notices the end of a connection in its own time
+    await until(other.take)  # the server notices the end of a connection in its own time
 
 
 def test_a_connection_that_is_ended_holds_no_lock(

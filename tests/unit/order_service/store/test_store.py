@@ -13,7 +13,7 @@ from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import open_database
 from nena_order_service.store.store import Store
 from support.order_service import NOW, dispatchable_order
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 
 @asynccontextmanager
@@ -72,7 +72,7 @@ async def test_changes_of_one_order_while_it_is_written_are_all_kept(make_store:
             store.commit(change(order, before), lambda: None)
             last = order.deferred(f"reason {number}", NOW)
             await asyncio.sleep(0)
-        assert await store.drain(10)
+        assert await store.drain(PATIENCE)
         assert await store.order(name="T-1") == order
 
 
@@ -81,7 +81,7 @@ async def test_listener_that_fails_keeps_no_other_from_being_told(make_store: Ca
         told = asyncio.Event()
         store.commit(change(dispatchable_order()), fail)
         store.commit(Changes(), told.set)
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(PATIENCE):
             await told.wait()
 
 
@@ -93,13 +93,13 @@ async def test_locked_database_is_waited_for(sqlite_url: str, monkeypatch: pytes
     async with running(store):
         told = asyncio.Event()
         store.commit(change(dispatchable_order()), told.set)
-        await until(lambda: store.problem, timeout=15)
+        await until(lambda: store.problem)
         assert "locked" in store.problem
         assert not store.ready
         assert not told.is_set()
         blocker.execute("ROLLBACK")
         blocker.close()
-        async with asyncio.timeout(15):
+        async with asyncio.timeout(PATIENCE):
             await told.wait()
         await until(lambda: store.ready)
         assert await store.order(name="T-1") == dispatchable_order()

@@ -15,6 +15,7 @@ from nena_shared.settings import ConfigurationError
 from nena_shared.web.server import HttpServer
 from nena_shared.web.settings import HttpSettings
 from support.certificates import Authority
+from support.waiting import PATIENCE
 
 YES = PlainTextResponse("yes")
 
@@ -27,7 +28,7 @@ async def serving(settings: HttpSettings) -> AsyncIterator[HttpServer]:
         yield server
     finally:
         server.stop()
-        await asyncio.wait_for(task, 10)
+        await asyncio.wait_for(task, PATIENCE)
 
 
 async def test_answers_on_a_free_port_until_it_is_stopped() -> None:
