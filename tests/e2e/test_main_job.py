@@ -69,7 +69,7 @@ class Running:
 
 @pytest.fixture
 def domain_id() -> Iterator[int]:
-    with own_domain_id() as reserved:
+    with own_domain_id(len(stack.ROBOTS)) as reserved:
         yield reserved
 
 

@@ -14,6 +14,7 @@ from support.broker import Broker, MqttPeer, free_port
 from support.network import Line
 from support.order_service_fleet import awaited
 from support.programs import Program
+from support.ros import own_domain_id
 
 LOOPBACK = 8
 ON_ROS = 2
@@ -87,7 +88,6 @@ class Site:
         on_ros: bool = False,
         store_url: str = "",
         persistence: bool = True,
-        domain: int = 77,
         singles: int = 0,
         line: Line | None = None,
         data: Path | None = None,
@@ -101,7 +101,6 @@ class Site:
             on_ros: whether the two robots on ROS are there.
             store_url: of the orders, if not a file in ``data``.
             persistence: whether the broker keeps what it had over a kill.
-            domain: of ROS.
             singles: so many more robots, "single-1" and so on, are in the plant model; :meth:`start_single`
                 starts them.
             line: behind which all robots are.
@@ -122,7 +121,7 @@ class Site:
         self.broker = Broker(more=keeping if persistence else "", addresses=(line.near,) if line else ())
         self.stack.callback(self.broker.close)
         self.wire = self.stack.enter_context(MqttPeer(self.broker, f"{self.interface}/#", "nena/v1/#"))
-        self._domain = domain
+        self._domain = self.stack.enter_context(own_domain_id()) if on_ros else 0
         self._on_ros = on_ros
         self._ports = {"order-service": free_port(), "aggregator": free_port()}
         self._store = store_url or f"sqlite:///{self._data}/orders.db"

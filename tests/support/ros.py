@@ -15,7 +15,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any, Generic, Self, TypeVar
 
 ROS_ENVIRONMENT = {
@@ -60,22 +60,23 @@ def wait_until(
 
 
 @contextmanager
-def own_domain_id() -> Iterator[int]:
-    """Reserve a ROS domain id that no other test on this machine uses at the same time.
+def own_domain_id(count: int = 1) -> Iterator[int]:
+    """Reserve a ROS domain id, and the next ones, that no other test on this machine uses at the same time.
 
     The reservation is an abstract socket name: it ends with the process, whatever happens to it.
     The ids 1 to 101 stay clear of the ephemeral ports of Linux.
     """
-    for domain_id in random.SystemRandom().sample(range(1, 102), 101):
-        lock = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        try:
-            lock.bind(f"\0nena-test-ros-domain-{domain_id}")
-        except OSError:
-            lock.close()
-            continue
-        with lock:
+    last = 101 - count
+    for domain_id in random.SystemRandom().sample(range(1, last + 2), last + 1):
+        with ExitStack() as locks:
+            try:
+                for each in range(domain_id, domain_id + count):
+                    lock = locks.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))
+                    lock.bind(f"\0nena-test-ros-domain-{each}")
+            except OSError:
+                continue
             yield domain_id
-        return
+            return
     message = "all ROS domain ids for tests are in use"
     raise RuntimeError(message)
 

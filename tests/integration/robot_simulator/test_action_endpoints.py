@@ -170,10 +170,10 @@ def test_a_result_that_nobody_knows_is_unknown(peer: RosPeer) -> None:
 
 def test_servers_go_and_come_back(fault: Fault, client: Client) -> None:
     fault('{"kind": "unconfigured"}')
-    wait_until(lambda: not client.ros.server_is_ready(), timeout=30.0, what="the server's leave")
+    wait_until(lambda: not client.ros.server_is_ready(), what="the server's leave")
     fault('{"kind": "unconfigured", "active": false}')
-    wait_until(client.ros.server_is_ready, timeout=30.0, what="the server")
-    wait_until(lambda: client.send((1.0, 0.0)).accepted, timeout=30.0, what="an accepted goal")
+    wait_until(client.ros.server_is_ready, what="the server")
+    wait_until(lambda: client.send((1.0, 0.0)).accepted, what="an accepted goal")
 
 
 def test_a_robot_can_do_without_actions(domain_id: int, peer: RosPeer) -> None:

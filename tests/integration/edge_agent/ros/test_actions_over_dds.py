@@ -143,7 +143,7 @@ async def test_actions_by_topics_and_services(domain_id: int, peer: RosPeer) -> 
     async with session(port, domain_id):
         assert await done("pick", height=1) == ("FINISHED", "done a1")
         assert "waits for lift/result" in [each.result for each in robot.reports]
-        assert heard.wait_for(timeout=30).data == "raise to 1 for a1"
+        assert heard.wait_for().data == "raise to 1 for a1"
         assert await done("jam", height=0.5) == ("FAILED", "failed a1")
         assert await done("waitForLoad") == ("FINISHED", None)
         assert await done("close") == ("FINISHED", "closed")

@@ -62,11 +62,10 @@ class Witness:
         history, topic, start = self._bench.mqtt.history, self._bench.fleet.topic(Topic.STATE), self.messages
         await until(
             lambda: sum(each.topic == topic for each in history[start:]) >= states,
-            timeout=60.0,
             what=f"{states} states",
         )
         enough = self.messages + more
-        await until(lambda: self.messages >= enough, timeout=30.0, what=f"{more} messages")
+        await until(lambda: self.messages >= enough, what=f"{more} messages")
 
     @property
     def messages(self) -> int:
@@ -94,7 +93,7 @@ class Witness:
         while self.state.order_id != message.order_id:
             self._bench.fleet.send(message)
             await self._patiently(lambda: self.state.order_id == message.order_id)
-        await until(lambda: self._is_over(message), timeout=60.0, what=f"the end of {message.order_id}")
+        await until(lambda: self._is_over(message), what=f"the end of {message.order_id}")
 
     async def _patiently(self, condition: Any) -> None:
         try:
@@ -117,7 +116,7 @@ def bench(
         yield bench
 
 
-@pytest.mark.timeout(60 + 20 * KILLS)
+@pytest.mark.timeout(300 + 60 * KILLS)
 @pytest.mark.clause("6.6/restart", "7.2/headerId")
 @pytest.mark.parametrize(
     ("actions", "kills"), [("--actions", KILLS - KILLS // 2), ("--no-actions", KILLS // 2)]
