@@ -53,7 +53,7 @@ async def test_orders_are_created_listed_shown_and_withdrawn(fleet: Fleet) -> No
         "--deadline", "2035-01-01T12:00:00", "--key", "k",
     )  # fmt: skip
     assert (made["name"], made["state"], made["priority"]) == ("T-1", "DISPATCHABLE", 7)
-    asked = ("name", "destinations", "intendedVehicle", "priority", "properties", "deadline", "created")
+    asked = ("name", "driveOrders", "intendedVehicle", "priority", "properties", "deadline", "created")
     there = (await client.get("/v1/transportOrders/T-1")).json()
     assert {each: there[each] for each in asked} == {each: made[each] for each in asked}
     body = json.dumps({"name": "T-2", "destinations": [{"locationName": "South 2"}]})

@@ -52,7 +52,7 @@ async def robot(process: BenchRobot) -> BenchRobot:
     await process.command("operatingMode", mode="AUTOMATIC")
     await process.command("speed", speed=500)
     await process.command("pose", x=0, y=0)
-    state = await process.state(ready)
+    state = await process.state(lambda state: not idle(state) or ready(state))
     if not idle(state):
         await process.cancel()
         await process.command("pose", x=0, y=0)
