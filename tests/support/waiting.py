@@ -11,7 +11,7 @@ T = TypeVar("T")
 LOOK_EVERY = 0.005
 """Seconds."""
 
-PATIENCE = 60.0
+PATIENCE = 90.0
 """Seconds that a test waits for what is sure to come, on however slow a machine; no measure of speed."""
 
 

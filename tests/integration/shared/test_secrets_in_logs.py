@@ -13,6 +13,7 @@ from nena_demo.plants import sample_plant_path
 from nena_shared.web.users import Role, User, hash_of, write_users
 from support.broker import Broker, free_port
 from support.programs import Program
+from support.waiting import PATIENCE
 
 pytestmark = pytest.mark.broker
 
@@ -59,7 +60,7 @@ async def test_an_order_service_at_work_tells_none(files: Path, broker: Broker) 
     with Program("nena-order-service", *given, log=files / "log") as program:
         url = (await program.logged(r"http listening.* url=(\S+)")).group(1)
         await program.logged("connected")
-        async with httpx.AsyncClient(base_url=url) as client:
+        async with httpx.AsyncClient(base_url=url, timeout=PATIENCE) as client:
             for token, status in ((TOKEN, 200), (WRONG_TOKEN, 401)):
                 headers = {"authorization": f"Bearer {token}"}
                 answer = await client.get("/v1/vehicles", headers=headers)
@@ -100,7 +101,7 @@ async def test_a_program_that_cannot_use_a_secret_says_why_without_it(
     given = [*arguments(files, broker), more[0], files / more[1], "--http.port", 0]
     given += ["--plant", sample_plant_path()] if script == "nena-order-service" else []
     with Program(script, *given, log=files / "log") as program:
-        assert program.process.wait(30) != 0
+        assert program.process.wait(PATIENCE) != 0
         assert re.search(complaint, program.log)
         assert_silent(program)
 
