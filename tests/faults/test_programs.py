@@ -40,7 +40,7 @@ async def test_aggregator_killed(trial: Callable[..., Any]) -> None:
             running.site.programs["aggregator"].kill()
             await running.recovers("aggregator killed")
             running.site.start_aggregator()
-            async with httpx.AsyncClient(base_url=running.site.aggregator_url) as client:
+            async with httpx.AsyncClient(base_url=running.site.aggregator_url, timeout=60) as client:
 
                 async def seen(client: httpx.AsyncClient = client) -> set[str]:
                     try:

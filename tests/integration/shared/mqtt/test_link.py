@@ -355,10 +355,10 @@ async def test_two_programs_with_one_client_id_throw_each_other_out_ever_more_se
     links = [MqttLink(settings, client_id=interface_name) for _ in range(2)]
     with capture_logs() as logs:
         async with running(links[0], connected=False), running(links[1], connected=False):
-            await until(lambda: len(told(logs)) == len(links), timeout=30, what="both say so")
+            await until(lambda: len(told(logs)) == len(links), what="both say so")
             before = sum(each.state.connects for each in links)
             start = perf_counter()
-            await until(lambda: sum(each.state.connects for each in links) >= before + 6, timeout=30)
+            await until(lambda: sum(each.state.connects for each in links) >= before + 6)
 
             assert perf_counter() - start > 1.0
             assert len(told(logs)) == len(links)
