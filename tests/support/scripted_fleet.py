@@ -63,12 +63,15 @@ class MemoryStore(Store):
     def commit(self, changes: Changes, then: Callable[[], None]) -> None:
         orders = {order.number: order for order in self.found.orders}
         orders.update({number: change.order for number, change in changes.orders.items()})
+        sequences = {each.number: each for each in self.found.sequences} | changes.sequences
         missions = {**self.found.missions, **changes.missions}
         self.found = Unfinished(
             tuple(order for order in orders.values() if not order.state.final),
             {number: document for number, document in missions.items() if document is not None},
             max(orders, default=0),
             {**self.found.vehicles, **changes.vehicles},
+            sequences=tuple(each for each in sequences.values() if not each.status.finished),
+            last_sequence=max(sequences, default=0),
         )
         self._waiting.append(then)
         if not self.held:

@@ -126,6 +126,16 @@ async def test_every_command_does_its_work_as_the_document_says(
         "acceptableOrderTypes", vehicle="Robot-02", acceptableOrderTypes=[{"name": "Park"}]
     )
     assert types["vehicle"]["acceptableOrderTypes"] == [{"name": "Park", "priority": 0}]
+    made = await host.ask("createOrderSequence", name="S", failureFatal=True)
+    assert (made["status"], made["orderSequence"]["failureFatal"]) == (201, True)
+    assert (await host.ask("createOrderSequence", name="S"))["status"] == 409
+    assert (await host.ask("orderSequence", orderSequence="S"))["orderSequence"] == made["orderSequence"]
+    listed = await host.ask("orderSequences", finished=False)
+    assert listed["orderSequences"]["orderSequences"] == [made["orderSequence"]]
+    stale = await host.ask("completeOrderSequence", orderSequence="S", version=99)
+    assert stale["status"] == 412
+    complete = await host.ask("completeOrderSequence", orderSequence="S")
+    assert (complete["status"], complete["orderSequence"]["finished"]) == (200, True)
     sent = await host.ask("dispatch", vehicle="Robot-01", point="South 2")
     assert (sent["status"], sent["transportOrder"]["intendedVehicle"]) == (201, "Robot-01")
     name = sent["transportOrder"]["name"]
@@ -153,6 +163,11 @@ async def test_every_command_does_its_work_as_the_document_says(
         ("dispatch", {"vehicle": "R2D2", "point": "South 2"}, 404),
         ("dispatch", {"vehicle": "Robot-01"}, 422),
         ("instantAction", {"vehicle": "Robot-01", "actionType": "pause"}, 409),
+        ("createOrderSequence", {"intendedVehicle": "R2D2"}, 404),
+        ("orderSequence", {"orderSequence": "S-9"}, 404),
+        ("orderSequences", {"limit": 0}, 422),
+        ("completeOrderSequence", {"orderSequence": "S-9"}, 404),
+        ("acceptableOrderTypes", {"vehicle": "R2D2", "acceptableOrderTypes": []}, 404),
         ("lockPath", {"path": "Nowhere", "locked": True}, 404),
         ("lockPath", {"path": "Nowhere"}, 422),
         ("integrationLevel", {"vehicle": "R2D2", "integrationLevel": "TO_BE_IGNORED"}, 404),

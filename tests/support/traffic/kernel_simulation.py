@@ -16,6 +16,7 @@ from typing import NoReturn
 from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
 from nena_order_service.kernel import Kernel, KernelSettings
 from nena_order_service.kernel.mission_flow import BEGUN_MEANWHILE
+from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.rerouting import ReroutingOutcome, ReroutingType
 from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
@@ -301,6 +302,9 @@ class KernelSimulation:
         """Hear of an order, as hosts do."""
         if status.state.final:
             self.ends[status.name] = status
+
+    def sequence_changed(self, status: OrderSequenceStatus) -> None:
+        """Hear of an order sequence, as hosts do."""
 
     def vehicle_changed(self, status: VehicleStatus) -> None:
         """Hear of a vehicle, as hosts do."""

@@ -18,6 +18,7 @@ from nena_order_service.kernel import Kernel
 from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.path_locks import PathLocks
+from nena_order_service.kernel.sequence_requests import SequenceRequests
 from nena_order_service.kernel.vehicles import VehicleRegistry
 from nena_order_service.mqtt_commands import MqttCommands, Verbs
 from nena_order_service.mqtt_door import MqttDoor
@@ -79,6 +80,7 @@ def build(settings: OrderServiceSettings, plant: PlantModel, store: Store, *, ep
     finder = _make_finder(settings, plant)
     kernel = _make_kernel(settings, plant, finder, store, clock)
     requests = HostRequests(kernel, settings.kernel)
+    sequences = SequenceRequests(kernel, settings.kernel)
     locks = PathLocks(
         plant,
         store,
@@ -105,19 +107,23 @@ def build(settings: OrderServiceSettings, plant: PlantModel, store: Store, *, ep
     sweep = RetainedSweep(
         settings.mqtt, topics, client_id=f"{client_id}-sweep", mqtt=mqtt, kernel=kernel, door=door
     )
-    commands = MqttCommands(mqtt, topics, Verbs(requests, locks), max_body=settings.max_body)
+    commands = MqttCommands(mqtt, topics, Verbs(requests, sequences, locks), max_body=settings.max_body)
     stream = EventStream(kernel, settings.events)
     kernel.steps.listeners.append(stream)
     prefixes = filter(None, [settings.opentcs_prefix])
     app = make_app(
         requests,
+        sequences,
         locks,
         stream,
         plant_json=plant_json,
         asyncapi=json.dumps(document(topics)).encode(),
         readiness=lambda: readiness(mqtt, store),
         max_body=settings.max_body,
-        mounted={prefix: opentcs.make_app(requests, locks, plant, kernel.look) for prefix in prefixes},
+        mounted={
+            prefix: opentcs.make_app(requests, sequences, locks, plant=plant, dispatch=kernel.look)
+            for prefix in prefixes
+        },
     )
     return OrderService(store, kernel, fleet, door, sweep, mqtt, app, commands, stream, locks)
 

@@ -10,6 +10,7 @@ from pydantic import BaseModel
 from pydantic.json_schema import JsonSchemaMode, models_json_schema
 
 from nena_order_service.mqtt_commands import COMMANDS, CommandAnswer
+from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import CreationAnswer, TransportOrderRequest, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
@@ -17,6 +18,7 @@ from nena_shared.fleet_api.vehicle import VehicleStatus
 PARAMETERS = {
     "host": "A name that the host has chosen for itself.",
     "transportOrder": "Name of a transport order.",
+    "orderSequence": "Name of an order sequence.",
     "serialNumber": "Serial number of a vehicle's robot.",
 }
 
@@ -57,6 +59,15 @@ def channels(topics: FleetTopics) -> tuple[Channel, ...]:
             "Each change of an order, retained while it lives; an empty message after the last clears it.",
             retained=True,
             parameters=("transportOrder",),
+        ),
+        Channel(
+            "orderSequenceStatus",
+            topics.sequence_status("{orderSequence}"),
+            "send",
+            OrderSequenceStatus,
+            "Each change of an order sequence, retained until it is finished; an empty message clears it.",
+            retained=True,
+            parameters=("orderSequence",),
         ),
         Channel(
             "vehicleStatus",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 
 class NameTakenError(Exception):
     """An order of this name exists already, made by another request."""
@@ -15,12 +17,12 @@ class NameTakenError(Exception):
 
 
 class KeyReusedError(Exception):
-    """The idempotency key has made another order than the one that is asked for now."""
+    """The idempotency key has made something else than what is asked for now."""
 
     def __init__(self, key: str, name: str) -> None:
         super().__init__(
-            f"The idempotencyKey {key!r} has made the transport order {name!r} by a request that said "
-            "something else. Nothing was created; take a new key for a new order."
+            f"The idempotencyKey {key!r} has made {name!r} by a request that said "
+            "something else. Nothing was created; take a new key for something new."
         )
         self.key = key
         self.name = name
@@ -40,6 +42,45 @@ class UnknownVehicleError(Exception):
     def __init__(self, name: str) -> None:
         super().__init__(f"There is no vehicle {name!r}. GET /v1/vehicles lists them.")
         self.name = name
+
+
+class SequenceNameTakenError(Exception):
+    """An order sequence of this name exists already, made by another request."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(
+            f"An order sequence {name!r} exists already, and names are never used twice. "
+            "Choose another name, or set incompleteName to have it completed."
+        )
+        self.name = name
+
+
+class UnknownSequenceError(Exception):
+    """There is no order sequence of this name."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"There is no order sequence {name!r}. GET /v1/orderSequences lists them.")
+        self.name = name
+
+
+class SequenceRefusesError(Exception):
+    """The order sequence does not take this order."""
+
+    def __init__(self, name: str, reasons: Iterable[str]) -> None:
+        self.reasons = tuple(reasons)
+        super().__init__(f"Order sequence {name!r} does not take this order: {'; '.join(self.reasons)}.")
+        self.name = name
+
+
+class UnknownDependencyError(Exception):
+    """An order would wait for one that there is not."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self.names = tuple(names)
+        super().__init__(
+            f"There is no transport order {' or '.join(map(repr, self.names))}, so nothing can depend on it. "
+            "Create those first on which others depend."
+        )
 
 
 class OrderEndedError(Exception):

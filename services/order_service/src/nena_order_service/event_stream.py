@@ -22,6 +22,7 @@ from itertools import islice
 from nena_order_service.errors import StoreNotReadyError, TooManyClientsError
 from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.settings import EventSettings
+from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 
@@ -42,6 +43,7 @@ class EventKind(StrEnum):
     """What an event tells of."""
 
     TRANSPORT_ORDER = "transportOrder"
+    ORDER_SEQUENCE = "orderSequence"
     VEHICLE = "vehicle"
 
 
@@ -63,6 +65,14 @@ class Interest:
             and self.vehicle in (None, order.processing_vehicle)
         )
 
+    def wants_sequence(self, sequence: OrderSequenceStatus) -> bool:
+        """Tell whether a client is told of this order sequence."""
+        return (
+            EventKind.ORDER_SEQUENCE in self.kinds
+            and (self.transport_order is None or self.transport_order in sequence.orders)
+            and self.vehicle in (None, sequence.processing_vehicle)
+        )
+
     def wants_vehicle(self, vehicle: VehicleStatus) -> bool:
         """Tell whether a client is told of this vehicle."""
         return EventKind.VEHICLE in self.kinds and self.vehicle in (None, vehicle.name)
@@ -70,10 +80,10 @@ class Interest:
 
 @dataclass(frozen=True, slots=True)
 class _Event:
-    body: TransportOrderStatus | VehicleStatus
+    body: TransportOrderStatus | OrderSequenceStatus | VehicleStatus
     frame: bytes
     number: int = 0
-    """Of the change of an order; 0 for vehicles."""
+    """Of the change of an order; 0 for order sequences and vehicles."""
     is_last: bool = False
     """Whether it is the last version of its change: only that has an id."""
 
@@ -83,6 +93,8 @@ class _Event:
     def is_for(self, interest: Interest) -> bool:
         if isinstance(self.body, VehicleStatus):
             return interest.wants_vehicle(self.body)
+        if isinstance(self.body, OrderSequenceStatus):
+            return interest.wants_sequence(self.body)
         return interest.wants_order(self.body)
 
 
@@ -107,6 +119,11 @@ class EventStream:
         if self.clients:
             frame = _order_frame(status, number if is_last else 0)
             self._add(_Event(status, frame, number, is_last))
+
+    def sequence_changed(self, status: OrderSequenceStatus) -> None:
+        """Tell an order sequence's new version."""
+        if self.clients:
+            self._add(_Event(status, _sequence_frame(status)))
 
     def vehicle_changed(self, status: VehicleStatus) -> None:
         """Tell how a vehicle stands."""
@@ -174,18 +191,21 @@ class EventStream:
                 return _GAP_FRAME + present, known
             known = page[-1][0]
             frames += [_order_frame(o.status, n) for n, o in page if interest.wants_order(o.status)]
-        return b"".join([*frames, *self._vehicles(interest), _synced(known)]), known
+        return b"".join([*frames, *self._present_only(interest), _synced(known)]), known
 
     def _present(self, interest: Interest) -> tuple[bytes, int]:
         """Give all that is not at its end, and the number of the last change."""
         told = self._numbers.told
         orders = (o.status for o in self._kernel.book.unfinished() if interest.wants_order(o.status))
         frames = (_order_frame(status, 0) for status in orders)
-        return b"".join([*frames, *self._vehicles(interest), _synced(told)]), told
+        return b"".join([*frames, *self._present_only(interest), _synced(told)]), told
 
-    def _vehicles(self, interest: Interest) -> Iterator[bytes]:
+    def _present_only(self, interest: Interest) -> Iterator[bytes]:
+        """Give that of which only the present counts: sequences that are not finished, and vehicles."""
+        sequences = (each.status for each in self._kernel.sequence_book.unfinished())
+        yield from (_sequence_frame(status) for status in sequences if interest.wants_sequence(status))
         statuses = (self._kernel.status(vehicle) for vehicle in self._kernel.registry)
-        return (_vehicle_frame(status) for status in statuses if interest.wants_vehicle(status))
+        yield from (_vehicle_frame(status) for status in statuses if interest.wants_vehicle(status))
 
     def _number_of(self, last_id: str | None) -> int | None:
         """Give the number that an id stands for; None: it says nothing, it may be of another store."""
@@ -207,6 +227,10 @@ class EventStream:
 def _order_frame(status: TransportOrderStatus, number: int) -> bytes:
     head = b"id: %d\n" % number if number else b""
     return b"%bevent: transportOrder\ndata: %b\n\n" % (head, status.model_dump_json(by_alias=True).encode())
+
+
+def _sequence_frame(status: OrderSequenceStatus) -> bytes:
+    return b"event: orderSequence\ndata: %b\n\n" % status.model_dump_json(by_alias=True).encode()
 
 
 def _vehicle_frame(status: VehicleStatus) -> bytes:

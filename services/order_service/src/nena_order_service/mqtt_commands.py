@@ -13,6 +13,7 @@ from nena_order_service import vehicle_commands
 from nena_order_service.kernel.etag import ETag
 from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.kernel.path_locks import PathLocks
+from nena_order_service.kernel.sequence_requests import SequenceRequests
 from nena_order_service.mqtt_requests import REQUESTS_LIMIT, read_request, too_many
 from nena_order_service.problems import FORESEEN, problem_of
 from nena_order_service.rest.bodies import (
@@ -20,14 +21,17 @@ from nena_order_service.rest.bodies import (
     InstantActionAnswer,
     InstantActionRequest,
     IntegrationLevelRequest,
+    OrderSequencePage,
     OrderTypesRequest,
     PathLockRequest,
     ReroutingRequest,
     WithdrawalRequest,
 )
+from nena_order_service.store.sequences import SequenceFilter
 from nena_shared.fleet_api.assignment import AssignmentStatus
 from nena_shared.fleet_api.base import ObjectName, Request, Resource
 from nena_shared.fleet_api.delivery import DeliveryStatus
+from nena_shared.fleet_api.order_sequence import OrderSequenceRequest, OrderSequenceStatus
 from nena_shared.fleet_api.path import PathStatus
 from nena_shared.fleet_api.rerouting import ReroutingAnswer
 from nena_shared.fleet_api.topics import FleetTopics
@@ -102,6 +106,33 @@ class LockPathCommand(Command, PathLockRequest):
     path: ObjectName
 
 
+class CreateSequenceCommand(Command, OrderSequenceRequest):
+    """Asks for an order sequence."""
+
+
+class SequenceCommand(Command):
+    """Asks how an order sequence stands."""
+
+    order_sequence: ObjectName
+
+
+class SequencesCommand(Command):
+    """Asks for a list of order sequences, newest first."""
+
+    finished: bool | None = None
+    """None: finished or not."""
+    limit: Annotated[int, Field(ge=1, le=1000)] = 100
+    after: Annotated[str, Field(pattern=r"^[0-9]{1,18}$")] | None = None
+    """What the answer before had as ``next``."""
+
+
+class CompleteSequenceCommand(SequenceCommand):
+    """Marks an order sequence complete: no more orders are added."""
+
+    version: int | None = None
+    """Only if it still has this version."""
+
+
 class CommandAnswer(Resource):
     """Answer to a command: what has become of it, or a problem."""
 
@@ -109,6 +140,8 @@ class CommandAnswer(Resource):
     """As over HTTP."""
     request_id: str | None = None
     transport_order: TransportOrderStatus | None = None
+    order_sequence: OrderSequenceStatus | None = None
+    order_sequences: OrderSequencePage | None = None
     delivery: DeliveryStatus | None = None
     assignment: AssignmentStatus | None = None
     instant_action: InstantActionAnswer | None = None
@@ -128,6 +161,10 @@ COMMANDS: dict[str, type[Command]] = {
     "reroute": RerouteCommand,
     "integrationLevel": IntegrationLevelCommand,
     "acceptableOrderTypes": OrderTypesCommand,
+    "createOrderSequence": CreateSequenceCommand,
+    "orderSequence": SequenceCommand,
+    "orderSequences": SequencesCommand,
+    "completeOrderSequence": CompleteSequenceCommand,
 }
 """The bodies by the commands' names."""
 
@@ -138,8 +175,9 @@ Verb = Callable[[Any], Awaitable[CommandAnswer]]
 class Verbs:
     """Does what commands ask for; each gives what REST would answer, and raises the same errors."""
 
-    def __init__(self, requests: HostRequests, locks: PathLocks) -> None:
+    def __init__(self, requests: HostRequests, sequences: SequenceRequests, locks: PathLocks) -> None:
         self._requests = requests
+        self._sequences = sequences
         self._locks = locks
         self.by_name: dict[str, Verb] = {
             "withdraw": self.withdraw,
@@ -151,6 +189,10 @@ class Verbs:
             "reroute": self.reroute,
             "integrationLevel": self.integration_level,
             "acceptableOrderTypes": self.order_types,
+            "createOrderSequence": self.create_sequence,
+            "orderSequence": self.sequence,
+            "orderSequences": self.sequences,
+            "completeOrderSequence": self.complete_sequence,
         }
 
     async def withdraw(self, command: WithdrawCommand) -> CommandAnswer:
@@ -202,6 +244,29 @@ class Verbs:
         """Lock or unlock a path."""
         path = await self._locks.set(command.path, locked=command.locked)
         return CommandAnswer(status=HTTPStatus.OK, path=path)
+
+    async def create_sequence(self, command: CreateSequenceCommand) -> CommandAnswer:
+        """Make an order sequence."""
+        sequence, new = await self._sequences.create(command)
+        return CommandAnswer(status=HTTPStatus.CREATED if new else HTTPStatus.OK, order_sequence=sequence)
+
+    async def sequence(self, command: SequenceCommand) -> CommandAnswer:
+        """Tell how an order sequence stands."""
+        sequence = await self._sequences.sequence(command.order_sequence)
+        return CommandAnswer(status=HTTPStatus.OK, order_sequence=sequence)
+
+    async def sequences(self, command: SequencesCommand) -> CommandAnswer:
+        """List order sequences."""
+        after = None if command.after is None else int(command.after)
+        wanted = SequenceFilter(command.finished, before=after, limit=command.limit + 1)
+        page = OrderSequencePage.of(await self._sequences.sequences(wanted), command.limit)
+        return CommandAnswer(status=HTTPStatus.OK, order_sequences=page)
+
+    async def complete_sequence(self, command: CompleteSequenceCommand) -> CommandAnswer:
+        """Let no more orders be added to a sequence."""
+        seen = None if command.version is None else ETag.of(command.version)
+        sequence = await self._sequences.complete(command.order_sequence, seen=seen)
+        return CommandAnswer(status=HTTPStatus.OK, order_sequence=sequence)
 
 
 class MqttCommands:

@@ -11,6 +11,7 @@ from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.mqtt_requests import REQUESTS_LIMIT, read_request, too_many
 from nena_order_service.problems import FORESEEN, problem_of
+from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import (
     CreationAnswer,
@@ -65,6 +66,8 @@ class MqttDoor:
         yield Outbound(self._topics.plant_model, self._plant_json, retain=True)
         for vehicle in self._kernel.registry:
             yield self._of_vehicle(self._kernel.status(vehicle))
+        for sequence in self._kernel.sequence_book.unfinished():
+            yield self._of_sequence(sequence.status)
         for order in self._kernel.book.unfinished():
             yield self._of_order(order.status)
 
@@ -73,6 +76,12 @@ class MqttDoor:
         self._mqtt.publish(self._of_order(status))
         if status.state.final:
             self._mqtt.publish(Outbound(self._topics.order_status(status.name), b"", retain=True))
+
+    def sequence_changed(self, status: OrderSequenceStatus) -> None:
+        """Tell an order sequence's new version; the last one is followed by what clears the topic."""
+        self._mqtt.publish(self._of_sequence(status))
+        if status.finished:
+            self._mqtt.publish(Outbound(self._topics.sequence_status(status.name), b"", retain=True))
 
     def vehicle_changed(self, status: VehicleStatus) -> None:
         """Tell how a vehicle stands."""
@@ -87,6 +96,10 @@ class MqttDoor:
     def _of_order(self, status: TransportOrderStatus) -> Outbound:
         body = status.model_dump_json(by_alias=True).encode()
         return Outbound(self._topics.order_status(status.name), body, retain=True)
+
+    def _of_sequence(self, status: OrderSequenceStatus) -> Outbound:
+        body = status.model_dump_json(by_alias=True).encode()
+        return Outbound(self._topics.sequence_status(status.name), body, retain=True)
 
     def _of_vehicle(self, status: VehicleStatus) -> Outbound:
         body = status.model_dump_json(by_alias=True).encode()

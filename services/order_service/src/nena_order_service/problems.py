@@ -11,6 +11,10 @@ from nena_shared.fleet_api.transport_order import Problem
 STATUS: dict[type[Exception], HTTPStatus] = {
     errors.NameTakenError: HTTPStatus.CONFLICT,
     errors.KeyReusedError: HTTPStatus.UNPROCESSABLE_ENTITY,
+    errors.SequenceNameTakenError: HTTPStatus.CONFLICT,
+    errors.SequenceRefusesError: HTTPStatus.CONFLICT,
+    errors.UnknownSequenceError: HTTPStatus.NOT_FOUND,
+    errors.UnknownDependencyError: HTTPStatus.NOT_FOUND,
     errors.OrderEndedError: HTTPStatus.CONFLICT,
     errors.VehicleNotReachedError: HTTPStatus.CONFLICT,
     errors.NotReroutableError: HTTPStatus.CONFLICT,

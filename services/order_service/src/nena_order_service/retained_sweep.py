@@ -1,4 +1,4 @@
-"""Tells at the start the end of orders whose last status a crash has kept from being told."""
+"""Tells at the start the end of orders and sequences whose last status a crash has kept from being told."""
 
 from __future__ import annotations
 
@@ -41,7 +41,9 @@ class RetainedSweep:
         self._connected = asyncio.Event()
         self._link = MqttLink(own_id, client_id=client_id, on_connected=self._greet)
         self._link.subscribe(topics.all_order_statuses, self._note)
+        self._link.subscribe(topics.all_sequence_statuses, self._note_sequence)
         self._names: set[str] = set()
+        self._sequences: set[str] = set()
 
     async def run(self) -> None:
         """Listen for a while once the broker is there, then put right what is stale."""
@@ -54,6 +56,8 @@ class RetainedSweep:
             await asyncio.gather(listening, return_exceptions=True)
         for name in sorted(self._names):
             await self._put_right(name)
+        for name in sorted(self._sequences):
+            await self._put_sequence_right(name)
 
     def _greet(self) -> tuple[Outbound, ...]:
         self._connected.set()
@@ -63,6 +67,22 @@ class RetainedSweep:
         name = message.topic.split("/")[-2]
         if message.retained and message.payload and not self._lives(name):
             self._names.add(name)
+
+    def _note_sequence(self, message: Inbound) -> None:
+        name = message.topic.split("/")[-2]
+        if message.retained and message.payload and not self._kernel.sequence_book.visible(name):
+            self._sequences.add(name)
+
+    async def _put_sequence_right(self, name: str) -> None:
+        if self._kernel.sequence_book.visible(name):
+            return
+        stored = await self._kernel.store.sequence(name=name)
+        if stored and stored.status.finished:
+            log.info("the end of an order sequence is told late", sequence=name)
+            self._door.sequence_changed(stored.status)
+        elif stored is None:
+            log.warning("the status of a sequence that is not in the store is cleared", sequence=name)
+            self._mqtt.publish(Outbound(self._topics.sequence_status(name), b"", retain=True))
 
     async def _put_right(self, name: str) -> None:
         if self._lives(name):

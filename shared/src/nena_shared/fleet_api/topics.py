@@ -52,6 +52,18 @@ class FleetTopics:
         """Where each change of a vehicle is told, as :class:`VehicleStatus`, retained."""
         return f"{self.prefix}/vehicles/{serial_number}/status"
 
+    def sequence_status(self, name: str) -> str:
+        """Where each change of an order sequence is told, as :class:`OrderSequenceStatus`.
+
+        Retained until it is finished; an empty message follows the last one and clears it.
+        """
+        return f"{self.prefix}/orderSequences/{name}/status"
+
+    @property
+    def all_sequence_statuses(self) -> str:
+        """Filter of all order sequences' changes."""
+        return self.sequence_status("+")
+
     @property
     def all_order_statuses(self) -> str:
         """Filter of all orders' changes."""

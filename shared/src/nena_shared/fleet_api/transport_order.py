@@ -35,6 +35,17 @@ class TransportOrderState(StrEnum):
         )
 
 
+class DependencyFailure(StrEnum):
+    """What becomes of an order when one that it depends on does not end as FINISHED."""
+
+    FAIL = "FAIL"
+    """It fails, too."""
+    HOLD = "HOLD"
+    """It waits until a person resumes or withdraws it."""
+    IGNORE = "IGNORE"
+    """It goes on as if the other one were FINISHED."""
+
+
 class DriveOrderState(StrEnum):
     """Where one destination of a transport order stands."""
 
@@ -100,6 +111,11 @@ class TransportOrderRequest(Request):
     """Whether it may be dropped when something better comes for its vehicle, as parking may."""
     peripheral_reservation_token: Annotated[str, Field(min_length=1, max_length=200)] | None = None
     """Kept and shown, as openTCS has it; there are no peripherals that it could reserve."""
+    dependencies: Annotated[tuple[OrderName, ...], Field(max_length=100)] = ()
+    """Names of orders that must be FINISHED first; until then it is ACTIVE."""
+    on_dependency_failure: DependencyFailure = DependencyFailure.FAIL
+    wrapping_sequence: OrderName | None = None
+    """Name of the order sequence to which it is added."""
     properties: Annotated[tuple[Property, ...], Field(max_length=100)] = ()
     on_failure: FailurePolicy | None = None
     """What is done when the vehicle fails; None: what the order service's setting says."""
@@ -156,6 +172,9 @@ class TransportOrderStatus(Resource):
     """Whether the deadline had passed before it was at its end."""
     dispensable: bool = False
     peripheral_reservation_token: str | None = None
+    dependencies: tuple[str, ...] = ()
+    on_dependency_failure: DependencyFailure = DependencyFailure.FAIL
+    wrapping_sequence: str | None = None
     created: Moment
     finished: Moment | None = None
     on_failure: FailurePolicy | None = None

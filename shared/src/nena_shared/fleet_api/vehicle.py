@@ -23,6 +23,8 @@ class ProcessingState(StrEnum):
     """What the order service does with it."""
 
     IDLE = "IDLE"
+    AWAITING_ORDER = "AWAITING_ORDER"
+    """It is bound to an order sequence, and waits for the next order of it."""
     PROCESSING_ORDER = "PROCESSING_ORDER"
 
 
@@ -75,5 +77,7 @@ class VehicleStatus(Resource):
     energy_level: float | None = None
     """Percent."""
     transport_order: str | None = None
+    order_sequence: str | None = None
+    """The order sequence to which it is bound: it does nothing else until that is finished."""
     errors: tuple[str, ...] = ()
     last_state: Moment | None = None

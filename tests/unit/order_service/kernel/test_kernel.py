@@ -12,6 +12,7 @@ from nena_order_service.fleet import Mission
 from nena_order_service.kernel import Kernel
 from nena_order_service.kernel.driving import EVASION_PAUSE
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
@@ -45,10 +46,14 @@ ROOMY = PLANT.model_copy(
 @dataclass
 class Ear:
     orders: list[TransportOrderStatus] = field(default_factory=list)
+    sequences: list[OrderSequenceStatus] = field(default_factory=list)
     vehicles: list[VehicleStatus] = field(default_factory=list)
 
     def order_changed(self, status: TransportOrderStatus) -> None:
         self.orders.append(status)
+
+    def sequence_changed(self, status: OrderSequenceStatus) -> None:
+        self.sequences.append(status)
 
     def vehicle_changed(self, status: VehicleStatus) -> None:
         self.vehicles.append(status)

@@ -123,6 +123,7 @@ def status(robot: RobotView, *, order: str | None = None, profile: RobotProfile 
         level=IntegrationLevel.TO_BE_RESPECTED,
         order_types=ANY_ORDER_TYPE,
         transport_order=order,
+        order_sequence=None,
         reason="because",
         last_state=None,
     )

@@ -231,7 +231,8 @@ _Kind = tuple[object, ...]
 
 def _kind(order: TransportOrder) -> _Kind:
     status = order.status
-    return status.intended_vehicle, status.type, status.dispensable, status.excluded_vehicles
+    who = (status.intended_vehicle, status.wrapping_sequence, status.excluded_vehicles)
+    return *who, status.type, status.dispensable
 
 
 def _nobody_free(intended: str | None, hindrances: Mapping[str, str]) -> str:

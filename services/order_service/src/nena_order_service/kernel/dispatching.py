@@ -140,6 +140,10 @@ class Dispatching:
         seen = self.consider(vehicle).seen
         return seen.obstacle or seen.restriction or (NO_ORDER_FITS if orders_wait else NO_ORDER)
 
+    def is_bound(self, vehicle: FleetVehicle) -> bool:
+        """Tell whether a vehicle does nothing but an order sequence."""
+        return self._fit.sequences.bound_to(vehicle.name) is not None
+
     def consider(self, vehicle: FleetVehicle) -> Candidate:
         """Give a vehicle as the dispatcher sees it now."""
         if vehicle.obstacle:

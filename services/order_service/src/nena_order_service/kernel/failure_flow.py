@@ -156,8 +156,8 @@ class FailureFlow:
         )
 
     def _others(self, order: TransportOrder) -> bool:
-        if order.status.intended_vehicle is not None:
-            return False
+        if order.status.intended_vehicle is not None or order.status.wrapping_sequence is not None:
+            return False  # a sequence is done by one vehicle to its end
         tried = {order.vehicle, *order.status.excluded_vehicles}
         return bool(self._registry.names() - tried)
 

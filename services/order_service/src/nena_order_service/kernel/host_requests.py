@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from dataclasses import dataclass
 from math import hypot
 
@@ -10,8 +9,10 @@ from nena_order_service.errors import (
     KeyReusedError,
     NameTakenError,
     OrderEndedError,
-    StoreNotReadyError,
+    SequenceRefusesError,
+    UnknownDependencyError,
     UnknownOrderError,
+    UnknownSequenceError,
     UnknownVehicleError,
     VehicleNotReachedError,
     VersionChangedError,
@@ -21,6 +22,7 @@ from nena_order_service.fleet.operations import fresh_id
 from nena_order_service.kernel.delivery_status import delivery_status
 from nena_order_service.kernel.etag import ETag
 from nena_order_service.kernel.kernel import Kernel
+from nena_order_service.kernel.promises import committed, require_store
 from nena_order_service.kernel.settings import KernelSettings
 from nena_order_service.kernel.vehicles import FleetVehicle
 from nena_order_service.orders.names import sortable_id
@@ -31,7 +33,11 @@ from nena_shared.fleet_api.assignment import AssignmentStatus, VehicleForOrder
 from nena_shared.fleet_api.delivery import DeliveryStatus
 from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.rerouting import ReroutingAnswer, ReroutingType
-from nena_shared.fleet_api.transport_order import TransportOrderRequest, TransportOrderStatus
+from nena_shared.fleet_api.transport_order import (
+    TransportOrderRequest,
+    TransportOrderState,
+    TransportOrderStatus,
+)
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
 from nena_shared.plant import MapPose, PlantPose, Point
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
@@ -76,8 +82,10 @@ class HostRequests:
             name = f"{name}-{sortable_id()}"
         known = await self._find(None if complete else name, request.idempotency_key)
         if known is None:
+            await self._check_sequence(request)
+            ended = await self._ended_dependencies(request)
             self._require_store()
-            known = self._kernel.create(request, name)
+            known = self._kernel.create(request, name, ended)
             await self._committed()
             return self._visible(known), True
         if known.idempotency_key != request.idempotency_key:
@@ -214,6 +222,32 @@ class HostRequests:
         point = min(near, key=lambda each: _distance(each, pose)).name if near else ""
         return RobotPose(profile.on(map_id).pose_to_map(pose), map_id, point)
 
+    async def _ended_dependencies(self, request: TransportOrderRequest) -> dict[str, TransportOrderState]:
+        """Give the final states of dependencies; raises UnknownDependencyError."""
+        ended: dict[str, TransportOrderState] = {}
+        unknown: list[str] = []
+        for name in request.dependencies:
+            known = await self._find(name, None)
+            if known is None:
+                unknown.append(name)
+            elif known.state.final:
+                ended[name] = known.state
+        if unknown:
+            raise UnknownDependencyError(unknown)
+        return ended
+
+    async def _check_sequence(self, request: TransportOrderRequest) -> None:
+        """See to it that the order may be added to the sequence that it names, if it names one."""
+        name = request.wrapping_sequence
+        if name is None:
+            return
+        sequence = self._kernel.sequence_book.named(name) or await self._kernel.store.sequence(name=name)
+        sequence = self._kernel.sequence_book.named(name) or sequence
+        if sequence is None:
+            raise UnknownSequenceError(name)
+        if reasons := tuple(sequence.refusals(request)):
+            raise SequenceRefusesError(name, reasons)
+
     async def _find(self, name: str | None, key: str | None) -> TransportOrder | None:
         """Give the order of this key, else of this name; from the store where it is not at hand."""
         if found := self._at_hand(name, key):
@@ -236,15 +270,10 @@ class HostRequests:
         return (self._kernel.book.visible(order.number) or order).status
 
     def _require_store(self) -> None:
-        if not self._kernel.store.ready:
-            raise StoreNotReadyError(self._kernel.store.why_not_ready)
+        require_store(self._kernel.store)
 
     async def _committed(self) -> None:
-        try:
-            async with asyncio.timeout(self._settings.commit_timeout):
-                await self._kernel.steps.committed()
-        except TimeoutError:
-            raise StoreNotReadyError(self._kernel.store.why_not_answered) from None
+        await committed(self._kernel.steps, self._kernel.store, self._settings.commit_timeout)
 
 
 def _distance(point: Point, pose: PlantPose) -> float:

@@ -44,6 +44,11 @@ class _Round:
     """Where vehicles with orders will stand at last, by their names."""
 
 
+def _has_nothing_to_do(candidate: Candidate) -> bool:
+    seen = candidate.seen
+    return not (seen.obstacle or seen.gives_up or seen.kept_for is not None)
+
+
 class IdleVehicles:
     """Makes orders for vehicles that have nothing to do.
 
@@ -90,7 +95,7 @@ class IdleVehicles:
         for vehicle in self._registry:
             candidate = self._dispatching.consider(vehicle)
             known = self._idle.setdefault(vehicle.name, _Idle())
-            if candidate.seen.obstacle or candidate.seen.gives_up or candidate.seen.kept_for is not None:
+            if not _has_nothing_to_do(candidate) or self._dispatching.is_bound(vehicle):
                 known.since, known.note = None, ""
                 continue
             if known.since is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import timedelta
 
@@ -25,6 +25,7 @@ from nena_order_service.fleet import (
     RobotChanged,
     RobotView,
 )
+from nena_order_service.kernel.conditions import Conditions
 from nena_order_service.kernel.dispatching import Dispatching
 from nena_order_service.kernel.driving import Driving
 from nena_order_service.kernel.idle_vehicles import IdleVehicles
@@ -40,6 +41,8 @@ from nena_order_service.kernel.ports import FleetControl
 from nena_order_service.kernel.recovery import Recovery
 from nena_order_service.kernel.rerouting import Rerouted, Rerouting
 from nena_order_service.kernel.restart_gate import RestartGate
+from nena_order_service.kernel.sequence_book import SequenceBook
+from nena_order_service.kernel.sequences import Sequences
 from nena_order_service.kernel.settings import KernelSettings
 from nena_order_service.kernel.steps import Steps
 from nena_order_service.kernel.vehicle_book import VehicleBook
@@ -53,7 +56,7 @@ from nena_shared.clock import Clock
 from nena_shared.fleet_api.failure_policy import FailurePolicy
 from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.rerouting import ReroutingType
-from nena_shared.fleet_api.transport_order import TransportOrderRequest
+from nena_shared.fleet_api.transport_order import TransportOrderRequest, TransportOrderState
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
 from nena_shared.log import get_logger
 from nena_shared.plant import PlantModel
@@ -99,6 +102,8 @@ class Kernel:
         self.clock = clock
         self._fleet: FleetControl | None = None
         self._asked: set[RobotKey] = set()
+        self.sequence_book = SequenceBook(self.book, self.steps)
+        self.sequences = Sequences(self.sequence_book, self.book, self.steps, clock)
         self._vehicles = VehicleBook(self.book)
         self._missions = MissionBook(self.book, self._vehicles)
         self.finder = finder
@@ -116,7 +121,7 @@ class Kernel:
         )
         self._pauses = Pauses(self.book, planner, self.view, clock)
         self._driving = self._make_driving(planner, settings.release_ahead)
-        self._fit = OrderFit(self._vehicles)
+        self._fit = OrderFit(self._vehicles, self.sequences)
         self._dispatching = self._make_dispatching(planner, settings.dispatch)
         self._orders = self._make_order_flow(planner, on_failure)
         self._idle = self._make_idle_vehicles(planner, settings.dispatch)
@@ -193,6 +198,8 @@ class Kernel:
             driving=self._driving,
             pauses=self._pauses,
             policy=policy,
+            conditions=Conditions(self.book, self.sequences, self.clock),
+            sequences=self.sequences,
             registry=self.registry,
             finder=self.finder,
             planner=planner,
@@ -216,6 +223,7 @@ class Kernel:
         self.book.last_number = found.last_number
         for order in found.orders:
             self.book.load(order)
+        self.sequence_book.load(found.sequences, found.last_sequence)
         self._vehicles.load(found.vehicles)
         recovery = Recovery(
             self.plant,
@@ -276,16 +284,22 @@ class Kernel:
         """Make changes, and what they let be dispatched; they are told and done when they are committed."""
         with self.steps.step():
             yield
-            while self._orders.dispatch_due or self._driving.due:
+            while self._orders.settle_due or self._orders.dispatch_due or self._driving.due:
+                self._orders.settle()
                 if self._orders.dispatch_due:
                     self._orders.dispatch()
                 for vehicle in self._driving.let_drive():
                     self._orders.tell_hindrance(vehicle)
 
-    def create(self, request: TransportOrderRequest, name: str) -> TransportOrder:
-        """Make an order from a request that was checked, and dispatch it if it can be."""
+    def create(
+        self,
+        request: TransportOrderRequest,
+        name: str,
+        ended: Mapping[str, TransportOrderState] | None = None,
+    ) -> TransportOrder:
+        """Make an order from a request that was checked; see :meth:`OrderFlow.create`."""
         with self.step():
-            order = self._orders.create(request, name)
+            order = self._orders.create(request, name, ended)
         order = self.book.get(order.number)
         log.info("order created", order=name, state=order.state.value)
         return order
@@ -354,13 +368,16 @@ class Kernel:
             level=self._places.level(vehicle),
             order_types=self._fit.order_types(vehicle),
             transport_order=order.name if order else None,
+            order_sequence=self.sequences.bound_to(vehicle.name),
             reason=order.status.reason if order else self._idle_reason(vehicle),
             last_state=None if age is None else self.clock.now() - age,
         )
 
     def _idle_reason(self, vehicle: FleetVehicle) -> str:
         reason = self._dispatching.idle_reason(vehicle, orders_wait=self.book.orders_wait)
-        more = (self._idle.note(vehicle), self.desk.sharing(vehicle.name))
+        bound = self.sequences.bound_to(vehicle.name)
+        awaits = f"awaits the next order of order sequence {bound!r}" if bound else ""
+        more = (awaits, self._idle.note(vehicle), self.desk.sharing(vehicle.name))
         return "; ".join(filter(None, (reason, *more)))
 
     def explain(self, order: TransportOrder) -> list[VehicleFit]:

@@ -6,6 +6,7 @@ from bisect import bisect_left
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator
 
+from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder, Urgency
 from nena_order_service.store.changes import Changes
 from nena_shared.fleet_api.transport_order import TransportOrderState
@@ -27,6 +28,7 @@ class OrderBook:
         self._committed: dict[int, TransportOrder] = {}
         self._recent: OrderedDict[int, None] = OrderedDict()
         self._changes = Changes()
+        self._ended: list[TransportOrder] = []
         self._told: list[TransportOrder] = []
 
     def next_number(self) -> int:
@@ -49,9 +51,25 @@ class OrderBook:
             return
         self._index(order)
         self._changes.put_order(order, before)
+        if order.state.final:
+            self._ended.append(order)
         if self._told and (self._told[-1].number, self._told[-1].state) == (order.number, order.state):
             self._told.pop()
         self._told.append(order)
+
+    @property
+    def any_ended(self) -> bool:
+        """Whether orders have come to their end of which :meth:`take_ended` has not told yet."""
+        return bool(self._ended)
+
+    def take_ended(self) -> list[TransportOrder]:
+        """Give the orders that have come to their end since this was asked last."""
+        ended, self._ended = self._ended, []
+        return ended
+
+    def put_sequence(self, sequence: OrderSequence) -> None:
+        """Note an order sequence, or the new version of one."""
+        self._changes.put_sequence(sequence)
 
     def put_mission(self, number: int, document: str | None) -> None:
         """Note what is sent to a robot for an order, None: nothing any more."""

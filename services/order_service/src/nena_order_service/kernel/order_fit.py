@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from nena_order_service.dispatch.order_types import acceptable, why_not_accepted
+from nena_order_service.kernel.sequences import Sequences
 from nena_order_service.kernel.vehicle_book import VehicleBook
 from nena_order_service.kernel.vehicles import FleetVehicle
 from nena_order_service.orders.transport_order import TransportOrder
@@ -16,6 +17,7 @@ class OrderFit:
     """Joins what hosts and the plant model say of vehicles and orders."""
 
     book: VehicleBook
+    sequences: Sequences
 
     def order_types(self, vehicle: FleetVehicle) -> tuple[AcceptableOrderType, ...]:
         """Give the types of orders that a vehicle accepts: what hosts have said, else the plant model."""
@@ -32,4 +34,5 @@ class OrderFit:
         """Say, as a predicate, why a vehicle must not be given an order; empty where it may."""
         if vehicle.name in order.status.excluded_vehicles:
             return "has failed at it"
-        return why_not_accepted(self.order_types(vehicle), order.status.type)
+        why = self.sequences.misfit(order, vehicle.name)
+        return why or why_not_accepted(self.order_types(vehicle), order.status.type)

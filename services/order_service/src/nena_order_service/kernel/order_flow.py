@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from nena_order_service.dispatch.way import Way, WayFinder
 from nena_order_service.fleet import (
@@ -11,6 +11,7 @@ from nena_order_service.fleet import (
     RobotView,
 )
 from nena_order_service.kernel import order_timeouts
+from nena_order_service.kernel.conditions import Conditions
 from nena_order_service.kernel.deadlines import Deadlines
 from nena_order_service.kernel.dispatching import GIVES_UP, Dispatched, Dispatching, is_operating
 from nena_order_service.kernel.driving import Driving
@@ -23,6 +24,7 @@ from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.kernel.order_timeouts import OrderTimeouts
 from nena_order_service.kernel.pauses import Pauses
 from nena_order_service.kernel.recovery import LostMissionError, Recovery
+from nena_order_service.kernel.sequences import Sequences
 from nena_order_service.kernel.steps import Steps
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
 from nena_order_service.orders import mending
@@ -53,6 +55,8 @@ class OrderFlow:
         driving: Driving,
         pauses: Pauses,
         policy: FailurePolicy,
+        conditions: Conditions,
+        sequences: Sequences,
         registry: VehicleRegistry,
         finder: WayFinder,
         planner: MissionPlanner,
@@ -68,6 +72,8 @@ class OrderFlow:
         self._dispatching = dispatching
         self._driving = driving
         self._pauses = pauses
+        self._conditions = conditions
+        self._sequences = sequences
         self._registry = registry
         self._finder = finder
         self._planner = planner
@@ -93,16 +99,27 @@ class OrderFlow:
             self, book=book, missions=missions, driving=driving, pauses=pauses, registry=registry, clock=clock
         )
 
-    def create(self, request: TransportOrderRequest, name: str) -> TransportOrder:
-        """Make an order from a request that was checked, and dispatch it if it can be."""
+    def create(
+        self,
+        request: TransportOrderRequest,
+        name: str,
+        ended: Mapping[str, TransportOrderState] | None = None,
+    ) -> TransportOrder:
+        """Make an order from a request that was checked, and dispatch it if it can be.
+
+        ``ended`` are the final states of dependencies that are not at hand any more.
+        """
         now = self._clock.now()
         order = TransportOrder.created(request, number=self._book.next_number(), name=name, now=now)
         why = self._finder.why_unroutable(request.destinations, order.resources_to_avoid)
-        order = order.unroutable(why, now) if why else order.activated().dispatchable()
+        order = order.unroutable(why, now) if why else order.activated()
+        self._sequences.append(order)
+        order = order if why else self._conditions.begin(order, ended or {})
         self._book.put(order)
         self._deadlines.watch(order)
-        if not why:
+        if not order.state.final:
             self._timeouts.watch(order)
+        if order.state is TransportOrderState.DISPATCHABLE and not order.held:
             # Whatever is free was looked at for all the others before.
             self._dispatch((order,))
         return order
@@ -204,6 +221,16 @@ class OrderFlow:
             self._steps.vehicle_changed(vehicle.name)
         self.dispatch_due = True
 
+    @property
+    def settle_due(self) -> bool:
+        """Whether orders or sequences have come to their end, which may mean something for others."""
+        return self._book.any_ended or self._sequences.freed
+
+    def settle(self) -> None:
+        """Do what the ends of orders mean for those that depend on them, and for their sequences."""
+        self.dispatch_due |= self._conditions.settle() or self._sequences.freed
+        self._sequences.freed = False
+
     def note_deadlines(self) -> None:
         """Let the orders be late whose deadlines have passed."""
         now = self._clock.now()
@@ -226,7 +253,7 @@ class OrderFlow:
         """Take up an order from before a restart; what the robots say decides how it goes on."""
         self._deadlines.watch(order)
         self._timeouts.watch(order)
-        if order.state is TransportOrderState.DISPATCHABLE:
+        if order.state in (TransportOrderState.ACTIVE, TransportOrderState.DISPATCHABLE):
             self._take_up_waiting(order)
             return
         order = order.adopted(self._clock.now())
@@ -257,6 +284,8 @@ class OrderFlow:
             check_order(order.status, self._plant)
         except InvalidRequestError as error:
             self._book.put(order.failed(f"not possible in this plant any more: {error}", self._clock.now()))
+        else:
+            self._book.put(self._conditions.take_up(order))
 
     def go_on(self, order: TransportOrder, *, again: bool = False) -> None:
         """Drive to the current destination, ``again`` or for the first time, unless the order has to wait."""
@@ -319,6 +348,7 @@ class OrderFlow:
         log.info("order assigned", order=order.name, vehicle=vehicle.name, why=why)
         self._timeouts.watch(order)
         self._missions.assign(order, vehicle.key)
+        self._sequences.bind(order, vehicle.name)
         self._drive(order, vehicle, way)
 
     def _drive(self, order: TransportOrder, vehicle: FleetVehicle, way: Way, *, first: bool = False) -> None:

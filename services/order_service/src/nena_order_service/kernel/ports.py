@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from nena_order_service.fleet import Mission, RobotView
+from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.vda5050.action import Action
@@ -52,6 +53,10 @@ class Listener(Protocol):
 
     def order_changed(self, status: TransportOrderStatus) -> None:
         """Take notice of an order's new version."""
+        ...
+
+    def sequence_changed(self, status: OrderSequenceStatus) -> None:
+        """Take notice of an order sequence's new version."""
         ...
 
     def vehicle_changed(self, status: VehicleStatus) -> None:

@@ -10,6 +10,7 @@ from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.kernel.ports import Listener
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store.store import Store
+from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
 
@@ -45,6 +46,11 @@ class Steps:
         """Whether this is what was told of a vehicle last, but for what changes all the time."""
         told = self._told.get(status.name)
         return told is not None and told.model_copy(update=_volatile(status)) == status
+
+    def tell_sequence(self, status: OrderSequenceStatus) -> None:
+        """Tell of an order sequence, whose change is committed."""
+        for listener in self.listeners:
+            listener.sequence_changed(status)
 
     @contextmanager
     def step(self) -> Iterator[None]:

@@ -21,6 +21,7 @@ def vehicle_status(
     level: IntegrationLevel,
     order_types: tuple[AcceptableOrderType, ...],
     transport_order: str | None,
+    order_sequence: str | None,
     reason: str,
     last_state: datetime | None,
 ) -> VehicleStatus:
@@ -31,7 +32,7 @@ def vehicle_status(
         manufacturer=vehicle.key.manufacturer,
         serial_number=vehicle.key.serial_number,
         state=view.vehicle_state,
-        processing_state=ProcessingState.PROCESSING_ORDER if transport_order else ProcessingState.IDLE,
+        processing_state=_processing_state(transport_order, order_sequence),
         integration_level=level,
         acceptable_order_types=order_types,
         reason=reason,
@@ -41,9 +42,16 @@ def vehicle_status(
         precise_position=_precise_position(vehicle, state) if state else None,
         energy_level=state.power_supply.state_of_charge if state else None,
         transport_order=transport_order,
+        order_sequence=order_sequence,
         errors=tuple(_in_words(error) for error in state.errors) if state else (),
         last_state=last_state,
     )
+
+
+def _processing_state(transport_order: str | None, order_sequence: str | None) -> ProcessingState:
+    if transport_order:
+        return ProcessingState.PROCESSING_ORDER
+    return ProcessingState.AWAITING_ORDER if order_sequence else ProcessingState.IDLE
 
 
 def _current_position(vehicle: FleetVehicle, state: State, plant: PlantModel) -> str | None:

@@ -40,6 +40,9 @@ WISHES = (
     "deadline",
     "dispensable",
     "peripheral_reservation_token",
+    "dependencies",
+    "on_dependency_failure",
+    "wrapping_sequence",
     "on_failure",
     "timeout",
     "processing_timeout",
@@ -148,7 +151,13 @@ class TransportOrder:
 
     def dispatchable(self) -> Self:
         """Let an ACTIVE order be assigned."""
-        return self._moved(S.DISPATCHABLE, "waits for its turn")
+        held = self.status.held
+        return self._moved(S.DISPATCHABLE, held_in_words(held) if held else "waits for its turn")
+
+    def waiting(self, reason: str) -> Self:
+        """Say what an ACTIVE order waits for; the same again, or one that somebody holds, changes nothing."""
+        self.require("waiting for its conditions", S.ACTIVE)
+        return self if self.status.held or reason == self.status.reason else self.changed(reason=reason)
 
     def unroutable(self, reason: str, now: datetime) -> Self:
         """Refuse a RAW order for which the plant has no way."""

@@ -12,7 +12,8 @@ from starlette.types import ASGIApp
 from nena_order_service.event_stream import EventStream
 from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.kernel.path_locks import PathLocks
-from nena_order_service.rest import events, paths, problems, transport_orders, vehicles
+from nena_order_service.kernel.sequence_requests import SequenceRequests
+from nena_order_service.rest import events, order_sequences, paths, problems, transport_orders, vehicles
 from nena_order_service.rest.bodies import Readiness
 from nena_order_service.rest.body_limit import BodyLimit
 from nena_order_service.rest.responses import as_json
@@ -25,6 +26,7 @@ NOT_READY: dict[int | str, dict[str, object]] = {
 
 def make_app(
     requests: HostRequests,
+    sequences: SequenceRequests,
     locks: PathLocks,
     stream: EventStream,
     *,
@@ -45,6 +47,7 @@ def make_app(
     app.add_middleware(BodyLimit, limit=max_body)
     problems.install(app)
     app.include_router(transport_orders.make_router(requests))
+    app.include_router(order_sequences.make_router(sequences))
     app.include_router(vehicles.make_router(requests))
     app.include_router(paths.make_router(locks))
     app.include_router(events.make_router(stream))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import pi
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from nena_order_service.orders.order_sequence import OrderSequence
 from nena_shared.fleet_api.base import ObjectName, Request, Resource
+from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.path import PathStatus
 from nena_shared.fleet_api.rerouting import ReroutingType
@@ -22,6 +25,21 @@ class TransportOrderPage(Resource):
     transport_orders: tuple[TransportOrderStatus, ...]
     next: str | None
     """Give it as ``after`` for the page that follows; None: this is the last one."""
+
+
+class OrderSequencePage(Resource):
+    """Some of the order sequences, newest first."""
+
+    order_sequences: tuple[OrderSequenceStatus, ...]
+    next: str | None = None
+    """Give it as ``after`` for the page that follows; None: this is the last one."""
+
+    @classmethod
+    def of(cls, found: Sequence[OrderSequence], limit: int) -> Self:
+        """Make a page of what was found, which is one more than ``limit`` where there are more."""
+        page = found[:limit]
+        following = str(page[-1].number) if len(found) > limit else None
+        return cls(order_sequences=tuple(each.status for each in page), next=following)
 
 
 class VehicleList(Resource):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 
 
@@ -28,11 +29,13 @@ class Changes:
     """Mission documents by the orders' numbers; None: it is at its end."""
     vehicles: dict[str, str] = field(default_factory=dict)
     """Documents of vehicles by their robots' keys."""
+    sequences: dict[int, OrderSequence] = field(default_factory=dict)
+    """Order sequences by their numbers."""
     path_locks: dict[str, bool] = field(default_factory=dict)
     """Whether a path is locked, by its name."""
 
     def __bool__(self) -> bool:
-        return bool(self.orders or self.missions or self.vehicles or self.path_locks)
+        return bool(self.orders or self.missions or self.vehicles or self.sequences or self.path_locks)
 
     def put_order(self, order: TransportOrder, before: TransportOrder | None) -> None:
         """Add an order's new version; ``before`` is the last one, None for an order that is new."""
@@ -52,6 +55,10 @@ class Changes:
         """Add what is known of a vehicle."""
         self.vehicles[robot] = document
 
+    def put_sequence(self, sequence: OrderSequence) -> None:
+        """Add an order sequence, or its new version."""
+        self.sequences[sequence.number] = sequence
+
     def merge(self, later: Changes) -> None:
         """Take in changes that were made after these."""
         for number, change in later.orders.items():
@@ -62,6 +69,7 @@ class Changes:
             self.orders[number] = change
         self.missions.update(later.missions)
         self.vehicles.update(later.vehicles)
+        self.sequences.update(later.sequences)
         self.path_locks.update(later.path_locks)
 
     def numbered(self, last: int) -> int:

@@ -11,6 +11,7 @@ from sqlalchemy import Connection, Engine, func, select
 from sqlalchemy.engine import Row
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
+from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import schema
 from nena_order_service.store.changes import Changes, OrderChange
@@ -18,6 +19,7 @@ from nena_order_service.store.engine import make_engine, reason_of, unusable
 from nena_order_service.store.errors import StoreError
 from nena_order_service.store.leadership import Fence
 from nena_order_service.store.migration import migrate
+from nena_order_service.store.sequences import last_sequence, read_unfinished_sequences, write_sequences
 from nena_order_service.store.statements import DatabaseRow, Statements, execute, statements
 from nena_order_service.store.vehicles import read_vehicles, write_vehicles
 from nena_shared.fleet_api.transport_order import (
@@ -55,6 +57,9 @@ class Unfinished:
     """Documents of vehicles by their robots' keys."""
     last_change: int = 0
     """The number of the last change of any order; 0 for none."""
+    sequences: tuple[OrderSequence, ...] = ()
+    last_sequence: int = 0
+    """The greatest number that an order sequence has; 0 for none."""
 
 
 def open_database(url: str) -> Engine:
@@ -86,6 +91,7 @@ def write(engine: Engine, changes: Changes, fence: Fence | None = None) -> None:
             _write_orders(connection, texts, changes.orders.values())
             _write_missions(connection, texts, changes.missions)
             write_vehicles(connection, texts, changes.vehicles)
+            write_sequences(connection, texts, changes.sequences.values())
             locks: list[DatabaseRow] = [
                 {"path": path, "locked": locked} for path, locked in changes.path_locks.items()
             ]
@@ -171,7 +177,15 @@ def _read_unfinished(engine: Engine) -> Unfinished:
         documents = {row.order_number: row.document for row in connection.execute(select(missions))}
         last = connection.execute(select(func.max(orders.c.number))).scalar() or 0
         last_change = connection.execute(select(func.max(orders.c.change_number))).scalar() or 0
-        return Unfinished(found, documents, last, read_vehicles(connection), last_change)
+        return Unfinished(
+            found,
+            documents,
+            last,
+            read_vehicles(connection),
+            last_change,
+            read_unfinished_sequences(connection),
+            last_sequence(connection),
+        )
 
 
 def read_path_locks(engine: Engine) -> dict[str, bool]:

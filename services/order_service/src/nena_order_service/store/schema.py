@@ -53,6 +53,19 @@ missions = Table(
 )
 """What was last sent to a robot for each order that is not at its end."""
 
+order_sequences = Table(
+    "order_sequences",
+    metadata,
+    Column("number", BigInteger, primary_key=True, autoincrement=False),
+    Column("name", String(200), nullable=False, unique=True),
+    Column("idempotency_key", String(200), unique=True),
+    Column("finished", Boolean, nullable=False),
+    Column("intended_vehicle", String(200)),
+    Column("document", Text, nullable=False),
+    Index("order_sequences_by_finished", "finished", "number"),
+)
+"""``document`` is the order sequence as JSON, with its history."""
+
 vehicles = Table(
     "vehicles",
     metadata,

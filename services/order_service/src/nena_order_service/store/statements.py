@@ -42,6 +42,7 @@ class Statements:
     put_mission: str
     forget_mission: str
     put_vehicle: str
+    put_sequence: str
     put_path_lock: str
 
 
@@ -66,6 +67,7 @@ def _statements(name: str) -> Statements:
         "put_mission": _put(name, missions),
         "forget_mission": delete(missions).where(missions.c.order_number == bindparam("order_number")),
         "put_vehicle": _put(name, schema.vehicles),
+        "put_sequence": _put(name, schema.order_sequences),
         "put_path_lock": _put(name, schema.path_locks),
     }
     dialect = sqlite.dialect(paramstyle="named") if name == "sqlite" else psycopg.dialect()  # type: ignore[no-untyped-call] # of the library

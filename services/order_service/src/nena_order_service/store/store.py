@@ -10,8 +10,9 @@ from typing import TypeVar
 from sqlalchemy import Engine
 
 from nena_order_service.errors import StoreNotReadyError
+from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.store import database
+from nena_order_service.store import database, sequences
 from nena_order_service.store.change_numbers import ChangeNumbers
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import OrderFilter, Unfinished
@@ -142,6 +143,18 @@ class Store:
     async def orders(self, wanted: OrderFilter) -> tuple[TransportOrder, ...]:
         """Read a page of orders, newest first."""
         return await self._read(lambda: database.read_orders(self._engine, wanted))
+
+    async def sequence(
+        self, *, name: str | None = None, idempotency_key: str | None = None
+    ) -> OrderSequence | None:
+        """Read the order sequence of this key, else of this name."""
+        return await self._read(
+            lambda: sequences.read_sequence(self._engine, name=name, idempotency_key=idempotency_key)
+        )
+
+    async def sequences(self, wanted: sequences.SequenceFilter) -> tuple[OrderSequence, ...]:
+        """Read a page of order sequences, newest first."""
+        return await self._read(lambda: sequences.read_sequences(self._engine, wanted))
 
     async def path_locks(self) -> dict[str, bool]:
         """Read whether hosts have locked or unlocked a path, by its name."""

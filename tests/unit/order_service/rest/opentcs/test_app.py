@@ -61,8 +61,8 @@ async def test_incomplete_name_is_completed(client: httpx.AsyncClient) -> None:
         ("T-2", {"destinations": []}, 400, "destinations"),
         ("T-2", {"destinations": [{"locationName": "Nowhere", "operation": "NOP"}]}, 404, "Nowhere"),
         ("T-2", {"destinations": [{"locationName": "Goods in", "operation": "Fly"}]}, 400, "Fly"),
-        ("T-2", {"dependencies": ["T-1"]}, 400, "dependencies"),
-        ("T-2", {"wrappingSequence": "S"}, 400, "wrappingSequence"),
+        ("T-2", {"dependencies": ["T-0"]}, 404, "'T-0'"),
+        ("T-2", {"wrappingSequence": "S"}, 404, "'S'"),
         ("T 2", {}, 400, "name"),
     ],
 )
@@ -118,7 +118,7 @@ async def test_robot_that_is_away_cannot_be_paused(client: httpx.AsyncClient) ->
 
 
 async def test_unknown_routes_are_told_in_the_same_form(client: httpx.AsyncClient) -> None:
-    answer = await client.get(f"{API}/orderSequences")
+    answer = await client.get(f"{API}/peripheralJobs")
     assert (answer.status_code, answer.json()) == (404, ["Not Found"])
 
 

@@ -15,8 +15,9 @@ from nena_order_service import vehicle_commands
 from nena_order_service.errors import NameTakenError
 from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.kernel.path_locks import PathLocks
+from nena_order_service.kernel.sequence_requests import SequenceRequests
 from nena_order_service.rest.bodies import InstantActionRequest
-from nena_order_service.rest.opentcs import errors
+from nena_order_service.rest.opentcs import errors, order_sequences
 from nena_order_service.rest.opentcs.bodies import (
     AcceptableOrderTypes,
     AllowedOrderTypes,
@@ -59,12 +60,18 @@ class AccessKey:
 
 
 def make_app(
-    requests: HostRequests, locks: PathLocks, plant: PlantModel, dispatch: Callable[[], None]
+    requests: HostRequests,
+    sequences: SequenceRequests,
+    locks: PathLocks,
+    *,
+    plant: PlantModel,
+    dispatch: Callable[[], None],
 ) -> FastAPI:
     """Make the ASGI application; ``dispatch`` has the dispatcher look again."""
     app = FastAPI(title="openTCS web API, version 1, as NeNa serves it", docs_url=None, redoc_url=None)
     errors.install(app)
     app.include_router(_orders(requests, dispatch), prefix="/v1/transportOrders")
+    app.include_router(order_sequences.make_router(sequences), prefix="/v1/orderSequences")
     app.include_router(_vehicles(requests, plant), prefix="/v1/vehicles")
     app.include_router(_plant(locks, dispatch), prefix="/v1")
     return app
@@ -100,8 +107,6 @@ def _orders(requests: HostRequests, dispatch: Callable[[], None]) -> APIRouter:
 
     @router.post("/{name}", response_model=TransportOrderState)
     async def create(name: str, body: CreationRequest) -> Response:
-        if body.not_supported:
-            raise NotPossibleError(*body.not_supported)
         order, new = await requests.create(TransportOrderRequest.model_validate(body.request(name)))
         if not new:
             raise NameTakenError(name)

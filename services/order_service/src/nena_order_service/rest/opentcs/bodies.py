@@ -62,16 +62,6 @@ class CreationRequest(Body):
     dispensable: bool = False
     peripheral_reservation_token: Annotated[str, Field(min_length=1, max_length=200)] | None = None
 
-    @property
-    def not_supported(self) -> tuple[str, ...]:
-        """Say what it asks for that there is not."""
-        found = []
-        if self.dependencies:
-            found.append("dependencies are not supported; create the order when the others are finished")
-        if self.wrapping_sequence:
-            found.append("wrappingSequence is not supported; give one order all the destinations")
-        return tuple(found)
-
     def request(self, name: str) -> dict[str, Any]:
         """Give the body of NeNa's own request; not yet validated."""
         return {
@@ -91,6 +81,8 @@ class CreationRequest(Body):
             "dispensable": self.dispensable,
             "peripheralReservationToken": self.peripheral_reservation_token,
             "properties": self.properties or (),
+            "dependencies": self.dependencies or (),
+            "wrappingSequence": self.wrapping_sequence,
         }
 
 
@@ -141,8 +133,8 @@ class TransportOrderState(Body):
     processing_vehicle: str | None
     dispensable: bool
     peripheral_reservation_token: str | None
-    wrapping_sequence: str | None = None
-    dependencies: tuple[str, ...] = ()
+    wrapping_sequence: str | None
+    dependencies: tuple[str, ...]
     creation_time: Moment
     deadline: Moment
     finished_time: Moment | None
@@ -160,6 +152,8 @@ class TransportOrderState(Body):
             intended_vehicle=order.intended_vehicle,
             processing_vehicle=order.processing_vehicle,
             dispensable=order.dispensable,
+            wrapping_sequence=order.wrapping_sequence,
+            dependencies=order.dependencies,
             peripheral_reservation_token=order.peripheral_reservation_token,
             creation_time=order.created,
             deadline=order.deadline or END_OF_TIME,

@@ -1,0 +1,108 @@
+"""Order sequences inside of the kernel's steps: whose turn it is, and which vehicle does them."""
+
+from __future__ import annotations
+
+from nena_order_service.kernel.order_book import OrderBook
+from nena_order_service.kernel.sequence_book import SequenceBook
+from nena_order_service.kernel.steps import Steps
+from nena_order_service.orders.order_sequence import OrderSequence
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_shared.clock import Clock
+from nena_shared.fleet_api.order_sequence import OrderSequenceRequest
+from nena_shared.fleet_api.transport_order import TransportOrderState
+
+MARKED = "marked complete by a host"
+
+
+class Sequences:
+    """Changes order sequences as their orders go on."""
+
+    def __init__(self, book: SequenceBook, orders: OrderBook, steps: Steps, clock: Clock) -> None:
+        self._book = book
+        self._orders = orders
+        self._steps = steps
+        self._clock = clock
+        self.freed = False
+        """Whether a sequence has let its vehicle go, until somebody has looked."""
+
+    def create(self, request: OrderSequenceRequest, name: str) -> OrderSequence:
+        """Make a sequence without orders."""
+        number = self._book.next_number()
+        sequence = OrderSequence.created(request, number=number, name=name, now=self._clock.now())
+        self._book.put(sequence)
+        return sequence
+
+    def complete(self, sequence: OrderSequence, why: str = MARKED) -> OrderSequence:
+        """Let no more orders be added; without orders that are not at their end it is finished."""
+        changed = sequence.completed(why, self._clock.now())
+        self._put(changed)
+        return changed
+
+    def append(self, order: TransportOrder) -> None:
+        """Add an order to its sequence, if it has one; that it may be added was checked."""
+        if sequence := self._of(order):
+            self._put(sequence.appended(order.name, self._clock.now()))
+
+    def bind(self, order: TransportOrder, vehicle: str) -> None:
+        """Let the vehicle that gets an order do the order's sequence, if it has one, to its end."""
+        if sequence := self._of(order):
+            self._put(sequence.bound(vehicle, self._clock.now()))
+
+    def why_waiting(self, order: TransportOrder) -> str:
+        """Say what an order waits for as one of a sequence; empty for nothing."""
+        sequence = self._of(order)
+        if sequence is None or sequence.next_order in (None, order.name):
+            return ""
+        return f"waits for its turn in order sequence {sequence.name!r}, behind {sequence.next_order!r}"
+
+    def ended(self, order: TransportOrder) -> tuple[tuple[TransportOrder, ...], str | None]:
+        """Take notice that an order is at its end.
+
+        Gives the orders that fail with it, and the name of the one whose turn it is now, if there are such.
+        """
+        sequence = self._of(order)
+        if sequence is None:
+            return (), None
+        failed: tuple[TransportOrder, ...] = ()
+        if _is_fatal(order, sequence):
+            behind = map(self._orders.named, sequence.behind(order.name))
+            failed = tuple(each for each in behind if each and not each.state.final)
+            sequence = sequence.completed(f"order {order.name!r} is {order.state}", self._clock.now())
+        sequence = sequence.advanced(self._is_ended, self._clock.now())
+        self._put(sequence)
+        return failed, sequence.next_order
+
+    def misfit(self, order: TransportOrder, vehicle: str) -> str:
+        """Say, as a predicate, why a vehicle must not do an order because of a sequence; empty if it may."""
+        bound, sequence = self._book.of_vehicle(vehicle), self._of(order)
+        if bound and bound is not sequence:
+            return f"is bound to order sequence {bound.name!r}"
+        if sequence is None:
+            return ""
+        meant = sequence.bound_vehicle or sequence.status.intended_vehicle
+        if meant not in (None, vehicle):
+            return f"does not do order sequence {sequence.name!r}, which is for {meant!r}"
+        return ""
+
+    def bound_to(self, vehicle: str) -> str | None:
+        """Give the name of the sequence to which a vehicle is bound; None: it is free."""
+        sequence = self._book.of_vehicle(vehicle)
+        return sequence.name if sequence else None
+
+    def _of(self, order: TransportOrder) -> OrderSequence | None:
+        return self._book.named(order.status.wrapping_sequence)
+
+    def _put(self, sequence: OrderSequence) -> None:
+        self._book.put(sequence)
+        self._steps.vehicle_changed(sequence.status.processing_vehicle)
+        self.freed |= sequence.status.finished
+
+    def _is_ended(self, name: str) -> bool:
+        """Tell whether an order is at its end; one that is not at hand any more has been so for long."""
+        order = self._orders.named(name)
+        return order is None or order.state.final
+
+
+def _is_fatal(order: TransportOrder, sequence: OrderSequence) -> bool:
+    well = order.state is TransportOrderState.FINISHED
+    return sequence.status.failure_fatal and not well and not order.status.dispensable

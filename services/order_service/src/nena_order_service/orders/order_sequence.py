@@ -1,0 +1,163 @@
+"""An order sequence as the order service holds it: the rules of what is done when, and by whom."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from datetime import datetime
+from enum import StrEnum
+from typing import Self
+
+from nena_shared.fleet_api.order_sequence import OrderSequenceRequest, OrderSequenceStatus
+from nena_shared.fleet_api.order_types import ANY_TYPE
+from nena_shared.fleet_api.transport_order import HistoryEntry, TransportOrderRequest
+
+ORDERS_LIMIT = 1000
+"""Orders that a sequence may have."""
+
+EMPTY = "waits for orders to be added, or to be marked complete"
+
+
+class SequenceEvent(StrEnum):
+    """What happened to an order sequence."""
+
+    SEQUENCE_CREATED = "nena:sequenceCreated"
+    ORDER_APPENDED = "nena:orderAppended"
+    PROCESSING_VEHICLE_CHANGED = "nena:processingVehicleChanged"
+    SEQUENCE_COMPLETED = "nena:sequenceCompleted"
+    SEQUENCE_FINISHED = "nena:sequenceFinished"
+
+
+WISHES = ("order_types", "intended_vehicle", "failure_fatal", "properties")
+"""What a sequence keeps of its request as it is."""
+
+
+class SequenceRuleError(Exception):
+    """A change that the rules do not have: a fault of the caller, never of a host."""
+
+
+@dataclass(frozen=True, slots=True)
+class OrderSequence:
+    """An immutable order sequence; each change gives a new one with the next version."""
+
+    number: int
+    """Counts the sequences of a store."""
+    status: OrderSequenceStatus
+    idempotency_key: str | None = None
+
+    @classmethod
+    def created(cls, request: OrderSequenceRequest, *, number: int, name: str, now: datetime) -> Self:
+        """Make an empty sequence."""
+        status = OrderSequenceStatus(
+            name=name,
+            version=1,
+            reason=EMPTY,
+            created=now,
+            history=(HistoryEntry(timestamp=now, event_code=SequenceEvent.SEQUENCE_CREATED),),
+            **{wish: getattr(request, wish) for wish in WISHES},
+        )
+        return cls(number, status, request.idempotency_key)
+
+    def asked_for_by(self, request: OrderSequenceRequest) -> bool:
+        """Tell whether ``request`` says what the one said that made it; names are another matter."""
+        return all(getattr(self.status, wish) == getattr(request, wish) for wish in WISHES)
+
+    @property
+    def name(self) -> str:
+        """Its name, unique among the sequences of the store."""
+        return self.status.name
+
+    @property
+    def next_order(self) -> str | None:
+        """Name of the one order that may be done now; None: it waits for one."""
+        index = self.status.finished_index + 1
+        return self.status.orders[index] if index < len(self.status.orders) else None
+
+    @property
+    def bound_vehicle(self) -> str | None:
+        """Name of the vehicle that does nothing else until the sequence is finished; None: there is none."""
+        return None if self.status.finished else self.status.processing_vehicle
+
+    def refusals(self, request: TransportOrderRequest) -> Iterator[str]:
+        """Say all that speaks against adding an order."""
+        status, order_type = self.status, request.type
+        if status.complete:
+            yield "it is complete, so no order can be added; create another one"
+        if len(status.orders) >= ORDERS_LIMIT:
+            yield f"it has {ORDERS_LIMIT} orders already; create another one"
+        if not {ANY_TYPE, order_type} & set(status.order_types):
+            types = ", ".join(map(repr, status.order_types))
+            yield f"it takes no orders of type {order_type!r}, only {types}"
+        if request.intended_vehicle not in (None, status.intended_vehicle):
+            meant = f"vehicle {status.intended_vehicle!r}" if status.intended_vehicle else "any vehicle"
+            other = request.intended_vehicle
+            yield f"it is for {meant}, and the order is for {other!r}; name the same vehicle, or none"
+
+    def appended(self, order: str, now: datetime) -> Self:
+        """Add an order behind all others."""
+        if self.status.complete:
+            message = f"order sequence {self.name!r} is complete"
+            raise SequenceRuleError(message)
+        orders = (*self.status.orders, order)
+        return self._changed(now, SequenceEvent.ORDER_APPENDED, order, orders=orders)
+
+    def bound(self, vehicle: str, now: datetime) -> Self:
+        """Let a vehicle do it, all of it."""
+        if self.bound_vehicle == vehicle:
+            return self
+        if self.bound_vehicle or self.status.finished:
+            message = f"order sequence {self.name!r} is not free for {vehicle!r}"
+            raise SequenceRuleError(message)
+        event = SequenceEvent.PROCESSING_VEHICLE_CHANGED
+        return self._changed(now, event, vehicle, processing_vehicle=vehicle)
+
+    def completed(self, why: str, now: datetime) -> Self:
+        """Let no more orders be added; that it is complete already changes nothing."""
+        if self.status.complete:
+            return self
+        return self._changed(now, SequenceEvent.SEQUENCE_COMPLETED, why, complete=True)
+
+    def advanced(self, is_ended: Callable[[str], bool], now: datetime) -> Self:
+        """Go on behind all orders that are at their end, without a gap; never back."""
+        index, orders = self.status.finished_index, self.status.orders
+        while index + 1 < len(orders) and is_ended(orders[index + 1]):
+            index += 1
+        if index == self.status.finished_index:
+            return self
+        return self._changed(now, None, finished_index=index)
+
+    def behind(self, order: str) -> tuple[str, ...]:
+        """Give the names of the orders behind one of its orders."""
+        return self.status.orders[self.status.orders.index(order) + 1 :]
+
+    def _changed(
+        self, now: datetime, event: SequenceEvent | None, *supplements: str, **changes: object
+    ) -> Self:
+        history = self.status.history
+        if event:
+            history = (*history, HistoryEntry(timestamp=now, event_code=event, supplements=supplements))
+        update = {**changes, "version": self.status.version + 1, "history": history}
+        status = _finished_if_done(self.status.model_copy(update=update), now)
+        status = status.model_copy(update={"reason": _in_words(status)})
+        return type(self)(self.number, status, self.idempotency_key)
+
+
+def _finished_if_done(status: OrderSequenceStatus, now: datetime) -> OrderSequenceStatus:
+    if not status.complete or status.finished_index + 1 < len(status.orders):
+        return status
+    entry = HistoryEntry(timestamp=now, event_code=SequenceEvent.SEQUENCE_FINISHED)
+    update = {"finished": True, "finished_time": now, "history": (*status.history, entry)}
+    return status.model_copy(update=update)
+
+
+def _in_words(status: OrderSequenceStatus) -> str:
+    """Say what a sequence waits for, or how it has ended."""
+    if status.finished:
+        return "is complete, and all of its orders are at their end"
+    index, vehicle = status.finished_index + 1, status.processing_vehicle
+    if index == len(status.orders):
+        return EMPTY
+    place = f"{status.orders[index]!r}, {index + 1} of {len(status.orders)}"
+    return (
+        f"vehicle {vehicle} is to do {place}" if vehicle else f"waits for a vehicle that begins with {place}"
+    )
