@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import queue
 import time
+from collections.abc import Callable
+from typing import Any
 
 import httpx
 
@@ -15,16 +17,27 @@ WAIT_SECONDS = 10.0
 POINTS = ("Middle 1", "Middle 2", "Middle 3", "Middle 4", "South 3", "North 3")
 
 
-def measure(rest_url: str, broker_port: int, robots: InstantRobots, samples: int) -> dict[str, Figures]:
+def to_demo_robot(number: int) -> dict[str, Any]:
+    """Make the order of this number, for a robot of the demo."""
+    return {
+        "destinations": [{"locationName": POINTS[number % len(POINTS)]}],
+        "intendedVehicle": f"Robot-0{number % 2 + 1}",
+    }
+
+
+def measure(
+    rest_url: str,
+    broker_port: int,
+    robots: InstantRobots,
+    samples: int,
+    order: Callable[[int], dict[str, Any]] = to_demo_robot,
+) -> dict[str, Figures]:
     """Give one order after the other to robots that finish at once, an echo over the broker after each."""
     answered, on_wire, echoed = [], [], []
     echo = _Echo(broker_port)
     with httpx.Client(base_url=rest_url, timeout=WAIT_SECONDS) as client:
         for number in range(samples):
-            body = {
-                "destinations": [{"locationName": POINTS[number % len(POINTS)]}],
-                "intendedVehicle": f"Robot-0{number % 2 + 1}",
-            }
+            body = order(number)
             start = time.perf_counter()
             answer = client.post("/v1/transportOrders", json=body)
             answered.append(time.perf_counter() - start)

@@ -9,20 +9,28 @@ from datetime import UTC, datetime
 
 from bench.wire import Wire
 from nena_shared.vda5050.action import ActionState, ActionStatus
+from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import Connection, ConnectionState
-from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.order import NodePosition, Order
 from nena_shared.vda5050.state import (
+    EdgeState,
     EmergencyStop,
     MobileRobotPosition,
+    NodeState,
     OperatingMode,
     PowerSupply,
     SafetyState,
     State,
+    Velocity,
 )
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.v2_1 import CODEC
+from support.fleet_examples import factsheet
 
 SCHEME = TopicScheme("uagv")
+WAY_LENGTH = 20
+"""Nodes."""
 
 
 @dataclass
@@ -100,12 +108,12 @@ class InstantRobots:
             serial_number=serial,
             connection_state=ConnectionState.ONLINE,
         )
-        self._publish(serial, Topic.CONNECTION, online, retain=True)
+        # In this order nobody has to ask them for anything.
+        self._publish(serial, Topic.FACTSHEET, _factsheet(RobotKey(self._manufacturer, serial)), retain=True)
         self.say_state(serial)
+        self._publish(serial, Topic.CONNECTION, online, retain=True)
 
-    def _publish(
-        self, serial: str, topic: Topic, message: Connection | State, *, retain: bool = False
-    ) -> None:
+    def _publish(self, serial: str, topic: Topic, message: Header, *, retain: bool = False) -> None:
         name = SCHEME.of(RobotKey(self._manufacturer, serial), topic)
         self._wire.publish(name, CODEC.encode(message), retain=retain)
 
@@ -133,6 +141,59 @@ class InstantRobots:
                 x=start.x, y=start.y, theta=0.0, map_id=start.map_id, localized=True
             ),
         )
+
+
+class DrivingRobots(InstantRobots):
+    """Robots that take an order up and are on their ways from then on; their states are long."""
+
+    def messages(self, serial: str) -> bytes:
+        """Give the robot's state as it is, to be said with other header ids and places."""
+        return CODEC.encode(self._states[serial])
+
+    def _on_order(self, topic: str, payload: bytes, moment: float) -> None:
+        serial = topic.split("/")[-2]
+        order = CODEC.decode(Order, payload)
+        self.orders.put((serial, order.order_id, moment))
+        self._states[serial] = self._states[serial].model_copy(
+            update={
+                "order_id": order.order_id,
+                "order_update_id": order.order_update_id,
+                "driving": True,
+                "node_states": node_states(),
+                "edge_states": edge_states(),
+                "velocity": Velocity(vx=1.0, vy=0.0, omega=0.0),
+            }
+        )
+        self.say_state(serial)
+
+
+def node_states() -> tuple[NodeState, ...]:
+    """Give the nodes that are left of a long way."""
+    return tuple(
+        NodeState(
+            node_id=f"node-{index}",
+            sequence_id=2 * index,
+            released=True,
+            node_position=NodePosition(x=float(index), y=2.0, theta=0.0, map_id="sample-hall"),
+        )
+        for index in range(1, WAY_LENGTH)
+    )
+
+
+def edge_states() -> tuple[EdgeState, ...]:
+    """Give the edges that are left of it."""
+    return tuple(
+        EdgeState(edge_id=f"node-{index} --- node-{index + 1}", sequence_id=2 * index + 1, released=True)
+        for index in range(WAY_LENGTH - 1)
+    )
+
+
+def _factsheet(robot: RobotKey) -> Factsheet:
+    """Make the factsheet of a robot that takes orders as fast as they come."""
+    made = factsheet(robot=robot)
+    timing = made.protocol_limits.timing.model_copy(update={"minimum_order_interval": 0.0})
+    limits = made.protocol_limits.model_copy(update={"timing": timing})
+    return made.model_copy(update={"protocol_limits": limits})
 
 
 def now() -> float:

@@ -19,7 +19,16 @@ from typing import Any
 import httpx
 import psutil
 
-from bench import aggregator_load, core_cost, edge_agent, plant_cost, rest_to_wire, sessions, state_cost
+from bench import (
+    aggregator_load,
+    core_cost,
+    edge_agent,
+    order_service,
+    plant_cost,
+    rest_to_wire,
+    sessions,
+    state_cost,
+)
 from bench.robots import InstantRobots, Start
 from nena_demo import stack
 from nena_demo.processes import Child, Processes, console_script
@@ -135,6 +144,7 @@ async def _smooth(folder: Path, _samples: int, _seconds: float) -> dict[str, Any
 
 ENTRIES: dict[str, Callable[[Path, int, float], Awaitable[dict[str, Any]]]] = {
     "services": _services,
+    "order_service": order_service.measure,
     "edge_agent": edge_agent.measure,
     "memory": _memory,
     "sessions": sessions.measure,

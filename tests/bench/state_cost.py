@@ -11,13 +11,11 @@ from datetime import UTC, datetime
 import psutil
 
 from bench.figures import Figures
+from bench.robots import edge_states, node_states
 from bench.wire import Wire
-from nena_shared.vda5050.order import NodePosition
 from nena_shared.vda5050.state import (
-    EdgeState,
     EmergencyStop,
     MobileRobotPosition,
-    NodeState,
     OperatingMode,
     PowerSupply,
     SafetyState,
@@ -124,19 +122,8 @@ def payload(number: int, header_id: int) -> bytes:
         order_update_id=0,
         last_node_id="node-0",
         last_node_sequence_id=0,
-        node_states=tuple(
-            NodeState(
-                node_id=f"node-{index}",
-                sequence_id=2 * index,
-                released=True,
-                node_position=NodePosition(x=float(index), y=2.0, theta=0.0, map_id="sample-hall"),
-            )
-            for index in range(1, 20)
-        ),
-        edge_states=tuple(
-            EdgeState(edge_id=f"node-{index} --- node-{index + 1}", sequence_id=2 * index + 1, released=True)
-            for index in range(19)
-        ),
+        node_states=node_states(),
+        edge_states=edge_states(),
         velocity=Velocity(vx=1.0, vy=0.0, omega=0.0),
         loads=(),
         driving=True,

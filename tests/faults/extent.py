@@ -6,9 +6,11 @@ import os
 
 import pytest
 
-WHOLE = "NENA_FAULTS" in os.environ
+WHOLE = "NENA_FAULTS" in os.environ or "NENA_ORDER_KILLS" in os.environ
 TIMES = int(os.environ.get("NENA_FAULTS", "1"))
 """How often each fault comes."""
+ORDER_KILLS = int(os.environ.get("NENA_ORDER_KILLS", "5"))
+"""How often the order service is killed at random moments."""
 HOSTILE_MESSAGES = 10_000 if WHOLE else 1_000
 
 only_in_whole = pytest.mark.skipif(not WHOLE, reason="takes about a minute: `make faults` runs it")

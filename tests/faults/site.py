@@ -85,6 +85,7 @@ class Site:
         self,
         folder: Path,
         *,
+        loopback: int = LOOPBACK,
         on_ros: bool = False,
         store_url: str = "",
         persistence: bool = True,
@@ -122,10 +123,11 @@ class Site:
         self.stack.callback(self.broker.close)
         self.wire = self.stack.enter_context(MqttPeer(self.broker, f"{self.interface}/#", "nena/v1/#"))
         self._domain = self.stack.enter_context(own_domain_id()) if on_ros else 0
+        self._loopback = loopback
         self._on_ros = on_ros
         self._ports = {"order-service": free_port(), "aggregator": free_port()}
         self._store = store_url or f"sqlite:///{self._data}/orders.db"
-        serials = [f"loop-{number}" for number in range(1, LOOPBACK + 1)]
+        serials = [f"loop-{number}" for number in range(1, loopback + 1)]
         serials += [f"ros-{number}" for number in range(1, ON_ROS + 1)] if on_ros else []
         self.serials = tuple(serials)
         """Robots that are there."""
@@ -202,10 +204,10 @@ class Site:
     def start_loopback(self) -> Program:
         """Start the robots without ROS, all in one program."""
         starts = "".join(
-            f"[[loopback.starts]]\nx = {x}\ny = {y}\n" for x, y in map(start_of, range(LOOPBACK))
+            f"[[loopback.starts]]\nx = {x}\ny = {y}\n" for x, y in map(start_of, range(self._loopback))
         )
         more = f'driver = "loopback"\n{self._agent("loop")}{LOOPBACK_PART.format(speed=SPEED, starts=starts)}'
-        more = more.replace("[loopback]\n", f"[loopback]\ncount = {LOOPBACK}\n")
+        more = more.replace("[loopback]\n", f"[loopback]\ncount = {self._loopback}\n")
         return self._robot("loopback", more)
 
     def start_single(self, serial: str, *, at: tuple[float, float], machine: str) -> Program:
@@ -216,7 +218,7 @@ class Site:
         return self._robot(machine, text)
 
     def _start_ros(self) -> None:
-        a, b = start_of(LOOPBACK), start_of(LOOPBACK + 1)
+        a, b = start_of(self._loopback), start_of(self._loopback + 1)
         text = SIMULATOR.format(factor=TIME_FACTOR, domain=self._domain, a=a, b=b)
         self._robot("simulator", text, script="nena-robot-simulator")
         for number in range(1, ON_ROS + 1):

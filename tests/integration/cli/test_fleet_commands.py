@@ -51,8 +51,13 @@ async def test_orders_are_created_listed_shown_and_withdrawn(fleet: Fleet) -> No
         "orders", "create", "Goods in:Load cargo", "South 2",
         "--name", "T-1", "--vehicle", "Robot-02", "--priority", "7", "--property", "pallet=4711",
         "--deadline", "2035-01-01T12:00:00", "--key", "k",
+        "--on-failure", "RETRY:2:5", "--on-failure", "HOLD", "--timeout", "9999",
     )  # fmt: skip
     assert (made["name"], made["state"], made["priority"]) == ("T-1", "DISPATCHABLE", 7)
+    assert made["onFailure"] == [
+        {"do": "RETRY", "times": 2, "after": 5.0},
+        {"do": "HOLD", "times": 1, "after": 0.0},
+    ]
     asked = ("name", "driveOrders", "intendedVehicle", "priority", "properties", "deadline", "created")
     there = (await client.get("/v1/transportOrders/T-1")).json()
     assert {each: there[each] for each in asked} == {each: made[each] for each in asked}
@@ -68,6 +73,12 @@ async def test_orders_are_created_listed_shown_and_withdrawn(fleet: Fleet) -> No
     shown = await nena("orders", "show", "T-1")
     assert "pallet=4711" in shown.stdout
     assert "orderCreated" in shown.stdout
+
+    (held,) = await nena.json("orders", "hold", "T-1", "--by", "Ann", "--reason", "tea", "--no-immediate")
+    assert (held["held"]["by"], held["held"]["reason"]) == ("Ann", "tea")
+    assert "(held)" in (await nena("orders", "list")).stdout
+    (resumed,) = await nena.json("orders", "resume", "T-1", "--version", str(held["version"]))
+    assert resumed["held"] is None
 
     stale = await nena("orders", "withdraw", "T-1", "--version", "99")
     assert stale.exit_code == 1

@@ -17,9 +17,11 @@ import pytest
 from nena_deploy.identity import Kind
 from nena_deploy.site import Site
 from nena_deploy.topics import SiteTopics
+from nena_edge_agent.client_id import client_id_of
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.mqtt.tls import tls_context
 from nena_shared.settings import MqttSettings, MqttTlsSettings
+from nena_shared.vda5050.topics import RobotKey
 from support.broker import free_port, mosquitto
 from support.waiting import PATIENCE, until
 
@@ -241,3 +243,20 @@ async def test_who_is_added_has_its_rights_without_a_restart(running: Running) -
 
         assert watcher.topics == ["uagv/v2/ACME/3/state"]
         assert watcher.link.state.connects == 1, "nobody else has noticed"
+
+
+async def test_a_robot_cannot_take_its_neighbours_place_at_the_broker(running: Running) -> None:
+    """It knows how client ids are made, and has a key of its own: it makes another id of them."""
+    one, two = (running.settings_in(running.folder_of(*each)) for each in (ROBOT_1, ROBOT_2))
+    neighbour = RobotKey("ACME", "2")
+    async with connected(Client(two, client_id_of(neighbour, two))) as victim:
+        await until(lambda: victim.link.state.connected, timeout=30)
+        for stolen in (client_id_of(neighbour, one), client_id_of(neighbour, MqttSettings())):
+            async with connected(Client(one, stolen)) as thief:
+                await until(lambda thief=thief: thief.link.state.connected, timeout=30)  # type: ignore[misc] # bound at once
+                thief.publish("uagv/v2/ACME/1/state")
+                assert await thief.link.drain(30)
+        victim.publish("uagv/v2/ACME/2/state")
+        assert await victim.link.drain(30)
+
+        assert victim.link.state.connects == 1

@@ -12,7 +12,7 @@ import pytest
 
 from nena_order_service.app import serve
 from nena_shared.settings import ConfigurationError
-from nena_shared.web.users import Role, User, hash_of, write_users
+from nena_shared.web.users import Role, User, hash_of, read_users, write_users
 from support.broker import free_port
 from support.certificates import Authority
 from support.order_service_fleet import Fleet, running
@@ -66,6 +66,23 @@ async def test_nobody_else_is_told_anything(client: httpx.AsyncClient, headers: 
         assert (await client.request(method, path, headers=headers)).status_code == 401
 
     assert (await client.get("/healthz", headers=headers)).status_code == 200
+
+
+async def test_who_is_removed_is_told_no_more_events(service: Start, tmp_path: Path) -> None:
+    users = users_in(tmp_path)
+    client = await service(http={"port": free_port(), "users": users})
+    async with client.stream("GET", "/v1/events", headers=as_("VIEWER")) as answer:
+        lines = answer.aiter_lines()
+        async for line in lines:
+            if line == "event: synced":
+                break
+        write_users(users, [each for each in read_users(users) if each.role is not Role.VIEWER])
+
+        async with asyncio.timeout(30):
+            rest = [line async for line in lines]
+
+    assert "event: heartbeat" not in rest
+    assert (await client.get("/v1/vehicles", headers=as_("OPERATOR"))).status_code == 200
 
 
 async def test_over_tls_tokens_are_not_seen_on_the_way(fleet: Fleet, tmp_path: Path) -> None:

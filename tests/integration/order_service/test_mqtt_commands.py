@@ -139,6 +139,10 @@ async def test_every_command_does_its_work_as_the_document_says(
     sent = await host.ask("dispatch", vehicle="Robot-01", point="South 2")
     assert (sent["status"], sent["transportOrder"]["intendedVehicle"]) == (201, "Robot-01")
     name = sent["transportOrder"]["name"]
+    held = await host.ask("hold", transportOrder=name, by="Ann", reason="tea")
+    assert (held["status"], held["transportOrder"]["held"]["by"]) == (200, "Ann")
+    resumed = await host.ask("resume", transportOrder=name, version=held["transportOrder"]["version"])
+    assert (resumed["status"], resumed["transportOrder"].get("held")) == (200, None)
     stale = await host.ask("withdraw", transportOrder=name, version=99)
     assert (stale["status"], "has changed" in stale["problem"]["detail"]) == (412, True)
     withdrawn = await host.ask("withdraw", transportOrder=name, reason="not needed")
@@ -158,6 +162,8 @@ async def test_every_command_does_its_work_as_the_document_says(
     ("command", "body", "status"),
     [
         ("withdraw", {"transportOrder": "T-9"}, 404),
+        ("hold", {"transportOrder": "T-9"}, 404),
+        ("resume", {}, 422),
         ("delivery", {"transportOrder": "T-9"}, 404),
         ("assignment", {"transportOrder": "T-9"}, 404),
         ("dispatch", {"vehicle": "R2D2", "point": "South 2"}, 404),

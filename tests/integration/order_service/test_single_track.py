@@ -6,19 +6,16 @@ were given and what they say is read from the conversation alone.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable
-from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path as File
 from random import Random
 
 import pytest
 
-from nena_shared.mqtt import Inbound
 from nena_shared.plant import Link, Location, LocationType, Path, PlantModel, Point, Vehicle
 from nena_shared.plant.point import PointType
 from support.order_service_fleet import Fleet, every_order_ended, vehicle_idle
+from support.traffic.conversation import Conversation
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 
@@ -70,58 +67,7 @@ def single_track() -> PlantModel:
     )
 
 
-@dataclass
-class Checker:
-    """Reads a conversation, and finds robots that could be where somebody else is.
-
-    A robot may be anywhere on the base that it was sent, from the node that it reported last on; until a
-    state tells more, what it was sent before counts as well.
-    """
-
-    on: dict[str, set[str]] = field(default_factory=dict)
-    orders: dict[str, tuple[str, list[tuple[int, str]]]] = field(default_factory=dict)
-    """The order of each robot, and its base: sequence ids and resources."""
-    clashes: list[str] = field(default_factory=list)
-
-    def read(self, messages: Iterable[Inbound]) -> None:
-        for message in messages:
-            *_, robot, kind = message.topic.split("/")
-            if kind == "order":
-                self._order(robot, json.loads(message.payload))
-            elif kind == "state":
-                self._state(robot, json.loads(message.payload))
-
-    def _order(self, robot: str, order: dict[str, object]) -> None:
-        parts = [*order["nodes"], *order["edges"]]  # type: ignore[misc] # as the standard has it
-        base = sorted((part["sequenceId"], _resource(part)) for part in parts if part["released"])
-        name = str(order["orderId"])
-        before = self.orders.get(robot)
-        known = before[1] if before and before[0] == name else []
-        self.orders[robot] = name, sorted({*known, *base})
-        self.on[robot] = self.on.get(robot, set()) | {resource for _, resource in base}
-        self._look(robot)
-
-    def _state(self, robot: str, state: dict[str, object]) -> None:
-        name, base = self.orders.get(robot, ("", []))
-        if state["orderId"] != name or not base:
-            self.on.setdefault(robot, {str(state["lastNodeId"])} - {""})
-        elif state["nodeStates"] or state["lastNodeSequenceId"] == base[-1][0]:
-            last = int(str(state["lastNodeSequenceId"]))
-            self.on[robot] = {resource for sequence, resource in base if sequence >= last}
-        self._look(robot)
-
-    def _look(self, robot: str) -> None:
-        for other, resources in self.on.items():
-            shared = self.on[robot] & resources
-            if other != robot and shared:
-                self.clashes.append(f"{robot} and {other} at {sorted(shared)}")
-
-
-def _resource(part: dict[str, str]) -> str:
-    return part["nodeId"] if "nodeId" in part else part["edgeId"].removesuffix(":backward")
-
-
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(400)
 async def test_sixty_orders_over_a_single_track_are_done_without_two_robots_in_one_place(
     fleet: Fleet, tmp_path: File
 ) -> None:
@@ -146,7 +92,7 @@ async def test_sixty_orders_over_a_single_track_are_done_without_two_robots_in_o
     orders = await every_order_ended(client, 400)
     assert {order["state"] for order in orders} == {"FINISHED"}, [order["reason"] for order in orders]
     assert len(orders) == ORDERS
-    checker = Checker()
+    checker = Conversation()
     checker.read(wire.history)
     assert len(checker.on) == ROBOTS
     assert checker.clashes == []

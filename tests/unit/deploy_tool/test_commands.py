@@ -1,5 +1,10 @@
 from __future__ import annotations
 
+import grp
+import os
+import stat
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -110,3 +115,38 @@ def test_users_come_and_go(tmp_path: Path) -> None:
     assert run("user", "list", users).stdout == "ann\toperator\nbob\tadmin\n"
     run("user", "remove", users, "ann")
     assert book.who(token) is None
+
+
+def test_services_read_the_file_of_users_by_their_group(tmp_path: Path) -> None:
+    file, group = tmp_path / "users.toml", grp.getgrgid(os.getgroups()[-1] if os.geteuid() else 65534)
+    done = run("user", "add", file, "ann", "--role", "viewer", "--group", group.gr_name)
+    assert done.exit_code == 0, done.stderr
+
+    run("user", "add", file, "bob", "--role", "viewer")
+
+    status = file.stat()
+    assert (status.st_gid, stat.S_IMODE(status.st_mode)) == (group.gr_gid, 0o640)
+
+
+def test_a_group_that_is_not_there_is_told(tmp_path: Path) -> None:
+    done = run("user", "add", tmp_path / "users.toml", "ann", "--role", "viewer", "--group", "no-such-group")
+
+    assert done.exit_code == 2
+    assert "groupadd --system no-such-group" in done.stderr
+
+
+def test_many_at_once_lose_no_user(tmp_path: Path) -> None:
+    file, names = tmp_path / "users.toml", [f"user-{number}" for number in range(6)]
+    command = (sys.executable, "-m", "nena_deploy", "user", "add", file, "--role", "viewer")
+    running = [subprocess.Popen([*command, name], stdout=subprocess.DEVNULL) for name in names]
+    assert [each.wait(60) for each in running] == [0] * len(names)
+
+    assert sorted(line.split("\t")[0] for line in run("user", "list", file).stdout.splitlines()) == names
+
+
+def test_many_at_once_lose_no_robot(site: Path) -> None:
+    command = (sys.executable, "-m", "nena_deploy", "robot", "add", site, "ACME")
+    running = [subprocess.Popen([*command, str(number)], stderr=subprocess.DEVNULL) for number in range(4)]
+    assert [each.wait(60) for each in running] == [0] * 4
+
+    assert {line[1] for line in listed(site)} >= {f"ACME/{number}" for number in range(4)}

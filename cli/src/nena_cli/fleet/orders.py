@@ -1,9 +1,10 @@
-"""``nena orders``: create, list, show, watch, withdraw."""
+"""``nena orders``: create, list, show, watch, withdraw, hold, resume."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from datetime import datetime
+from getpass import getuser
 from itertools import islice
 from typing import Annotated
 from urllib.parse import quote
@@ -13,6 +14,7 @@ from pydantic import JsonValue, ValidationError
 
 from nena_cli.fleet import tables
 from nena_cli.fleet.connection import Connection
+from nena_cli.fleet.measures import parse_measure
 from nena_cli.fleet.shell import REFUSED, AsJson, Token, TokenFile, Urls, connected, put_json, say, show
 from nena_cli.fleet.stops import parse_property, parse_stop
 from nena_cli.fleet.watch import Board, watch
@@ -62,6 +64,19 @@ def create(
     properties: Annotated[
         list[str] | None, typer.Option("--property", help="KEY=VALUE; several times if wanted.")
     ] = None,
+    on_failure: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--on-failure",
+            help="MEASURE, MEASURE:TIMES or MEASURE:TIMES:SECONDS; several times, in their order.",
+        ),
+    ] = None,
+    timeout: Annotated[
+        float | None, typer.Option(help="Seconds after which it is cancelled if it is not done.")
+    ] = None,
+    processing_timeout: Annotated[
+        float | None, typer.Option(help="The same, from when it is first given to a vehicle.")
+    ] = None,
     key: Annotated[
         str | None, typer.Option("--key", help="Idempotency key: the same again makes no second order.")
     ] = None,
@@ -85,6 +100,9 @@ def create(
         type=kind,
         dispensable=dispensable,
         properties=tuple(map(parse_property, properties or ())),
+        on_failure=None if on_failure is None else tuple(map(parse_measure, on_failure)),
+        timeout=timeout,
+        processing_timeout=processing_timeout,
         idempotency_key=key,
     )
     with connected(url, token, token_file) as connection:
@@ -169,11 +187,61 @@ def withdraw(
     as_json: AsJson = False,
 ) -> None:
     """Withdraw a transport order: it fails at once, or when its vehicle has let it go."""
-    headers = {} if version is None else {"If-Match": f'"{version}"'}
     body: dict[str, JsonValue] = {} if reason is None else {"reason": reason}
     with connected(url, token, token_file) as connection:
-        order = connection.post(TransportOrderStatus, f"{_path(name)}/withdrawal", body, headers)
+        order = connection.post(TransportOrderStatus, f"{_path(name)}/withdrawal", body, _if(version))
         put_orders([order], as_json=as_json)
+
+
+By = Annotated[str | None, typer.Option(help="Who asks; without it the name of the user.")]
+Version = Annotated[int | None, typer.Option(help="Only if it still has this version.")]
+
+
+@app.command()
+def hold(
+    name: Name,
+    *,
+    reason: Annotated[str | None, typer.Option(help="Why; stands in the order's reason and history.")] = None,
+    by: By = None,
+    immediate: Annotated[
+        bool, typer.Option(help="Its robot is to stop; else it drives to the end of what it was given.")
+    ] = True,
+    version: Version = None,
+    url: Urls = None,
+    token: Token = None,
+    token_file: TokenFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Let a transport order wait until it is resumed; it keeps its vehicle, which stands."""
+    body: dict[str, JsonValue] = {"by": by or getuser(), "immediate": immediate}
+    body |= {} if reason is None else {"reason": reason}
+    with connected(url, token, token_file) as connection:
+        order = connection.post(TransportOrderStatus, f"{_path(name)}/hold", body, _if(version))
+        put_orders([order], as_json=as_json)
+
+
+@app.command()
+def resume(
+    name: Name,
+    *,
+    reason: Annotated[str | None, typer.Option(help="Why; stands in the order's history.")] = None,
+    by: By = None,
+    version: Version = None,
+    url: Urls = None,
+    token: Token = None,
+    token_file: TokenFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Let a held transport order go on from where its vehicle stands."""
+    body: dict[str, JsonValue] = {"by": by or getuser()}
+    body |= {} if reason is None else {"reason": reason}
+    with connected(url, token, token_file) as connection:
+        order = connection.post(TransportOrderStatus, f"{_path(name)}/resume", body, _if(version))
+        put_orders([order], as_json=as_json)
+
+
+def _if(version: int | None) -> dict[str, str]:
+    return {} if version is None else {"If-Match": f'"{version}"'}
 
 
 def _request(file: typer.FileText | None, **fields: object) -> TransportOrderRequest:

@@ -36,7 +36,7 @@ def orders_table(orders: Iterable[TransportOrderStatus]) -> Table:
     for order in orders:
         table.add_row(
             Text(order.name),
-            Text(order.state, style=STATE_STYLES.get(order.state, "")),
+            _state(order),
             Text(order.processing_vehicle or _meant_for(order)),
             destinations(order),
             Text(str(order.priority or "")),
@@ -61,7 +61,7 @@ def order_details(order: TransportOrderStatus, delivery: DeliveryStatus) -> Tabl
     table = Table.grid(padding=(0, 2))
     rows = [
         ("order", Text(order.name)),
-        ("state", Text(order.state, style=STATE_STYLES.get(order.state, ""))),
+        ("state", _state(order)),
         ("reason", Text(order.reason)),
         ("vehicle", Text(order.processing_vehicle or "")),
         ("intended vehicle", Text(order.intended_vehicle or "")),
@@ -123,6 +123,11 @@ def rerouting_table(done: ReroutingAnswer) -> Table:
     way = " > ".join(done.route)
     table.add_row(*map(Text, (done.vehicle, done.transport_order, done.outcome, way, done.reason)))
     return table
+
+
+def _state(order: TransportOrderStatus) -> Text:
+    style = STATE_STYLES.get(order.state, "")
+    return Text(f"{order.state} (held)", style="yellow") if order.held else Text(order.state, style=style)
 
 
 def _meant_for(order: TransportOrderStatus) -> str:

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from nena_deploy import user_commands
+from nena_deploy.alone import alone
 from nena_deploy.authority import expiry
 from nena_deploy.identity import Kind, host_name, robot_name
 from nena_deploy.site import Site
@@ -50,7 +51,7 @@ def init(
     topics = SiteTopics(
         interface_name=interface_name, interface_name_v3=interface_name_v3, prefix=topic_prefix
     )
-    with faults_told():
+    with faults_told(), alone(folder):
         Site.new(
             folder,
             hosts=tuple(host),
@@ -80,14 +81,14 @@ def list_(folder: Folder) -> None:
 @robot.command("add")
 def add_robot(folder: Folder, manufacturer: str, serial_number: str, *, days: Days = 825) -> None:
     """Give a robot an identity, or a new certificate in the place of its old one."""
-    with faults_told():
+    with faults_told(), alone(folder):
         _added(Site.open(folder).add(Kind.ROBOT, robot_name(manufacturer, serial_number), days=days))
 
 
 @robot.command("remove")
 def remove_robot(folder: Folder, manufacturer: str, serial_number: str) -> None:
     """Take a robot's identity back."""
-    with faults_told():
+    with faults_told(), alone(folder):
         Site.open(folder).remove(Kind.ROBOT, robot_name(manufacturer, serial_number))
     _tell_broker()
 
@@ -95,14 +96,14 @@ def remove_robot(folder: Folder, manufacturer: str, serial_number: str) -> None:
 @host.command("add")
 def add_host(folder: Folder, name: str, *, days: Days = 825) -> None:
     """Give a host an identity, or a new certificate in the place of its old one."""
-    with faults_told():
+    with faults_told(), alone(folder):
         _added(Site.open(folder).add(Kind.HOST, host_name(name), days=days))
 
 
 @host.command("remove")
 def remove_host(folder: Folder, name: str) -> None:
     """Take a host's identity back."""
-    with faults_told():
+    with faults_told(), alone(folder):
         Site.open(folder).remove(Kind.HOST, host_name(name))
     _tell_broker()
 

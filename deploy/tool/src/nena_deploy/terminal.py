@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 import typer
 
+from nena_deploy.alone import BusyError
 from nena_deploy.identity import IdentityError
 from nena_deploy.site import SiteError
 from nena_shared.settings import ConfigurationError
@@ -25,6 +26,6 @@ def faults_told() -> Iterator[None]:
     """End with one clear line where the work cannot be done."""
     try:
         yield
-    except (SiteError, IdentityError, ConfigurationError, OSError) as error:
+    except (SiteError, BusyError, IdentityError, ConfigurationError, OSError) as error:
         say(f"nena-deploy: {error}")
         raise typer.Exit(WRONG) from error

@@ -7,8 +7,11 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import ParamSpec
 
+from structlog.contextvars import bind_contextvars
+
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.runner import ActionRunner
+from nena_edge_agent.client_id import client_id_of
 from nena_edge_agent.collector import spare_what_is_loaded
 from nena_edge_agent.driver.port import DriveFailed, DriveFailure, DriveGoal, Driver, Pose
 from nena_edge_agent.factsheet import make_factsheet
@@ -150,6 +153,7 @@ class RobotAgent:
             TaskFailedError: a task of the robot has failed.
 
         """
+        bind_contextvars(robot=str(self.robot))  # in the log of all that it has done, too
         if self._maps:
             self._mailbox.put(MapsReport(self._maps))
         if self._journal_loss:
@@ -317,20 +321,13 @@ class RobotAgent:
     def _connect(self, make_link: Callable[..., MqttLink]) -> MqttLink:
         link = make_link(
             self._settings.mqtt,
-            client_id=f"nena-edge-agent-{self.robot.manufacturer}-{self.robot.serial_number}",
+            client_id=client_id_of(self.robot, self._settings.mqtt),
             will=lambda: self._connection(ConnectionState.CONNECTION_BROKEN),
             on_connected=self._greet,
             on_subscribed=self._on_subscribed,
             on_lost=lambda: self._mailbox.put(LinkReport(connected=False)),
         )
-        handlers = {
-            Topic.ORDER: self._inbox.take_order,
-            Topic.INSTANT_ACTIONS: self._inbox.take_instant_actions,
-        }
-        if self._capabilities.zones:
-            handlers[Topic.ZONE_SET] = self._inbox.take_zone_set
-            handlers[Topic.RESPONSES] = self._inbox.take_responses
-        for topic, handler in handlers.items():
+        for topic, handler in self._inbox.handlers(zones=bool(self._capabilities.zones)).items():
             link.subscribe(self._topics.of(self.robot, topic), handler, qos=self._settings.qos)
         return link
 

@@ -17,7 +17,7 @@ from nena_edge_agent.protocol.events import (
 )
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
-from nena_shared.mqtt import Inbound
+from nena_shared.mqtt import Handler, Inbound
 from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.error import ErrorEntry, ErrorReference, ErrorType, error
@@ -59,10 +59,23 @@ class Inbox:
         self._log = log.bind(robot=str(robot))
         self.counts = InboxCounts()
 
+    def handlers(self, *, zones: bool) -> dict[Topic, Handler]:
+        """Give what takes the messages under each topic; those for ``zones`` only where they are wanted."""
+        always: dict[Topic, Handler] = {
+            Topic.ORDER: self.take_order,
+            Topic.INSTANT_ACTIONS: self.take_instant_actions,
+        }
+        of_zones: dict[Topic, Handler] = {
+            Topic.ZONE_SET: self.take_zone_set,
+            Topic.RESPONSES: self.take_responses,
+        }
+        return always | of_zones if zones else always
+
     def take_order(self, message: Inbound) -> None:
         """Read a message under the order topic."""
         order = self._read(Order, message, Topic.ORDER)
         if order is not None:
+            self._log.info("order received", order=order.order_id, update=order.order_update_id)
             self._put(OrderReceived(order))
 
     def take_instant_actions(self, message: Inbound) -> None:

@@ -287,4 +287,5 @@ def _make_kernel(
         planner=MissionPlanner(plant, finder, OperationMap(settings.kernel.action_types)),
         clock=clock,
         settings=settings.kernel,
+        on_failure=settings.orders.on_failure,
     )

@@ -87,9 +87,19 @@ class OrderEndedError(Exception):
     """The order is in a final state; nothing can be changed about it."""
 
     def __init__(self, name: str, state: str) -> None:
-        super().__init__(f"Transport order {name!r} is {state} already; nothing is left to withdraw.")
+        super().__init__(f"Transport order {name!r} is {state} already; nothing about it can be changed.")
         self.name = name
         self.state = state
+
+
+class OrderWithdrawnError(Exception):
+    """The order is about to end; it cannot be held."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(
+            f"Transport order {name!r} is withdrawn already, and ends when its vehicle lets it go."
+        )
+        self.name = name
 
 
 class VehicleNotReachedError(Exception):

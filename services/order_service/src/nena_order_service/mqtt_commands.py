@@ -18,6 +18,7 @@ from nena_order_service.mqtt_requests import REQUESTS_LIMIT, read_request, too_m
 from nena_order_service.problems import FORESEEN, problem_of
 from nena_order_service.rest.bodies import (
     DispatchRequest,
+    HoldRequest,
     InstantActionAnswer,
     InstantActionRequest,
     IntegrationLevelRequest,
@@ -25,6 +26,7 @@ from nena_order_service.rest.bodies import (
     OrderTypesRequest,
     PathLockRequest,
     ReroutingRequest,
+    ResumeRequest,
     WithdrawalRequest,
 )
 from nena_order_service.store.sequences import SequenceFilter
@@ -52,6 +54,22 @@ class Command(Request):
 
 class WithdrawCommand(Command, WithdrawalRequest):
     """Asks for the end of a transport order."""
+
+    transport_order: ObjectName
+    version: int | None = None
+    """Only if it still has this version."""
+
+
+class HoldCommand(Command, HoldRequest):
+    """Lets a transport order wait until it is resumed."""
+
+    transport_order: ObjectName
+    version: int | None = None
+    """Only if it still has this version."""
+
+
+class ResumeCommand(Command, ResumeRequest):
+    """Lets a held transport order go on."""
 
     transport_order: ObjectName
     version: int | None = None
@@ -153,6 +171,8 @@ class CommandAnswer(Resource):
 
 COMMANDS: dict[str, type[Command]] = {
     "withdraw": WithdrawCommand,
+    "hold": HoldCommand,
+    "resume": ResumeCommand,
     "delivery": DeliveryCommand,
     "assignment": AssignmentCommand,
     "dispatch": DispatchCommand,
@@ -181,6 +201,8 @@ class Verbs:
         self._locks = locks
         self.by_name: dict[str, Verb] = {
             "withdraw": self.withdraw,
+            "hold": self.hold,
+            "resume": self.resume,
             "delivery": self.delivery,
             "assignment": self.assignment,
             "dispatch": self.dispatch,
@@ -197,9 +219,29 @@ class Verbs:
 
     async def withdraw(self, command: WithdrawCommand) -> CommandAnswer:
         """Withdraw an order."""
-        seen = None if command.version is None else ETag.of(command.version)
         order = await self._requests.withdraw(
-            command.transport_order, command.reason, seen=seen, immediate=command.immediate
+            command.transport_order,
+            command.reason,
+            seen=_seen(command.version),
+            immediate=command.immediate,
+        )
+        return CommandAnswer(status=HTTPStatus.OK, transport_order=order)
+
+    async def hold(self, command: HoldCommand) -> CommandAnswer:
+        """Let an order wait."""
+        order = await self._requests.hold(
+            command.transport_order,
+            command.by,
+            command.reason,
+            seen=_seen(command.version),
+            immediate=command.immediate,
+        )
+        return CommandAnswer(status=HTTPStatus.OK, transport_order=order)
+
+    async def resume(self, command: ResumeCommand) -> CommandAnswer:
+        """Let a held order go on."""
+        order = await self._requests.resume(
+            command.transport_order, command.by, command.reason, seen=_seen(command.version)
         )
         return CommandAnswer(status=HTTPStatus.OK, transport_order=order)
 
@@ -317,6 +359,10 @@ class MqttCommands:
     def _answer(self, host: str, name: str, answer: CommandAnswer) -> None:
         body = answer.model_dump_json(by_alias=True, exclude_none=True).encode()
         self._mqtt.publish(Outbound(self._topics.command_answer(host, name), body))
+
+
+def _seen(version: int | None) -> ETag | None:
+    return None if version is None else ETag.of(version)
 
 
 def _refusal(problem: Problem, command: Command | None = None) -> CommandAnswer:

@@ -16,6 +16,7 @@ STATUS: dict[type[Exception], HTTPStatus] = {
     errors.UnknownSequenceError: HTTPStatus.NOT_FOUND,
     errors.UnknownDependencyError: HTTPStatus.NOT_FOUND,
     errors.OrderEndedError: HTTPStatus.CONFLICT,
+    errors.OrderWithdrawnError: HTTPStatus.CONFLICT,
     errors.VehicleNotReachedError: HTTPStatus.CONFLICT,
     errors.NotReroutableError: HTTPStatus.CONFLICT,
     errors.UnknownOrderError: HTTPStatus.NOT_FOUND,

@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Field, HttpUrl, SecretStr
 from nena_order_service.fleet import FleetSettings
 from nena_order_service.kernel.settings import KernelSettings
 from nena_order_service.routing import CostKey
+from nena_shared.fleet_api.failure_policy import FailurePolicy
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix, secret_in
 from nena_shared.web.settings import HttpSettings
 
@@ -53,6 +54,17 @@ class RoutingSettings(SettingsGroup):
     )
 
 
+class OrderSettings(SettingsGroup):
+    """What counts for orders that say nothing else."""
+
+    on_failure: FailurePolicy = Field(
+        (),
+        description="What is done when a vehicle fails at an order that says nothing of that: measures that "
+        'are tried in turn, such as [{"do": "RETRY", "times": 2}, {"do": "HOLD"}] (docs/order-service.md); '
+        "empty: the order fails.",
+    )
+
+
 class EventSettings(SettingsGroup):
     """The event stream."""
 
@@ -72,6 +84,9 @@ class OrderServiceSettings(ServiceSettings):
 
     plant: Path = Field(description="Plant model: openTCS's XML (0.0.2 to 7.0.0), LIF, or NeNa's own JSON.")
     routing: RoutingSettings = Field(default_factory=RoutingSettings, description="What a way costs.")
+    orders: OrderSettings = Field(
+        default_factory=OrderSettings, description="What counts for orders that say nothing else."
+    )
     store: StoreSettings = Field(default_factory=StoreSettings, description="The store of the orders.")
     http: HttpSettings = Field(default_factory=lambda: HttpSettings(port=55200), description="The REST door.")
     public_url: HttpUrl | None = Field(

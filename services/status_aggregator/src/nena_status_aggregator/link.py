@@ -24,13 +24,13 @@ from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.malformed import MalformedMessageError, problems_of
+from nena_shared.vda5050.message_reader import Decode, MessageReader
 from nena_shared.vda5050.robot_sources import RobotSources
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_status_aggregator import protocol
 from nena_status_aggregator.fleet_model.instant import Instant
 from nena_status_aggregator.fleet_model.message_kind import MessageKind
 from nena_status_aggregator.fleet_model.model import FleetModel
-from nena_status_aggregator.reader import Decode, MessageReader
 from nena_status_aggregator.settings import AggregatorSettings
 from nena_status_aggregator.share import Share
 

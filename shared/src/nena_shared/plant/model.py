@@ -10,6 +10,7 @@ from nena_shared.plant.block import Block
 from nena_shared.plant.errors import ObjectKind, UnknownObjectError
 from nena_shared.plant.location import Link, Location, LocationType
 from nena_shared.plant.path import DirectedEdge, Path
+from nena_shared.plant.planar_index import Box, PlanarIndex
 from nena_shared.plant.point import Point
 from nena_shared.plant.record import PlantRecord
 from nena_shared.plant.vehicle import Vehicle
@@ -56,6 +57,17 @@ class PlantModel(PlantRecord):
     def points_by_name(self) -> Mapping[str, Point]:
         """The points by their names."""
         return {point.name: point for point in self.points}
+
+    @cached_property
+    def points_by_map(self) -> Mapping[str | None, PlanarIndex[Point]]:
+        """The points by the maps that they name, None for those that name none, to be found by place (m)."""
+        maps: dict[str | None, list[Point]] = {}
+        for point in self.points:
+            maps.setdefault(point.map_id or None, []).append(point)
+        return {
+            map_id: PlanarIndex((Box(each.x_m, each.y_m, each.x_m, each.y_m), each) for each in points)
+            for map_id, points in maps.items()
+        }
 
     @cached_property
     def paths_by_name(self) -> Mapping[str, Path]:

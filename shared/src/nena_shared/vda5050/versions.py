@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Final
 
@@ -92,6 +93,7 @@ def codec_of_header(payload: bytes) -> Codec | None:
     return None if version is None else nearest_codec(version)
 
 
+@lru_cache(maxsize=100)
 def nearest_codec(version: str) -> Codec | None:
     """Give the codec of this version, or of the nearest older one of the same major version."""
     wanted = _numbers(version)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
 from math import ceil
@@ -14,6 +15,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.log import get_logger
 from nena_shared.settings import ConfigurationError
+from nena_shared.web.lasting_answer import LastingAnswer
 from nena_shared.web.problem import refusal
 from nena_shared.web.rate_limit import RateLimit
 from nena_shared.web.settings import HttpSettings
@@ -70,6 +72,10 @@ class AccessControl:
                 answer = refusal(error.status, error.detail, error.headers)
                 await answer(scope, receive, send)
                 return
+            if scope["method"] == "GET" and self.book and scope["state"]["user"]:
+                may_stay = partial(self._may_stay, scope)
+                lasting = LastingAnswer(receive, send, allowed=may_stay, clock=self.clock)
+                receive, send = lasting.receive, lasting.send
         await self.app(scope, receive, send)
 
     def _let_in(self, scope: Scope) -> User | None:
@@ -90,6 +96,19 @@ class AccessControl:
         if role > Role.VIEWER:
             log.info("command let in", user=user.name, method=scope["method"], path=scope["path"])
         return user
+
+    def _may_stay(self, scope: Scope) -> bool:
+        """Tell whether somebody who was let in would be let in again."""
+        role = self.role_needed(scope["method"], scope["path"])
+        token = token_of(Headers(scope=scope), cookies=self.cookies)
+        try:
+            user = self.book.who(token) if self.book else None
+        except ConfigurationError:
+            user = None
+        if user is None or (role and user.role < role):
+            log.info("an answer ends: its user may no longer have it", user=scope["state"]["user"].name)
+            return False
+        return True
 
     def _who(self, token: str, address: str) -> User | None:
         if self.book is None:

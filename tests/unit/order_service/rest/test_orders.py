@@ -248,3 +248,27 @@ async def test_delivery_of_an_order_is_told(client: httpx.AsyncClient) -> None:
     told = (await client.get(f"{ORDERS}/T-1/delivery")).json()
     assert (told["transportOrder"], told["phase"]) == ("T-1", "NONE")
     problem(await client.get(f"{ORDERS}/T-9/delivery"), 404)
+
+
+async def test_a_waiting_order_is_held_and_resumed(client: httpx.AsyncClient) -> None:
+    made = await client.post(ORDERS, json={"name": "T-1", "destinations": [{"locationName": "South 2"}]})
+    assert made.status_code == 201, made.text
+    held = (await client.post(f"{ORDERS}/T-1/hold", json={"by": "Ann", "reason": "tea"})).json()
+    assert (held["held"]["by"], held["state"]) == ("Ann", "DISPATCHABLE")
+    assert held["reason"].startswith("held by Ann since ")
+    again = await client.post(f"{ORDERS}/T-1/hold", json={"by": "Bob"})
+    assert again.json()["held"] == held["held"]
+    stale = await client.post(f"{ORDERS}/T-1/resume", headers={"If-Match": '"1"'})
+    problem(stale, 412)
+    resumed = (await client.post(f"{ORDERS}/T-1/resume", json={"by": "Bob"})).json()
+    assert resumed["held"] is None
+    codes = [entry["eventCode"] for entry in resumed["history"]]
+    assert codes[-3:-1] == ["nena:held", "nena:resumed"]
+
+
+async def test_what_has_ended_is_neither_held_nor_resumed(client: httpx.AsyncClient) -> None:
+    await client.post(ORDERS, json={"name": "T-1", "destinations": [{"locationName": "South 2"}]})
+    await client.post(f"{ORDERS}/T-1/withdrawal")
+    for verb in ("hold", "resume"):
+        assert "FAILED already" in problem(await client.post(f"{ORDERS}/T-1/{verb}"), 409).detail
+        problem(await client.post(f"{ORDERS}/T-9/{verb}"), 404)

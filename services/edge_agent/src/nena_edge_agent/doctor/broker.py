@@ -15,6 +15,7 @@ from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from paho.mqtt.reasoncodes import ReasonCode
 
+from nena_edge_agent.client_id import client_id_of
 from nena_edge_agent.doctor.finding import Finding, Link, missing, ok, unknown
 from nena_edge_agent.header import HeaderMaker
 from nena_edge_agent.settings import EdgeAgentSettings
@@ -143,8 +144,8 @@ class _Probe:
 
 def client_id(settings: EdgeAgentSettings) -> str:
     """Give the doctor's client id: the agent's with an end, for a broker that goes by the beginning."""
-    own = settings.mqtt.client_id
-    return f"{own or f'nena-edge-agent-{settings.manufacturer}-{settings.serial_number}'}-doctor"
+    robot = RobotKey(settings.manufacturer, settings.serial_number)
+    return f"{settings.mqtt.client_id or client_id_of(robot, settings.mqtt)}-doctor"
 
 
 def map_ids(plant: bytes) -> frozenset[str]:

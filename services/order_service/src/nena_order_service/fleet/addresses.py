@@ -11,9 +11,8 @@ from pydantic import TypeAdapter, ValidationError
 from nena_shared.log import get_logger
 from nena_shared.plant import Vehicle
 from nena_shared.settings import ConfigurationError, TopicPrefix
-from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import Codec
-from nena_shared.vda5050.robot_sources import RobotSources
+from nena_shared.vda5050.robot_sources import Dated, RobotSources
 from nena_shared.vda5050.topics import RobotKey, TopicScheme
 from nena_shared.vda5050.versions import UnknownVersionError, codec_named
 
@@ -68,7 +67,7 @@ class RobotAddresses:
         return self._addresses.get(robot)
 
     def learn(
-        self, robot: RobotKey, codec: Codec, scheme: TopicScheme, message: Header, *, retained: bool
+        self, robot: RobotKey, codec: Codec, scheme: TopicScheme, message: Dated, *, retained: bool
     ) -> bool:
         """Note that ``robot`` has spoken there; from now on it is answered there.
 

@@ -7,9 +7,10 @@ from typing import Final
 
 from nena_order_service.fleet import reported_errors
 from nena_order_service.fleet.progress import is_idle
+from nena_order_service.fleet.reported import State
 from nena_order_service.fleet.view import LinkStatus
 from nena_shared.fleet_api.vehicle import VehicleState
-from nena_shared.vda5050.state import EmergencyStop, State
+from nena_shared.vda5050.state import EmergencyStop
 
 LINK_REASONS: Final = {
     LinkStatus.UNKNOWN: "has never been heard of",

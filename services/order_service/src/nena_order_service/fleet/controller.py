@@ -11,13 +11,13 @@ from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.operations import fresh_id
 from nena_order_service.fleet.outputs import Outputs
 from nena_order_service.fleet.release_desk import ReleaseDesk
+from nena_order_service.fleet.reported import State
 from nena_order_service.fleet.robot_control import RobotControl
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.view import RobotView
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
-from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 
 RETAINED_WITHIN: Final = 1.0

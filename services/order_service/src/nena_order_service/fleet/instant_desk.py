@@ -18,11 +18,11 @@ from nena_order_service.fleet.instant_run import (
     factsheet_request,
 )
 from nena_order_service.fleet.outputs import FleetOutput, InstantActionEnded, PublishInstantActions
+from nena_order_service.fleet.reported import ActionState, State
 from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, Robot
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.view import LinkStatus
-from nena_shared.vda5050.action import Action, ActionState, ActionStatus
-from nena_shared.vda5050.state import State
+from nena_shared.vda5050.action import Action, ActionStatus
 
 INSTANT_IDS_KEPT: Final = 200
 """Ids of instant actions that are remembered, so that their states are not taken for the order's."""

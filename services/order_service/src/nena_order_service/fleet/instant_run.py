@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from nena_order_service.fleet.delivery import Delivery
+from nena_order_service.fleet.reported import ActionState
 from nena_order_service.fleet.settings import FleetSettings
-from nena_shared.vda5050.action import Action, ActionParameter, ActionState, ActionStatus, BlockingType
+from nena_shared.vda5050.action import Action, ActionParameter, ActionStatus, BlockingType
 
 CANCEL_ORDER: Final = "cancelOrder"
 CLEAR_INSTANT_ACTIONS: Final = "clearInstantActions"

@@ -13,7 +13,7 @@ from nena_order_service.fleet.addresses import RobotAddresses
 from nena_order_service.fleet.controller import FleetController
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.outgoing import Outgoing
-from nena_order_service.fleet.outputs import FleetOutput, Publish
+from nena_order_service.fleet.outputs import FleetOutput, Outputs, Publish
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.view import RobotView
 from nena_shared.clock import Clock
@@ -22,19 +22,31 @@ from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.tasks import forever
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.brief.reader import read_brief
+from nena_shared.vda5050.brief.state import StateBrief
+from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.malformed import MalformedMessageError
-from nena_shared.vda5050.state import State
+from nena_shared.vda5050.message_reader import Decode, MessageReader
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
-from nena_shared.vda5050.versions import reader_of
+from nena_shared.vda5050.versions import nearest_codec
 
 log = get_logger(__name__)
 
-M = TypeVar("M", bound=Header)
+H = TypeVar("H", bound=Header)
+M = TypeVar("M", Connection, Factsheet, StateBrief)
+Take = Callable[[RobotKey, M, float], Outputs]
+
+KEY_LENGTH: Final = 400
+"""Characters of manufacturer and serial number together that the store can hold."""
 
 MALFORMED_LOGGED_EACH: Final = 100
 """Of a robot's malformed messages the first and then each of so many is logged."""
+
+
+LOGGED_OF_NAME: Final = 60
+"""Characters of a name that is too long."""
 
 
 class FleetLink:
@@ -66,14 +78,12 @@ class FleetLink:
         """How many messages could not be read."""
         self.ignored = 0
         """How many messages came from robots beyond the limit of robots."""
-        for topic, handler in (
-            (Topic.CONNECTION, self._take_connection),
-            (Topic.FACTSHEET, self._take_factsheet),
-            (Topic.STATE, self._take_state),
-        ):
-            qos = 1 if topic is Topic.CONNECTION else settings.qos
-            for scheme in addresses.schemes:
-                mqtt.subscribe(scheme.for_all(topic), partial(handler, scheme), qos=qos)
+        self.too_long = 0
+        """How many messages came from robots whose names are longer than the store can hold."""
+        self._reader = MessageReader()
+        self._hear(Topic.CONNECTION, _in_full(Connection), self._controller.on_connection, qos=1)
+        self._hear(Topic.FACTSHEET, _in_full(Factsheet), self._controller.on_factsheet, qos=settings.qos)
+        self._hear(Topic.STATE, _state_in_brief, self._controller.on_state, qos=settings.qos)
 
     async def run(self) -> None:
         """Look after what is overdue, until cancelled."""
@@ -131,38 +141,50 @@ class FleetLink:
             self._connected = connected
             self._hand_out(self._controller.on_broker(connected=connected, now=self._now()))
 
-    def _take_connection(self, scheme: TopicScheme, inbound: Inbound) -> None:
-        read = self._read(Connection, scheme, inbound)
-        if read:
-            self._hand_out(self._controller.on_connection(*read, self._now()))
+    def _hear(self, topic: Topic, decode: Decode[M], take: Take[M], *, qos: int) -> None:
+        """Subscribe to a topic of all robots; ``take`` gets what is well-formed and says something of now."""
 
-    def _take_factsheet(self, scheme: TopicScheme, inbound: Inbound) -> None:
-        read = self._read(Factsheet, scheme, inbound)
-        if read:
-            self._hand_out(self._controller.on_factsheet(*read, self._now()))
+        def handle(scheme: TopicScheme, inbound: Inbound) -> None:
+            read = self._read(decode, scheme, inbound)
+            if read:
+                self._hand_out(take(*read, self._now()))
 
-    def _take_state(self, scheme: TopicScheme, inbound: Inbound) -> None:
-        read = self._read(State, scheme, inbound)
-        if read:
-            self._hand_out(self._controller.on_state(*read, self._now()))
+        for scheme in self._addresses.schemes:
+            self._mqtt.subscribe(scheme.for_all(topic), partial(handle, scheme), qos=qos)
 
-    def _read(self, kind: type[M], scheme: TopicScheme, inbound: Inbound) -> tuple[RobotKey, M] | None:
+    def _read(self, decode: Decode[M], scheme: TopicScheme, inbound: Inbound) -> tuple[RobotKey, M] | None:
         """Read a message; one that is malformed, outdated or from a robot too many is passed over."""
         self._notice_broker()
         robot = scheme.robot_of(inbound.topic)
         if robot is None:
             return None
+        if len(str(robot)) > KEY_LENGTH:
+            self._note_long_name(robot)
+            return None
         if not self._controller.has_room_for(robot):
             self.ignored += 1
             return None
-        codec = reader_of(inbound.payload, scheme.major_version)
         try:
-            message = codec.decode(kind, inbound.payload)
+            message = self._reader.read(decode, inbound.topic, inbound.payload, scheme.major_version)
         except MalformedMessageError as error:
             self._note_malformed(robot, inbound.topic, error)
             return None
+        codec = nearest_codec(message.version)
+        assert codec, "the reader took one of its major version"  # noqa: S101 - for the type
         now = self._addresses.learn(robot, codec, scheme, message, retained=inbound.retained)
         return (robot, message) if now else None
+
+    def _note_long_name(self, robot: RobotKey) -> None:
+        """Refuse a robot that cannot be stored."""
+        if self.too_long % MALFORMED_LOGGED_EACH == 0:
+            log.warning(
+                "a robot is not listened to: manufacturer and serial number are too long",
+                robot=f"{str(robot)[:LOGGED_OF_NAME]}...",
+                characters=len(str(robot)),
+                limit=KEY_LENGTH,
+                so_far=self.too_long + 1,
+            )
+        self.too_long += 1
 
     def _note_malformed(self, robot: RobotKey, topic: str, error: MalformedMessageError) -> None:
         self.malformed += 1
@@ -199,3 +221,14 @@ class FleetLink:
 
     def _now(self) -> float:
         return self._clock.monotonic()
+
+
+def _in_full(kind: type[H]) -> Decode[H]:
+    def decode(codec: Codec, payload: bytes) -> H:
+        return codec.decode(kind, payload)
+
+    return decode
+
+
+def _state_in_brief(codec: Codec, payload: bytes) -> StateBrief:
+    return read_brief(StateBrief, codec, payload)

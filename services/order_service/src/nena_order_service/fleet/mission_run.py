@@ -25,12 +25,11 @@ from nena_order_service.fleet.outputs import (
     PublishOrder,
 )
 from nena_order_service.fleet.progress import Progress
+from nena_order_service.fleet.reported import ActionState, ErrorEntry, State
 from nena_order_service.fleet.reported_errors import ErrorIdentity
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.view import MissionPhase
-from nena_shared.vda5050.action import ActionState, ActionStatus
-from nena_shared.vda5050.error import ErrorEntry
-from nena_shared.vda5050.state import State
+from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.topics import RobotKey
 
 
@@ -125,6 +124,12 @@ class MissionRun:
         assert self._pending, "asked for when wants_update says so"  # noqa: S101 - for the type
         self._pending.delivery.sent(now)
         return PublishOrder(self._robot, self._pending.message, self._pending.update_id)
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing is to be done before the robot tells something new: it does what it was sent."""
+        waits = self._pending or self._plan or self._standing_since is not None
+        return self.phase is MissionPhase.RUNNING and not waits
 
     @property
     def sent_again(self) -> bool:

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from nena_order_service.fleet import reported_errors
 from nena_order_service.fleet.delivery import Delivery
 from nena_order_service.fleet.mission import Mission
+from nena_order_service.fleet.reported import ErrorEntry, State
 from nena_order_service.fleet.reported_errors import ErrorIdentity
-from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.order import Edge, Node
-from nena_shared.vda5050.state import State
 
 
 class BaseChangedError(ValueError):

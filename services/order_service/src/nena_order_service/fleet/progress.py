@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from nena_order_service.fleet.mission import Mission
-from nena_shared.vda5050.action import ActionState, ActionStatus
-from nena_shared.vda5050.state import State
+from nena_order_service.fleet.reported import ActionState, State
+from nena_shared.vda5050.action import ActionStatus
 
 NOT_BEGUN: Final = frozenset({ActionStatus.WAITING, ActionStatus.FAILED})
 """A waiting action fails without ever having begun when its order is cancelled."""

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator
 from typing import Final
 
 from nena_order_service.fleet.mission import Mission
-from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
+from nena_order_service.fleet.reported import ErrorEntry
+from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from nena_shared.vda5050.v2_1.error_type import REJECTIONS, WRITTEN
 
 NO_ORDER_REFUSALS: Final = frozenset({ErrorType.NO_ORDER_TO_CANCEL, ErrorType.INVALID_INSTANT_ACTION})

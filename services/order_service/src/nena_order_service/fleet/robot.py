@@ -7,12 +7,12 @@ from typing import Final
 
 from nena_order_service.fleet.abilities import Abilities
 from nena_order_service.fleet.message_order import MessageOrder
+from nena_order_service.fleet.reported import State
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.view import LinkStatus
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.rules import RULES, Rules
-from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import nearest_codec
 

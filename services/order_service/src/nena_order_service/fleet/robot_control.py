@@ -15,13 +15,13 @@ from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.mission_run import MissionRun
 from nena_order_service.fleet.outputs import FleetOutput, RobotChanged
 from nena_order_service.fleet.progress import is_idle
+from nena_order_service.fleet.reported import State
 from nena_order_service.fleet.robot import Robot
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.view import Availability, LinkStatus, MissionPhase, RobotView
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
-from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 
 ENDED_MISSIONS_KEPT: Final = 50
@@ -115,7 +115,8 @@ class RobotControl:
 
     def tick(self, now: float) -> Iterator[FleetOutput]:
         """Do what is overdue; most robots have nothing, so that is found out first."""
-        if not self._run and not self._desk.busy and self.robot.link(now) is self._told_link:
+        quiet = (self._run is None or self._run.quiet) and not self._desk.busy
+        if quiet and self.robot.link(now) is self._told_link:
             return
         yield from self._desk.on_tick(now)
         if self._run:

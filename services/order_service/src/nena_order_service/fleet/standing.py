@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from math import hypot
 
 from nena_order_service.fleet.profile import RobotProfile
+from nena_order_service.fleet.reported import Position, State
 from nena_shared.plant import MapPlace, PlantModel, PlantPlace, Point
-from nena_shared.vda5050.state import MobileRobotPosition, State
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,7 @@ class Standing:
 
     point: str
     on_point: bool
-    pose: MobileRobotPosition | None
+    pose: Position | None
 
 
 class NotLocatedError(Exception):
@@ -35,8 +35,7 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
     """Tell where the robot stands.
 
     It stands on a point if it is not farther away than the allowed deviation; the point that it passed last
-    is tried first. A robot without a trusted pose stands where it says it passed last. Looks at every point
-    of the plant unless the robot stands where it says.
+    is tried first. A robot without a trusted pose stands where it says it passed last.
 
     Raises:
         NotLocatedError: the robot says neither a trusted pose on its map nor a point of the plant.
@@ -54,15 +53,22 @@ def locate(plant: PlantModel, state: State, profile: RobotProfile) -> Standing:
     here = profile.on(pose.map_id).to_plant(MapPlace(pose.x, pose.y))
     if last and _on(last, pose, profile) and _distance(last, here) <= profile.deviation_xy:
         return Standing(last.name, on_point=True, pose=pose)
-    points = (point for point in plant.points if _on(point, pose, profile))
-    nearest = min(points, key=lambda point: _distance(point, here), default=None)
+    nearest = _nearest(plant, here, pose.map_id, profile)
     if nearest is None:
         reason = f"it is on map {pose.map_id!r}, orders for it are on map {profile.map_id!r}"
         raise NotLocatedError(reason if plant.points else "the plant model has no points")
     return Standing(nearest.name, _distance(nearest, here) <= profile.deviation_xy, pose)
 
 
-def _on(point: Point, pose: MobileRobotPosition, profile: RobotProfile) -> bool:
+def _nearest(plant: PlantModel, here: PlantPlace, map_id: str, profile: RobotProfile) -> Point | None:
+    """Give the nearest point of a map; those that name no map are on that of the robot."""
+    maps = (map_id or None, None) if map_id == profile.map_id else (map_id,)
+    indices = (plant.points_by_map.get(each) for each in dict.fromkeys(maps))
+    found = (index.nearest(here.x_m, here.y_m) for index in indices if index)
+    return min(filter(None, found), key=lambda point: _distance(point, here), default=None)
+
+
+def _on(point: Point, pose: Position, profile: RobotProfile) -> bool:
     """Tell whether the point is on the map that the robot is on."""
     return (point.map_id or profile.map_id) == pose.map_id
 

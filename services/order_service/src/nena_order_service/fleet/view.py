@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+from nena_order_service.fleet.reported import State
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.vda5050.factsheet import Factsheet
-from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 
 

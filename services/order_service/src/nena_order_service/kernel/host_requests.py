@@ -9,6 +9,7 @@ from nena_order_service.errors import (
     KeyReusedError,
     NameTakenError,
     OrderEndedError,
+    OrderWithdrawnError,
     SequenceRefusesError,
     UnknownDependencyError,
     UnknownOrderError,
@@ -105,15 +106,31 @@ class HostRequests:
         Only if it still is as the caller has ``seen`` it; None: whatever it is now. Not ``immediate``, its
         vehicle drives to the end of what it was given.
         """
-        order = self._kernel.book.named(name) or await self._kernel.store.order(name=name)
-        if order is None:
-            raise UnknownOrderError(name)
-        if order.state.final:
-            raise OrderEndedError(name, order.state)
-        if seen is not None and not seen.fits(order.status.version):
-            raise VersionChangedError(name, str(seen), order.status.version)
-        self._require_store()
+        order = await self._living(name, seen)
         self._kernel.withdraw(order.number, reason, immediate=immediate)
+        await self._committed()
+        return self._visible(order)
+
+    async def hold(
+        self, name: str, by: str, reason: str, *, seen: ETag | None = None, immediate: bool = True
+    ) -> TransportOrderStatus:
+        """Let an order wait until it is resumed; one that is held already is held by whom it was.
+
+        ``seen`` and ``immediate`` are as in :meth:`withdraw`.
+        """
+        order = await self._living(name, seen)
+        if order.state is TransportOrderState.WITHDRAWN:
+            raise OrderWithdrawnError(name)
+        self._kernel.hold(order.number, by, reason, immediate=immediate)
+        await self._committed()
+        return self._visible(order)
+
+    async def resume(
+        self, name: str, by: str, reason: str, *, seen: ETag | None = None
+    ) -> TransportOrderStatus:
+        """Let a held order go on; one that nobody holds goes on anyway. ``seen`` as in :meth:`withdraw`."""
+        order = await self._living(name, seen)
+        self._kernel.resume(order.number, by, reason)
         await self._committed()
         return self._visible(order)
 
@@ -247,6 +264,18 @@ class HostRequests:
             raise UnknownSequenceError(name)
         if reasons := tuple(sequence.refusals(request)):
             raise SequenceRefusesError(name, reasons)
+
+    async def _living(self, name: str, seen: ETag | None) -> TransportOrder:
+        """Give an order that can be changed."""
+        order = self._kernel.book.named(name) or await self._kernel.store.order(name=name)
+        if order is None:
+            raise UnknownOrderError(name)
+        if order.state.final:
+            raise OrderEndedError(name, order.state)
+        if seen is not None and not seen.fits(order.status.version):
+            raise VersionChangedError(name, str(seen), order.status.version)
+        self._require_store()
+        return order
 
     async def _find(self, name: str | None, key: str | None) -> TransportOrder | None:
         """Give the order of this key, else of this name; from the store where it is not at hand."""

@@ -204,7 +204,9 @@ class OrderFlow:
     def end(self, order: TransportOrder) -> None:
         """Let an order be at its end, and its vehicle be free."""
         self._let_go(order)
-        log.info("order ended", order=order.name, state=order.state.value, reason=order.status.reason)
+        told = order.status
+        by, state, reason = told.processing_vehicle, told.state.value, told.reason
+        log.info("order ended", order=told.name, vehicle=by, state=state, reason=reason)
 
     def give_to_another(self, order: TransportOrder) -> None:
         """Let an order wait for another vehicle than the one that had it."""

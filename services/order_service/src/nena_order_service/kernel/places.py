@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from nena_order_service.fleet import LinkStatus, NotLocatedError, RobotView, Standing
+from nena_order_service.fleet.reported import State
 from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.vehicle_book import VehicleBook
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
@@ -16,7 +17,6 @@ from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.log import get_logger
 from nena_shared.plant import MapPlace, PlantModel
 from nena_shared.plant.geometry import MM_PER_M, BoundingBox
-from nena_shared.vda5050.state import State
 
 log = get_logger(__name__)
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from datetime import datetime
 
 from nena_order_service.fleet import NotLocatedError, RobotView, locate
+from nena_order_service.fleet.reported import ErrorEntry, State
 from nena_order_service.kernel.vehicles import FleetVehicle
 from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.vehicle import IntegrationLevel, PrecisePosition, ProcessingState, VehicleStatus
 from nena_shared.plant import MapPose, PlantModel
-from nena_shared.vda5050.error import ErrorEntry
-from nena_shared.vda5050.state import State
 
 
 def vehicle_status(

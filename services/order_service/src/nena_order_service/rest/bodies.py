@@ -70,6 +70,24 @@ class WithdrawalRequest(Request):
     """Whether its robot is to stop; false: it drives to the end of what it was given."""
 
 
+class HoldRequest(Request):
+    """Lets a transport order wait until it is resumed."""
+
+    by: Annotated[str, Field(min_length=1, max_length=100)] = "a host"
+    """Who asks: a person or a program, by name."""
+    reason: Annotated[str, Field(min_length=1, max_length=500)] = "no reason given"
+    immediate: bool = True
+    """Whether its robot is to stop; false: it drives to the end of what it was given."""
+
+
+class ResumeRequest(Request):
+    """Lets a held transport order go on."""
+
+    by: Annotated[str, Field(min_length=1, max_length=100)] = "a host"
+    """Who asks: a person or a program, by name."""
+    reason: Annotated[str, Field(min_length=1, max_length=500)] = "no reason given"
+
+
 class IntegrationLevelRequest(Request):
     """Says how much a vehicle counts from now on."""
 

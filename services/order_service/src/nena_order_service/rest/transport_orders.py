@@ -9,7 +9,12 @@ from fastapi import APIRouter, Header, Query, Response
 
 from nena_order_service.kernel.host_requests import VEHICLES_EXPLAINED, HostRequests
 from nena_order_service.rest import responses
-from nena_order_service.rest.bodies import TransportOrderPage, WithdrawalRequest
+from nena_order_service.rest.bodies import (
+    HoldRequest,
+    ResumeRequest,
+    TransportOrderPage,
+    WithdrawalRequest,
+)
 from nena_order_service.rest.responses import IfMatch, IfNoneMatch, as_json
 from nena_order_service.store.database import OrderFilter
 from nena_shared.fleet_api.assignment import AssignmentStatus
@@ -70,7 +75,23 @@ def make_router(requests: HostRequests) -> APIRouter:
         order = await requests.withdraw(name, asked.reason, seen=seen, immediate=asked.immediate)
         return responses.order(order)
 
+    _add_holding(router, requests)
     return router
+
+
+def _add_holding(router: APIRouter, requests: HostRequests) -> None:
+    @router.post("/{name}/hold", response_model=TransportOrderStatus)
+    async def hold(name: str, request: HoldRequest | None = None, if_match: IfMatch = None) -> Response:
+        """Let a transport order wait until it is resumed; it keeps its vehicle, which stands."""
+        asked, seen = request or HoldRequest(), responses.seen(if_match)
+        order = await requests.hold(name, asked.by, asked.reason, seen=seen, immediate=asked.immediate)
+        return responses.order(order)
+
+    @router.post("/{name}/resume", response_model=TransportOrderStatus)
+    async def resume(name: str, request: ResumeRequest | None = None, if_match: IfMatch = None) -> Response:
+        """Let a held transport order go on from where its vehicle stands."""
+        asked, seen = request or ResumeRequest(), responses.seen(if_match)
+        return responses.order(await requests.resume(name, asked.by, asked.reason, seen=seen))
 
 
 def _add_creation(router: APIRouter, requests: HostRequests) -> None:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from math import hypot
 
 from nena_order_service.traffic.resources import Resources, ResourceSet
-from nena_shared.plant import PlantModel
+from nena_shared.plant import PlantModel, Point
 from nena_shared.plant.geometry import BoundingBox
+from nena_shared.plant.planar_index import Box, PlanarIndex
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +45,11 @@ class Footings:
     def __init__(self, plant: PlantModel, resources: Resources) -> None:
         self._plant = plant
         self._resources = resources
+        places = plant.points_by_name
+        self._points = PlanarIndex((_box(each), each) for each in plant.points)
+        self._paths = PlanarIndex(
+            (_box(places[each.source], places[each.destination]), each) for each in plant.paths
+        )
 
     def of(self, found: Found, box: BoundingBox) -> Footing:
         """Give the footing of a vehicle of this size."""
@@ -62,20 +68,16 @@ class Footings:
         if found.place_mm is None:
             return
         x_mm, y_mm = found.place_mm
-        for point in self._plant.points:
-            near = abs(point.x_mm - x_mm) < reach_mm and abs(point.y_mm - y_mm) < reach_mm
-            if (
-                near
-                and self._on_map(point.name, found)
-                and hypot(point.x_mm - x_mm, point.y_mm - y_mm) < reach_mm
-            ):
+        for point in self._points.near(x_mm, y_mm, reach_mm):
+            near = hypot(point.x_mm - x_mm, point.y_mm - y_mm) < reach_mm
+            if near and self._on_map(point.name, found):
                 yield point.name
         if not found.on_point:
             yield from self._paths_under(found, (x_mm, y_mm), reach_mm)
 
     def _paths_under(self, found: Found, place_mm: tuple[float, float], reach_mm: float) -> Iterator[str]:
         points = self._plant.points_by_name
-        for path in self._plant.paths:
+        for path in self._paths.near(*place_mm, reach_mm):
             one, other = points[path.source], points[path.destination]
             ends = ((one.x_mm, one.y_mm), (other.x_mm, other.y_mm))
             if self._on_map(one.name, found) and _distance_mm(place_mm, *ends) < reach_mm:
@@ -84,6 +86,11 @@ class Footings:
     def _on_map(self, point: str, found: Found) -> bool:
         map_id = self._plant.points_by_name[point].map_id
         return not map_id or not found.map_id or map_id == found.map_id
+
+
+def _box(*points: Point) -> Box:
+    xs, ys = [each.x_mm for each in points], [each.y_mm for each in points]
+    return Box(min(xs), min(ys), max(xs), max(ys))
 
 
 def _distance_mm(place: tuple[float, float], one: tuple[float, float], other: tuple[float, float]) -> float:

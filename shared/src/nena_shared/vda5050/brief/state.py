@@ -23,12 +23,14 @@ from nena_shared.vda5050.brief.base import (
     UInt32,
 )
 from nena_shared.vda5050.error import ErrorLevel
+from nena_shared.vda5050.request import EdgeRequestType, RequestStatus, ZoneRequestType
 from nena_shared.vda5050.state import (
     EmergencyStop,
     InfoLevel,
     MapStatus,
     OperatingMode,
     State,
+    ZoneSetStatus,
 )
 from nena_shared.vda5050.visualization import Visualization
 
@@ -203,6 +205,34 @@ class PathBrief(Brief, frozen=True, kw_only=True, gc=False):
     polyline: tuple[PathPointBrief, ...]
 
 
+class ZoneSetBrief(Brief, frozen=True, kw_only=True, gc=False):
+    """A zone set that the robot holds."""
+
+    zone_set_id: Identifier
+    map_id: Identifier
+    zone_set_status: ZoneSetStatus
+
+
+class ZoneRequestBrief(Brief, frozen=True, kw_only=True, gc=False):
+    """A request about a zone."""
+
+    request_id: Identifier
+    request_type: ZoneRequestType
+    zone_id: Identifier
+    zone_set_id: Identifier
+    request_status: RequestStatus
+
+
+class EdgeRequestBrief(Brief, frozen=True, kw_only=True, gc=False):
+    """A request about an edge of the order."""
+
+    request_id: Identifier
+    request_type: EdgeRequestType
+    edge_id: Identifier
+    sequence_id: UInt32
+    request_status: RequestStatus
+
+
 class StateBrief(HeaderBrief, frozen=True, kw_only=True, gc=False):
     """What watchers need of a state."""
 
@@ -219,6 +249,9 @@ class StateBrief(HeaderBrief, frozen=True, kw_only=True, gc=False):
     intermediate_path: PathBrief | None = None
     mobile_robot_position: PositionBrief | None = None
     velocity: VelocityBrief | None = None
+    zone_sets: tuple[ZoneSetBrief, ...] | None = None
+    zone_requests: tuple[ZoneRequestBrief, ...] | None = None
+    edge_requests: tuple[EdgeRequestBrief, ...] | None = None
     loads: tuple[LoadBrief, ...] | None = None
     driving: bool
     paused: bool | None = None

@@ -111,6 +111,9 @@ class StateBriefV21(StateBrief, frozen=True, kw_only=True, gc=False):
     node_states: tuple[NodeBriefV21, ...]
     edge_states: tuple[EdgeBriefV21, ...]
     intermediate_path: None = None
+    zone_sets: None = None
+    zone_requests: None = None
+    edge_requests: None = None
     mobile_robot_position: PositionBriefV21 | None = field(default=None, name="agvPosition")
     action_states: tuple[ActionBriefV21, ...]
     instant_action_states: tuple[()] = ()

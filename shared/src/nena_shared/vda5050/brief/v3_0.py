@@ -6,7 +6,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from nena_shared.vda5050.brief.base import Brief, Identifier, Percent, UInt32
+from nena_shared.vda5050.brief.base import Brief, Percent, UInt32
 from nena_shared.vda5050.brief.state import (
     ActionBrief,
     ControlPointBrief,
@@ -17,9 +17,8 @@ from nena_shared.vda5050.brief.state import (
     StateBrief,
     TrajectoryBrief,
     VisualizationBrief,
+    ZoneRequestBrief,
 )
-from nena_shared.vda5050.request import EdgeRequestType, RequestStatus, ZoneRequestType
-from nena_shared.vda5050.state import ZoneSetStatus
 
 
 class ControlPointBriefV30(ControlPointBrief, frozen=True, kw_only=True, gc=False):
@@ -47,33 +46,10 @@ class PlannedPathBriefV30(Brief, frozen=True, kw_only=True, gc=False):
     traversed_nodes: tuple[str, ...] | None = None
 
 
-class ZoneSetBriefV30(Brief, frozen=True, kw_only=True, gc=False):
-    """A zone set that the robot holds."""
-
-    zone_set_id: Identifier
-    map_id: Identifier
-    zone_set_status: ZoneSetStatus
-
-
-class ZoneRequestBriefV30(Brief, frozen=True, kw_only=True, gc=False):
+class ZoneRequestBriefV30(ZoneRequestBrief, frozen=True, kw_only=True, gc=False):
     """A request about a zone."""
 
-    request_id: Identifier
-    request_type: ZoneRequestType
-    zone_id: Identifier
-    zone_set_id: Identifier
-    request_status: RequestStatus
     trajectory: TrajectoryBriefV30 | None = None
-
-
-class EdgeRequestBriefV30(Brief, frozen=True, kw_only=True, gc=False):
-    """A request about an edge of the order."""
-
-    request_id: Identifier
-    request_type: EdgeRequestType
-    edge_id: Identifier
-    sequence_id: UInt32
-    request_status: RequestStatus
 
 
 class PowerSupplyBriefV30(PowerSupplyBrief, frozen=True, kw_only=True, gc=False):
@@ -101,11 +77,9 @@ class ErrorBriefV30(ErrorBrief, frozen=True, kw_only=True, gc=False):
 class StateBriefV30(StateBrief, frozen=True, kw_only=True, gc=False):
     """What watchers need of a state."""
 
-    zone_sets: tuple[ZoneSetBriefV30, ...] | None = None
     edge_states: tuple[EdgeBriefV30, ...]
     planned_path: PlannedPathBriefV30 | None = None
     zone_requests: tuple[ZoneRequestBriefV30, ...] | None = None
-    edge_requests: tuple[EdgeRequestBriefV30, ...] | None = None
     zone_action_states: tuple[ActionBrief, ...] | None = None
     power_supply: PowerSupplyBriefV30
     errors: tuple[ErrorBriefV30, ...]

@@ -2,13 +2,13 @@ from __future__ import annotations
 
 import pytest
 
+from nena_shared.vda5050 import message_reader as reader
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.malformed import MalformedMessageError
+from nena_shared.vda5050.message_reader import MessageReader
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.v2_0 import CODEC as CODEC_2_0
 from nena_shared.vda5050.v2_1 import CODEC as CODEC_2_1
-from nena_status_aggregator import reader
-from nena_status_aggregator.reader import MessageReader
 from support.fleet_examples import state
 
 TOPIC = "uagv/v2/ACME/r1/state"

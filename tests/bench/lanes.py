@@ -1,0 +1,163 @@
+"""The plant of the order service's benchmarks: each robot has a lane of its own, two points and both ways."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx
+import psutil
+
+from bench.robots import Start
+from nena_demo.broker import start_broker
+from nena_demo.ports import free_port
+from nena_demo.processes import Processes, console_script
+from nena_shared.plant import PlantModel, Point, Vehicle
+from nena_shared.plant.geometry import BoundingBox
+from support.plants import path
+
+MAP_ID = "bench-lanes"
+LENGTH_M = 5
+APART_M = 2
+ROBOT_MM = 800
+READY_SECONDS = 120.0
+
+
+def robot(number: int) -> str:
+    """Name a robot: its serial number, and its vehicle."""
+    return f"lane-{number:04d}"
+
+
+def end_of(number: int, end: int) -> str:
+    """Name an end, 0 or 1, of a robot's lane."""
+    return f"{robot(number)}-{end}"
+
+
+def start_of(number: int) -> Start:
+    """Give where a robot stands at first."""
+    return Start(robot(number), end_of(number, 0), 0.0, float(number * APART_M), MAP_ID)
+
+
+def write_lanes(folder: Path, robots: int) -> Path:
+    """Write the plant model for so many robots."""
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / "lanes.json"
+    file.write_text(_lanes(robots).to_json(), encoding="utf-8")
+    return file
+
+
+def _lanes(robots: int) -> PlantModel:
+    ends = [(number, end) for number in range(robots) for end in (0, 1)]
+    return PlantModel(
+        name=f"{robots} lanes",
+        points=tuple(
+            Point(name=end_of(*each), x_mm=each[1] * LENGTH_M * 1000, y_mm=each[0] * APART_M * 1000)
+            for each in ends
+        ),
+        paths=tuple(
+            path(f"{end_of(number, end)} {end_of(number, 1 - end)}", LENGTH_M * 1000) for number, end in ends
+        ),
+        vehicles=tuple(map(_vehicle, range(robots))),
+    )
+
+
+def _vehicle(number: int) -> Vehicle:
+    return Vehicle(
+        name=robot(number),
+        bounding_box=BoundingBox(length_mm=ROBOT_MM, width_mm=ROBOT_MM),
+        properties={
+            "vda5050:manufacturer": "NeNa",
+            "vda5050:serialNumber": robot(number),
+            "vda5050:version": "2.1.0",
+            "vda5050:mapId": MAP_ID,
+        },
+    )
+
+
+def order_of(number: int, robots: int) -> dict[str, Any]:
+    """Make the order of this number: each robot in turn to the other end of its lane, and back."""
+    lane, turn = number % robots, number // robots
+    return {
+        "destinations": [{"locationName": end_of(lane, 1 - turn % 2)}],
+        "intendedVehicle": robot(lane),
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Hall:
+    """A broker and an order service over lanes."""
+
+    port: int
+    """Of the broker."""
+    url: str
+    pid: int
+    robots: int
+
+    def wait_for_robots(self) -> None:
+        """Wait until every robot could take an order."""
+        end = time.perf_counter() + READY_SECONDS
+        while time.perf_counter() < end:
+            vehicles = httpx.get(f"{self.url}/v1/vehicles", timeout=READY_SECONDS).json()["vehicles"]
+            if sum(each["state"] == "IDLE" and each["currentPosition"] is not None for each in vehicles) == (
+                self.robots
+            ):
+                return
+            pass_time(0.5)
+        raise TimeoutError("not every robot is there")
+
+    def cpu(self) -> float:
+        """Give the seconds of CPU that the order service has taken."""
+        return cpu_of(self.pid)
+
+    def rss_mb(self) -> float:
+        """Give its resident memory."""
+        return round(psutil.Process(self.pid).memory_info().rss / 1e6, 1)
+
+
+@asynccontextmanager
+async def lanes(folder: Path, robots: int, store: str = "orders.db") -> AsyncIterator[Hall]:
+    """Start a broker and an order service for so many robots."""
+    async with Processes(folder) as processes:
+        port, http_port = free_port(), free_port()
+        await start_broker(processes, port, "mosquitto")
+        child = await processes.start(
+            "order-service",
+            [
+                console_script("nena-order-service"),
+                *("--plant", str(write_lanes(folder, robots)), "--store.url", f"sqlite:///{folder / store}"),
+                *("--http.port", str(http_port), "--http.burst", "1000000", "--mqtt.port", str(port)),
+            ],
+        )
+        url = f"http://127.0.0.1:{http_port}"
+        await asyncio.to_thread(_wait_until_ready, url)
+        yield Hall(port, url, child.process.pid, robots)
+        processes.check()
+
+
+def _wait_until_ready(url: str) -> None:
+    end = time.perf_counter() + READY_SECONDS
+    while time.perf_counter() < end:
+        try:
+            if httpx.get(f"{url}/readyz").status_code == httpx.codes.OK:
+                return
+        except httpx.TransportError:
+            pass
+        pass_time(0.1)
+    raise TimeoutError("the order service is not ready")
+
+
+def cpu_of(pid: int) -> float:
+    """Give the seconds of CPU that a process has taken."""
+    times = psutil.Process(pid).cpu_times()
+    return times.user + times.system
+
+
+def pass_time(seconds: float) -> None:
+    """Let time go by, which is what is measured here."""
+    threading.Event().wait(max(0.0, seconds))

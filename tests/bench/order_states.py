@@ -1,0 +1,158 @@
+"""What states of a large fleet under way cost the order service, and how soon it tells what they say."""
+
+from __future__ import annotations
+
+import queue
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import httpx
+
+from bench.figures import milliseconds
+from bench.lanes import Hall, cpu_of, order_of, pass_time, robot
+from bench.robots import SCHEME, DrivingRobots
+from bench.wire import Wire
+from nena_shared.vda5050.topics import RobotKey, Topic
+
+RATE = 1.0
+"""States a second of each robot."""
+MARKED = 40
+"""One state in so many says another charge of the battery, which is told at once."""
+BATCH = 20
+WAIT_SECONDS = 300.0
+SETTLE_SECONDS = 3.0
+CHARGES = tuple(range(40, 80))
+
+_BARE = """
+import json, sys
+from bench.wire import Wire
+parse = lambda topic, payload, moment: json.loads(payload)
+wire = Wire(int(sys.argv[1]), "bench-bare", ("uagv/v2/+/+/state",), parse)
+print("ready", flush=True)
+sys.stdin.read()
+"""
+
+
+def measure(hall: Hall, robots: DrivingRobots, seconds: float) -> dict[str, Any]:
+    """Have every robot drive for an order and report at 1 Hz for ``seconds``."""
+    _give_orders(hall, robots)
+    said = {number: robots.messages(robot(number)) for number in range(hall.robots)}
+    with _bare_subscriber(hall.port) as bare, _marks(hall.port) as marks:
+        sender = _Sender(hall, said, marks)
+        sender.send(hall.robots)
+        pass_time(SETTLE_SECONDS)
+        processes = {"order_service": hall.pid, "bare_subscriber": bare.pid}
+        before, start = {name: cpu_of(pid) for name, pid in processes.items()}, time.perf_counter()
+        states = round(hall.robots * RATE * seconds)
+        sender.send(states)
+        pass_time(SETTLE_SECONDS)
+        elapsed = time.perf_counter() - start
+        cpu = {name: cpu_of(pid) - before[name] for name, pid in processes.items()}
+        ages = marks.ages()
+        sender.close()
+    cost = {name: round(each / states * 1e6, 1) for name, each in cpu.items()}
+    return {
+        "robots": hall.robots,
+        "state_bytes": len(said[0]),
+        "cpu_us_per_state": {**cost, "ratio": round(cost["order_service"] / cost["bare_subscriber"], 2)},
+        "share_of_a_core": round(cpu["order_service"] / elapsed, 2),
+        "robots_of_one_core": round(1e6 / cost["order_service"]),
+        "state_age": {**milliseconds(ages), "marked": sender.marked},
+        "rss_mb": hall.rss_mb(),
+    }
+
+
+def _give_orders(hall: Hall, robots: DrivingRobots) -> None:
+    """Give every robot an order, and wait until all have taken theirs up."""
+    with httpx.Client(base_url=hall.url, timeout=WAIT_SECONDS) as client:
+        for number in range(hall.robots):
+            robots.say_state(robot(number))  # or it would count as silent by now
+            client.post("/v1/transportOrders", json=order_of(number, hall.robots)).raise_for_status()
+    for _ in range(hall.robots):
+        robots.orders.get(timeout=WAIT_SECONDS)
+    pass_time(SETTLE_SECONDS)
+
+
+class _Marks:
+    """When charges of batteries were said, and when they were told."""
+
+    def __init__(self) -> None:
+        self.said: dict[tuple[str, int], float] = {}
+        self._told: queue.SimpleQueue[float] = queue.SimpleQueue()
+
+    def told(self, topic: str, payload: bytes, moment: float) -> None:
+        """Take in the status of a vehicle."""
+        at = payload.find(b'"energyLevel":')
+        if at >= 0:
+            charge = int(float(payload[at + 14 : payload.index(b",", at)]))
+            said = self.said.pop((topic.split("/")[-2], charge), None)
+            if said is not None:
+                self._told.put(moment - said)
+
+    def ages(self) -> list[float]:
+        """Give the seconds from each state to the status that tells of it."""
+        return [self._told.get() for _ in range(self._told.qsize())]
+
+
+@contextmanager
+def _marks(port: int) -> Iterator[_Marks]:
+    marks = _Marks()
+    wire = Wire(port, "bench-watch", ("nena/v1/vehicles/+/status",), marks.told)
+    yield marks
+    wire.close()
+
+
+class _Sender:
+    """Publishes states of all robots in turn: each time with the next header id, and a little farther on."""
+
+    def __init__(self, hall: Hall, said: dict[int, bytes], marks: _Marks) -> None:
+        self._wire = Wire(hall.port, "bench-states", ())
+        self._hall = hall
+        self._said = said
+        self._marks = marks
+        self._sent = 0
+        self.marked = 0
+
+    def send(self, number: int) -> None:
+        """Publish so many at the rate."""
+        start, rate = time.perf_counter(), self._hall.robots * RATE
+        for count in range(number):
+            self._publish(count >= self._hall.robots and self._sent % MARKED == 0)
+            if count % BATCH == 0:
+                pass_time(start + count / rate - time.perf_counter())
+
+    def close(self) -> None:
+        """Disconnect."""
+        self._wire.close()
+
+    def _publish(self, marked: bool) -> None:  # noqa: FBT001 - this one's own
+        number, turn = self._sent % self._hall.robots, 10 + self._sent // self._hall.robots
+        serial = robot(number)
+        payload = self._said[number]
+        head = payload.index(b",")
+        payload = b'{"headerId":%d' % turn + payload[head:]
+        payload = payload.replace(b'"x":0.0,"y"', b'"x":%.2f,"y"' % (turn % 100 / 20), 1)
+        if marked:
+            charge = CHARGES[self._sent // MARKED % len(CHARGES)]
+            payload = payload.replace(b'"batteryCharge":80.0', b'"batteryCharge":%d.0' % charge)
+            self._marks.said[serial, charge] = time.perf_counter()
+            self.marked += 1
+        self._wire.publish(SCHEME.of(RobotKey("NeNa", serial), Topic.STATE), payload)
+        self._sent += 1
+
+
+@contextmanager
+def _bare_subscriber(port: int) -> Iterator[subprocess.Popen[str]]:
+    bare = subprocess.Popen(
+        [sys.executable, "-c", _BARE, str(port)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert bare.stdout is not None
+        bare.stdout.readline()
+        yield bare
+    finally:
+        bare.communicate(timeout=10)

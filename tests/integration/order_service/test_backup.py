@@ -1,0 +1,265 @@
+"""Back up, destroy, restore, continue: as docs/operations.md says, at work, on both kinds of store."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from sqlalchemy import NullPool, create_engine, text
+
+from support.aggregator_process import AggregatorProcess
+from support.broker import free_port
+from support.order_service_fleet import AGENT_FILE, Fleet, actions_done, awaited, every_order_ended
+from support.postgres import Postgres
+from support.programs import ENDED_WITHIN, OrderServiceProgram
+
+pytestmark = [pytest.mark.broker, pytest.mark.e2e]
+
+ROOT = Path(__file__).parents[3]
+LOAD = {"locationName": "Goods in", "operation": "Load cargo"}
+UNLOAD = {"locationName": "Storage", "operation": "Unload cargo"}
+ORDERS = tuple(f"T-{number}" for number in range(6))
+
+
+class Keeper(ABC):
+    """A store that can be backed up, destroyed and restored."""
+
+    url: str
+
+    @abstractmethod
+    def back_up(self) -> None: ...
+
+    @abstractmethod
+    def destroy(self) -> None: ...
+
+    @abstractmethod
+    def restore(self) -> None: ...
+
+
+class SqliteKeeper(Keeper):
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._copy = folder / "store", folder / "backup" / "orders.db"
+        for each in (self._folder, self._copy.parent):
+            each.mkdir()
+        self.url = f"sqlite:///{self._folder}/orders.db"
+
+    def back_up(self) -> None:
+        run(sys.executable, ROOT / "deploy" / "backup", self._folder / "orders.db", self._copy)
+
+    def destroy(self) -> None:
+        for each in self._folder.iterdir():
+            each.unlink()
+
+    def restore(self) -> None:
+        (self._folder / "orders.db").write_bytes(self._copy.read_bytes())
+
+
+class PostgresKeeper(Keeper):
+    def __init__(self, server: Postgres, folder: Path) -> None:
+        self._server, self._copy = server, folder / "orders.dump"
+        self._place = ("--host", server.url.rpartition("host=")[2], "--username", "nena")
+        self.destroy()
+        self._create()
+        self.url = server.url.replace("/postgres?", "/nena?")
+
+    def back_up(self) -> None:
+        run("pg_dump", *self._place, "--format=custom", "--file", self._copy, "nena")
+
+    def destroy(self) -> None:
+        self._sql("DROP DATABASE IF EXISTS nena WITH (FORCE)")
+
+    def restore(self) -> None:
+        self._create()
+        run("pg_restore", *self._place, "--dbname=nena", "--exit-on-error", self._copy)
+
+    def _create(self) -> None:
+        self._sql("CREATE DATABASE nena")
+
+    def _sql(self, statement: str) -> None:
+        engine = create_engine(self._server.url, poolclass=NullPool, isolation_level="AUTOCOMMIT")
+        with engine.connect() as connection:
+            connection.execute(text(statement))
+
+
+def run(*command: object) -> None:
+    done = subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def keeper(request: pytest.FixtureRequest, fleet: Fleet, tmp_path: Path) -> Iterator[Keeper]:
+    """Give the fleet's store."""
+    if request.param == "sqlite":
+        made: Keeper = SqliteKeeper(tmp_path)
+    else:
+        made = PostgresKeeper(request.getfixturevalue("server"), tmp_path)
+    fleet.store_url = made.url
+    yield made
+    fleet.stack.close()
+    made.destroy()
+
+
+def start_robots(fleet: Fleet) -> None:
+    """Start two robots that do not mind what they carry, as if somebody had unloaded them where need be."""
+    for number, (x, y) in enumerate([(3.0, 2.0), (15.0, 2.0)], start=1):
+        serial = f"robot-0{number}"
+        text = AGENT_FILE.format(
+            interface=fleet.interface,
+            version="2.1.0",
+            serial=serial,
+            port=fleet.broker.port,
+            folder=fleet.folder / "journal",
+            count=1,
+            x=x,
+            y=y,
+            speed=40.0,
+        )
+        fleet.agent_of(text.replace('load = "take"\n', "").replace('load = "give"\n', ""), serial)
+
+
+async def order(client: httpx.AsyncClient, name: str) -> int:
+    body = {"name": name, "idempotencyKey": name, "destinations": [LOAD, UNLOAD]}
+    answer = await client.post("/v1/transportOrders", json=body)
+    assert answer.is_success, answer.text
+    return answer.status_code
+
+
+async def orders_of(client: httpx.AsyncClient) -> dict[str, dict[str, Any]]:
+    try:
+        found = await client.get("/v1/transportOrders", params={"limit": 1000})
+        return {each["name"]: each for each in found.json()["transportOrders"]}
+    except (httpx.TransportError, KeyError):
+        return {}
+
+
+async def finished(client: httpx.AsyncClient, number: int) -> None:
+    async def look() -> list[tuple[str, str]]:
+        return [(each["state"], each["reason"]) for each in (await orders_of(client)).values()]
+
+    await awaited(
+        look,
+        lambda found: sum(state == "FINISHED" for state, _ in found) >= number,
+        seconds=90,
+        what=f"{number} orders are FINISHED",
+    )
+
+
+async def started(program: OrderServiceProgram) -> httpx.AsyncClient:
+    """Wait until an order service is the active one."""
+    client = await program.client()
+
+    async def look() -> bool:
+        return (await client.get("/v1/transportOrders")).is_success
+
+    await awaited(look, bool, seconds=30, what="it answers")
+    return client
+
+
+def ended(program: OrderServiceProgram) -> None:
+    program.process.send_signal(signal.SIGTERM)
+    assert program.process.wait(ENDED_WITHIN) == 0, program.log
+
+
+@pytest.mark.parametrize("keeper", ["sqlite"], indirect=True)
+async def test_a_planned_move_in_mid_work_loses_nothing(fleet: Fleet, keeper: Keeper) -> None:
+    wire = fleet.peer()
+    program = fleet.order_service()
+    client = await started(program)
+    start_robots(fleet)
+    for name in ORDERS:
+        await order(client, name)
+    await finished(client, 1)
+
+    ended(program)
+    keeper.back_up()
+    keeper.destroy()
+    keeper.restore()
+
+    client = await started(fleet.order_service())
+    assert [await order(client, name) for name in ORDERS] == [200] * len(ORDERS)
+    orders = await every_order_ended(client, 90)
+    assert {each["name"]: each["state"] for each in orders} == dict.fromkeys(ORDERS, "FINISHED")
+    assert actions_done(wire, fleet) == {f"{name}-{leg}": 1 for name in ORDERS for leg in range(2)}
+
+
+async def test_after_a_loss_the_site_goes_on_from_its_last_backup(fleet: Fleet, keeper: Keeper) -> None:
+    wire = fleet.peer()
+    names = ("--interface_name", fleet.interface, "--interface_name_v3", fleet.interface)
+    options = (*names, "--topic_prefix", fleet.prefix, "--mqtt.port", str(fleet.broker.port))
+    with AggregatorProcess(*options, "--http.port", "0") as aggregator:
+        panel = httpx.AsyncClient(base_url=await aggregator.url())
+        program = fleet.order_service()
+        client = await started(program)
+        start_robots(fleet)
+        for name in ORDERS:
+            await order(client, name)
+        await finished(client, 1)
+        keeper.back_up()
+        for name in ("L-0", "L-1"):
+            assert await order(client, name) == 201
+        await finished(client, 3)
+        program.kill()
+        keeper.destroy()
+
+        keeper.restore()
+        seen = await robots_stand(panel)
+
+    # without the broker no robot moves: what has gone on since the backup is withdrawn
+    apart = fleet.order_service("--mqtt.port", free_port(), name="apart")
+    client = await started(apart)
+    stored = await orders_of(client)
+    assert stored.keys() == set(ORDERS)
+    moved = [name for name, each in stored.items() if seen[name]["version"] != each["version"]]
+    assert moved, "nothing has gone on since the backup: it showed nothing"
+    for name in moved:
+        if not stored[name]["finished"]:
+            answer = await client.post(f"/v1/transportOrders/{name}/withdrawal", json={"reason": "restored"})
+            assert answer.is_success, answer.text
+    ended(apart)
+
+    client = await started(fleet.order_service())
+    done = {name for name, each in seen.items() if each["state"] == "FINISHED"}
+    begun = {name for name, each in seen.items() if each["processingVehicle"]} - done
+    for name in ("L-0", "L-1"):
+        if name not in done | begun:
+            assert await order(client, name) == 201
+    for name in begun & {*moved, "L-0", "L-1"}:
+        assert await order(client, f"{name}-again") == 201
+    orders = {each["name"]: each for each in await every_order_ended(client, 90)}
+    done |= {name for name, each in orders.items() if each["state"] == "FINISHED"}
+    missing = {name for name in (*ORDERS, "L-0", "L-1") if not {name, f"{name}-again"} & done}
+    assert missing == set(), {name: orders.get(name) for name in missing}
+    assert {name: times for name, times in actions_done(wire, fleet).items() if times > 1} == {}
+
+
+async def robots_stand(panel: httpx.AsyncClient) -> dict[str, dict[str, Any]]:
+    """Wait until each robot has come to the end of what it was given; give the orders as last told."""
+
+    async def look() -> list[dict[str, Any]]:
+        robots: list[dict[str, Any]] = (await panel.get("/api/v1/fleet")).json()["robots"]
+        return [each for each in robots if each["driving"]]
+
+    await awaited(look, lambda driving: not driving, seconds=60, what="every robot stands")
+    return {each["name"]: each for each in (await panel.get("/api/v1/orders")).json()}
+
+
+def test_a_copy_that_cannot_be_made_leaves_the_older_one(tmp_path: Path) -> None:
+    (tmp_path / "orders.db").write_bytes(b"no database at all" * 100)
+    (tmp_path / "copy.db").write_bytes(b"of yesterday")
+
+    command = [sys.executable, str(ROOT / "deploy" / "backup"), "orders.db", "copy.db"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=30, check=False)
+
+    assert done.returncode == 1
+    assert "orders.db was not copied: file is not a database" in done.stderr
+    assert {each.name: each.read_bytes()[:2] for each in tmp_path.iterdir()} == {
+        "orders.db": b"no",
+        "copy.db": b"of",
+    }

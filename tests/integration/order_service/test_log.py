@@ -1,0 +1,51 @@
+"""An order can be followed through the logs of all programs by its name, and by the robot's."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import httpx
+import pytest
+
+from support.order_service_fleet import AGENT_FILE, Fleet, order_in
+from support.programs import Program
+
+pytestmark = [pytest.mark.broker, pytest.mark.e2e]
+
+ORDER = {"name": "T-1", "destinations": [{"locationName": "Goods in", "operation": "Load cargo"}]}
+
+
+def line(program: Program, event: str) -> dict[str, Any]:
+    """Give the one line of an event in a log of JSON."""
+    lines = [json.loads(each) for each in program.log.splitlines()]
+    (found,) = [each for each in lines if each["event"] == event]
+    return found  # type: ignore[no-any-return]  # of JSON
+
+
+async def test_an_order_is_followed_through_the_logs(fleet: Fleet) -> None:
+    service = fleet.order_service("--log.form", "json")
+    url = (await service.logged(r'"url": "(http[^"]+)"')).group(1)
+    text = AGENT_FILE.format(
+        interface=fleet.interface,
+        version="3.0.0",
+        serial="robot-01",
+        port=fleet.broker.port,
+        folder=fleet.folder / "journal",
+        count=1,
+        x=3.0,
+        y=2.0,
+        speed=40.0,
+    )
+    agent = fleet.agent_of(f'{text}[log]\nform = "json"\n')
+    async with httpx.AsyncClient(base_url=url, timeout=20) as client:
+        assert (await client.post("/v1/transportOrders", json=ORDER)).is_success
+        await order_in(client, "T-1", "FINISHED")
+
+    assert line(service, "order created")["order"] == "T-1"
+    for event in ("order assigned", "order ended"):
+        told = line(service, event)
+        assert (told["order"], told["vehicle"]) == ("T-1", "Robot-01")
+    received = line(agent, "order received")
+    assert (received["order"], received["update"], received["robot"]) == ("T-1-0", 0, "NeNa/robot-01")
+    assert line(agent, "broker connected")["robot"] == "NeNa/robot-01", "what is below the agent says it too"

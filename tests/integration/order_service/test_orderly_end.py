@@ -1,0 +1,123 @@
+"""Programs that are told to end, in mid-work: what was answered is kept, nobody is told what is not so."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import signal
+from typing import Any
+
+import httpx
+import pytest
+
+from support.aggregator_process import AggregatorProcess
+from support.order_service_fleet import Fleet, actions_done, awaited, every_order_ended, vehicle_idle
+from support.programs import ENDED_WITHIN, Program
+from support.waiting import until
+
+pytestmark = [pytest.mark.broker, pytest.mark.e2e]
+
+LOAD = {"locationName": "Goods in", "operation": "Load cargo"}
+UNLOAD = {"locationName": "Storage", "operation": "Unload cargo"}
+HOSTS = 8
+
+
+def end(program: Program) -> None:
+    program.process.send_signal(signal.SIGTERM)
+    assert program.process.wait(ENDED_WITHIN) == 0, program.log
+
+
+class Host:
+    """Orders without a pause, until nobody answers."""
+
+    def __init__(self, client: httpx.AsyncClient) -> None:
+        self._client = client
+        self.asked: list[str] = []
+        self.answered: list[str] = []
+        self.refused: list[str] = []
+
+    async def order_on(self, name: str) -> None:
+        number = 0
+        while True:
+            number += 1
+            order = f"{name}-{number}"
+            self.asked.append(order)
+            try:
+                answer = await order_from(self._client, order)
+            except httpx.TransportError:
+                return
+            (self.answered if answer.is_success else self.refused).append(answer.json().get("name", order))
+
+
+async def order_from(client: httpx.AsyncClient, name: str, *stops: dict[str, str]) -> httpx.Response:
+    body = {"name": name, "idempotencyKey": name, "destinations": list(stops or (LOAD,))}
+    return await client.post("/v1/transportOrders", json=body)
+
+
+async def test_an_order_service_that_ends_under_load_has_all_that_it_answered(fleet: Fleet) -> None:
+    program = fleet.order_service()
+    client = await program.client()
+    host = Host(client)
+    asking = [asyncio.create_task(host.order_on(f"H-{number}")) for number in range(HOSTS)]
+    await until(lambda: len(host.answered) > 5 * HOSTS, timeout=30)
+
+    program.process.send_signal(signal.SIGTERM)
+    await asyncio.wait_for(asyncio.gather(*asking), 30)
+
+    assert program.process.wait(ENDED_WITHIN) == 0
+    assert host.refused == []
+    again = await fleet.order_service().client()
+    known = [await order_from(again, name) for name in host.answered]
+    assert {answer.status_code for answer in known} == {200}, "what was answered is there"
+    unanswered = set(host.asked) - set(host.answered)
+    assert len(unanswered) <= HOSTS
+    assert all([(await order_from(again, name)).is_success for name in unanswered])
+
+
+async def test_an_agent_that_ends_in_mid_order_goes_on_with_it_later(fleet: Fleet) -> None:
+    wire = fleet.peer()
+    client = await fleet.order_service().client()
+    agent = fleet.agent(speed=4.0)
+    await vehicle_idle(client)
+    await order_from(client, "T-1", LOAD, UNLOAD)
+    await until(lambda: any(b'"driving":true' in state for state in wire.payloads("+/v2/+/+/state")))
+
+    end(agent)
+    await until(lambda: b"OFFLINE" in wire.payloads("+/v2/+/+/connection")[-1], timeout=30)
+    assert (await client.get("/v1/transportOrders/T-1")).json()["state"] == "BEING_PROCESSED"
+    fleet.agent(speed=40.0)
+
+    (order,) = await every_order_ended(client, 90)
+    assert order["state"] == "FINISHED", order["reason"]
+    assert actions_done(wire, fleet) == {"T-1-0": 1, "T-1-1": 1}
+    assert not any(b'"actionStatus":"FAILED"' in state for state in wire.payloads("+/v2/+/+/state"))
+
+
+async def test_an_aggregator_that_ends_has_written_what_it_was_told(fleet: Fleet) -> None:
+    options = (
+        *("--mqtt.port", str(fleet.broker.port), "--http.port", "0", "--topic_prefix", fleet.prefix),
+        *("--interface_name", fleet.interface, "--interface_name_v3", fleet.interface),
+        *("--history.url", f"sqlite:///{fleet.folder}/history.db"),
+    )
+    client = await fleet.order_service().client()
+    with AggregatorProcess(*options, "--history.interval", "30") as aggregator:
+        async with httpx.AsyncClient(base_url=await aggregator.url()) as panel:
+            await order_from(client, "T-1")
+            await client.post("/v1/transportOrders/T-1/withdrawal", json={})
+            await told(panel, "T-1")
+        assert aggregator.end() == 0
+    with AggregatorProcess(*options) as aggregator:
+        async with httpx.AsyncClient(base_url=await aggregator.url()) as panel:
+            kept = (await panel.get("/api/v1/history", params={"order": "T-1"})).json()["entries"]
+    assert "FAILED" in json.dumps(kept)
+
+
+async def told(panel: httpx.AsyncClient, name: str) -> None:
+    async def orders() -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = (await panel.get("/api/v1/orders")).json()
+        return found
+
+    def ended(found: list[dict[str, Any]]) -> bool:
+        return any(each["name"] == name and each["final"] for each in found)
+
+    await awaited(orders, ended, seconds=30, what=f"the end of {name} is known")

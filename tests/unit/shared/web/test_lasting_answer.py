@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+import asyncio
+
+from starlette.types import Message
+
+from nena_shared.clock import ManualClock
+from nena_shared.web.lasting_answer import LOOK_AFTER, LastingAnswer
+
+
+class Line:
+    """What goes over the line of one request."""
+
+    def __init__(self) -> None:
+        self.clock = ManualClock()
+        self.welcome = True
+        self.looks = 0
+        self.sent: list[Message] = []
+        self.come = asyncio.Event()
+        self.answer = LastingAnswer(self._receive, self._send, allowed=self._allowed, clock=self.clock)
+
+    async def tell(self, text: bytes) -> None:
+        await self.answer.send({"type": "http.response.body", "body": text, "more_body": True})
+
+    @property
+    def told(self) -> list[bytes]:
+        return [each["body"] for each in self.sent]
+
+    def _allowed(self) -> bool:
+        self.looks += 1
+        return self.welcome
+
+    async def _receive(self) -> Message:
+        await self.come.wait()
+        return {"type": "http.request", "body": b"asked"}
+
+    async def _send(self, message: Message) -> None:
+        self.sent.append(message)
+
+
+async def test_a_short_answer_costs_no_look() -> None:
+    line = Line()
+    line.welcome = False
+
+    await line.tell(b"a")
+    line.clock.advance(LOOK_AFTER / 2)
+    await line.tell(b"b")
+
+    assert (line.told, line.looks) == ([b"a", b"b"], 0)
+
+
+async def test_it_looks_once_a_second_at_most() -> None:
+    line = Line()
+    for _ in range(4):
+        line.clock.advance(LOOK_AFTER / 2)
+        await line.tell(b"x")
+
+    assert (line.told, line.looks) == ([b"x"] * 4, 2)
+
+
+async def test_who_is_out_is_told_nothing_more() -> None:
+    line = Line()
+    waiting = asyncio.create_task(line.answer.receive())
+    await line.tell(b"a")
+    line.welcome = False
+    line.clock.advance(LOOK_AFTER)
+
+    await line.tell(b"b")
+    await line.tell(b"c")
+
+    assert line.told == [b"a", b""]
+    assert line.sent[-1]["more_body"] is False
+    assert (await asyncio.wait_for(waiting, 30))["type"] == "http.disconnect"
+    assert (await asyncio.wait_for(line.answer.receive(), 30))["type"] == "http.disconnect"
+
+
+async def test_what_comes_from_the_client_comes_through() -> None:
+    line = Line()
+    line.come.set()
+
+    assert (await line.answer.receive())["body"] == b"asked"
