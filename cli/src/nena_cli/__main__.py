@@ -5,6 +5,7 @@ from __future__ import annotations
 import typer
 
 from nena_cli.fleet.orders import app as orders
+from nena_cli.fleet.sequences import app as sequences
 from nena_cli.fleet.vehicles import app as vehicles
 from nena_cli.fleet.vehicles import dispatch
 from nena_cli.plant.commands import app as plant
@@ -14,6 +15,7 @@ from nena_shared.settings import LogSettings
 
 app = typer.Typer(help="NeNa: fleets of VDA 5050 robots.", no_args_is_help=True, add_completion=False)
 app.add_typer(orders, name="orders")
+app.add_typer(sequences, name="sequences")
 app.add_typer(vehicles, name="vehicles")
 app.command()(dispatch)
 app.add_typer(plant, name="plant")

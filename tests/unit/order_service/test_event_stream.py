@@ -16,6 +16,7 @@ from nena_order_service.app import OrderService
 from nena_order_service.errors import StoreNotReadyError, TooManyClientsError
 from nena_order_service.event_stream import EventKind, EventStream, Interest
 from nena_order_service.settings import EventSettings
+from nena_shared.fleet_api.order_sequence import OrderSequenceRequest
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from support.waiting import PATIENCE
 
@@ -227,3 +228,24 @@ async def test_store_that_cannot_be_read_is_said_before_anything(
     with pytest.raises(StoreNotReadyError):
         await anext(stream.follow("0", ORDERS))
     assert stream.clients == 0
+
+
+async def test_order_sequences_are_told_to_who_asks_for_them(service: OrderService) -> None:
+    stream = EventStream(service.kernel, EventSettings())
+    service.kernel.steps.listeners[:] = [stream]
+    with service.kernel.step():
+        service.kernel.sequences.create(OrderSequenceRequest(), "S-1")
+    await service.kernel.steps.committed()
+    interest = Interest(frozenset({EventKind.ORDER_SEQUENCE}))
+    async with aclosing(stream.follow(None, interest)) as frames:
+        client = Client(frames)
+        told = await client.hear()
+        assert [each.event for each in told] == ["orderSequence", "synced"]
+        with service.kernel.step():
+            service.kernel.sequences.create(OrderSequenceRequest(), "S-2")
+        (told_now,) = await client.hear()
+        assert (told_now.event, told_now.id, told_now.data["name"]) == ("orderSequence", None, "S-2")
+    status = service.kernel.sequence_book.visible("S-2")
+    assert status
+    for other in (ORDERS, Interest(transport_order="T-1"), Interest(vehicle="Robot-01")):
+        assert not other.wants_sequence(status.status)

@@ -18,6 +18,7 @@ from nena_order_service.rest.bodies import (
     ReroutingRequest,
     WithdrawalRequest,
 )
+from nena_shared.fleet_api.order_sequence import OrderSequenceRequest
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 
@@ -25,6 +26,7 @@ GUIDE = (Path(__file__).parents[3] / "docs" / "order-service.md").read_text(enco
 
 BODIES: dict[str, type[BaseModel]] = {
     "/v1/transportOrders": TransportOrderRequest,
+    "/v1/orderSequences": OrderSequenceRequest,
     "/withdrawal": WithdrawalRequest,
     "/dispatch": DispatchRequest,
     "/instantActions": InstantActionRequest,

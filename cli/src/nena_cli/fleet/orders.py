@@ -21,6 +21,7 @@ from nena_cli.fleet.watch import Board, watch
 from nena_shared.fleet_api.base import Resource
 from nena_shared.fleet_api.delivery import DeliveryStatus
 from nena_shared.fleet_api.transport_order import (
+    DependencyFailure,
     TransportOrderRequest,
     TransportOrderState,
     TransportOrderStatus,
@@ -61,6 +62,15 @@ def create(
     dispensable: Annotated[
         bool, typer.Option("--dispensable", help="It may be dropped when something better comes.")
     ] = False,
+    dependencies: Annotated[
+        list[str] | None, typer.Option("--after", help="Order that must be FINISHED first; several times.")
+    ] = None,
+    on_dependency_failure: Annotated[
+        DependencyFailure, typer.Option(help="What becomes of it when one of these fails.")
+    ] = DependencyFailure.FAIL,
+    sequence: Annotated[
+        str | None, typer.Option("--sequence", help="Order sequence to which it is added.")
+    ] = None,
     properties: Annotated[
         list[str] | None, typer.Option("--property", help="KEY=VALUE; several times if wanted.")
     ] = None,
@@ -99,6 +109,9 @@ def create(
         deadline=deadline.astimezone() if deadline else None,
         type=kind,
         dispensable=dispensable,
+        dependencies=tuple(dependencies or ()),
+        on_dependency_failure=on_dependency_failure,
+        wrapping_sequence=sequence,
         properties=tuple(map(parse_property, properties or ())),
         on_failure=None if on_failure is None else tuple(map(parse_measure, on_failure)),
         timeout=timeout,

@@ -67,6 +67,8 @@ def order_details(order: TransportOrderStatus, delivery: DeliveryStatus) -> Tabl
         ("intended vehicle", Text(order.intended_vehicle or "")),
         ("type, priority", Text(f"{order.type}, {order.priority}")),
         ("deadline", _deadline(order)),
+        ("sequence", Text(order.wrapping_sequence or "")),
+        ("depends on", Text(", ".join(order.dependencies))),
         ("dispensable", Text("yes" if order.dispensable else "")),
         ("destinations", destinations(order)),
         ("delivery", Text(" ".join(filter(None, (delivery.phase, delivery.order_id, delivery.note))))),
