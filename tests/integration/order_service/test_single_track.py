@@ -67,7 +67,7 @@ def single_track() -> PlantModel:
     )
 
 
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(600)
 async def test_sixty_orders_over_a_single_track_are_done_without_two_robots_in_one_place(
     fleet: Fleet, tmp_path: File
 ) -> None:
