@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from nena_cli.__main__ import app
+from nena_demo.plants import sample_plant_path
 from support.broker import Broker, free_port
 from support.order_service_fleet import Fleet, order_in, vehicle_idle
 from support.programs import Program
@@ -109,6 +110,18 @@ async def test_an_order_is_watched_to_its_end_and_vehicles_are_shown(fleet: Flee
     (one,) = await nena.json("vehicles", "show", "Robot-01")
     assert one["connection"] == "ONLINE"
     assert "Robot-02" in (await nena("vehicles", "list")).stdout
+
+
+async def test_plant_model_is_put_in_use(fleet: Fleet) -> None:
+    client = await fleet.order_service().client()
+    nena = Nena(str(client.base_url))
+    file = str(sample_plant_path())
+    assert "could be put in use" in (await nena("plant", "put", file, "--check")).stderr
+    done = await nena("plant", "put", file, "--json")
+    assert (done.exit_code, json.loads(done.stdout)["changed"]) == (0, True)
+    wrong = fleet.folder / "wrong.json"
+    wrong.write_text("{}")
+    assert (await nena("plant", "put", str(wrong))).exit_code == 1
 
 
 async def test_all_orders_are_watched_as_they_change(fleet: Fleet) -> None:

@@ -59,6 +59,10 @@ class Connection:
         """Set something and give the answer; raises RefusedError and NotReachedError."""
         return model.model_validate_json(self._request("PUT", path, body=body).content)
 
+    def put_content(self, model: type[M], path: str, content: bytes, query: Query | None = None) -> M:
+        """Put a file and give the answer; raises RefusedError and NotReachedError."""
+        return model.model_validate_json(self._request("PUT", path, query=query, content=content).content)
+
     @contextmanager
     def stream(self, path: str, query: dict[str, str], last_id: str | None) -> Iterator[Iterator[str]]:
         """Follow the lines of an event stream; raises as :meth:`get` does, also while it is followed."""
@@ -90,12 +94,15 @@ class Connection:
         *,
         query: Query | None = None,
         body: JsonValue = None,
+        content: bytes | None = None,
         headers: Mapping[str, str] | None = None,
     ) -> httpx.Response:
         failures = []
         for url in tuple(self._urls):
             try:
-                answer = self._client.request(method, url + path, params=query, json=body, headers=headers)
+                answer = self._client.request(
+                    method, url + path, params=query, json=body, content=content, headers=headers
+                )
             except httpx.TransportError as error:
                 failures.append(f"{url}: {error}")
                 continue

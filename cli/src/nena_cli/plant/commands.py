@@ -12,8 +12,11 @@ from typing import Annotated, Final, NoReturn
 import typer
 from rich.console import Console
 
+from nena_cli.fleet import shell
+from nena_cli.fleet.shell import Token, TokenFile, Urls, connected, put_json
 from nena_cli.plant import plant_file, show
 from nena_cli.plant.plant_file import Finding, LifChoices, PlantFile
+from nena_shared.fleet_api.plant_model import PlantModelChange
 from nena_shared.plant import PlantModel, PlantModelError
 from nena_shared.plant.files import PlantFormat
 
@@ -90,6 +93,29 @@ def export(
         read = plant_file.read(file)
         model = read.model or _refused(read, as_json=as_json)
         _write(read, model, PlantFormat(target), output, choices, replace=replace, as_json=as_json)
+
+
+@app.command()
+def put(
+    file: Source,
+    *,
+    check: Annotated[bool, typer.Option("--check", help="Only tell whether it could be put in use.")] = False,
+    url: Urls = None,
+    token: Token = None,
+    token_file: TokenFile = None,
+    as_json: shell.AsJson = False,
+) -> None:
+    """Put a plant model in use at a running order service; status 1 if something is used that it lacks."""
+    with _faults_told():
+        data = plant_file.content_of(file)
+    with connected(url, token, token_file) as connection:
+        done = connection.put_content(PlantModelChange, "/v1/plantModel", data, {"check": str(check).lower()})
+    if as_json:
+        put_json(done)
+        return
+    _say("\n".join(done.warnings))
+    what = "is in use" if done.changed else "could be put in use"
+    _say(f"{done.name}: {done.points} points, {done.paths} paths, {done.vehicles} vehicles; it {what}")
 
 
 def _write(

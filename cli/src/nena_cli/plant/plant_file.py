@@ -53,7 +53,7 @@ def read(name: str, *, strict: bool = False) -> PlantFile:
         OSError: the file cannot be read.
 
     """
-    data = _bytes(name)
+    data = content_of(name)
     kind = None
     try:
         kind = files.format_of(data)
@@ -97,7 +97,7 @@ def write(data: bytes, name: str, *, replace: bool) -> None:
         out.write(data)
 
 
-def _bytes(name: str) -> bytes:
+def content_of(name: str) -> bytes:
     """Read no more than is refused anyway."""
     most = DEFAULT_LIMITS.size_bytes + 1
     if name == STANDARD_STREAM:

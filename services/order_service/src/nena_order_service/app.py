@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from secrets import token_hex
 
@@ -30,6 +31,7 @@ from nena_order_service.rest.roles import role_needed
 from nena_order_service.rest.standby import make_standby_app
 from nena_order_service.retained_sweep import RetainedSweep
 from nena_order_service.routing import Router, evaluators
+from nena_order_service.serving import ChangePlant, Serving
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.database import open_database
 from nena_order_service.store.engine import is_shared
@@ -67,8 +69,30 @@ class OrderService:
     stream: EventStream
     locks: PathLocks
 
+    async def begin(self, start: Callable[..., asyncio.Task[None]]) -> None:
+        """Take up what is in the store, then let all parts run; ``start`` starts their tasks."""
+        await self.locks.load()
+        await self.kernel.start(self.fleet)
+        start("mqtt", self.mqtt.run())
+        start("fleet control", self.fleet.run())
+        start("kernel", self.kernel.run())
+        start("retained sweep", self.sweep.run(), vital=False)
 
-def build(settings: OrderServiceSettings, plant: PlantModel, store: Store, *, epoch: int = 0) -> OrderService:
+    async def end(self) -> None:
+        """End all that clients wait for."""
+        self.stream.close()
+        await self.door.close()
+        await self.commands.close()
+
+
+def build(
+    settings: OrderServiceSettings,
+    plant: PlantModel,
+    store: Store,
+    *,
+    epoch: int = 0,
+    change_plant: ChangePlant | None = None,
+) -> OrderService:
     """Wire up the order service; ``epoch`` counts the takeovers of a store that others share.
 
     Raises:
@@ -117,6 +141,7 @@ def build(settings: OrderServiceSettings, plant: PlantModel, store: Store, *, ep
         locks,
         stream,
         plant_json=plant_json,
+        change_plant=change_plant,
         asyncapi=json.dumps(document(topics)).encode(),
         readiness=lambda: readiness(mqtt, store),
         max_body=settings.max_body,
@@ -155,42 +180,57 @@ async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
 async def _serve_alone(settings: OrderServiceSettings, plant: PlantModel, stop: asyncio.Event) -> None:
     url = settings.store.location()
     lock = InstanceLock.take(url)
-    service = build(settings, plant, Store(open_database(url), lock))
-    http = HttpServer(_guarded(service.app, settings), settings.http)
+    store = Store(open_database(url), lock)
     async with Supervisor() as supervisor:
-        await _start(service, supervisor)
+        serving = _serving(settings, plant, store, supervisor)
+        await serving.begin()
+        http = HttpServer(_guarded(serving.parts.app, settings), settings.http)
         answering = supervisor.start("http", http.run())
+        serving.show = lambda app: setattr(http, "app", _guarded(app, settings))
         try:
             await supervisor.wait(stop)
         finally:
-            service.stream.close()
-            await _end_answering(http, answering)
-            await _shut_down(service)
-    service.store.close()
+            await _end_answering(http, answering, serving)
+            await _shut_down(serving.parts)
+    store.close()
 
 
 async def _serve_shared(settings: OrderServiceSettings, plant: PlantModel, stop: asyncio.Event) -> None:
     lead = Lead(settings.store.location())
     standby = make_standby_app(lambda: lead.active_url, lambda: lead.problem)
     http = HttpServer(_guarded(standby, settings), settings.http)
-    service = None
+    serving = None
     async with Supervisor() as supervisor:
         answering = supervisor.start("http", http.run())
         try:
             if await lead.take(stop):
                 own_url = str(settings.public_url or http.url).rstrip("/")
-                service = await _take_over(settings, plant, lead, supervisor, own_url)
-                http.app = _guarded(service.app, settings)
+                serving = await _take_over(settings, plant, lead, supervisor, own_url)
+                serving.show = lambda app: setattr(http, "app", _guarded(app, settings))
+                serving.show(serving.parts.app)
                 await supervisor.wait(stop)
         finally:
-            if service:
-                service.stream.close()
-            await _end_answering(http, answering)
-            if service:
-                await _shut_down(service)
-    if service:
-        service.store.close()
+            await _end_answering(http, answering, serving)
+            if serving:
+                await _shut_down(serving.parts)
+    if serving:
+        serving.parts.store.close()
     await lead.close()
+
+
+def _serving(
+    settings: OrderServiceSettings,
+    plant: PlantModel,
+    store: Store,
+    supervisor: Supervisor,
+    *,
+    epoch: int = 0,
+) -> Serving[OrderService]:
+    def make(model: PlantModel) -> OrderService:
+        return build(settings, model, store, epoch=epoch, change_plant=serving.change_plant)
+
+    serving = Serving(plant, store, supervisor, make=make)
+    return serving
 
 
 def _guarded(app: ASGIApp, settings: OrderServiceSettings) -> ASGIApp:
@@ -199,36 +239,29 @@ def _guarded(app: ASGIApp, settings: OrderServiceSettings) -> ASGIApp:
 
 async def _take_over(
     settings: OrderServiceSettings, plant: PlantModel, lead: Lead, supervisor: Supervisor, own_url: str
-) -> OrderService:
+) -> Serving[OrderService]:
     """Become the active one: the other one commits nothing any more, and what it has is taken up."""
     engine, fence = await lead.raise_fence(settings.store.location(), own_url)
-    service = build(settings, plant, Store(engine, fence=fence), epoch=fence.epoch)
-    supervisor.start("lead", lead.keep(service.store, engine, fence))
-    await _start(service, supervisor)
+    store = Store(engine, fence=fence)
+    supervisor.start("lead", lead.keep(store, engine, fence))
+    serving = _serving(settings, plant, store, supervisor, epoch=fence.epoch)
+    await serving.begin()
     log.info("active on the shared store", epoch=fence.epoch)
-    return service
+    return serving
 
 
-async def _start(service: OrderService, supervisor: Supervisor) -> None:
-    """Take up what is in the store, then let all parts run."""
-    supervisor.start("store", service.store.run())
-    await service.locks.load()
-    await service.kernel.start(service.fleet)
-    supervisor.start("mqtt", service.mqtt.run())
-    supervisor.start("fleet control", service.fleet.run())
-    supervisor.start("kernel", service.kernel.run())
-    supervisor.start("retained sweep", service.sweep.run(), vital=False)
-
-
-async def _end_answering(http: HttpServer, answering: asyncio.Task[None]) -> None:
+async def _end_answering(
+    http: HttpServer, answering: asyncio.Task[None], serving: Serving[OrderService] | None
+) -> None:
+    if serving:
+        serving.parts.stream.close()
     http.stop()
     await asyncio.wait({answering}, timeout=SHUTDOWN_PATIENCE + 1)
 
 
 async def _shut_down(service: OrderService) -> None:
     """Write and send what waits."""
-    await service.door.close()
-    await service.commands.close()
+    await service.end()
     if not await service.store.drain(DRAIN_PATIENCE):
         log.error("the store has not taken all that was not answered yet", reason=service.store.problem)
     await service.mqtt.drain(DRAIN_PATIENCE)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 class NameTakenError(Exception):
@@ -119,6 +119,27 @@ class NotReroutableError(Exception):
         super().__init__(f"Vehicle {name!r} cannot be rerouted: {reason}.")
         self.name = name
         self.reason = reason
+
+
+class InvalidPlantError(Exception):
+    """What was sent is no plant model that can be used."""
+
+    def __init__(self, problems: Sequence[str]) -> None:
+        super().__init__(
+            "This is no plant model that can be used. Correct what errors names; nothing was changed."
+        )
+        self.problems = tuple(problems)
+
+
+class PlantInUseError(Exception):
+    """Orders or vehicles use what a new plant model does not have."""
+
+    def __init__(self, problems: Sequence[str]) -> None:
+        super().__init__(
+            "Orders or vehicles use what the new plant model does not have. Wait for their end, withdraw the "
+            "orders, or keep what errors names; nothing was changed."
+        )
+        self.problems = tuple(problems)
 
 
 class StoreNotReadyError(Exception):

@@ -1,13 +1,15 @@
-"""Reads the plant model at the start, with a clear line for each thing that is wrong."""
+"""Reads plant models, with a clear line for each thing that is wrong."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
 
+from nena_order_service.errors import InvalidPlantError
 from nena_shared.log import get_logger
 from nena_shared.plant import PlantModel, PlantModelError
 from nena_shared.plant.files import read
+from nena_shared.plant.reports import ImportReport
 from nena_shared.settings import ConfigurationError
 
 log = get_logger(__name__)
@@ -21,19 +23,32 @@ def load_plant(path: Path) -> PlantModel:
 
     """
     try:
-        report = read(path.read_bytes())
+        report = read_plant(path.read_bytes(), strict=False)
     except OSError as error:
         raise ConfigurationError([f"plant: cannot read {path}: {error.strerror}"]) from error
-    except PlantModelError as error:
+    except InvalidPlantError as error:
         raise ConfigurationError([f"plant: {path}: {problem}" for problem in error.problems]) from error
-    problems = [f"plant: {path}: {problem}" for problem in _problems(report.model)]
-    if problems:
-        raise ConfigurationError(problems)
     for warning in report.warnings:
         log.warning("plant model", file=str(path), finding=str(warning))
     model = report.model
     log.info("plant model read", name=model.name, points=len(model.points), vehicles=len(model.vehicles))
     return model
+
+
+def read_plant(data: bytes, *, strict: bool) -> ImportReport:
+    """Read a plant model with which a fleet can work; ``strict`` refuses LIF that is not by its standard.
+
+    Raises:
+        InvalidPlantError: it is none; names all that is wrong.
+
+    """
+    try:
+        report = read(data, strict=strict)
+    except PlantModelError as error:
+        raise InvalidPlantError([str(problem) for problem in error.problems]) from error
+    if problems := tuple(_problems(report.model)):
+        raise InvalidPlantError(problems)
+    return report
 
 
 def _problems(plant: PlantModel) -> Iterator[str]:

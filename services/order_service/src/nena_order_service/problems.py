@@ -19,6 +19,8 @@ STATUS: dict[type[Exception], HTTPStatus] = {
     errors.OrderWithdrawnError: HTTPStatus.CONFLICT,
     errors.VehicleNotReachedError: HTTPStatus.CONFLICT,
     errors.NotReroutableError: HTTPStatus.CONFLICT,
+    errors.PlantInUseError: HTTPStatus.CONFLICT,
+    errors.InvalidPlantError: HTTPStatus.UNPROCESSABLE_ENTITY,
     errors.UnknownOrderError: HTTPStatus.NOT_FOUND,
     errors.UnknownVehicleError: HTTPStatus.NOT_FOUND,
     errors.StoreNotReadyError: HTTPStatus.SERVICE_UNAVAILABLE,
@@ -42,7 +44,8 @@ def problem_of(error: Exception) -> Problem:
             status=HTTPStatus.INTERNAL_SERVER_ERROR,
             detail="The order service failed at this request; its log says why. Please report it.",
         )
-    return Problem(title=status.phrase, status=status, detail=str(error))
+    problems: tuple[str, ...] = getattr(error, "problems", ())
+    return Problem(title=status.phrase, status=status, detail=str(error), errors=problems)
 
 
 def _invalid(error: InvalidRequestError) -> Problem:

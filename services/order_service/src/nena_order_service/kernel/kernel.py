@@ -250,6 +250,10 @@ class Kernel:
             await asyncio.sleep(LOOK_INTERVAL if self._gate.is_open else FIRST_LOOKS)
             self.look()
 
+    def close(self, reason: str) -> None:
+        """Change nothing any more: another kernel takes up what is in the store."""
+        self.steps.closed = reason
+
     def look(self) -> None:
         """Try again whatever waits, and tell vehicles that stand otherwise than was told."""
         with self.step():
@@ -355,6 +359,10 @@ class Kernel:
         """Give what fleet control knows of a vehicle's robot."""
         return self.fleet.view(vehicle.key)
 
+    def works(self, vehicle: FleetVehicle) -> bool:
+        """Tell whether a vehicle works on an order."""
+        return self._missions.order_number(vehicle.key) is not None
+
     def status(self, vehicle: FleetVehicle) -> VehicleStatus:
         """Tell how a vehicle stands."""
         view = self.view(vehicle)
@@ -390,6 +398,8 @@ class Kernel:
 
     def on_news(self, news: FleetOutput) -> None:
         """Take in what fleet control tells."""
+        if self.steps.closed:
+            return
         with self.step():
             match news:
                 case RobotChanged(robot):

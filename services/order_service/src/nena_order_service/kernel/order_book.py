@@ -129,6 +129,10 @@ class OrderBook:
         """Give the orders that wait for a vehicle, most urgent first."""
         return tuple(self._orders[urgency[-1]] for urgency in self._queue)
 
+    def present(self) -> Iterator[TransportOrder]:
+        """Yield the orders that are not at their end, as they are."""
+        return (order for order in self._orders.values() if not order.state.final)
+
     def unfinished(self) -> Iterator[TransportOrder]:
         """Yield the committed orders that are not at their end."""
         return (order for order in self._committed.values() if not order.state.final)

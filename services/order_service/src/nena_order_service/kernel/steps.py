@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.kernel.ports import Listener
 from nena_order_service.orders.transport_order import TransportOrder
@@ -32,6 +33,8 @@ class Steps:
         self._vehicles: set[str] = set()
         self._told: dict[str, VehicleStatus] = {}
         self.listeners: list[Listener] = []
+        self.closed = ""
+        """Why no step is made any more; empty while there are some."""
 
     def after_commit(self, effect: Effect) -> None:
         """Have something done when the changes of this step are committed."""
@@ -54,7 +57,14 @@ class Steps:
 
     @contextmanager
     def step(self) -> Iterator[None]:
-        """Make changes; at the end they go to the store, and are done and told when they are committed."""
+        """Make changes; at the end they go to the store, and are done and told when they are committed.
+
+        Raises:
+            StoreNotReadyError: no more changes are made here.
+
+        """
+        if self.closed:
+            raise StoreNotReadyError(self.closed)
         try:
             yield
         finally:

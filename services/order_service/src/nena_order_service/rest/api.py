@@ -13,10 +13,19 @@ from nena_order_service.event_stream import EventStream
 from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.kernel.path_locks import PathLocks
 from nena_order_service.kernel.sequence_requests import SequenceRequests
-from nena_order_service.rest import events, order_sequences, paths, problems, transport_orders, vehicles
+from nena_order_service.rest import (
+    events,
+    order_sequences,
+    paths,
+    plant_model,
+    problems,
+    transport_orders,
+    vehicles,
+)
 from nena_order_service.rest.bodies import Readiness
 from nena_order_service.rest.body_limit import BodyLimit
 from nena_order_service.rest.responses import as_json
+from nena_order_service.serving import ChangePlant
 from nena_shared.web.described import describe_problems
 
 NOT_READY: dict[int | str, dict[str, object]] = {
@@ -31,6 +40,7 @@ def make_app(
     stream: EventStream,
     *,
     plant_json: bytes,
+    change_plant: ChangePlant | None,
     asyncapi: bytes,
     readiness: Callable[[], Readiness],
     max_body: int,
@@ -44,27 +54,23 @@ def make_app(
         docs_url=None,
         redoc_url=None,
     )
-    app.add_middleware(BodyLimit, limit=max_body)
+    app.add_middleware(BodyLimit, limit=max_body, larger={plant_model.PATH: plant_model.MAX_BYTES})
     problems.install(app)
     app.include_router(transport_orders.make_router(requests))
     app.include_router(order_sequences.make_router(sequences))
     app.include_router(vehicles.make_router(requests))
     app.include_router(paths.make_router(locks))
     app.include_router(events.make_router(stream))
-    app.include_router(_service(plant_json, asyncapi, readiness))
+    app.include_router(plant_model.make_router(plant_json, change_plant))
+    app.include_router(_service(asyncapi, readiness))
     for path, other in mounted.items():
         app.mount(path, other)
     describe_problems(app)
     return app
 
 
-def _service(plant_json: bytes, asyncapi: bytes, readiness: Callable[[], Readiness]) -> APIRouter:
+def _service(asyncapi: bytes, readiness: Callable[[], Readiness]) -> APIRouter:
     router = APIRouter()
-
-    @router.get("/v1/plantModel", tags=["plant model"])
-    async def plant_model() -> Response:
-        """Give the plant model; lengths in mm, angles in degrees."""
-        return Response(plant_json, media_type="application/json")
 
     @router.get("/asyncapi.json", tags=["service"])
     async def mqtt_door() -> Response:

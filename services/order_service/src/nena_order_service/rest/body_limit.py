@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from http import HTTPStatus
 
 from starlette.exceptions import HTTPException
@@ -11,20 +12,25 @@ from nena_shared.web.problem import refusal
 
 
 class BodyLimit:
-    """ASGI middleware: a body of more than ``limit`` bytes is answered with 413."""
+    """ASGI middleware: a body of more than ``limit`` bytes is answered with 413.
 
-    def __init__(self, app: ASGIApp, limit: int) -> None:
+    ``larger`` has the limits of paths with a limit of their own.
+    """
+
+    def __init__(self, app: ASGIApp, limit: int, larger: Mapping[str, int] | None = None) -> None:
         self._app = app
         self._limit = limit
-        self._detail = f"The body is longer than {limit} bytes. Send less at once, or raise max_body."
+        self._larger = larger or {}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on, counting its bytes."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        if _announced(scope) > self._limit:
-            await self._refuse(scope, receive, send)
+        limit = self._larger.get(scope["path"], self._limit)
+        detail = f"The body is longer than {limit} bytes. Send less at once, or raise max_body."
+        if _announced(scope) > limit:
+            await refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, detail)(scope, receive, send)
             return
         received = 0
 
@@ -32,15 +38,11 @@ class BodyLimit:
             nonlocal received
             message = await receive()
             received += len(message.get("body", b""))
-            if received > self._limit:
-                raise HTTPException(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, self._detail)
+            if received > limit:
+                raise HTTPException(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, detail)
             return message
 
         await self._app(scope, counted, send)
-
-    async def _refuse(self, scope: Scope, receive: Receive, send: Send) -> None:
-        status = HTTPStatus.REQUEST_ENTITY_TOO_LARGE
-        await refusal(status, self._detail)(scope, receive, send)
 
 
 def _announced(scope: Scope) -> int:

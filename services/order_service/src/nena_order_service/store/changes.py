@@ -33,9 +33,12 @@ class Changes:
     """Order sequences by their numbers."""
     path_locks: dict[str, bool] = field(default_factory=dict)
     """Whether a path is locked, by its name."""
+    documents: dict[tuple[str, str], str | None] = field(default_factory=dict)
+    """What hosts have put here as a whole, by kind and name; None: it is deleted."""
 
     def __bool__(self) -> bool:
-        return bool(self.orders or self.missions or self.vehicles or self.sequences or self.path_locks)
+        single = self.orders or self.missions or self.vehicles or self.sequences
+        return bool(single or self.path_locks or self.documents)
 
     def put_order(self, order: TransportOrder, before: TransportOrder | None) -> None:
         """Add an order's new version; ``before`` is the last one, None for an order that is new."""
@@ -71,6 +74,7 @@ class Changes:
         self.vehicles.update(later.vehicles)
         self.sequences.update(later.sequences)
         self.path_locks.update(later.path_locks)
+        self.documents.update(later.documents)
 
     def numbered(self, last: int) -> int:
         """Give each order's change a number, from the one behind ``last`` on; gives the last one then."""

@@ -15,6 +15,7 @@ from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import schema
 from nena_order_service.store.changes import Changes, OrderChange
+from nena_order_service.store.documents import write_documents
 from nena_order_service.store.engine import make_engine, reason_of, unusable
 from nena_order_service.store.errors import StoreError
 from nena_order_service.store.leadership import Fence
@@ -96,6 +97,7 @@ def write(engine: Engine, changes: Changes, fence: Fence | None = None) -> None:
                 {"path": path, "locked": locked} for path, locked in changes.path_locks.items()
             ]
             execute(connection, texts.put_path_lock, locks)
+            write_documents(connection, texts, changes.documents)
     if fence:
         fence.passed()
 

@@ -82,6 +82,15 @@ path_locks = Table(
 )
 """Paths that hosts have locked or unlocked; it counts more than the plant model."""
 
+documents = Table(
+    "documents",
+    metadata,
+    Column("kind", String(20), primary_key=True),
+    Column("name", String(200), primary_key=True),
+    Column("document", Text, nullable=False),
+)
+"""What hosts have put here as a whole: the plant model."""
+
 leadership = Table(
     "leadership",
     metadata,

@@ -44,6 +44,8 @@ class Statements:
     put_vehicle: str
     put_sequence: str
     put_path_lock: str
+    put_document: str
+    forget_document: str
 
 
 def statements(engine: Engine) -> Statements:
@@ -54,6 +56,7 @@ def statements(engine: Engine) -> Statements:
 @lru_cache
 def _statements(name: str) -> Statements:
     orders, history, missions = schema.transport_orders, schema.history, schema.missions
+    documents = schema.documents
     others: dict[str, BindParameter[Any]] = {
         column.name: bindparam(column.name) for column in orders.c if column.name != "number"
     }
@@ -69,6 +72,10 @@ def _statements(name: str) -> Statements:
         "put_vehicle": _put(name, schema.vehicles),
         "put_sequence": _put(name, schema.order_sequences),
         "put_path_lock": _put(name, schema.path_locks),
+        "put_document": _put(name, documents),
+        "forget_document": delete(documents).where(
+            documents.c.kind == bindparam("kind"), documents.c.name == bindparam("name")
+        ),
     }
     dialect = sqlite.dialect(paramstyle="named") if name == "sqlite" else psycopg.dialect()  # type: ignore[no-untyped-call] # of the library
     return Statements(**{key: str(text.compile(dialect=dialect)) for key, text in texts.items()})

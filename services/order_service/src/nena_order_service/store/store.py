@@ -16,6 +16,7 @@ from nena_order_service.store import database, sequences
 from nena_order_service.store.change_numbers import ChangeNumbers
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import OrderFilter, Unfinished
+from nena_order_service.store.documents import read_documents
 from nena_order_service.store.engine import PASSING, reason_of
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.leadership import Fence
@@ -159,6 +160,10 @@ class Store:
     async def path_locks(self) -> dict[str, bool]:
         """Read whether hosts have locked or unlocked a path, by its name."""
         return await self._read(lambda: database.read_path_locks(self._engine))
+
+    async def documents(self, kind: str) -> dict[str, str]:
+        """Read what hosts have put here of a kind, by name."""
+        return await self._read(lambda: read_documents(self._engine, kind))
 
     async def changes_after(self, number: int, limit: int) -> tuple[tuple[int, TransportOrder], ...]:
         """Read the orders that have changed since this change, each with the number of its last one."""
