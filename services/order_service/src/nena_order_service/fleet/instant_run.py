@@ -11,6 +11,7 @@ from nena_order_service.fleet.reported import ActionState
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.vda5050.action import Action, ActionParameter, ActionStatus, BlockingType
 
+RETRY: Final = "retry"
 CANCEL_ORDER: Final = "cancelOrder"
 CLEAR_INSTANT_ACTIONS: Final = "clearInstantActions"
 FACTSHEET_REQUEST: Final = "factsheetRequest"
@@ -101,7 +102,7 @@ def cancel_order(action_id: str, order_id: str | None = None) -> Action:
 def retry_or_skip(action_id: str, failed: str, *, retry: bool) -> Action:
     """Make the action that begins a RETRIABLE one anew, or lets it be FAILED (section 6.2.3)."""
     return Action(
-        action_type="retry" if retry else "skipRetry",
+        action_type=RETRY if retry else "skipRetry",
         action_id=action_id,
         blocking_type=BlockingType.NONE,
         action_parameters=(ActionParameter(key="actionId", value=failed),),

@@ -9,13 +9,14 @@ from nena_order_service.fleet import progress as progresses
 from nena_order_service.fleet import reported_errors
 from nena_order_service.fleet.delivery import Delivery
 from nena_order_service.fleet.failure_kind import FailureKind
-from nena_order_service.fleet.instant_run import InstantRun
+from nena_order_service.fleet.instant_run import RETRY, InstantRun
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.mission_update import PendingUpdate, grown, held_by, update_of
 from nena_order_service.fleet.outputs import (
     ActionRetriable,
     BaseWanted,
     FleetOutput,
+    InstantActionEnded,
     MissionAccepted,
     MissionCancelled,
     MissionFailed,
@@ -80,7 +81,7 @@ class MissionRun:
         self._failure: Failure | None = None
         self._before: frozenset[ErrorIdentity] = frozenset()
         self._standing_since: float | None = None
-        self._retriable: frozenset[str] = frozenset()
+        self._retriable: frozenset[object] = frozenset()
         """Ids of the actions of which it was told that they may be tried again."""
 
     def wants_sending(self, now: float) -> bool:
@@ -165,6 +166,11 @@ class MissionRun:
         """Tell whether cancelOrder must be sent to end the mission."""
         waiting = self.phase is MissionPhase.CANCELLING and self.cancel is None
         return waiting and state is not None and self._may_be_at_robot(state)
+
+    def on_news(self, news: FleetOutput) -> None:
+        """Take notice of an action that is tried again: if it is RETRIABLE now, it has failed once more."""
+        if isinstance(news, InstantActionEnded) and news.action.action_type == RETRY:
+            self._retriable -= {news.action.parameter("actionId")}
 
     def on_state(self, state: State, now: float) -> Iterator[FleetOutput]:
         """Follow a new state of the robot."""

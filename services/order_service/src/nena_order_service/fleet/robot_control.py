@@ -67,7 +67,10 @@ class RobotControl:
         """Take in a state; instant actions first, for a mission may end by one."""
         if not self.robot.take_state(message, now):
             return
-        yield from self._desk.on_state(message, now)
+        for news in self._desk.on_state(message, now):
+            if self._run:
+                self._run.on_news(news)
+            yield news
         if self._run:
             yield from self._run.on_state(message, now)
         yield from self._advance(now)
