@@ -16,7 +16,7 @@ from playwright.async_api import Browser, Locator, Page, expect
 from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
 from support.order_service_fleet import Fleet, awaited, order_in, vehicle_idle
-from support.panel import opened, picture
+from support.panel import findings, opened, picture
 from support.waiting import PATIENCE
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -260,6 +260,37 @@ async def test_a_withdrawal_needs_two_steps_and_a_refusal_is_shown(
             await button(page, "Create the order").click()
             await expect(form).to_contain_text("Refused:")
             await expect(form).to_contain_text("T-1")
+
+
+async def test_an_order_is_held_and_goes_on_when_it_is_resumed(
+    broker: Broker, interface_name: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with operated(broker, interface_name, tmp_path, speed=SLOW) as fleet:
+        body = {"name": "T-1", "destinations": [{"locationName": "Storage", "operation": "Load cargo"}]}
+        assert (await fleet.orders.post("/v1/transportOrders", json=body)).status_code == 201
+        async with opened(browser, f"{fleet.url}#/orders/T-1") as page:
+            shown, why = page.locator("nena-order-page"), page.locator("nena-order-page nena-why-list")
+            chip, hold, resume = shown.locator(".chip"), button(page, "Hold"), button(page, "Resume")
+            await expect(chip).to_have_text("Under way")
+            await expect(resume).to_be_hidden()
+            await hold.click()
+            await expect(shown).to_contain_text("Order T-1 held.")
+            await expect(chip).to_have_text("Held")
+            await expect(hold).to_be_hidden()
+            await expect(why).to_contain_text("held at the control panel")
+            await expect(why).to_contain_text("Use Resume")
+            await expect(shown.locator(".history")).to_contain_text("Held")
+            assert await findings(page) == []
+            await picture(page, "held-order")
+            await page.get_by_role("link", name="All robots and orders").click()
+            await page.get_by_label("Which orders").select_option("held")
+            row = page.locator("tr[data-order='T-1']")
+            await expect(row).to_contain_text("Held")
+            await row.get_by_role("link").click()
+            await resume.click()
+            await expect(shown).to_contain_text("Order T-1 resumed.")
+            await expect(chip).to_have_text("Under way")
+            await expect(resume).to_be_hidden()
 
 
 async def test_without_an_order_service_the_page_only_shows(

@@ -17,6 +17,7 @@ from nena_order_service.kernel.sequence_requests import SequenceRequests
 from nena_order_service.mqtt_requests import REQUESTS_LIMIT, read_request, too_many
 from nena_order_service.problems import FORESEEN, problem_of
 from nena_order_service.rest.bodies import (
+    SOMEBODY,
     DispatchRequest,
     HoldRequest,
     InstantActionAnswer,
@@ -231,7 +232,7 @@ class Verbs:
         """Let an order wait."""
         order = await self._requests.hold(
             command.transport_order,
-            command.by,
+            command.by or SOMEBODY,
             command.reason,
             seen=_seen(command.version),
             immediate=command.immediate,
@@ -241,7 +242,7 @@ class Verbs:
     async def resume(self, command: ResumeCommand) -> CommandAnswer:
         """Let a held order go on."""
         order = await self._requests.resume(
-            command.transport_order, command.by, command.reason, seen=_seen(command.version)
+            command.transport_order, command.by or SOMEBODY, command.reason, seen=_seen(command.version)
         )
         return CommandAnswer(status=HTTPStatus.OK, transport_order=order)
 

@@ -70,11 +70,15 @@ class WithdrawalRequest(Request):
     """Whether its robot is to stop; false: it drives to the end of what it was given."""
 
 
+SOMEBODY = "somebody"
+"""Who asks where nobody says who it is."""
+
+
 class HoldRequest(Request):
     """Lets a transport order wait until it is resumed."""
 
-    by: Annotated[str, Field(min_length=1, max_length=100)] = "a host"
-    """Who asks: a person or a program, by name."""
+    by: Annotated[str, Field(min_length=1, max_length=100)] | None = None
+    """Who asks: a person or a program, by name; None: the user whose token comes with the request."""
     reason: Annotated[str, Field(min_length=1, max_length=500)] = "no reason given"
     immediate: bool = True
     """Whether its robot is to stop; false: it drives to the end of what it was given."""
@@ -83,8 +87,8 @@ class HoldRequest(Request):
 class ResumeRequest(Request):
     """Lets a held transport order go on."""
 
-    by: Annotated[str, Field(min_length=1, max_length=100)] = "a host"
-    """Who asks: a person or a program, by name."""
+    by: Annotated[str, Field(min_length=1, max_length=100)] | None = None
+    """Who asks: a person or a program, by name; None: the user whose token comes with the request."""
     reason: Annotated[str, Field(min_length=1, max_length=500)] = "no reason given"
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from http import HTTPStatus
 from typing import Annotated
 
-from fastapi import APIRouter, Header, Query, Response
+from fastapi import APIRouter, Header, Query, Request, Response
 
 from nena_order_service.kernel.host_requests import VEHICLES_EXPLAINED, HostRequests
 from nena_order_service.rest import responses
 from nena_order_service.rest.bodies import (
+    SOMEBODY,
     HoldRequest,
     ResumeRequest,
     TransportOrderPage,
@@ -24,6 +25,7 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderState,
     TransportOrderStatus,
 )
+from nena_shared.web.users import User
 
 IdempotencyKey = Annotated[str | None, Header(alias="Idempotency-Key", min_length=1, max_length=200)]
 
@@ -81,17 +83,29 @@ def make_router(requests: HostRequests) -> APIRouter:
 
 def _add_holding(router: APIRouter, requests: HostRequests) -> None:
     @router.post("/{name}/hold", response_model=TransportOrderStatus)
-    async def hold(name: str, request: HoldRequest | None = None, if_match: IfMatch = None) -> Response:
+    async def hold(
+        name: str, http: Request, request: HoldRequest | None = None, if_match: IfMatch = None
+    ) -> Response:
         """Let a transport order wait until it is resumed; it keeps its vehicle, which stands."""
         asked, seen = request or HoldRequest(), responses.seen(if_match)
-        order = await requests.hold(name, asked.by, asked.reason, seen=seen, immediate=asked.immediate)
+        order = await requests.hold(
+            name, _who(http, asked.by), asked.reason, seen=seen, immediate=asked.immediate
+        )
         return responses.order(order)
 
     @router.post("/{name}/resume", response_model=TransportOrderStatus)
-    async def resume(name: str, request: ResumeRequest | None = None, if_match: IfMatch = None) -> Response:
+    async def resume(
+        name: str, http: Request, request: ResumeRequest | None = None, if_match: IfMatch = None
+    ) -> Response:
         """Let a held transport order go on from where its vehicle stands."""
         asked, seen = request or ResumeRequest(), responses.seen(if_match)
-        return responses.order(await requests.resume(name, asked.by, asked.reason, seen=seen))
+        return responses.order(await requests.resume(name, _who(http, asked.by), asked.reason, seen=seen))
+
+
+def _who(http: Request, by: str | None) -> str:
+    """Name who asks, as far as anybody says."""
+    user = getattr(http.state, "user", None)
+    return by or (user.name if isinstance(user, User) else SOMEBODY)
 
 
 def _add_creation(router: APIRouter, requests: HostRequests) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from nena_shared.fleet_api.base import iso
+from nena_shared.fleet_api.failure_policy import Hold
 from nena_shared.fleet_api.transport_order import Destination
 from nena_status_aggregator.fleet_model.order_book import TrackedOrder, progress
 from nena_status_aggregator.fleet_model.robot_view import short
-from nena_status_aggregator.fleet_model.views import OrderView
+from nena_status_aggregator.fleet_model.views import HoldView, OrderView
 
 
 def view_order(order: TrackedOrder, last_node: str | None) -> OrderView:
@@ -20,6 +21,7 @@ def view_order(order: TrackedOrder, last_node: str | None) -> OrderView:
         "final": status.state.final,
         "confirmed": order.confirmed,
         "reason": short(status.reason) or "",
+        "held": held(status.held) if status.held else None,
         "type": status.type,
         "priority": status.priority,
         "intendedVehicle": status.intended_vehicle,
@@ -38,6 +40,11 @@ def view_order(order: TrackedOrder, last_node: str | None) -> OrderView:
         "created": iso(status.created),
         "finished": iso(status.finished) if status.finished else None,
     }
+
+
+def held(hold: Hold) -> HoldView:
+    """Tell who holds an order."""
+    return {"by": hold.by, "reason": short(hold.reason) or "", "since": iso(hold.since)}
 
 
 def place(destination: Destination) -> str:

@@ -214,6 +214,14 @@ class DestinationView(TypedDict):
     state: str
 
 
+class HoldView(TypedDict):
+    """Who holds a transport order, why and since when."""
+
+    by: str
+    reason: str
+    since: str
+
+
 class OrderView(TypedDict):
     """One transport order; ``id`` is its name."""
 
@@ -224,6 +232,7 @@ class OrderView(TypedDict):
     final: bool
     confirmed: bool
     reason: str
+    held: HoldView | None
     type: str
     priority: int
     intendedVehicle: str | None

@@ -1,6 +1,7 @@
 // "Why does it stand?": the chain of causes, from what is seen to what is behind it.
 
 import { t } from "./catalogue.js";
+import { shownState } from "./order_state.js";
 import { address } from "./router.js";
 import { adviceFor, reasonOf } from "./reasons.js";
 
@@ -19,7 +20,7 @@ export function causesOfRobot(robot, fleet) {
 /** Give the causes for an order. */
 export function causesOfOrder(order, fleet) {
   const causes = causesOfPicture(fleet);
-  causes.push({ text: t(`why.order.${order.state}`), foreign: order.reason });
+  causes.push({ text: t(`why.order.${shownState(order)}`), foreign: order.reason });
   if (order.final) return causes;
   const name = order.processingVehicle ?? order.intendedVehicle;
   const robot = name && robotOfVehicle(name, fleet);
@@ -71,7 +72,7 @@ function causesOfFleet(robot, { store }, lead) {
   if (!robot.vehicle) return [{ text: t("why.noVehicle"), advice: t("why.noVehicle.advice") }];
   const order = store.orders.get(robot.vehicle.transportOrder);
   if (!order) return [{ text: t("why.fleet"), foreign: robot.vehicle.reason }];
-  const values = { name: order.name, state: t(`state.${order.state}`) };
+  const values = { name: order.name, state: t(`state.${shownState(order)}`) };
   return [{ text: t("why.hasOrder", values), foreign: order.reason, link: address("orders", order.id) }];
 }
 

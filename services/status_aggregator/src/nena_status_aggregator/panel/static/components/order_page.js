@@ -1,4 +1,4 @@
-// All about one transport order: why it waits, its destinations, its history; and its withdrawal.
+// All about one transport order: why it waits, its destinations, its history; holding, resuming and withdrawing it.
 
 import { has, t } from "../catalogue.js";
 import { causesOfOrder } from "../causes.js";
@@ -6,6 +6,7 @@ import { ask, command } from "../commands.js";
 import { button, element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "../dom.js";
 import { dateAndTime, number } from "../format.js";
 import { run } from "../forms/command_form.js";
+import { shownState } from "../order_state.js";
 import "./why_list.js";
 
 class OrderPage extends HTMLElement {
@@ -60,15 +61,20 @@ class OrderPage extends HTMLElement {
       if (!this.sure.hidden) this.sure.focus();
     });
     this.sure.hidden = true;
+    this.hold = button(t("order.hold"), () => run(this.hold, this.result, () => this.#ask("hold", "held")));
+    this.resume = button(t("order.resume"), () => run(this.resume, this.result, () => this.#ask("resume", "resumed")));
     this.off = element("p", { class: "hint" }, t(this.fleet.noCommands ?? ""));
     this.off.hidden = !this.fleet.noCommands;
-    return element("div", {}, element("div", { class: "actions" }, this.withdraw, this.sure), this.off, this.result);
+    return element("div", {}, element("div", { class: "actions" }, this.hold, this.resume, this.withdraw, this.sure), this.off, this.result);
   }
 
   async #withdraw() {
-    const body = { reason: "withdrawn at the control panel" };
-    const answer = await command(["transportOrders", this.#name, "withdrawal"], body);
-    return ["command.withdrawn", { name: this.#name }, answer.reason];
+    return this.#ask("withdrawal", "withdrawn");
+  }
+
+  async #ask(verb, done) {
+    const answer = await command(["transportOrders", this.#name, verb], { reason: `${done} at the control panel` });
+    return [`command.${done}`, { name: this.#name }, answer.reason];
   }
 
   #update() {
@@ -77,10 +83,14 @@ class OrderPage extends HTMLElement {
     this.body.hidden = this.chip.hidden = !order;
     if (order?.version !== this.#version || this.#version === null) this.#loadHistory(order?.version ?? 0);
     if (!order) return;
-    setText(this.chip, t(`state.${order.state}`));
-    setAttribute(this.chip, "data-state", order.state);
+    setText(this.chip, t(`state.${shownState(order)}`));
+    setAttribute(this.chip, "data-state", shownState(order));
     this.why.show(causesOfOrder(order, this.fleet));
     this.withdraw.disabled = Boolean(this.fleet.noCommands) || order.final;
+    this.hold.disabled = this.withdraw.disabled || order.state === "WITHDRAWN";
+    this.resume.disabled = Boolean(this.fleet.noCommands);
+    this.hold.hidden = Boolean(order.held);
+    this.resume.hidden = !order.held;
     if (order.final) this.sure.hidden = true;
     this.progress.box.hidden = order.progress === null;
     this.progress.bar.value = order.progress ?? 0;
@@ -132,6 +142,10 @@ function stop(each) {
   );
 }
 
+function heldBy({ by, since }) {
+  return verbatim("dd", t("order.heldBy", { by, time: dateAndTime(since) }));
+}
+
 function factsOf(order) {
   const words = (text) => () => element("dd", {}, text);
   const moment = (text) => () => verbatim("dd", dateAndTime(text));
@@ -139,6 +153,7 @@ function factsOf(order) {
   return [
     ["orders.vehicle", vehicle && (() => verbatim("dd", vehicle))],
     ["form.priority", words(number(order.priority))],
+    ["order.held", order.held && (() => heldBy(order.held))],
     ["order.type", order.type !== "-" && (() => verbatim("dd", order.type))],
     ["order.deadline", order.deadline && moment(order.deadline)],
     ["order.created", moment(order.created)],

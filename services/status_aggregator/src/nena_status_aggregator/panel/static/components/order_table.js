@@ -4,6 +4,7 @@ import { t } from "../catalogue.js";
 import { element, foreign, progressBar, setAttribute, setText, verbatim } from "../dom.js";
 import { age, byName, number } from "../format.js";
 import { select } from "../forms/fields.js";
+import { shownState } from "../order_state.js";
 import { address } from "../router.js";
 import { LiveTable, cell } from "./live_table.js";
 
@@ -46,6 +47,7 @@ class OrderTable extends LiveTable {
 const SHOWN = {
   all: () => true,
   open: (order) => !order.final,
+  held: (order) => shownState(order) === "HELD",
   finished: (order) => order.state === "FINISHED",
   failed: (order) => ["FAILED", "UNROUTABLE"].includes(order.state),
 };
@@ -70,8 +72,8 @@ class OrderFilter {
 function update(parts, row, order, now) {
   row.classList.toggle("final", order.final);
   setText(parts.created, t("orders.created", { age: age((now - Date.parse(order.created)) / 1000) }));
-  setText(parts.chip, t(`state.${order.state}`));
-  setAttribute(parts.chip, "data-state", order.state);
+  setText(parts.chip, t(`state.${shownState(order)}`));
+  setAttribute(parts.chip, "data-state", shownState(order));
   setText(parts.reason, order.confirmed ? order.reason : "");
   setText(parts.unconfirmed, order.confirmed ? "" : t("orders.unconfirmed"));
   setText(parts.vehicle, vehicle(order));

@@ -17,6 +17,8 @@ export const COMMANDS = {
   "command.unanswered": "Keine Antwort. Es kann trotzdem ausgeführt worden sein: Sehen Sie nach, bevor Sie es noch einmal versuchen.",
   "command.orderCreated": "Auftrag {name} angelegt.",
   "command.withdrawn": "Auftrag {name} zurückgezogen.",
+  "command.held": "Auftrag {name} angehalten.",
+  "command.resumed": "Auftrag {name} fortgesetzt.",
   "command.FINISHED": "Erledigt.",
   "command.FAILED": "Der Roboter konnte es nicht:",
   "command.UNKNOWN": "Der Roboter hat nie gesagt, was daraus wurde:",

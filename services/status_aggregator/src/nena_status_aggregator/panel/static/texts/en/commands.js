@@ -17,6 +17,8 @@ export const COMMANDS = {
   "command.unanswered": "No answer. It may have been carried out all the same: look before you try again.",
   "command.orderCreated": "Order {name} created.",
   "command.withdrawn": "Order {name} withdrawn.",
+  "command.held": "Order {name} held.",
+  "command.resumed": "Order {name} resumed.",
   "command.FINISHED": "Done.",
   "command.FAILED": "The robot could not do it:",
   "command.UNKNOWN": "The robot never told what became of it:",

@@ -17,6 +17,8 @@ export const COMMANDS = {
   "command.unanswered": "Geen antwoord. Het kan toch zijn uitgevoerd: kijk voordat u het opnieuw probeert.",
   "command.orderCreated": "Order {name} aangemaakt.",
   "command.withdrawn": "Order {name} ingetrokken.",
+  "command.held": "Order {name} aangehouden.",
+  "command.resumed": "Order {name} hervat.",
   "command.FINISHED": "Klaar.",
   "command.FAILED": "De robot kon het niet:",
   "command.UNKNOWN": "De robot heeft nooit gezegd wat ervan is geworden:",
