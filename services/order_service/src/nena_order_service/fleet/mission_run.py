@@ -292,7 +292,10 @@ class MissionRun:
         own = (each.action_result for each in failed)
         said = (text for each in failed for text in reported_errors.of_action(state.errors, each.action_id))
         name = next(each.action_type for each in self.mission.actions if each.action_id == first.action_id)
-        return Failure(FailureKind.ACTION, f"the action {name!r} has failed", (*filter(None, own), *said))
+        # of an order that is given up on its way they fail without having begun
+        at_end = progresses.read(state, self.mission).at_end
+        kind = FailureKind.ACTION if at_end else FailureKind.DRIVE
+        return Failure(kind, f"the action {name!r} has failed", (*filter(None, own), *said))
 
     def _look_for_standstill(self, state: State, now: float) -> None:
         """Lose patience with a robot that stands and has the mission, but not what it takes to end it."""

@@ -1,0 +1,104 @@
+"""How missions fail, and what fleet control says is known then; a robot that waits with a failed action."""
+
+from __future__ import annotations
+
+import pytest
+
+from nena_order_service.fleet import (
+    ActionRetriable,
+    FailureKind,
+    MissionFailed,
+    MissionFinished,
+    retry_or_skip,
+)
+from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.state import OperatingMode
+from support.fleet import Bench, make_mission
+from support.honest_robot import HonestRobot
+
+
+def kind(bench: Bench) -> FailureKind:
+    (only,) = bench.told(MissionFailed)
+    return only.kind
+
+
+def under_way(robot: HonestRobot | None = None, *points: str) -> Bench:
+    bench = Bench(robot=robot).online()
+    bench.start(make_mission("m", *(points or ("A", "B", "C")), operation="pick"))
+    bench.deliver()
+    bench.report()
+    return bench
+
+
+def test_what_the_robot_cannot_reach_is_a_failure_of_the_drive() -> None:
+    bench = under_way(HonestRobot(unreachable={"C"}))
+    bench.run()
+    assert kind(bench) is FailureKind.DRIVE
+
+
+def test_what_is_given_up_by_hand_is_a_failure_of_the_drive() -> None:
+    bench = under_way()
+    bench.robot.set_mode(OperatingMode.MANUAL)
+    bench.report()
+    assert kind(bench) is FailureKind.DRIVE
+
+
+def test_what_the_robot_cannot_do_at_its_end_is_a_failure_of_the_action() -> None:
+    bench = under_way(HonestRobot(actions_fail=True))
+    bench.run()
+    assert kind(bench) is FailureKind.ACTION
+
+
+def test_a_robot_that_forgets_has_lost_it() -> None:
+    bench = under_way()
+    bench.robot.restart(journal=False)
+    bench.connection(ConnectionState.ONLINE)
+    bench.report()
+    assert kind(bench) is FailureKind.LOST
+
+
+def test_a_robot_that_never_takes_it_up() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.wait(120, reporting=True)
+    assert kind(bench) is FailureKind.NOT_TAKEN
+
+
+def test_a_robot_that_refuses_it() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "X", "B", x=50.0))
+    bench.deliver()
+    bench.report()
+    assert kind(bench) is FailureKind.REFUSED
+
+
+def test_a_cancel_that_is_not_confirmed_leaves_all_open() -> None:
+    bench = under_way()
+    bench.cancel()
+    bench.wait(400, reporting=True)
+    assert kind(bench) is FailureKind.UNCLEAR
+
+
+@pytest.mark.clause("6.2.3/retry-fleet")
+def test_an_action_that_may_be_tried_again_is_told_each_time_that_it_fails() -> None:
+    bench = under_way(HonestRobot(reports_instants_apart=True, version="3.0.0"), "A")
+    robot = bench.robot
+    robot.step()
+    robot.statuses["m/pick"] = ActionStatus.RETRIABLE
+    bench.report()
+    bench.report()
+    (told,) = bench.told(ActionRetriable)
+    assert (told.mission_id, told.action_id, told.reason) == ("m", "m/pick", "the action 'pick' has failed")
+
+    retry = retry_or_skip("r", "m/pick", retry=True)
+    bench.instruct(retry)
+    bench.deliver()
+    robot.instants["r"] = (retry, ActionStatus.FINISHED)  # and at once it has failed again
+    bench.report()
+    bench.report()
+    assert len(bench.told(ActionRetriable)) == 2
+
+    robot.statuses["m/pick"] = ActionStatus.FINISHED
+    bench.report()
+    assert bench.told(MissionFinished)
