@@ -64,7 +64,7 @@ def codes(order: dict[str, Any]) -> list[str]:
     ("version", "orders", "asked"),
     [("2.1.0", {"T-0", "T-0~1"}, set()), ("3.0.0", {"T-0"}, {"retry"})],
 )
-@pytest.mark.clause("6.2.3/retry-fleet")
+@pytest.mark.clause("6.2.3/retryAsked")
 async def test_an_action_that_fails_once_is_tried_again(
     fleet: Fleet, service: Start, version: str, orders: set[str], asked: set[str]
 ) -> None:

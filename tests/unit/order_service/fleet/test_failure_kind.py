@@ -80,7 +80,7 @@ def test_a_cancel_that_is_not_confirmed_leaves_all_open() -> None:
     assert kind(bench) is FailureKind.UNCLEAR
 
 
-@pytest.mark.clause("6.2.3/retry-fleet")
+@pytest.mark.clause("6.2.3/retryAsked")
 def test_an_action_that_may_be_tried_again_is_told_each_time_that_it_fails() -> None:
     bench = under_way(HonestRobot(reports_instants_apart=True, version="3.0.0"), "A")
     robot = bench.robot

@@ -13,7 +13,7 @@ from support.order_service import request
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
 
-pytestmark = pytest.mark.clause("6.2.3/retry-fleet")
+pytestmark = pytest.mark.clause("6.2.3/retryAsked")
 
 S = TransportOrderState
 
