@@ -116,7 +116,7 @@ def _interface_name(vehicle: Vehicle) -> str | None:
 def _require_storable(robot: RobotKey, vehicle: Vehicle) -> None:
     if len(str(robot)) > KEY_LENGTH:
         message = (
-            f"plant: vehicle '{vehicle.name[:60]}': manufacturer and serial number are longer than {KEY_LENGTH} "
-            "characters together"
+            f"plant: vehicle '{vehicle.name[:60]}': manufacturer and serial number have more than "
+            f"{KEY_LENGTH} characters together"
         )
         raise ConfigurationError([message])
