@@ -194,6 +194,7 @@ async def test_there_is_a_limit_to_the_robots_that_are_listened_to(
         assert fleet.fleet.robots() == (ROBOT,)
 
 
+@pytest.mark.usefixtures("robot")
 async def test_a_robot_whose_name_the_store_cannot_hold_is_not_listened_to(
     fleet: WiredFleet, broker: Broker, interface_name: str
 ) -> None:
