@@ -41,7 +41,7 @@ def test_what_is_about_another_topic_order_or_update_refuses_no_update(
 
 
 def test_what_is_about_another_topic_refuses_no_order() -> None:
-    mission = make_mission()
+    mission = make_mission(ORDER_ID)
     meant, foreign = refusal(topic="order"), refusal(topic="instantActions")
 
     assert reported_errors.refusals((meant, foreign), mission, frozenset()) == (meant,)
