@@ -194,13 +194,13 @@ async def test_there_is_a_limit_to_the_robots_that_are_listened_to(
         assert fleet.fleet.robots() == (ROBOT,)
 
 
-@pytest.mark.usefixtures("robot")
 async def test_a_robot_whose_name_the_store_cannot_hold_is_not_listened_to(
-    fleet: WiredFleet, broker: Broker, interface_name: str
+    fleet: WiredFleet, robot: WiredRobot, broker: Broker, interface_name: str
 ) -> None:
     long = HonestRobot(key=RobotKey("Honest", "r" * KEY_LENGTH))
     async with WiredRobot(broker, interface_name, long).connected():
         await until(lambda: fleet.fleet.too_long >= 2, what="its two messages")
+    robot.report()
     await free(fleet)
     assert fleet.fleet.robots() == (ROBOT,)
 
