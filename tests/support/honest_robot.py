@@ -56,6 +56,7 @@ class HonestRobot:
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
     localized: bool = True
     charge: float = 80.0
+    charging: bool = False
     header_id: int = 0
     version: str = "2.1.0"
     zone_requests: tuple[ZoneRequest, ...] = ()
@@ -193,7 +194,7 @@ class HonestRobot:
             mobile_robot_position=MobileRobotPosition(
                 x=x, y=y, theta=theta, map_id=MAP, localized=self.localized
             ),
-            power_supply=PowerSupply(state_of_charge=self.charge, charging=False),
+            power_supply=PowerSupply(state_of_charge=self.charge, charging=self.charging),
             zone_requests=self.zone_requests,
             operating_mode=self.mode,
             errors=tuple(self.errors),

@@ -164,7 +164,7 @@ class ScriptedFleet:
         return RobotView(
             key=robot,
             link=LinkStatus.ONLINE if here else LinkStatus.OFFLINE,
-            vehicle_state=VehicleState.IDLE if free else VehicleState.UNKNOWN,
+            vehicle_state=_vehicle_state(free=free, busy=here and busy),
             availability=Availability(free, "" if free else "is busy" if busy else "is offline"),
             state=self._state(robot) if told else None,
             state_at=self.kernel.clock.monotonic() + 0.001 if here and self.kernel else None,
@@ -288,3 +288,9 @@ async def make_kernel(
     fleet.kernel = kernel
     await kernel.start(fleet)
     return kernel
+
+
+def _vehicle_state(*, free: bool, busy: bool) -> VehicleState:
+    if free:
+        return VehicleState.IDLE
+    return VehicleState.EXECUTING if busy else VehicleState.UNKNOWN

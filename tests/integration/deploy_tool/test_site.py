@@ -250,13 +250,13 @@ async def test_a_robot_cannot_take_its_neighbours_place_at_the_broker(running: R
     one, two = (running.settings_in(running.folder_of(*each)) for each in (ROBOT_1, ROBOT_2))
     neighbour = RobotKey("ACME", "2")
     async with connected(Client(two, client_id_of(neighbour, two))) as victim:
-        await until(lambda: victim.link.state.connected)
+        await until(lambda: victim.link.state.connected, timeout=30)
         for stolen in (client_id_of(neighbour, one), client_id_of(neighbour, MqttSettings())):
             async with connected(Client(one, stolen)) as thief:
-                await until(lambda thief=thief: thief.link.state.connected)  # type: ignore[misc] # bound at once
+                await until(lambda thief=thief: thief.link.state.connected, timeout=30)  # type: ignore[misc] # bound at once
                 thief.publish("uagv/v2/ACME/1/state")
-                assert await thief.link.drain(PATIENCE)
+                assert await thief.link.drain(30)
         victim.publish("uagv/v2/ACME/2/state")
-        assert await victim.link.drain(PATIENCE)
+        assert await victim.link.drain(30)
 
         assert victim.link.state.connects == 1

@@ -19,7 +19,6 @@ from support.broker import free_port
 from support.order_service_fleet import AGENT_FILE, Fleet, actions_done, awaited, every_order_ended
 from support.postgres import Postgres
 from support.programs import ENDED_WITHIN, OrderServiceProgram
-from support.waiting import PATIENCE
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 
@@ -90,7 +89,7 @@ class PostgresKeeper(Keeper):
 
 
 def run(*command: object) -> None:
-    done = subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=PATIENCE, check=False)
+    done = subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stderr
 
 
@@ -147,7 +146,7 @@ async def finished(client: httpx.AsyncClient, number: int) -> None:
     await awaited(
         look,
         lambda found: sum(state == "FINISHED" for state, _ in found) >= number,
-        seconds=2 * PATIENCE,
+        seconds=90,
         what=f"{number} orders are FINISHED",
     )
 
@@ -159,7 +158,7 @@ async def started(program: OrderServiceProgram) -> httpx.AsyncClient:
     async def look() -> bool:
         return (await client.get("/v1/transportOrders")).is_success
 
-    await awaited(look, bool, seconds=PATIENCE, what="it answers")
+    await awaited(look, bool, seconds=30, what="it answers")
     return client
 
 
@@ -185,7 +184,7 @@ async def test_a_planned_move_in_mid_work_loses_nothing(fleet: Fleet, keeper: Ke
 
     client = await started(fleet.order_service())
     assert [await order(client, name) for name in ORDERS] == [200] * len(ORDERS)
-    orders = await every_order_ended(client)
+    orders = await every_order_ended(client, 90)
     assert {each["name"]: each["state"] for each in orders} == dict.fromkeys(ORDERS, "FINISHED")
     assert actions_done(wire, fleet) == {f"{name}-{leg}": 1 for name in ORDERS for leg in range(2)}
 
@@ -195,7 +194,7 @@ async def test_after_a_loss_the_site_goes_on_from_its_last_backup(fleet: Fleet, 
     names = ("--interface_name", fleet.interface, "--interface_name_v3", fleet.interface)
     options = (*names, "--topic_prefix", fleet.prefix, "--mqtt.port", str(fleet.broker.port))
     with AggregatorProcess(*options, "--http.port", "0") as aggregator:
-        panel = httpx.AsyncClient(base_url=await aggregator.url(), timeout=PATIENCE)
+        panel = httpx.AsyncClient(base_url=await aggregator.url())
         program = fleet.order_service()
         client = await started(program)
         start_robots(fleet)
@@ -233,7 +232,7 @@ async def test_after_a_loss_the_site_goes_on_from_its_last_backup(fleet: Fleet, 
             assert await order(client, name) == 201
     for name in begun & {*moved, "L-0", "L-1"}:
         assert await order(client, f"{name}-again") == 201
-    orders = {each["name"]: each for each in await every_order_ended(client)}
+    orders = {each["name"]: each for each in await every_order_ended(client, 90)}
     done |= {name for name, each in orders.items() if each["state"] == "FINISHED"}
     missing = {name for name in (*ORDERS, "L-0", "L-1") if not {name, f"{name}-again"} & done}
     assert missing == set(), {name: orders.get(name) for name in missing}
@@ -247,7 +246,7 @@ async def robots_stand(panel: httpx.AsyncClient) -> dict[str, dict[str, Any]]:
         robots: list[dict[str, Any]] = (await panel.get("/api/v1/fleet")).json()["robots"]
         return [each for each in robots if each["driving"]]
 
-    await awaited(look, lambda driving: not driving, seconds=PATIENCE, what="every robot stands")
+    await awaited(look, lambda driving: not driving, seconds=60, what="every robot stands")
     return {each["name"]: each for each in (await panel.get("/api/v1/orders")).json()}
 
 
@@ -256,9 +255,7 @@ def test_a_copy_that_cannot_be_made_leaves_the_older_one(tmp_path: Path) -> None
     (tmp_path / "copy.db").write_bytes(b"of yesterday")
 
     command = [sys.executable, str(ROOT / "deploy" / "backup"), "orders.db", "copy.db"]
-    done = subprocess.run(
-        command, cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE, check=False
-    )
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=30, check=False)
 
     assert done.returncode == 1
     assert "orders.db was not copied: file is not a database" in done.stderr

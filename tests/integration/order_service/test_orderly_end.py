@@ -13,7 +13,7 @@ import pytest
 from support.aggregator_process import AggregatorProcess
 from support.order_service_fleet import Fleet, actions_done, awaited, every_order_ended, vehicle_idle
 from support.programs import ENDED_WITHIN, Program
-from support.waiting import PATIENCE, until
+from support.waiting import until
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 
@@ -59,10 +59,10 @@ async def test_an_order_service_that_ends_under_load_has_all_that_it_answered(fl
     client = await program.client()
     host = Host(client)
     asking = [asyncio.create_task(host.order_on(f"H-{number}")) for number in range(HOSTS)]
-    await until(lambda: len(host.answered) > 5 * HOSTS)
+    await until(lambda: len(host.answered) > 5 * HOSTS, timeout=30)
 
     program.process.send_signal(signal.SIGTERM)
-    await asyncio.wait_for(asyncio.gather(*asking), PATIENCE)
+    await asyncio.wait_for(asyncio.gather(*asking), 30)
 
     assert program.process.wait(ENDED_WITHIN) == 0
     assert host.refused == []
@@ -77,17 +77,17 @@ async def test_an_order_service_that_ends_under_load_has_all_that_it_answered(fl
 async def test_an_agent_that_ends_in_mid_order_goes_on_with_it_later(fleet: Fleet) -> None:
     wire = fleet.peer()
     client = await fleet.order_service().client()
-    agent = fleet.agent(speed=1.0)
+    agent = fleet.agent(speed=4.0)
     await vehicle_idle(client)
     await order_from(client, "T-1", LOAD, UNLOAD)
     await until(lambda: any(b'"driving":true' in state for state in wire.payloads("+/v2/+/+/state")))
 
     end(agent)
-    await until(lambda: b"OFFLINE" in wire.payloads("+/v2/+/+/connection")[-1])
+    await until(lambda: b"OFFLINE" in wire.payloads("+/v2/+/+/connection")[-1], timeout=30)
     assert (await client.get("/v1/transportOrders/T-1")).json()["state"] == "BEING_PROCESSED"
     fleet.agent(speed=40.0)
 
-    (order,) = await every_order_ended(client)
+    (order,) = await every_order_ended(client, 90)
     assert order["state"] == "FINISHED", order["reason"]
     assert actions_done(wire, fleet) == {"T-1-0": 1, "T-1-1": 1}
     assert not any(b'"actionStatus":"FAILED"' in state for state in wire.payloads("+/v2/+/+/state"))
@@ -101,13 +101,13 @@ async def test_an_aggregator_that_ends_has_written_what_it_was_told(fleet: Fleet
     )
     client = await fleet.order_service().client()
     with AggregatorProcess(*options, "--history.interval", "30") as aggregator:
-        async with httpx.AsyncClient(base_url=await aggregator.url(), timeout=PATIENCE) as panel:
+        async with httpx.AsyncClient(base_url=await aggregator.url()) as panel:
             await order_from(client, "T-1")
             await client.post("/v1/transportOrders/T-1/withdrawal", json={})
             await told(panel, "T-1")
         assert aggregator.end() == 0
     with AggregatorProcess(*options) as aggregator:
-        async with httpx.AsyncClient(base_url=await aggregator.url(), timeout=PATIENCE) as panel:
+        async with httpx.AsyncClient(base_url=await aggregator.url()) as panel:
             kept = (await panel.get("/api/v1/history", params={"order": "T-1"})).json()["entries"]
     assert "FAILED" in json.dumps(kept)
 
@@ -120,4 +120,4 @@ async def told(panel: httpx.AsyncClient, name: str) -> None:
     def ended(found: list[dict[str, Any]]) -> bool:
         return any(each["name"] == name and each["final"] for each in found)
 
-    await awaited(orders, ended, seconds=PATIENCE, what=f"the end of {name} is known")
+    await awaited(orders, ended, seconds=30, what=f"the end of {name} is known")

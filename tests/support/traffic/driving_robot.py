@@ -12,6 +12,9 @@ from support.honest_robot import HonestRobot
 
 SPEED_MM_S = 1000.0
 
+CHARGE_RATE = 0.5
+"""Percent per second."""
+
 
 @dataclass
 class DrivingRobot(HonestRobot):
@@ -26,6 +29,8 @@ class DrivingRobot(HonestRobot):
     lengths: list[float] = field(default_factory=list)
     driving: bool = False
     cancelling: Action | None = None
+    drain: float = 0.0
+    """Percent of charge that 1 m takes."""
     progress: int = 0
     """Counts what it has done."""
 
@@ -39,12 +44,18 @@ class DrivingRobot(HonestRobot):
         """Begin to drive the next edge, if it may; gives the seconds until it arrives."""
         if self.driving or not self.nodes or not self.nodes[0].released:
             return None
-        self.driving = True
+        self.driving, self.charging = True, False
         path = self.plant.paths_by_name.get(_path_of(self.edges[0]))
         if path is None:
             return 1.0  # it turns where it stands
         self._cover(path.name, float(path.length_mm))
+        self.charge = max(0.0, self.charge - self.drain * path.length_mm / 1000)
         return path.length_mm / SPEED_MM_S
+
+    def recharge(self, seconds: float) -> None:
+        """Let time go by, in which it may be at a charger."""
+        if self.charging:
+            self.charge = min(100.0, self.charge + seconds * CHARGE_RATE)
 
     def arrive(self) -> None:
         """Come to the end of the edge."""
@@ -75,6 +86,7 @@ class DrivingRobot(HonestRobot):
         for action in self.actions:
             if self.statuses[action.action_id] is ActionStatus.RUNNING:
                 self.progress += 1
+                self.charging = action.action_type == "startCharging"
                 self._end(action)
 
     def resources(self) -> set[str]:

@@ -9,19 +9,23 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
 from typing import NoReturn
 
+from nena_order_service.dispatch.settings import DispatchSettings
 from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
 from nena_order_service.kernel import Kernel, KernelSettings
 from nena_order_service.kernel.mission_flow import BEGUN_MEANWHILE
+from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.rerouting import ReroutingOutcome, ReroutingType
-from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant import Link, Location, LocationType, PlantModel
 from nena_shared.plant.geometry import BoundingBox
+from nena_shared.plant.point import PointType
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey
 from support.order_service import request
@@ -36,7 +40,15 @@ REPORT_EACH = 25.0
 PATIENCE = 900.0
 """Seconds without anything done, with orders left, that count as a standstill."""
 
-HOLDABLE = (TransportOrderState.BEING_PROCESSED, TransportOrderState.DISPATCHABLE)
+IDLE_PATIENCE = 3600.0
+"""Seconds without a destination reached by any host's order: to drive about is not enough."""
+
+DRAIN = 0.4
+"""Percent of charge that 1 m takes, of robots that recharge."""
+
+
+HOSTS = "T"
+"""What the names of hosts' orders begin with."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +58,21 @@ class Adversity:
     kill: float = 0.0
     break_link: float = 0.0
     withdraw: float = 0.0
-    hold: float = 0.0
     lock: float = 0.0
     reroute: float = 0.0
+
+
+def with_docks(plant: PlantModel) -> PlantModel:
+    """Let vehicles recharge at each third of the parking positions."""
+    parking = [each.name for each in plant.points if each.type is PointType.PARK_POSITION]
+    docks = (Location(name=f"dock {each}", type="Dock", links=(Link(point=each),)) for each in parking[::3])
+    dock = LocationType(name="Dock", allowed_operations=("Charge",))
+    return plant.model_copy(
+        update={
+            "locations": (*plant.locations, *docks),
+            "location_types": (*plant.location_types, dock),
+        }
+    )
 
 
 def with_stations(plant: PlantModel, stations: tuple[str, ...], length_mm: int) -> PlantModel:
@@ -86,11 +110,17 @@ class KernelSimulation:
         ahead: int,
         length_mm: int,
         adversity: Adversity | None = None,
+        dispatch: DispatchSettings | None = None,
     ) -> None:
         self.plant = with_stations(plant, stations, length_mm)
+        self.recharging = bool(dispatch and dispatch.recharging.enabled)
+        if self.recharging:
+            self.plant = with_docks(self.plant)
         self.random = random
         self.store = MemoryStore()
-        self.settings = KernelSettings(release_ahead=ahead, default_map_id="hall")
+        self.settings = KernelSettings(
+            release_ahead=ahead, default_map_id="hall", dispatch=dispatch or DispatchSettings()
+        )
         self.adversity = adversity or Adversity()
         self.timeline = Timeline()
         self.wire = Wire(self.timeline, random)
@@ -103,6 +133,8 @@ class KernelSimulation:
         for vehicle, start in zip(plant.vehicles, starts, strict=True):
             robot = DrivingRobot(key=key(vehicle.name), plant=self.plant, length_mm=length_mm)
             robot.put_on(start)
+            if self.recharging:
+                robot.drain, robot.charge = DRAIN, random.uniform(25, 100)
             self.robots[robot.key] = robot
         self.fleet = CoreFleet(self.timeline, self.wire, self.robots)
         self.ends: dict[str, TransportOrderStatus] = {}
@@ -113,6 +145,12 @@ class KernelSimulation:
         self.kills = 0
         self.breaks = 0
         self.finished = 0
+        self.reached = 0
+        """Destinations of hosts' orders."""
+        self.automatic: Counter[str] = Counter()
+        """Orders that the order service made by itself and that were finished, by type."""
+        self.given_up = 0
+        self._done: dict[str, int] = {}
         self._working: set[RobotKey] = set()
         self._left_to_create = orders
         self._next_look_for_trouble = 5.0
@@ -134,28 +172,47 @@ class KernelSimulation:
         self.timeline.after(LOOK, self._look)
         for robot in self.robots.values():
             self.timeline.after(self.random.uniform(0, REPORT_EACH), lambda robot=robot: self._report(robot))  # type: ignore[misc] # bound at once
-        done, since = -1, 0.0
-        while self._left():
+        await self._go_on_while(self._left)
+        self._judge()
+        self.adversity = Adversity()
+        if self.settings.dispatch.parking.enabled:
+            await self._go_on_while(self._restless)
+
+    async def _go_on_while(self, wanted: Callable[[], bool]) -> None:
+        done, since = -1, self.timeline.clock.seconds
+        reached, reached_at = -1, since
+        while wanted():
             self.timeline.step()
+            now = self.timeline.clock.seconds
             if self.driven_nodes != done:
-                done, since = self.driven_nodes, self.timeline.clock.seconds
-            elif self.timeline.clock.seconds - since > PATIENCE:
+                done, since = self.driven_nodes, now
+            if self.reached != reached:
+                reached, reached_at = self.reached, now
+            if now - since > PATIENCE or now - reached_at > IDLE_PATIENCE:
                 raise StandstillError(self._story())
             if self._strikes(self.adversity.kill):
                 await self._kill()
-        self._judge()
+
+    def _restless(self) -> bool:
+        """Tell whether anybody has still to park or to recharge."""
+        if next(self.kernel.book.unfinished(), None) is not None:
+            return True
+        return any(not (robot.charging or self._parks(robot)) for robot in self.robots.values())
+
+    def _parks(self, robot: DrivingRobot) -> bool:
+        return self.plant.point(robot.last_node_id).type is PointType.PARK_POSITION
 
     def _later(self, number: int, stops: list[str]) -> None:
         """Let a host create an order: some at once, the others one after the other."""
 
         def create() -> None:
-            self.kernel.create(request(*(f"at {stop}:Load" for stop in stops)), f"T{number}")
+            self.kernel.create(request(*(f"at {stop}:Load" for stop in stops)), f"{HOSTS}{number}")
             self._left_to_create -= 1
 
         self.timeline.after(2.0 + max(0, number - len(self.robots)) * 2.0, create)
 
     def _left(self) -> bool:
-        return bool(self._left_to_create) or next(self.kernel.book.unfinished(), None) is not None
+        return bool(self._left_to_create) or any(map(_of_host, self.kernel.book.unfinished()))
 
     def _strikes(self, mean: float) -> bool:
         """Tell whether something bad happens, at about each tick."""
@@ -189,12 +246,12 @@ class KernelSimulation:
     def _tick(self) -> None:
         self.timeline.after(TICK, self._tick)
         self.fleet.tick()
+        for robot in self.robots.values():
+            robot.recharge(TICK)
         if self.adversity.break_link and self.random.random() < TICK / self.adversity.break_link:
             self._break(self.random.choice(list(self.robots.values())))
         if self.adversity.withdraw and self.random.random() < TICK / self.adversity.withdraw:
             self._withdraw()
-        if self.adversity.hold and self.random.random() < TICK / self.adversity.hold:
-            self._hold()
         if self.adversity.lock and self.random.random() < TICK / self.adversity.lock:
             self._lock()
         if self.adversity.reroute and self.random.random() < TICK / self.adversity.reroute:
@@ -224,26 +281,13 @@ class KernelSimulation:
         self.timeline.after(self.random.uniform(5, 60), back)
 
     def _withdraw(self) -> None:
-        alive = [each for each in self.kernel.book.unfinished() if each.state in HOLDABLE]
+        states = (TransportOrderState.BEING_PROCESSED, TransportOrderState.DISPATCHABLE)
+        orders = filter(_of_host, self.kernel.book.unfinished())
+        alive = [each for each in orders if each.state in states]
         if alive:
             order = self.random.choice(alive)
             self.withdrawn.add(order.name)
             self.kernel.withdraw(order.number, "not needed", immediate=self.random.random() < 0.5)
-
-    def _hold(self) -> None:
-        """Let a person hold an order for a while."""
-        alive = [each for each in self.kernel.book.unfinished() if each.state in HOLDABLE and not each.held]
-        if not alive:
-            return
-        order = self.random.choice(alive)
-        self.kernel.hold(order.number, "Ann", "tea", immediate=self.random.random() < 0.5)
-
-        def resume() -> None:
-            known = self.kernel.book.at_hand(order.number)
-            if known and known.held:
-                self.kernel.resume(order.number, "Ann", "go")
-
-        self.timeline.after(self.random.uniform(5, 120), resume)
 
     def _lock(self) -> None:
         """Lock a path for a while."""
@@ -309,7 +353,7 @@ class KernelSimulation:
 
     def _judge(self) -> None:
         """See that all ended, and well unless they were withdrawn."""
-        assert self.ends.keys() == {f"T{number}" for number in range(len(self.orders))}
+        assert self.ends.keys() == {f"{HOSTS}{number}" for number in range(len(self.orders))}
         for order in self.ends.values():
             finished = order.state is TransportOrderState.FINISHED
             stopped = order.name in self.withdrawn or order.reason == BEGUN_MEANWHILE
@@ -319,6 +363,13 @@ class KernelSimulation:
 
     def order_changed(self, status: TransportOrderStatus) -> None:
         """Hear of an order, as hosts do."""
+        if not status.name.startswith(HOSTS):
+            self.automatic[status.type] += status.state is TransportOrderState.FINISHED
+            self.given_up += status.state.final and "gives way" in status.reason
+            return
+        done = sum(each.state is DriveOrderState.FINISHED for each in status.drive_orders)
+        self.reached += done - self._done.get(status.name, 0)
+        self._done[status.name] = done
         if status.state.final:
             self.ends[status.name] = status
 
@@ -338,3 +389,7 @@ class KernelSimulation:
             )
         lines += [f"{each.name}: {each.status.reason}" for each in self.kernel.book.unfinished()]
         return "\n".join(lines)
+
+
+def _of_host(order: TransportOrder) -> bool:
+    return order.name.startswith(HOSTS)

@@ -126,15 +126,7 @@ def build(
         on_news=kernel.on_news,
     )
     topics = FleetTopics(settings.topic_prefix)
-    door = MqttDoor(
-        mqtt,
-        topics,
-        kernel,
-        requests,
-        plant_json=plant_json,
-        max_body=settings.max_body,
-        end_kept=settings.end_kept,
-    )
+    door = MqttDoor(mqtt, topics, kernel, requests, plant_json=plant_json, max_body=settings.max_body)
     kernel.steps.listeners.append(door)
     sweep = RetainedSweep(
         settings.mqtt, topics, client_id=f"{client_id}-sweep", mqtt=mqtt, kernel=kernel, door=door

@@ -6,6 +6,7 @@ from random import Random
 
 import pytest
 
+from nena_order_service.dispatch.settings import DispatchSettings, ParkingSettings, RechargingSettings
 from support.examples import KERNEL_PLANTS
 from support.traffic.kernel_simulation import Adversity, KernelSimulation
 from support.traffic.random_plant import random_plant
@@ -17,7 +18,7 @@ AHEAD = (0, 2, 1, 3)
 ADVERSITY = (
     Adversity(),
     Adversity(kill=120.0, break_link=60.0, lock=60.0, reroute=20.0),
-    Adversity(withdraw=90.0, kill=400.0, hold=60.0),
+    Adversity(withdraw=90.0, kill=400.0),
     Adversity(lock=20.0, reroute=5.0),
 )
 
@@ -40,3 +41,31 @@ def test_every_order_ends_without_a_collision_or_a_standstill(seed: int) -> None
 
     assert simulation.finished + len(simulation.withdrawn) >= ORDERS
     assert simulation.driven_nodes > ORDERS
+
+
+IDLE_ROBOTS = (6, 8, 30, 14, 60, 3)
+
+
+@pytest.mark.parametrize("seed", range(max(2, KERNEL_PLANTS // 4)))
+def test_vehicles_that_park_and_recharge_keep_nobody_from_anything(seed: int) -> None:
+    random, robots = Random(1000 + seed), IDLE_ROBOTS[seed % len(IDLE_ROBOTS)]
+    plant, stations = random_plant(random, robots)
+    simulation = KernelSimulation(
+        plant,
+        stations,
+        random,
+        orders=ORDERS,
+        ahead=AHEAD[seed % len(AHEAD)],
+        length_mm=LENGTHS_MM[seed % len(LENGTHS_MM)],
+        adversity=ADVERSITY[seed % len(ADVERSITY)],
+        dispatch=DispatchSettings(
+            recharging=RechargingSettings(enabled=True),
+            parking=ParkingSettings(enabled=True, delay=0.0),
+        ),
+    )
+
+    simulation.run()
+
+    assert simulation.finished + len(simulation.withdrawn) >= ORDERS
+    assert simulation.automatic["Park"] > 0
+    assert simulation.automatic["Charge"] > 0

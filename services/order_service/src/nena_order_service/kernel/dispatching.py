@@ -150,8 +150,7 @@ class Dispatching:
             return _hindered(vehicle, vehicle.obstacle)
         order = self._order_of(vehicle)
         if order is not None and not self._would_give_up(order):
-            kept = order.state is TransportOrderState.WITHDRAWN and vehicle.name in self._kept.values()
-            return _hindered(vehicle, GIVES_UP if kept else BUSY)
+            return _hindered(vehicle, GIVES_UP if self._is_giving_up(vehicle, order) else BUSY)
         view = self._view(vehicle)
         if obstacle := self._obstacle(vehicle, view, order):
             return _hindered(vehicle, obstacle)
@@ -192,6 +191,12 @@ class Dispatching:
     def _order_of(self, vehicle: FleetVehicle) -> TransportOrder | None:
         number = self._missions.order_number(vehicle.key)
         return None if number is None else self._book.get(number)
+
+    def _is_giving_up(self, vehicle: FleetVehicle, order: TransportOrder) -> bool:
+        """Tell whether a vehicle is about to be free for the order that it is kept for."""
+        if order.state is not TransportOrderState.WITHDRAWN or vehicle.name not in self._kept.values():
+            return False
+        return self._view(vehicle).link is LinkStatus.ONLINE
 
     def _would_give_up(self, order: TransportOrder) -> bool:
         """Tell whether an order is given up for another one; whoever recharges has to be done with that."""

@@ -20,8 +20,8 @@ from nena_shared.clock import Clock
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from nena_shared.plant import PlantModel
 
-PAUSE = 30.0
-"""Seconds before a vehicle is sent to recharge or park once more, so that nobody tries all the time."""
+PAUSE = 10.0
+"""Seconds before a vehicle is sent to do the same once more, so that nobody tries all the time."""
 
 
 @dataclass(slots=True)
@@ -30,7 +30,8 @@ class _Idle:
 
     since: float | None = None
     """When it was first seen with nothing to do; None: it has something."""
-    not_before: float = 0.0
+    not_before: dict[str, float] = field(default_factory=dict)
+    """When it may be sent again, by the type of the order."""
     note: str = ""
     """Why it neither recharges nor parks though it should; empty where it need not."""
 
@@ -95,13 +96,12 @@ class IdleVehicles:
         for vehicle in self._registry:
             candidate = self._dispatching.consider(vehicle)
             known = self._idle.setdefault(vehicle.name, _Idle())
-            if not _has_nothing_to_do(candidate) or self._dispatching.is_bound(vehicle):
+            if not _has_nothing_to_do(candidate):
                 known.since, known.note = None, ""
                 continue
             if known.since is None:
                 known.since = round_.now
-            if round_.now >= known.not_before:
-                self._attend(candidate, known, round_)
+            self._attend(candidate, known, round_)
 
     def note(self, vehicle: FleetVehicle) -> str:
         """Say why an idle vehicle neither recharges nor parks though it should; empty where it need not."""
@@ -113,14 +113,14 @@ class IdleVehicles:
         energy = self._dispatching.energy(vehicle, self._view(vehicle))
         if energy and energy.charging:
             return
-        if self._settings.recharging.enabled and energy and energy.degraded:
+        bound, request = self._dispatching.is_bound(vehicle), None
+        wants_energy = energy and (energy.critical if bound else energy.degraded)
+        if self._settings.recharging.enabled and energy and wants_energy:
             request = self._recharging(candidate, known, round_, urgent=energy.critical)
-        elif self._is_to_park(candidate, known, round_):
+        if request is None and not bound and self._is_to_park(candidate, known, round_):
             request = self._parking(candidate, known, round_)
-        else:
-            return
-        if request:
-            known.not_before = round_.now + PAUSE
+        if request and round_.now >= known.not_before.get(request.type, 0.0):
+            known.not_before[request.type] = round_.now + PAUSE
             if self._order(request):
                 known.since = None
                 round_.goals.update(self._goals())
@@ -154,7 +154,9 @@ class IdleVehicles:
             cost=self._cost(candidate),
             taken=lambda point: self._is_taken(point, vehicle, round_),
         )
-        known.note = f"it should park, but {found.reason}" if found.reason else ""
+        if found.reason:
+            notes = (known.note, f"it should park, but {found.reason}")
+            known.note = "; ".join(filter(None, notes))
         return park_request(vehicle.name, found.point) if found.point else None
 
     def _cost(self, candidate: Candidate) -> Callable[[str], float]:

@@ -1,0 +1,98 @@
+"""What of the vehicles makes a difference to the dispatcher."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+
+from nena_order_service.dispatch.settings import DispatchSettings
+from nena_order_service.kernel import Kernel, KernelSettings
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.routing import graph
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.plant import PlantModel, Vehicle
+from support.order_service import request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+
+PLANT = PlantModel(
+    name="row",
+    points=tuple(point(name, 4000 * index) for index, name in enumerate("ABC")),
+    paths=tuple(path(ends, 4000) for ends in ("A B", "B A", "B C", "C B")),
+    vehicles=tuple(Vehicle(name=name) for name in ("V1", "V2")),
+)
+
+
+def power(percent: float) -> dict[str, Any]:
+    return {"power_supply": {"state_of_charge": percent, "charging": False}}
+
+
+async def make(**dispatch: Any) -> tuple[Kernel, ScriptedFleet]:
+    settings = KernelSettings(
+        default_map_id="map", traffic=False, dispatch=DispatchSettings.model_validate(dispatch)
+    )
+    fleet = ScriptedFleet({"V1": "A", "V2": "C"}, fields={"V1": power(5), "V2": power(50)})
+    kernel = await make_kernel(PLANT, MemoryStore(), fleet, settings=settings)
+    for name, at in list(fleet.at.items()):
+        fleet.appear(name, at)
+    return kernel, fleet
+
+
+async def test_energy_decides_who_may_and_not_at_all_where_it_is_not_respected() -> None:
+    kernel, fleet = await make()
+    kernel.create(request("A"), "T")
+    assert fleet.sent[0][0] == "V2"
+
+    kernel, fleet = await make(energy={"respected": False})
+    kernel.create(request("A"), "T")
+    assert fleet.sent[0][0] == "V1"
+
+
+async def test_keys_of_the_settings_decide_who_is_taken() -> None:
+    kernel, fleet = await make(energy={"critical": 0}, vehicle_candidates=["BY_ENERGY_LEVEL"])
+    fleet.fields["V1"] = power(40)
+    kernel.create(request("A"), "T")
+    assert fleet.sent[0][0] == "V2"
+    order = kernel.book.named("T")
+    assert order
+    assert "first by BY_ENERGY_LEVEL of 2 vehicles" in str(order.status.history)
+
+
+async def test_a_state_that_changes_nothing_starts_no_decision(monkeypatch: pytest.MonkeyPatch) -> None:
+    kernel, fleet = await make()
+    fleet.out_of_order.update(("V1", "V2"))
+    kernel.create(request("B", intendedVehicle="V2"), "T")
+    decisions: list[int] = []
+    decide = kernel._orders._dispatch
+
+    def counted(orders: Sequence[TransportOrder]) -> None:
+        decisions.append(len(orders))
+        decide(orders)
+
+    monkeypatch.setattr(kernel._orders, "_dispatch", counted)
+    fleet.appear("V2", "C")
+    fleet.appear("V2", "C")
+    assert decisions == []
+    fleet.out_of_order.clear()
+    fleet.appear("V2", "C")
+    assert decisions == [1]
+    assert fleet.sent[0][0] == "V2"
+
+
+async def test_another_decision_needs_no_other_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    kernel, fleet = await make(energy={"respected": False})
+    fleet.out_of_order.update(("V1", "V2"))
+    kernel.create(request("B"), "T")
+    order = kernel.book.named("T")
+    assert order
+    assert order.state is TransportOrderState.DISPATCHABLE
+    fleet.out_of_order.clear()
+    assert [each.cost for each in kernel.explain(order)] == [4000, 4000]
+
+    def no_search(*_: object) -> None:
+        pytest.fail("the costs were known")
+
+    monkeypatch.setattr(graph.RoutingGraph, "costs_to", no_search)
+    assert [each.fits for each in kernel.explain(order)] == [True, True]

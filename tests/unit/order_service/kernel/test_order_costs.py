@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+from math import inf
+
+from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.fleet import OperationMap
+from nena_order_service.kernel.missions import MissionPlanner
+from nena_order_service.kernel.order_book import OrderBook
+from nena_order_service.kernel.order_costs import KnownCosts, OrderKnowledge
+from nena_order_service.kernel.order_fit import OrderFit
+from nena_order_service.kernel.sequence_book import SequenceBook
+from nena_order_service.kernel.sequences import Sequences
+from nena_order_service.kernel.steps import Steps
+from nena_order_service.kernel.vehicle_book import VehicleBook
+from nena_order_service.kernel.vehicles import VehicleRegistry
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.routing import Router
+from nena_shared.clock import ManualClock
+from nena_shared.fleet_api.order_types import AcceptableOrderType
+from nena_shared.plant import Vehicle
+from support.order_service import NOW, assigned_order, dispatchable_order
+from support.plants import path, plant
+from support.scripted_fleet import MemoryStore
+
+PLANT = plant(
+    path("A B", 1000), path("B C", 3000), path("B A", 1000), vehicles=(Vehicle(name="V1"), Vehicle(name="V2"))
+)
+
+
+def knowledge() -> tuple[OrderKnowledge, KnownCosts, OrderFit, VehicleRegistry]:
+    registry = VehicleRegistry(PLANT, default_map_id="map", adopt_unknown=False)
+    finder = WayFinder(PLANT, Router(PLANT))
+    costs = KnownCosts(PLANT, finder, registry)
+    book, clock = OrderBook(), ManualClock()
+    steps = Steps(book, MemoryStore(), lambda _: None)
+    fit = OrderFit(VehicleBook(book), Sequences(SequenceBook(book, steps), book, steps, clock))
+    starts = {"V1": "A", "V2": "C"}
+    places = {each.name: (each, starts[each.name]) for each in registry}
+    planner = MissionPlanner(PLANT, finder, OperationMap())
+    return OrderKnowledge(costs, places, planner, fit), costs, fit, registry
+
+
+def test_costs_are_those_of_the_destinations_that_are_left() -> None:
+    known, *_ = knowledge()
+    order = dispatchable_order("B", "C")
+    assert known.cost(order, "V1") == (4000, 1000)
+    assert known.cost(order, "V2").complete == inf
+    begun: TransportOrder = assigned_order("B", "C", number=2).drive_order_finished(0, NOW)
+    assert known.cost(begun, "V1").complete == 4000
+    assert known.cost(begun, "V2").complete == 0
+
+
+def test_resources_to_avoid_and_a_missing_way_are_told() -> None:
+    known, costs, _, _ = knowledge()
+    order = dispatchable_order("C", properties=[{"key": "tcs:resourcesToAvoid", "value": "B"}])
+    assert known.cost(order, "V1").complete == inf
+    assert "without 'B'" in known.why_no_way(order, "V1")
+    costs.forget()
+    assert "No route from 'C'" in known.why_no_way(dispatchable_order("A"), "V2")
+
+
+def test_automatic_orders_ask_for_no_type() -> None:
+    known, _, fit, registry = knowledge()
+    vehicle = registry.named("V1")
+    assert vehicle
+    fit.accept(vehicle, (AcceptableOrderType(name="Transport"),))
+    assert "accepts no orders of type 'Park'" in known.misfit(dispatchable_order(type="Park"), "V1")
+    own = dispatchable_order(type="Park", name="Park-1", intended_vehicle="V1")
+    assert known.misfit(own, "V1") == ""
+    assert known.recharges(dispatchable_order("A:Charge"))
+    assert not known.recharges(dispatchable_order("A"))

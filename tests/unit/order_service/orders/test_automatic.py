@@ -1,0 +1,39 @@
+from __future__ import annotations
+
+from nena_order_service.orders.automatic import (
+    automatic_name,
+    is_automatic,
+    is_automatic_recharge,
+    park_request,
+    recharge_request,
+)
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_shared.fleet_api.transport_order import TransportOrderRequest
+from support.order_service import NOW, dispatchable_order
+
+PARK = park_request("V1", "P")
+RECHARGE = recharge_request("V1", "Dock", "Charge", dispensable=False)
+
+
+def made(request: TransportOrderRequest) -> TransportOrder:
+    return TransportOrder.created(request, number=1, name=automatic_name(request), now=NOW)
+
+
+def test_orders_are_named_by_what_they_are_for() -> None:
+    park, recharge = made(PARK), made(RECHARGE)
+    assert park.name.startswith("Park-")
+    assert recharge.name.startswith("Recharge-")
+    assert (is_automatic(park), is_automatic_recharge(park)) == (True, False)
+    assert (is_automatic(recharge), is_automatic_recharge(recharge)) == (True, True)
+    assert automatic_name(PARK) != automatic_name(PARK)
+
+
+def test_parking_is_dispensable_and_recharging_is_as_the_energy_has_it() -> None:
+    assert PARK.dispensable
+    assert not RECHARGE.dispensable
+    assert recharge_request("V1", "Dock", "Charge", dispensable=True).dispensable
+
+
+def test_orders_of_hosts_are_their_own() -> None:
+    assert not is_automatic(dispatchable_order(type="Park", intended_vehicle="V1", name="Mine"))
+    assert not is_automatic(dispatchable_order(type="Charge", name="Recharge-1"))
