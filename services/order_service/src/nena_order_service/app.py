@@ -21,6 +21,7 @@ from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.path_locks import PathLocks
 from nena_order_service.kernel.sequence_requests import SequenceRequests
 from nena_order_service.kernel.vehicles import VehicleRegistry
+from nena_order_service.kernel.zone_sets import ZoneSets
 from nena_order_service.mqtt_commands import MqttCommands, Verbs
 from nena_order_service.mqtt_door import MqttDoor
 from nena_order_service.plant_file import load_plant
@@ -68,14 +69,17 @@ class OrderService:
     commands: MqttCommands
     stream: EventStream
     locks: PathLocks
+    zones: ZoneSets
 
     async def begin(self, start: Callable[..., asyncio.Task[None]]) -> None:
         """Take up what is in the store, then let all parts run; ``start`` starts their tasks."""
         await self.locks.load()
+        await self.zones.load()
         await self.kernel.start(self.fleet)
         start("mqtt", self.mqtt.run())
         start("fleet control", self.fleet.run())
         start("kernel", self.kernel.run())
+        start("zone sets", self.zones.run())
         start("retained sweep", self.sweep.run(), vital=False)
 
     async def end(self) -> None:
@@ -125,6 +129,7 @@ def build(
         clock=clock,
         on_news=kernel.on_news,
     )
+    zones = ZoneSets(kernel, fleet.send_zone_set, commit_timeout=settings.kernel.commit_timeout)
     topics = FleetTopics(settings.topic_prefix)
     door = MqttDoor(mqtt, topics, kernel, requests, plant_json=plant_json, max_body=settings.max_body)
     kernel.steps.listeners.append(door)
@@ -142,6 +147,7 @@ def build(
         stream,
         plant_json=plant_json,
         change_plant=change_plant,
+        zones=zones,
         asyncapi=json.dumps(document(topics)).encode(),
         readiness=lambda: readiness(mqtt, store),
         max_body=settings.max_body,
@@ -150,7 +156,7 @@ def build(
             for prefix in prefixes
         },
     )
-    return OrderService(store, kernel, fleet, door, sweep, mqtt, app, commands, stream, locks)
+    return OrderService(store, kernel, fleet, door, sweep, mqtt, app, commands, stream, locks, zones)
 
 
 def _client_id(settings: OrderServiceSettings, epoch: int) -> str:

@@ -142,6 +142,25 @@ class PlantInUseError(Exception):
         self.problems = tuple(problems)
 
 
+class UnknownZoneSetError(Exception):
+    """There is no zone set of this id."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"There is no zone set {name!r}. GET /v1/zoneSets lists them.")
+        self.name = name
+
+
+class ZoneSetChangedError(Exception):
+    """Another zone set was put here under this id."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(
+            f"Another zone set {name!r} was put here before, and what stands under an id never changes. "
+            "Choose a new zoneSetId."
+        )
+        self.name = name
+
+
 class StoreNotReadyError(Exception):
     """Nothing can be kept, so nothing is promised."""
 

@@ -20,6 +20,8 @@ STATUS: dict[type[Exception], HTTPStatus] = {
     errors.VehicleNotReachedError: HTTPStatus.CONFLICT,
     errors.NotReroutableError: HTTPStatus.CONFLICT,
     errors.PlantInUseError: HTTPStatus.CONFLICT,
+    errors.ZoneSetChangedError: HTTPStatus.CONFLICT,
+    errors.UnknownZoneSetError: HTTPStatus.NOT_FOUND,
     errors.InvalidPlantError: HTTPStatus.UNPROCESSABLE_ENTITY,
     errors.UnknownOrderError: HTTPStatus.NOT_FOUND,
     errors.UnknownVehicleError: HTTPStatus.NOT_FOUND,

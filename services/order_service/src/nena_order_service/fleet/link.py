@@ -13,7 +13,7 @@ from nena_order_service.fleet.addresses import RobotAddresses
 from nena_order_service.fleet.controller import FleetController
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.outgoing import Outgoing
-from nena_order_service.fleet.outputs import FleetOutput, Outputs, Publish
+from nena_order_service.fleet.outputs import FleetOutput, Outputs, Publish, PublishZoneSet
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.view import RobotView
 from nena_shared.clock import Clock
@@ -31,6 +31,7 @@ from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.message_reader import Decode, MessageReader
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import nearest_codec
+from nena_shared.vda5050.zone_set import ZoneSet
 
 log = get_logger(__name__)
 
@@ -112,6 +113,10 @@ class FleetLink:
     def instant_action(self, robot: RobotKey, action: Action) -> None:
         """See :meth:`FleetController.instant_action`."""
         self._hand_out(self._controller.instant_action(robot, action, self._now()))
+
+    def send_zone_set(self, robot: RobotKey, zone_set: ZoneSet) -> None:
+        """Bring a robot a zone set; its states show whether it has taken it (section 6.4)."""
+        self._publish(PublishZoneSet(robot, zone_set))
 
     def all_known(self) -> bool:
         """See :meth:`FleetController.all_known`."""

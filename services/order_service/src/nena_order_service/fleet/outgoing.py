@@ -5,12 +5,21 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import Any, Final
 
-from nena_order_service.fleet.outputs import Publish, PublishInstantActions, PublishOrder, PublishResponses
+from nena_order_service.fleet.outputs import (
+    Publish,
+    PublishInstantActions,
+    PublishOrder,
+    PublishResponses,
+    PublishZoneSet,
+)
 from nena_shared.clock import Clock
 from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.zone_set import ZoneSetTransfer
+
+Message = Order | InstantActions | Responses | ZoneSetTransfer
 
 HEADER_ID_COUNT: Final = 2**32
 
@@ -22,7 +31,7 @@ class Outgoing:
         self._clock = clock
         self._header_ids: dict[tuple[RobotKey, Topic], int] = defaultdict(int)
 
-    def message(self, output: Publish, version: str) -> tuple[Topic, Order | InstantActions | Responses]:
+    def message(self, output: Publish, version: str) -> tuple[Topic, Message]:
         """Give the message, and the topic that it belongs to."""
         match output:
             case PublishOrder():
@@ -40,6 +49,9 @@ class Outgoing:
             case PublishResponses():
                 header = self._header(output.robot, Topic.RESPONSES, version)
                 return Topic.RESPONSES, Responses(**header, responses=output.responses)
+            case PublishZoneSet():
+                header = self._header(output.robot, Topic.ZONE_SET, version)
+                return Topic.ZONE_SET, ZoneSetTransfer(**header, zone_set=output.zone_set)
 
     def _header(self, robot: RobotKey, topic: Topic, version: str) -> dict[str, Any]:
         header_id = self._header_ids[robot, topic]

@@ -9,6 +9,7 @@ from nena_order_service.fleet.mission import Mission
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.responses import Response
 from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.zone_set import ZoneSet
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +37,15 @@ class PublishResponses:
     responses: tuple[Response, ...]
 
 
-Publish = PublishOrder | PublishInstantActions | PublishResponses
+@dataclass(frozen=True, slots=True)
+class PublishZoneSet:
+    """Bring the robot a zone set; header fields are the sender's."""
+
+    robot: RobotKey
+    zone_set: ZoneSet
+
+
+Publish = PublishOrder | PublishInstantActions | PublishResponses | PublishZoneSet
 
 
 @dataclass(frozen=True, slots=True)

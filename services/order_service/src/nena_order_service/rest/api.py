@@ -13,6 +13,7 @@ from nena_order_service.event_stream import EventStream
 from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.kernel.path_locks import PathLocks
 from nena_order_service.kernel.sequence_requests import SequenceRequests
+from nena_order_service.kernel.zone_sets import ZoneSets
 from nena_order_service.rest import (
     events,
     order_sequences,
@@ -21,6 +22,7 @@ from nena_order_service.rest import (
     problems,
     transport_orders,
     vehicles,
+    zone_sets,
 )
 from nena_order_service.rest.bodies import Readiness
 from nena_order_service.rest.body_limit import BodyLimit
@@ -41,6 +43,7 @@ def make_app(
     *,
     plant_json: bytes,
     change_plant: ChangePlant | None,
+    zones: ZoneSets,
     asyncapi: bytes,
     readiness: Callable[[], Readiness],
     max_body: int,
@@ -62,6 +65,7 @@ def make_app(
     app.include_router(paths.make_router(locks))
     app.include_router(events.make_router(stream))
     app.include_router(plant_model.make_router(plant_json, change_plant))
+    app.include_router(zone_sets.make_router(zones))
     app.include_router(_service(asyncapi, readiness))
     for path, other in mounted.items():
         app.mount(path, other)

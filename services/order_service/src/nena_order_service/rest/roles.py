@@ -6,7 +6,7 @@ from nena_shared.web.users import Role
 
 OPEN = frozenset({"/healthz", "/readyz"})
 READING = frozenset({"GET", "HEAD", "OPTIONS"})
-PLANT_MODEL = "/v1/plantModel"
+PLANT = ("/v1/plantModel", "/v1/zoneSets")
 
 
 def role_needed(method: str, path: str) -> Role | None:
@@ -15,4 +15,4 @@ def role_needed(method: str, path: str) -> Role | None:
         return None
     if method in READING:
         return Role.VIEWER
-    return Role.ADMIN if path.startswith(PLANT_MODEL) else Role.OPERATOR
+    return Role.ADMIN if path.startswith(PLANT) else Role.OPERATOR
