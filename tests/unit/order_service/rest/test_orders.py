@@ -250,6 +250,17 @@ async def test_delivery_of_an_order_is_told(client: httpx.AsyncClient) -> None:
     problem(await client.get(f"{ORDERS}/T-9/delivery"), 404)
 
 
+async def test_each_vehicle_has_a_reason_for_an_order(client: httpx.AsyncClient) -> None:
+    await client.post(ORDERS, json={**BODY, "name": "T-1"})
+    told = (await client.get(f"{ORDERS}/T-1/assignment")).json()
+    assert (told["transportOrder"], told["state"], told["leftOut"]) == ("T-1", "DISPATCHABLE", 0)
+    assert [each["vehicle"] for each in told["vehicles"]] == ["Robot-01", "Robot-02"]
+    assert all(each["reason"] and not each["fits"] for each in told["vehicles"])
+    short = (await client.get(f"{ORDERS}/T-1/assignment", params={"limit": 1})).json()
+    assert (len(short["vehicles"]), short["leftOut"]) == (1, 1)
+    problem(await client.get(f"{ORDERS}/T-9/assignment"), 404)
+
+
 async def test_a_waiting_order_is_held_and_resumed(client: httpx.AsyncClient) -> None:
     made = await client.post(ORDERS, json={"name": "T-1", "destinations": [{"locationName": "South 2"}]})
     assert made.status_code == 201, made.text
