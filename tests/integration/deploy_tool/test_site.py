@@ -260,3 +260,26 @@ async def test_a_robot_cannot_take_its_neighbours_place_at_the_broker(running: R
         assert await victim.link.drain(30)
 
         assert victim.link.state.connects == 1
+
+
+async def test_a_site_that_was_lost_comes_back_from_its_copy(running: Running, tmp_path: Path) -> None:
+    """As `docs/operations.md` says: with its modes, and robots notice nothing."""
+    stolen = shutil.copytree(running.folder_of(*ROBOT_2), tmp_path / "stolen")
+    on_the_robot = shutil.copytree(running.folder_of(*ROBOT_1), tmp_path / "robot")
+    running.site.remove(*ROBOT_2)
+    folder = running.site.folder
+    copy = shutil.make_archive(str(tmp_path / "copy"), "tar", folder)
+    shutil.rmtree(folder)
+
+    shutil.unpack_archive(copy, folder)
+    running.restart()
+
+    assert (folder / "authority").stat().st_mode & 0o077 == 0
+    async with connected(Client(running.settings_in(on_the_robot), "robot")) as robot:
+        await until(lambda: robot.link.state.connected, timeout=30)
+    async with connected(Client(running.settings_in(stolen), "gone")) as gone:
+        await until(lambda: gone.link.state.last_error, timeout=30)
+        assert gone.link.state.connects == 0, "who was removed before the copy stays out"
+    again = Site.open(folder)
+    again.add(Kind.ROBOT, "ACME/9", days=1)
+    assert {each.name for each in again} >= {"ACME/1", "ACME/9", "wms", "order-service"}
