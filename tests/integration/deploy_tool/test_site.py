@@ -250,14 +250,14 @@ async def test_a_robot_cannot_take_its_neighbours_place_at_the_broker(running: R
     one, two = (running.settings_in(running.folder_of(*each)) for each in (ROBOT_1, ROBOT_2))
     neighbour = RobotKey("ACME", "2")
     async with connected(Client(two, client_id_of(neighbour, two))) as victim:
-        await until(lambda: victim.link.state.connected, timeout=30)
+        await until(lambda: victim.link.state.connected)
         for stolen in (client_id_of(neighbour, one), client_id_of(neighbour, MqttSettings())):
             async with connected(Client(one, stolen)) as thief:
-                await until(lambda thief=thief: thief.link.state.connected, timeout=30)  # type: ignore[misc] # bound at once
+                await until(lambda thief=thief: thief.link.state.connected)  # type: ignore[misc] # bound at once
                 thief.publish("uagv/v2/ACME/1/state")
-                assert await thief.link.drain(30)
+                assert await thief.link.drain(PATIENCE)
         victim.publish("uagv/v2/ACME/2/state")
-        assert await victim.link.drain(30)
+        assert await victim.link.drain(PATIENCE)
 
         assert victim.link.state.connects == 1
 
@@ -276,9 +276,9 @@ async def test_a_site_that_was_lost_comes_back_from_its_copy(running: Running, t
 
     assert (folder / "authority").stat().st_mode & 0o077 == 0
     async with connected(Client(running.settings_in(on_the_robot), "robot")) as robot:
-        await until(lambda: robot.link.state.connected, timeout=30)
+        await until(lambda: robot.link.state.connected)
     async with connected(Client(running.settings_in(stolen), "gone")) as gone:
-        await until(lambda: gone.link.state.last_error, timeout=30)
+        await until(lambda: gone.link.state.last_error)
         assert gone.link.state.connects == 0, "who was removed before the copy stays out"
     again = Site.open(folder)
     again.add(Kind.ROBOT, "ACME/9", days=1)

@@ -78,7 +78,7 @@ async def test_who_is_removed_is_told_no_more_events(service: Start, tmp_path: P
                 break
         write_users(users, [each for each in read_users(users) if each.role is not Role.VIEWER])
 
-        async with asyncio.timeout(30):
+        async with asyncio.timeout(PATIENCE):
             rest = [line async for line in lines]
 
     assert "event: heartbeat" not in rest

@@ -13,7 +13,7 @@ import pytest
 from support.aggregator_process import AggregatorProcess
 from support.order_service_fleet import Fleet, actions_done, awaited, every_order_ended, vehicle_idle
 from support.programs import ENDED_WITHIN, Program
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 
@@ -59,10 +59,10 @@ async def test_an_order_service_that_ends_under_load_has_all_that_it_answered(fl
     client = await program.client()
     host = Host(client)
     asking = [asyncio.create_task(host.order_on(f"H-{number}")) for number in range(HOSTS)]
-    await until(lambda: len(host.answered) > 5 * HOSTS, timeout=30)
+    await until(lambda: len(host.answered) > 5 * HOSTS)
 
     program.process.send_signal(signal.SIGTERM)
-    await asyncio.wait_for(asyncio.gather(*asking), 30)
+    await asyncio.wait_for(asyncio.gather(*asking), PATIENCE)
 
     assert program.process.wait(ENDED_WITHIN) == 0
     assert host.refused == []
@@ -83,11 +83,11 @@ async def test_an_agent_that_ends_in_mid_order_goes_on_with_it_later(fleet: Flee
     await until(lambda: any(b'"driving":true' in state for state in wire.payloads("+/v2/+/+/state")))
 
     end(agent)
-    await until(lambda: b"OFFLINE" in wire.payloads("+/v2/+/+/connection")[-1], timeout=30)
+    await until(lambda: b"OFFLINE" in wire.payloads("+/v2/+/+/connection")[-1])
     assert (await client.get("/v1/transportOrders/T-1")).json()["state"] == "BEING_PROCESSED"
     fleet.agent(speed=40.0)
 
-    (order,) = await every_order_ended(client, 90)
+    (order,) = await every_order_ended(client)
     assert order["state"] == "FINISHED", order["reason"]
     assert actions_done(wire, fleet) == {"T-1-0": 1, "T-1-1": 1}
     assert not any(b'"actionStatus":"FAILED"' in state for state in wire.payloads("+/v2/+/+/state"))
@@ -120,4 +120,4 @@ async def told(panel: httpx.AsyncClient, name: str) -> None:
     def ended(found: list[dict[str, Any]]) -> bool:
         return any(each["name"] == name and each["final"] for each in found)
 
-    await awaited(orders, ended, seconds=30, what=f"the end of {name} is known")
+    await awaited(orders, ended, seconds=PATIENCE, what=f"the end of {name} is known")

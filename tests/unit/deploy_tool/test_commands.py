@@ -15,6 +15,7 @@ from nena_deploy.commands import app
 from nena_shared.mqtt.tls import tls_context
 from nena_shared.settings import MqttSettings
 from nena_shared.web.users import Role, UserBook
+from support.waiting import PATIENCE
 
 
 def run(*arguments: object) -> Result:
@@ -139,7 +140,7 @@ def test_many_at_once_lose_no_user(tmp_path: Path) -> None:
     file, names = tmp_path / "users.toml", [f"user-{number}" for number in range(6)]
     command = (sys.executable, "-m", "nena_deploy", "user", "add", file, "--role", "viewer")
     running = [subprocess.Popen([*command, name], stdout=subprocess.DEVNULL) for name in names]
-    assert [each.wait(60) for each in running] == [0] * len(names)
+    assert [each.wait(PATIENCE) for each in running] == [0] * len(names)
 
     assert sorted(line.split("\t")[0] for line in run("user", "list", file).stdout.splitlines()) == names
 
@@ -147,6 +148,6 @@ def test_many_at_once_lose_no_user(tmp_path: Path) -> None:
 def test_many_at_once_lose_no_robot(site: Path) -> None:
     command = (sys.executable, "-m", "nena_deploy", "robot", "add", site, "ACME")
     running = [subprocess.Popen([*command, str(number)], stderr=subprocess.DEVNULL) for number in range(4)]
-    assert [each.wait(60) for each in running] == [0] * 4
+    assert [each.wait(PATIENCE) for each in running] == [0] * 4
 
     assert {line[1] for line in listed(site)} >= {f"ACME/{number}" for number in range(4)}
