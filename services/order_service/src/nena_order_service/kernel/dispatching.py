@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from nena_order_service.dispatch.dispatcher import BUSY, Assignment, Dispatcher
@@ -102,7 +102,7 @@ class Dispatching:
         if not orders:
             return [], {}
         self._forget_kept()
-        candidates = self._candidates()
+        candidates = self._candidates(orders)
         decisions = self._dispatcher.decide(
             orders,
             (each.seen for each in candidates.values()),
@@ -204,8 +204,13 @@ class Dispatching:
             return False
         return order.status.dispensable or (is_automatic_recharge(order) and is_operating(order))
 
-    def _candidates(self) -> dict[str, Candidate]:
-        return {each.name: self._look_at(each) for each in self._registry if not each.obstacle}
+    def _candidates(self, orders: Sequence[TransportOrder] = ()) -> dict[str, Candidate]:
+        """Look at all vehicles, or only at those that are meant where each of the orders means one."""
+        meant = {each.status.intended_vehicle for each in orders}
+        vehicles: Iterable[FleetVehicle] = self._registry
+        if meant and None not in meant:
+            vehicles = filter(None, map(self._registry.named, sorted(map(str, meant))))
+        return {each.name: self._look_at(each) for each in vehicles if not each.obstacle}
 
     def _look_at(self, vehicle: FleetVehicle) -> Candidate:
         """Consider a vehicle, and remember what mattered."""
