@@ -14,7 +14,7 @@ from jsonschema import Draft202012Validator
 
 from support.broker import MqttPeer
 from support.order_service_fleet import Fleet, awaited, order_in, vehicle_idle
-from support.waiting import PATIENCE, until
+from support.waiting import PATIENCE
 
 pytestmark = pytest.mark.broker
 
@@ -117,6 +117,7 @@ async def test_every_command_does_its_work_as_the_document_says(
     assert fits == {"Robot-01": True, "Robot-02": False}
     paused = await host.ask("instantAction", vehicle="Robot-01", actionType="pause")
     assert (paused["status"], paused["instantAction"]["status"]) == (200, "FINISHED")
+    assert (await host.ask("reroute", vehicle="Robot-01"))["status"] == 200
     path = (await client.get("/v1/paths")).json()["paths"][0]["name"]
     assert (await host.ask("lockPath", path=path, locked=True))["path"]["locked"] is True
     assert (await host.ask("lockPath", path=path, locked=False))["path"]["locked"] is False
@@ -152,7 +153,11 @@ async def test_every_command_does_its_work_as_the_document_says(
 
     document = (await client.get("/asyncapi.json")).json()
     channels = set(document["channels"])
-    await until(lambda: misfits(document, host.heard())[1] >= channels, what="a message on each channel")
+
+    async def unheard() -> set[str]:
+        return channels - misfits(document, host.heard())[1]
+
+    await awaited(unheard, lambda left: not left, seconds=PATIENCE, what="a message on each channel")
     wrong, used = misfits(document, host.heard())
     assert wrong == []
     assert used == channels
