@@ -9,7 +9,7 @@ from nena_order_service.orders.event_code import EventCode
 from nena_order_service.orders.transport_order import IllegalTransitionError
 from nena_shared.fleet_api.failure_policy import Hold
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
-from support.order_service import NOW, assigned_order, dispatchable_order
+from support.order_service import NOW, assigned_order, dispatchable_order, raw_order
 
 HOLD = Hold(by="Ann", reason="tea", since=NOW)
 
@@ -24,6 +24,13 @@ def test_who_holds_an_order_since_when_and_why_is_said() -> None:
             EventCode.HELD,
             ("Ann", "tea"),
         )
+
+
+def test_an_order_whose_conditions_come_true_stays_held() -> None:
+    held = mending.held(raw_order().activated(), HOLD, NOW).dispatchable()
+
+    assert (held.held, held.status.reason) == (True, "held by Ann since 2026-01-01 00:00:00 UTC: tea")
+    assert mending.resumed(held, "Bob", "go", NOW).status.reason == "waits for its turn"
 
 
 def test_a_resumed_order_has_all_its_tries_again() -> None:

@@ -25,8 +25,10 @@ def resumed(order: TransportOrder, by: str, reason: str, now: datetime) -> Trans
     fresh = order.current.model_copy(update={"measures_taken": 0})
     entry = order.entry(now, EventCode.RESUMED, by, reason)
     changes: dict[str, object] = {"held": None, "drive_orders": order.with_current(fresh)}
-    if order.state is not S.BEING_PROCESSED:
+    if order.state is S.DISPATCHABLE:
         changes["reason"] = "waits for its turn"
+    elif order.state is S.ACTIVE:
+        changes["reason"] = "waits for its conditions"
     return order.changed(history=(*order.status.history, entry), **changes)
 
 
