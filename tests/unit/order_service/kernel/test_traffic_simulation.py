@@ -46,7 +46,7 @@ def test_every_order_ends_without_a_collision_or_a_standstill(seed: int) -> None
 IDLE_ROBOTS = (6, 8, 30, 14, 60, 3)
 
 
-@pytest.mark.parametrize("seed", range(max(2, KERNEL_PLANTS // 4)))
+@pytest.mark.parametrize("seed", range(max(2, KERNEL_PLANTS // 10)))
 def test_vehicles_that_park_and_recharge_keep_nobody_from_anything(seed: int) -> None:
     random, robots = Random(1000 + seed), IDLE_ROBOTS[seed % len(IDLE_ROBOTS)]
     plant, stations = random_plant(random, robots)
