@@ -11,11 +11,13 @@ from pydantic import BaseModel
 
 from nena_order_service.rest.bodies import (
     DispatchRequest,
+    HoldRequest,
     InstantActionRequest,
     IntegrationLevelRequest,
     OrderTypesRequest,
     PathLockRequest,
     ReroutingRequest,
+    ResumeRequest,
     WithdrawalRequest,
 )
 from nena_shared.fleet_api.order_sequence import OrderSequenceRequest
@@ -28,6 +30,8 @@ BODIES: dict[str, type[BaseModel]] = {
     "/v1/transportOrders": TransportOrderRequest,
     "/v1/orderSequences": OrderSequenceRequest,
     "/withdrawal": WithdrawalRequest,
+    "/hold": HoldRequest,
+    "/resume": ResumeRequest,
     "/dispatch": DispatchRequest,
     "/instantActions": InstantActionRequest,
     "/lock": PathLockRequest,
