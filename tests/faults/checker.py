@@ -134,7 +134,8 @@ def _told(site: Site) -> dict[str, list[TransportOrderStatus]]:
 
 def _done(site: Site) -> Counter[str]:
     finished: set[tuple[str, str]] = set()
-    for message in site.wire.received(f"{site.interface}/v2/+/+/state"):
+    own = {f"{site.interface}/v2/NeNa/{each}/state" for each in site.vehicles}
+    for message in (each for each in site.wire.history if each.topic in own):
         with suppress(MalformedMessageError):  # somebody else said it: a hostile message
             state = CODEC.decode(State, message.payload)
             finished |= {

@@ -115,7 +115,7 @@ def trial(tmp_path: Path, request: pytest.FixtureRequest) -> Callable[..., Any]:
             await asyncio.wait_for(ordering, AT_WORK_WITHIN)
             account = await settled(made, host)
             after = found.footprints()
-            record = found.report(request.node.name, account, after)
+            record = found.report(request.node.nodeid.rsplit("/", 1)[-1], account, after)
             record.append_to(FILE)
             request.node.user_properties.append(("recovery", ", ".join(map(str, record.faults))))
             assert grown(found.before, after) == {}

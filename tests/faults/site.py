@@ -131,8 +131,9 @@ class Site:
         serials += [f"ros-{number}" for number in range(1, ON_ROS + 1)] if on_ros else []
         self.serials = tuple(serials)
         """Robots that are there."""
-        spare = [f"single-{number}" for number in range(1, singles + 1)]
-        self.plant = write_hall(folder, dict.fromkeys([*serials, *spare], "2.1.0"))
+        self.vehicles = (*serials, *(f"single-{number}" for number in range(1, singles + 1)))
+        """Those of the plant model."""
+        self.plant = write_hall(folder, dict.fromkeys(self.vehicles, "2.1.0"))
         self.orders = httpx.AsyncClient(
             base_url=f"http://127.0.0.1:{self._ports['order-service']}", timeout=60
         )

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import os
+import shutil
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
@@ -141,8 +142,9 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=120)
     parser.add_argument("--output", type=Path, default=DOCUMENT)
     wanted = parser.parse_args()
-    with tempfile.TemporaryDirectory(prefix="nena-soak-") as folder:
-        windows, robots = asyncio.run(soak(wanted.minutes, Path(folder)))
+    folder = Path(tempfile.mkdtemp(prefix="nena-soak-"))  # with the logs, where something was found
+    windows, robots = asyncio.run(soak(wanted.minutes, folder))
+    shutil.rmtree(folder)
     load = os.getloadavg()[0]
     wanted.output.write_text(
         document(windows, minutes=wanted.minutes, robots=robots, load=load), encoding="utf-8"

@@ -16,8 +16,8 @@ from support.waiting import until
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(1200)]
 
 REFUSED_WITHIN = 120.0
-MORE = 3
-"""Orders more than usual that the host wants to have under way: one may still find room."""
+MORE = 20
+"""Orders more than usual that the host wants to have under way: some may still find room."""
 UNAVAILABLE = 503
 
 

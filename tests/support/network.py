@@ -170,8 +170,11 @@ def _require() -> None:
 
 
 def _tap(name: str) -> int:
-    end = os.open("/dev/net/tun", os.O_RDWR)
-    fcntl.ioctl(end, TUNSETIFF, struct.pack("16sH22x", name.encode(), IFF_TAP | IFF_NO_PI))
+    try:
+        end = os.open("/dev/net/tun", os.O_RDWR)
+        fcntl.ioctl(end, TUNSETIFF, struct.pack("16sH22x", name.encode(), IFF_TAP | IFF_NO_PI))
+    except OSError as error:
+        pytest.skip(f"no TAP device can be made here: {error.strerror}")
     return end
 
 

@@ -23,6 +23,9 @@ from support.waiting import LOOK_EVERY, PATIENCE
 
 T = TypeVar("T")
 
+END_KEPT = 0.2
+"""Seconds that the end of an order stays retained: tests see it cleared."""
+
 AGENT_FILE = """
 driver = "loopback"
 version = "{version}"
@@ -82,6 +85,7 @@ class Fleet:
             *("--interface_name", self.interface),
             *("--interface_name_v3", self.interface),
             *("--topic_prefix", self.prefix),
+            *("--end_kept", END_KEPT),
         ]
 
     def settings(self, **more: Any) -> OrderServiceSettings:
@@ -93,6 +97,7 @@ class Fleet:
                 "interface_name": self.interface,
                 "interface_name_v3": self.interface,
                 "topic_prefix": self.prefix,
+                "end_kept": END_KEPT,
                 "http": {"port": free_port()},
                 **more,
             }

@@ -23,7 +23,9 @@ class ShiftedClock:
         self._file = folder / "shift"
         library = folder / "shifted_clock.so"
         command = [compiler, "-O2", "-shared", "-fPIC", "-o", str(library), str(SOURCE)]
-        subprocess.run(command, check=True, timeout=60, capture_output=True)
+        made = subprocess.run(command, check=False, timeout=60, capture_output=True, text=True)
+        if made.returncode != 0:
+            pytest.skip(f"a clock of its own cannot be compiled here: {made.stderr.strip()[:300]}")
         self.jump_to(timedelta())
         self.environment = {"LD_PRELOAD": str(library), "SHIFTED_CLOCK": str(self._file)}
 

@@ -62,6 +62,19 @@ async def test_order_over_rest_is_done(fleet: Fleet, service: Start) -> None:
     assert vehicle["currentPosition"].startswith("Storage")
 
 
+async def test_a_host_that_was_away_finds_the_end_at_the_broker(fleet: Fleet, service: Start) -> None:
+    client = await service(end_kept=60)
+    await client.post("/v1/transportOrders", json=TRANSPORT)
+    topic = f"{fleet.prefix}/transportOrders/T-1/status"
+    before = fleet.peer(topic)
+    await client.post("/v1/transportOrders/T-1/withdrawal")
+    await before.wait_for(topic, lambda each: b"FAILED" in each.payload)
+
+    found = await fleet.peer(topic).wait_for(topic)
+    assert found.retained
+    assert TransportOrderStatus.model_validate_json(found.payload).state == "FAILED"
+
+
 async def test_order_over_mqtt_is_answered_told_and_cleared(fleet: Fleet, service: Start) -> None:
     client = await service()
     fleet.agent()

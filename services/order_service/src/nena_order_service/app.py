@@ -131,7 +131,15 @@ def build(
     )
     zones = ZoneSets(kernel, fleet.send_zone_set, commit_timeout=settings.kernel.commit_timeout)
     topics = FleetTopics(settings.topic_prefix)
-    door = MqttDoor(mqtt, topics, kernel, requests, plant_json=plant_json, max_body=settings.max_body)
+    door = MqttDoor(
+        mqtt,
+        topics,
+        kernel,
+        requests,
+        plant_json=plant_json,
+        max_body=settings.max_body,
+        end_kept=settings.end_kept,
+    )
     kernel.steps.listeners.append(door)
     sweep = RetainedSweep(
         settings.mqtt, topics, client_id=f"{client_id}-sweep", mqtt=mqtt, kernel=kernel, door=door

@@ -56,7 +56,7 @@ def channels(topics: FleetTopics) -> tuple[Channel, ...]:
             topics.order_status("{transportOrder}"),
             "send",
             TransportOrderStatus,
-            "Each change of an order, retained while it lives; an empty message after the last clears it.",
+            "Each change of an order, retained; an empty message clears it end_kept s after the last.",
             retained=True,
             parameters=("transportOrder",),
         ),

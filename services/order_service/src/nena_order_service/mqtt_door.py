@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from http import HTTPStatus
 
+from nena_order_service.ended_orders import EndedOrders
 from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.mqtt_requests import REQUESTS_LIMIT, read_request, too_many
@@ -50,6 +51,7 @@ class MqttDoor:
         *,
         plant_json: bytes,
         max_body: int,
+        end_kept: float,
     ) -> None:
         self._mqtt = mqtt
         self._topics = topics
@@ -57,6 +59,7 @@ class MqttDoor:
         self._requests = requests
         self._plant_json = plant_json
         self._max_body = max_body
+        self._ended = EndedOrders(end_kept, self._clear)
         self._tasks: set[asyncio.Task[None]] = set()
         self.counters = DoorCounters()
         mqtt.subscribe(topics.creation_requests, self._request_came)
@@ -70,12 +73,14 @@ class MqttDoor:
             yield self._of_sequence(sequence.status)
         for order in self._kernel.book.unfinished():
             yield self._of_order(order.status)
+        for status in self._ended.statuses():
+            yield self._of_order(status)
 
     def order_changed(self, status: TransportOrderStatus) -> None:
-        """Tell an order's new version; the last one is followed by what clears the topic."""
+        """Tell an order's new version; the topic is cleared some time after the last one."""
         self._mqtt.publish(self._of_order(status))
         if status.state.final:
-            self._mqtt.publish(Outbound(self._topics.order_status(status.name), b"", retain=True))
+            self._ended.add(status)
 
     def sequence_changed(self, status: OrderSequenceStatus) -> None:
         """Tell an order sequence's new version; the last one is followed by what clears the topic."""
@@ -88,10 +93,14 @@ class MqttDoor:
         self._mqtt.publish(self._of_vehicle(status))
 
     async def close(self) -> None:
-        """End the work on requests."""
+        """End the work on requests. Ends that are retained stay so: the next start clears them."""
+        self._ended.close()
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def _clear(self, name: str) -> None:
+        self._mqtt.publish(Outbound(self._topics.order_status(name), b"", retain=True))
 
     def _of_order(self, status: TransportOrderStatus) -> Outbound:
         body = status.model_dump_json(by_alias=True).encode()

@@ -115,6 +115,13 @@ class OrderServiceSettings(ServiceSettings):
     kernel: KernelSettings = Field(
         default_factory=KernelSettings, description="How orders and vehicles are handled."
     )
+    end_kept: float = Field(
+        60.0,
+        ge=0,
+        le=3600,
+        description="Seconds that the end of an order stays retained at the broker for hosts that were away; "
+        "then its topic is cleared.",
+    )
     max_body: int = Field(
         262_144, ge=1024, description="Longest request body that either door takes, in bytes."
     )

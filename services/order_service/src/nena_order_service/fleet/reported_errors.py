@@ -8,6 +8,7 @@ from typing import Final
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.reported import ErrorEntry
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
+from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.v2_1.error_type import REJECTIONS, WRITTEN
 
 NO_ORDER_REFUSALS: Final = frozenset({ErrorType.NO_ORDER_TO_CANCEL, ErrorType.INVALID_INSTANT_ACTION})
@@ -70,8 +71,14 @@ def _refuses(error: ErrorEntry, mission: Mission, before: frozenset[ErrorIdentit
     named = _referenced(error, "orderId")
     if named:
         return mission.mission_id in named
-    known = identity(error) in before or of_another_action(error, mission)
+    known = identity(error) in before or of_another_action(error, mission) or _of_another_topic(error)
     return error.error_type in ORDER_REFUSALS and not known
+
+
+def _of_another_topic(error: ErrorEntry) -> bool:
+    """Tell whether an error names topics, and not that of orders: a message of another kind was refused."""
+    topics = _referenced(error, "topic")
+    return bool(topics) and Topic.ORDER not in topics
 
 
 def of_another_action(error: ErrorEntry, mission: Mission) -> bool:
@@ -91,7 +98,8 @@ def refuses_update(error: ErrorEntry, mission_id: str, update_id: int) -> bool:
     An update is named by its number; in 2.x an error that names no order may be meant.
     """
     orders, updates = _referenced(error, "orderId"), _referenced(error, "orderUpdateId")
-    if error.error_type not in ORDER_REFUSALS or (orders and mission_id not in orders):
+    foreign = _of_another_topic(error) or (orders and mission_id not in orders)
+    if error.error_type not in ORDER_REFUSALS or foreign:
         return False
     return str(update_id) in updates if updates else True
 

@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+import asyncio
+from datetime import UTC, datetime
+
+import pytest
+
+from nena_order_service import ended_orders
+from nena_order_service.ended_orders import EndedOrders
+from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from support.waiting import until
+
+LONG = 3600.0
+
+
+def ended(name: str, version: int = 1) -> TransportOrderStatus:
+    return TransportOrderStatus(
+        name=name,
+        version=version,
+        state=TransportOrderState.FINISHED,
+        reason="done",
+        type="-",
+        priority=0,
+        current_drive_order_index=1,
+        created=datetime(2026, 1, 1, tzinfo=UTC),
+        drive_orders=(),
+    )
+
+
+async def test_an_end_is_kept_for_its_time_and_then_cleared() -> None:
+    cleared: list[str] = []
+    ends = EndedOrders(0.05, cleared.append)
+    ends.add(ended("T-1"))
+
+    assert (ends.statuses(), cleared) == ((ended("T-1"),), [])
+    await until(lambda: cleared == ["T-1"])
+    assert ends.statuses() == ()
+
+
+async def test_an_end_that_is_told_anew_is_cleared_once() -> None:
+    cleared: list[str] = []
+    ends = EndedOrders(0.05, cleared.append)
+    ends.add(ended("T-1"))
+    ends.add(ended("T-1", version=2))
+    ends.add(ended("T-2"))
+
+    assert ends.statuses() == (ended("T-1", version=2), ended("T-2"))
+    await until(lambda: "T-2" in cleared)
+    assert cleared == ["T-1", "T-2"]
+
+
+async def test_of_too_many_ends_the_oldest_is_cleared_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ended_orders, "LIMIT", 2)
+    cleared: list[str] = []
+    ends = EndedOrders(LONG, cleared.append)
+    for name in ("T-1", "T-2", "T-3"):
+        ends.add(ended(name))
+
+    assert cleared == ["T-1"]
+    assert [each.name for each in ends.statuses()] == ["T-2", "T-3"]
+    ends.close()
+
+
+async def test_after_the_close_nothing_is_cleared() -> None:
+    cleared: list[str] = []
+    closed, other = EndedOrders(0.01, cleared.append), EndedOrders(0.05, cleared.append)
+    closed.add(ended("T-1"))
+    closed.close()
+    other.add(ended("T-2"))
+
+    await until(lambda: cleared != [])
+    await asyncio.sleep(0)
+    assert (cleared, closed.statuses()) == (["T-2"], ())
