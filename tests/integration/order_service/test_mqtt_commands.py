@@ -96,6 +96,17 @@ def misfits(document: dict[str, Any], messages: list[tuple[str, bytes]]) -> tupl
     return wrong, used
 
 
+async def ways_and_zones_are_changed(host: Host) -> None:
+    rerouted = await host.ask("reroute", vehicle="Robot-01")
+    assert (rerouted["status"], rerouted["rerouting"]["transportOrder"]) == (200, "T-1")
+    corners = [{"x": x, "y": y} for x, y in ((30, 30), (31, 30), (31, 31))]
+    zone = {"zoneId": "z", "zoneType": "BLOCKED", "vertices": corners}
+    zones = {"mapId": "sample-hall", "zoneSetId": "night", "zones": [zone]}
+    assert (await host.ask("putZoneSet", zoneSet=zones))["zoneSet"]["enabled"] is False
+    assert (await host.ask("enableZoneSet", zoneSetId="night"))["zoneSet"]["enabled"] is True
+    assert (await host.ask("deleteZoneSet", zoneSetId="night"))["zoneSet"]["deleted"] is True
+
+
 async def test_every_command_does_its_work_as_the_document_says(
     fleet: Fleet, service: Start, host: Host
 ) -> None:
@@ -117,7 +128,7 @@ async def test_every_command_does_its_work_as_the_document_says(
     assert fits == {"Robot-01": True, "Robot-02": False}
     paused = await host.ask("instantAction", vehicle="Robot-01", actionType="pause")
     assert (paused["status"], paused["instantAction"]["status"]) == (200, "FINISHED")
-    assert (await host.ask("reroute", vehicle="Robot-01"))["status"] == 200
+    await ways_and_zones_are_changed(host)
     path = (await client.get("/v1/paths")).json()["paths"][0]["name"]
     assert (await host.ask("lockPath", path=path, locked=True))["path"]["locked"] is True
     assert (await host.ask("lockPath", path=path, locked=False))["path"]["locked"] is False
@@ -179,6 +190,10 @@ async def test_every_command_does_its_work_as_the_document_says(
         ("orderSequences", {"limit": 0}, 422),
         ("completeOrderSequence", {"orderSequence": "S-9"}, 404),
         ("acceptableOrderTypes", {"vehicle": "R2D2", "acceptableOrderTypes": []}, 404),
+        ("reroute", {"vehicle": "Robot-01"}, 409),
+        ("putZoneSet", {"zoneSet": {"zoneSetId": "x"}}, 422),
+        ("enableZoneSet", {"zoneSetId": "x"}, 404),
+        ("deleteZoneSet", {"zoneSetId": "x"}, 404),
         ("lockPath", {"path": "Nowhere", "locked": True}, 404),
         ("lockPath", {"path": "Nowhere"}, 422),
         ("integrationLevel", {"vehicle": "R2D2", "integrationLevel": "TO_BE_IGNORED"}, 404),

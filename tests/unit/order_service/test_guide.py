@@ -38,6 +38,8 @@ BODIES: dict[str, type[BaseModel]] = {
     "/integrationLevel": IntegrationLevelRequest,
     "/acceptableOrderTypes": OrderTypesRequest,
     "/rerouting": ReroutingRequest,
+    "/hold": HoldRequest,
+    "/resume": ResumeRequest,
 }
 EXAMPLES = re.findall(r"\$nena(\S+) -H 'Content-Type: application/json' -d '(\{.*?\})'\n", GUIDE, re.DOTALL)
 

@@ -144,7 +144,9 @@ def build(
     sweep = RetainedSweep(
         settings.mqtt, topics, client_id=f"{client_id}-sweep", mqtt=mqtt, kernel=kernel, door=door
     )
-    commands = MqttCommands(mqtt, topics, Verbs(requests, sequences, locks), max_body=settings.max_body)
+    commands = MqttCommands(
+        mqtt, topics, Verbs(requests, sequences, locks, zones), max_body=settings.max_body
+    )
     stream = EventStream(kernel, settings.events)
     kernel.steps.listeners.append(stream)
     prefixes = filter(None, [settings.opentcs_prefix])

@@ -14,6 +14,7 @@ from nena_order_service.kernel.etag import ETag
 from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.kernel.path_locks import PathLocks
 from nena_order_service.kernel.sequence_requests import SequenceRequests
+from nena_order_service.kernel.zone_sets import ZoneSets
 from nena_order_service.mqtt_requests import REQUESTS_LIMIT, read_request, too_many
 from nena_order_service.problems import FORESEEN, problem_of
 from nena_order_service.rest.bodies import (
@@ -40,8 +41,10 @@ from nena_shared.fleet_api.rerouting import ReroutingAnswer
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import Problem, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.fleet_api.zone_set import ZoneSetStatus
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.vda5050.zone_set import ZoneSet
 
 log = get_logger(__name__)
 
@@ -119,6 +122,24 @@ class RerouteCommand(Command, ReroutingRequest):
     vehicle: ObjectName
 
 
+class PutZoneSetCommand(Command):
+    """Puts a zone set of VDA 5050 3.0 here, for all robots that know zones."""
+
+    zone_set: ZoneSet
+
+
+class EnableZoneSetCommand(Command):
+    """Has robots use a zone set, and no other one of its map."""
+
+    zone_set_id: ObjectName
+
+
+class DeleteZoneSetCommand(Command):
+    """Has robots delete a zone set."""
+
+    zone_set_id: ObjectName
+
+
 class LockPathCommand(Command, PathLockRequest):
     """Locks or unlocks a path."""
 
@@ -166,6 +187,7 @@ class CommandAnswer(Resource):
     instant_action: InstantActionAnswer | None = None
     path: PathStatus | None = None
     rerouting: ReroutingAnswer | None = None
+    zone_set: ZoneSetStatus | None = None
     vehicle: VehicleStatus | None = None
     problem: Problem | None = None
 
@@ -180,6 +202,9 @@ COMMANDS: dict[str, type[Command]] = {
     "instantAction": InstantActionCommand,
     "lockPath": LockPathCommand,
     "reroute": RerouteCommand,
+    "putZoneSet": PutZoneSetCommand,
+    "enableZoneSet": EnableZoneSetCommand,
+    "deleteZoneSet": DeleteZoneSetCommand,
     "integrationLevel": IntegrationLevelCommand,
     "acceptableOrderTypes": OrderTypesCommand,
     "createOrderSequence": CreateSequenceCommand,
@@ -196,10 +221,13 @@ Verb = Callable[[Any], Awaitable[CommandAnswer]]
 class Verbs:
     """Does what commands ask for; each gives what REST would answer, and raises the same errors."""
 
-    def __init__(self, requests: HostRequests, sequences: SequenceRequests, locks: PathLocks) -> None:
+    def __init__(
+        self, requests: HostRequests, sequences: SequenceRequests, locks: PathLocks, zones: ZoneSets
+    ) -> None:
         self._requests = requests
         self._sequences = sequences
         self._locks = locks
+        self._zones = zones
         self.by_name: dict[str, Verb] = {
             "withdraw": self.withdraw,
             "hold": self.hold,
@@ -210,6 +238,9 @@ class Verbs:
             "instantAction": self.instant_action,
             "lockPath": self.lock_path,
             "reroute": self.reroute,
+            "putZoneSet": self.put_zone_set,
+            "enableZoneSet": self.enable_zone_set,
+            "deleteZoneSet": self.delete_zone_set,
             "integrationLevel": self.integration_level,
             "acceptableOrderTypes": self.order_types,
             "createOrderSequence": self.create_sequence,
@@ -282,6 +313,18 @@ class Verbs:
         """Plan the way of a vehicle's order anew."""
         done = await self._requests.reroute(command.vehicle, command.type)
         return CommandAnswer(status=HTTPStatus.OK, rerouting=done)
+
+    async def put_zone_set(self, command: PutZoneSetCommand) -> CommandAnswer:
+        """Put a zone set here."""
+        return CommandAnswer(status=HTTPStatus.OK, zone_set=await self._zones.put(command.zone_set))
+
+    async def enable_zone_set(self, command: EnableZoneSetCommand) -> CommandAnswer:
+        """Have robots use a zone set."""
+        return CommandAnswer(status=HTTPStatus.OK, zone_set=await self._zones.enable(command.zone_set_id))
+
+    async def delete_zone_set(self, command: DeleteZoneSetCommand) -> CommandAnswer:
+        """Have robots delete a zone set."""
+        return CommandAnswer(status=HTTPStatus.OK, zone_set=await self._zones.delete(command.zone_set_id))
 
     async def lock_path(self, command: LockPathCommand) -> CommandAnswer:
         """Lock or unlock a path."""

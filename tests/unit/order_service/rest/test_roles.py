@@ -20,6 +20,10 @@ from nena_shared.web.users import Role
         ("PUT /v1/vehicles/Robot-01/pause", Role.OPERATOR),
         ("GET /v1/plantModel", Role.VIEWER),
         ("PUT /v1/plantModel", Role.ADMIN),
+        ("GET /v1/zoneSets", Role.VIEWER),
+        ("POST /v1/zoneSets/night/enable", Role.ADMIN),
+        ("DELETE /v1/zoneSets/night", Role.ADMIN),
+        ("POST /v1/vehicles/Robot-01/rerouting", Role.OPERATOR),
         ("DELETE /anything", Role.OPERATOR),
     ],
 )
