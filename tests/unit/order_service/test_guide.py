@@ -38,8 +38,6 @@ BODIES: dict[str, type[BaseModel]] = {
     "/integrationLevel": IntegrationLevelRequest,
     "/acceptableOrderTypes": OrderTypesRequest,
     "/rerouting": ReroutingRequest,
-    "/hold": HoldRequest,
-    "/resume": ResumeRequest,
 }
 EXAMPLES = re.findall(r"\$nena(\S+) -H 'Content-Type: application/json' -d '(\{.*?\})'\n", GUIDE, re.DOTALL)
 
