@@ -5,31 +5,21 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from datetime import timedelta
 
 from nena_order_service.dispatch.explanation import VehicleFit
 from nena_order_service.dispatch.settings import DispatchSettings
 from nena_order_service.dispatch.way import WayFinder
 from nena_order_service.fleet import (
-    ActionRetriable,
-    BaseWanted,
     FleetOutput,
     InstantActionEnded,
-    LinkStatus,
-    MissionAccepted,
-    MissionCancelled,
-    MissionFailed,
-    MissionFinished,
-    NodePassed,
-    OperationStarted,
-    RobotChanged,
     RobotView,
 )
 from nena_order_service.kernel.conditions import Conditions
 from nena_order_service.kernel.dispatching import Dispatching
 from nena_order_service.kernel.driving import Driving
+from nena_order_service.kernel.fleet_news import FleetNews
 from nena_order_service.kernel.idle_vehicles import IdleVehicles
-from nena_order_service.kernel.instant_actions import PendingInstantActions, state_request
+from nena_order_service.kernel.instant_actions import PendingInstantActions
 from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.order_book import OrderBook
@@ -46,7 +36,7 @@ from nena_order_service.kernel.sequences import Sequences
 from nena_order_service.kernel.settings import KernelSettings
 from nena_order_service.kernel.steps import Steps
 from nena_order_service.kernel.vehicle_book import VehicleBook
-from nena_order_service.kernel.vehicle_status import vehicle_status
+from nena_order_service.kernel.vehicle_outlook import VehicleOutlook
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
 from nena_order_service.kernel.ways import VehicleWays
 from nena_order_service.orders.transport_order import TransportOrder
@@ -61,8 +51,6 @@ from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
 from nena_shared.log import get_logger
 from nena_shared.plant import PlantModel
 from nena_shared.vda5050.action import Action
-from nena_shared.vda5050.own_actions import transforms_itself
-from nena_shared.vda5050.topics import RobotKey
 
 log = get_logger(__name__)
 
@@ -98,10 +86,13 @@ class Kernel:
         self.registry = registry
         self.book = OrderBook()
         self.instant_actions = PendingInstantActions()
-        self.steps = Steps(self.book, store, self._status_of)
+        self.steps = Steps(
+            self.book,
+            store,
+            lambda name: self._outlook.status_of(name),  # noqa: PLW0108 - made later
+        )
         self.clock = clock
         self._fleet: FleetControl | None = None
-        self._asked: set[RobotKey] = set()
         self.sequence_book = SequenceBook(self.book, self.steps)
         self.sequences = Sequences(self.sequence_book, self.book, self.steps, clock)
         self._vehicles = VehicleBook(self.book)
@@ -126,6 +117,16 @@ class Kernel:
         self._orders = self._make_order_flow(planner, on_failure)
         self._idle = self._make_idle_vehicles(planner, settings.dispatch)
         self._rerouting = self._make_rerouting(planner)
+        self._outlook = self._make_outlook()
+        self._news = FleetNews(
+            self._orders,
+            driving=self._driving,
+            places=self._places,
+            registry=self.registry,
+            instant_actions=self.instant_actions,
+            steps=self.steps,
+            fleet=lambda: self.fleet,
+        )
 
     def _make_driving(self, planner: MissionPlanner, ahead: int) -> Driving:
         return Driving(
@@ -204,6 +205,22 @@ class Kernel:
             finder=self.finder,
             planner=planner,
             steps=self.steps,
+            clock=self.clock,
+            view=self.view,
+        )
+
+    def _make_outlook(self) -> VehicleOutlook:
+        return VehicleOutlook(
+            self.plant,
+            book=self.book,
+            missions=self._missions,
+            places=self._places,
+            fit=self._fit,
+            sequences=self.sequences,
+            dispatching=self._dispatching,
+            idle=self._idle,
+            desk=self.desk,
+            registry=self.registry,
             clock=self.clock,
             view=self.view,
         )
@@ -365,84 +382,15 @@ class Kernel:
 
     def status(self, vehicle: FleetVehicle) -> VehicleStatus:
         """Tell how a vehicle stands."""
-        view = self.view(vehicle)
-        order = self.book.visible(self._missions.order_number(vehicle.key))
-        order = order if order and order.vehicle == vehicle.name else None
-        age = None if view.state_at is None else timedelta(seconds=self.clock.monotonic() - view.state_at)
-        return vehicle_status(
-            vehicle,
-            view,
-            plant=self.plant,
-            level=self._places.level(vehicle),
-            order_types=self._fit.order_types(vehicle),
-            transport_order=order.name if order else None,
-            order_sequence=self.sequences.bound_to(vehicle.name),
-            reason=order.status.reason if order else self._idle_reason(vehicle),
-            last_state=None if age is None else self.clock.now() - age,
-        )
-
-    def _idle_reason(self, vehicle: FleetVehicle) -> str:
-        reason = self._dispatching.idle_reason(vehicle, orders_wait=self.book.orders_wait)
-        bound = self.sequences.bound_to(vehicle.name)
-        awaits = f"awaits the next order of order sequence {bound!r}" if bound else ""
-        more = (awaits, self._idle.note(vehicle), self.desk.sharing(vehicle.name))
-        return "; ".join(filter(None, (reason, *more)))
+        return self._outlook.status(vehicle)
 
     def explain(self, order: TransportOrder) -> list[VehicleFit]:
         """Say of each vehicle why it does not do an order, or that it could."""
         return self._dispatching.explain(order)
-
-    def _status_of(self, name: str) -> VehicleStatus | None:
-        vehicle = self.registry.named(name)
-        return self.status(vehicle) if vehicle else None
 
     def on_news(self, news: FleetOutput) -> None:
         """Take in what fleet control tells."""
         if self.steps.closed:
             return
         with self.step():
-            match news:
-                case RobotChanged(robot):
-                    self._robot_changed(robot)
-                case InstantActionEnded():
-                    self.instant_actions.ended(news)
-                    self._orders.news.on_instant_action(news)
-                case ActionRetriable():
-                    self._orders.news.on_retriable(news)
-                case (
-                    MissionAccepted()
-                    | OperationStarted()
-                    | MissionFinished()
-                    | MissionFailed()
-                    | MissionCancelled()
-                ):
-                    self._orders.news.on_mission(news)
-                    self._orders.tell_hindrance(self.registry.discover(news.robot))
-                case NodePassed():
-                    self._driving.passed(news.mission_id, news.sequence_id)
-                case BaseWanted():
-                    self._driving.base_wanted(news.mission_id)
-                case _:
-                    pass
-
-    def _robot_changed(self, robot: RobotKey) -> None:
-        vehicle = self.registry.discover(robot)
-        view = self.view(vehicle)
-        if view.state and view.state.mobile_robot_position:
-            vehicle = self.registry.learn_map(vehicle, view.state.mobile_robot_position.map_id)
-        if view.factsheet:
-            self.registry.learn_frame(vehicle, transforms_itself=transforms_itself(view.factsheet))
-            vehicle = self.registry.discover(robot)
-        self._ask_for_state(view)
-        self._places.see(vehicle)
-        self.steps.vehicle_changed(vehicle.name)
-        self._driving.robot_changed(vehicle)
-        self._orders.robot_changed(vehicle)
-
-    def _ask_for_state(self, view: RobotView) -> None:
-        """Ask a robot that is there and has told no state yet, so that nobody waits for its next one."""
-        if view.link is not LinkStatus.ONLINE:
-            self._asked.discard(view.key)
-        elif view.state is None and view.key not in self._asked:
-            self._asked.add(view.key)
-            self.steps.after_commit(lambda: self.fleet.instant_action(view.key, state_request()))
+            self._news.take(news)
