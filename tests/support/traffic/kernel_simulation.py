@@ -50,6 +50,8 @@ DRAIN = 0.4
 HOSTS = "T"
 """What the names of hosts' orders begin with."""
 
+HOLDABLE = (TransportOrderState.BEING_PROCESSED, TransportOrderState.DISPATCHABLE)
+
 
 @dataclass(frozen=True)
 class Adversity:
@@ -58,6 +60,7 @@ class Adversity:
     kill: float = 0.0
     break_link: float = 0.0
     withdraw: float = 0.0
+    hold: float = 0.0
     lock: float = 0.0
     reroute: float = 0.0
 
@@ -252,6 +255,8 @@ class KernelSimulation:
             self._break(self.random.choice(list(self.robots.values())))
         if self.adversity.withdraw and self.random.random() < TICK / self.adversity.withdraw:
             self._withdraw()
+        if self.adversity.hold and self.random.random() < TICK / self.adversity.hold:
+            self._hold()
         if self.adversity.lock and self.random.random() < TICK / self.adversity.lock:
             self._lock()
         if self.adversity.reroute and self.random.random() < TICK / self.adversity.reroute:
@@ -281,13 +286,28 @@ class KernelSimulation:
         self.timeline.after(self.random.uniform(5, 60), back)
 
     def _withdraw(self) -> None:
-        states = (TransportOrderState.BEING_PROCESSED, TransportOrderState.DISPATCHABLE)
         orders = filter(_of_host, self.kernel.book.unfinished())
-        alive = [each for each in orders if each.state in states]
+        alive = [each for each in orders if each.state in HOLDABLE]
         if alive:
             order = self.random.choice(alive)
             self.withdrawn.add(order.name)
             self.kernel.withdraw(order.number, "not needed", immediate=self.random.random() < 0.5)
+
+    def _hold(self) -> None:
+        """Let a person hold an order for a while."""
+        orders = filter(_of_host, self.kernel.book.unfinished())
+        alive = [each for each in orders if each.state in HOLDABLE and not each.held]
+        if not alive:
+            return
+        order = self.random.choice(alive)
+        self.kernel.hold(order.number, "Ann", "tea", immediate=self.random.random() < 0.5)
+
+        def resume() -> None:
+            known = self.kernel.book.at_hand(order.number)
+            if known and known.held:
+                self.kernel.resume(order.number, "Ann", "go")
+
+        self.timeline.after(self.random.uniform(5, 120), resume)
 
     def _lock(self) -> None:
         """Lock a path for a while."""

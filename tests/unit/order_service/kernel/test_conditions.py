@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nena_order_service.kernel import Kernel
-from nena_order_service.kernel.driving import EVASION_PAUSE
+from nena_order_service.kernel.mobility import EVASION_PAUSE
 from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.order_sequence import OrderSequenceRequest, OrderSequenceStatus
 from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus

@@ -6,7 +6,7 @@ import pytest
 
 from nena_order_service.fleet import Mission
 from nena_order_service.kernel import Kernel
-from nena_order_service.kernel.driving import EVASION_PAUSE
+from nena_order_service.kernel.mobility import EVASION_PAUSE
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point

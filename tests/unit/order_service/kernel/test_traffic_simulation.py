@@ -18,7 +18,7 @@ AHEAD = (0, 2, 1, 3)
 ADVERSITY = (
     Adversity(),
     Adversity(kill=120.0, break_link=60.0, lock=60.0, reroute=20.0),
-    Adversity(withdraw=90.0, kill=400.0),
+    Adversity(withdraw=90.0, kill=400.0, hold=60.0),
     Adversity(lock=20.0, reroute=5.0),
 )
 

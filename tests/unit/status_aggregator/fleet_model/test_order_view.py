@@ -1,9 +1,10 @@
 from __future__ import annotations
 
+from nena_shared.fleet_api.failure_policy import Hold
 from nena_shared.fleet_api.transport_order import Coordinate, Destination
 from nena_status_aggregator.fleet_model.order_book import TrackedOrder
 from nena_status_aggregator.fleet_model.order_view import place, view_order
-from support.fleet_examples import order_status
+from support.fleet_examples import START, order_status
 
 
 def test_a_coordinate_is_named_by_its_metres() -> None:
@@ -17,3 +18,10 @@ def test_an_order_as_hosts_know_it() -> None:
     assert view["created"] == "2026-01-01T00:00:00.000Z"
     assert (view["finished"], view["deadline"]) == (None, None)
     assert [each["place"] for each in view["destinations"]] == ["Goods in", "Packing"]
+
+
+def test_who_holds_an_order() -> None:
+    hold = Hold(by="Ann", reason="tea", since=START)
+    view = view_order(TrackedOrder(order_status(held=hold)), None)
+    assert view["held"] == {"by": "Ann", "reason": "tea", "since": "2026-01-01T00:00:00.000Z"}
+    assert view_order(TrackedOrder(order_status()), None)["held"] is None

@@ -49,7 +49,7 @@ class Conditions:
     def take_up(self, order: TransportOrder) -> TransportOrder:
         """Let an order wait, as it is to after a restart, too; gives it as it is then."""
         self._dependencies.wait(order, filter(self._is_awaited, order.status.dependencies))
-        return self._look(order)
+        return self.look(order)
 
     def settle(self) -> bool:
         """Do what the ends of orders mean for others; tell whether any may be dispatched now."""
@@ -80,12 +80,12 @@ class Conditions:
 
     def _look_again(self, order: TransportOrder) -> bool:
         """Have an order noted as its conditions are now; tell whether it may be dispatched."""
-        order = self._look(order)
+        order = self.look(order)
         self._orders.put(order)
         return order.state is S.DISPATCHABLE
 
-    def _look(self, order: TransportOrder) -> TransportOrder:
-        """Give an order as its conditions are."""
+    def look(self, order: TransportOrder) -> TransportOrder:
+        """Give an order as its conditions are; one that does not wait for any stays as it is."""
         if order.state is not S.ACTIVE:
             return order
         why = self._dependencies.why_waiting(order) or self._sequences.why_waiting(order)

@@ -9,7 +9,6 @@ from functools import cache, partial
 from nena_order_service.dispatch.way import Way
 from nena_order_service.fleet import (
     FailureKind,
-    LinkStatus,
     MissionFailed,
     NotLocatedError,
     RobotBusyError,
@@ -20,6 +19,7 @@ from nena_order_service.kernel.instant_actions import state_request
 from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.mission_record import MissionRecord
 from nena_order_service.kernel.missions import MissionPlanner
+from nena_order_service.kernel.mobility import Mobility
 from nena_order_service.kernel.pauses import Pauses
 from nena_order_service.kernel.places import Places
 from nena_order_service.kernel.ports import FleetControl
@@ -36,9 +36,6 @@ from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.topics import RobotKey
 
 log = get_logger(__name__)
-
-EVASION_PAUSE = 10.0
-"""Seconds in which a robot that did not make room is not asked again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,13 +86,15 @@ class Driving:
         self._gate = gate
         self._fleet = fleet
         self._clock = clock
+        self._mobility = Mobility(
+            desk, places=places, pauses=pauses, missions=missions, registry=registry, fleet=fleet, clock=clock
+        )
         self._on_stuck = on_stuck
         self._on_busy = on_busy
         self._orders: dict[str, _Wanted] = {}
         """Orders of whose drive orders nothing is sent yet, by vehicle."""
         self._unsent: dict[str, MissionRecord] = {}
         """Missions of which nothing is allocated yet, by vehicle."""
-        self._no_evasion_until: dict[str, float] = {}
         self._told: dict[str, str] = {}
 
     def want(
@@ -186,7 +185,7 @@ class Driving:
         self._missions.end(record)
         vehicle = self._registry.discover(record.robot)
         if record.evasion:
-            self._no_evasion_until[vehicle.name] = self._clock.monotonic() + EVASION_PAUSE
+            self._mobility.evasion_failed(vehicle)
         if self._desk.journey(vehicle.name):
             self._break_off(vehicle, doubt=isinstance(news, MissionFailed) and not record.accepted)
 
@@ -209,7 +208,7 @@ class Driving:
             for name in self._desk.under_way:
                 self._go_on(self._vehicle(name))
             self._reconsider()
-            movable, lost = cache(self._movable), cache(self._lost)
+            movable, lost = cache(self._movable), cache(self._mobility.lost)
             for granted in self._desk.decide(
                 lambda name: not self._desk.journey(name) and movable(name), lost
             ):
@@ -241,7 +240,7 @@ class Driving:
 
         Then these robots are at rest, too: the order's one wishes anew, and goes around or changes places.
         """
-        for name in tuple(self._desk.stuck(self._movable, self._lost)):
+        for name in tuple(self._desk.stuck(self._movable, self._mobility.lost)):
             record = self._missions.of_robot(self._vehicle(name).key)
             if record and not record.cancelled and not record.all_released:
                 log.info("vehicle goes another way", vehicle=name, reason=self._desk.why_waiting(name))
@@ -257,7 +256,7 @@ class Driving:
         if vehicle.name in self._pauses:
             return self._pauses.why(vehicle)
         if vehicle.name in self._orders:
-            return self._why_it_stays(vehicle)
+            return self._mobility.why_it_stays(vehicle)
         why = self._desk.why_waiting(vehicle.name)
         return f"it {why}" if why else ""
 
@@ -271,17 +270,6 @@ class Driving:
         """Say, as a predicate, why a vehicle takes no order because of its place; empty if it does."""
         return self._places.obstacle(vehicle)
 
-    def _why_it_stays(self, vehicle: FleetVehicle) -> str:
-        view = self._view(vehicle)
-        if not view.availability.can_take_order:
-            return f"the robot {view.availability.reason}"
-        if obstacle := self._places.obstacle(vehicle, working=vehicle.name in self._orders):
-            return f"it {obstacle}"
-        if not self._places.located(vehicle):
-            return "it is not known where it is"
-        why = self._desk.why_waiting(vehicle.name)
-        return f"it {why}" if why else ""
-
     def _vehicle(self, name: str) -> FleetVehicle:
         vehicle = self._registry.named(name)
         assert vehicle, "vehicles never leave the registry"  # noqa: S101 - for the type
@@ -291,25 +279,7 @@ class Driving:
         return self._fleet().view(vehicle.key)
 
     def _movable(self, name: str) -> bool:
-        """Tell whether a vehicle at rest could drive away now."""
-        vehicle = self._registry.named(name)
-        if vehicle is None or vehicle.obstacle or name in self._pauses:
-            return False
-        if self._places.obstacle(vehicle, working=name in self._orders):
-            return False
-        if self._desk.journey(name) or not self._places.located(vehicle):
-            return False
-        if self._clock.monotonic() < self._no_evasion_until.get(name, 0.0) and name not in self._orders:
-            return False
-        return self._view(vehicle).availability.can_take_order
-
-    def _lost(self, name: str) -> bool:
-        """Tell whether nobody knows when a vehicle at rest could drive away."""
-        vehicle = self._registry.named(name)
-        if vehicle is None or name in self._pauses or self._view(vehicle).link is not LinkStatus.ONLINE:
-            return True
-        works = self._missions.order_number(vehicle.key) is not None
-        return not works and not self._movable(name)
+        return self._mobility.movable(name, wants=name in self._orders)
 
     def _begin(self, granted: Departure | Evasion | NoWay) -> None:
         vehicle = self._vehicle(granted.vehicle)

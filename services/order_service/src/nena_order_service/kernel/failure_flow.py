@@ -57,6 +57,10 @@ class OrderFlow(Protocol):
         """Let it wait for another vehicle."""
         ...
 
+    def as_conditions_are(self, order: TransportOrder) -> TransportOrder:
+        """Give an order that waits, or may be dispatched, as it is with what it waits for."""
+        ...
+
 
 class FailureFlow:
     """Takes measures, inside of the kernel's steps."""

@@ -58,7 +58,8 @@ class Holding:
     def resume(self, order: TransportOrder, by: str, reason: str) -> None:
         """Let a held order go on from where its vehicle stands; one that nobody holds goes on anyway."""
         if order.held:
-            self._book.put(mending.resumed(order, by, reason, self._clock.now()))
+            resumed = mending.resumed(order, by, reason, self._clock.now())
+            self._book.put(self._flow.as_conditions_are(resumed))
             log.info("order resumed", order=order.name, by=by, reason=reason)
             self._flow.dispatch_due = True
 

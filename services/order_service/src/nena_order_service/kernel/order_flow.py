@@ -223,6 +223,10 @@ class OrderFlow:
             self._steps.vehicle_changed(vehicle.name)
         self.dispatch_due = True
 
+    def as_conditions_are(self, order: TransportOrder) -> TransportOrder:
+        """Give an order that waits, or may be dispatched, as it is with what it waits for."""
+        return self._conditions.look(order)
+
     @property
     def settle_due(self) -> bool:
         """Whether orders or sequences have come to their end, which may mean something for others."""
