@@ -144,6 +144,22 @@ async def test_the_policy_says_what_the_failure_of_a_dependency_means(
     assert site.order("T-3").state is (S.FAILED if policy == "FAIL" else S.ACTIVE)
 
 
+async def test_a_held_order_that_is_resumed_waits_on_and_says_for_what() -> None:
+    site = await make(V1="A")
+    site.create("T-1")
+    site.create("T-2", "C", dependencies=["T-1"])
+    number = site.kernel.book.last_number
+    site.kernel.hold(number, "a person", "wait")
+    assert site.order("T-2").reason.startswith("held by a person")
+    site.kernel.resume(number, "a person", "go")
+    assert site.order("T-2").reason == "waits until 'T-1' is FINISHED"
+    site.kernel.hold(number, "a person", "wait")
+    site.fleet.finish("V1")
+    assert (site.order("T-2").state, site.order("T-2").reason[:4]) == (S.DISPATCHABLE, "held")
+    site.kernel.resume(number, "a person", "go")
+    assert site.order("T-2").state is S.BEING_PROCESSED
+
+
 async def test_an_order_on_one_that_has_ended_long_ago_is_judged_at_once() -> None:
     site = await make(V1="A")
     site.kernel.create(request("B", dependencies=["Old"]), "T-1", {"Old": S.FINISHED})
