@@ -1,0 +1,30 @@
+from __future__ import annotations
+
+import httpx
+from fastapi import FastAPI
+
+from nena_demo.plants import sample_plant_path
+from nena_order_service.rest import problems
+from nena_order_service.rest.plant_model import make_router
+from nena_shared.plant import PlantModel
+
+
+async def test_model_of_any_format_is_handed_on_or_refused() -> None:
+    asked: list[tuple[str, bool]] = []
+
+    async def change(model: PlantModel, *, check_only: bool = False) -> None:
+        asked.append((model.name, check_only))
+
+    app = FastAPI()
+    problems.install(app)
+    app.include_router(make_router(b"{}", change))
+    transport = httpx.ASGITransport(app)
+    async with httpx.AsyncClient(transport=transport, base_url="http://order-service") as client:
+        data = sample_plant_path().read_bytes()
+        done = await client.put("/v1/plantModel", content=data)
+        assert (done.json()["changed"], done.json()["points"]) == (True, 20)
+        looked = await client.put("/v1/plantModel", content=data, params={"check": True})
+        assert looked.json()["changed"] is False
+        wrong = await client.put("/v1/plantModel", content=b"<model/>")
+        assert (wrong.status_code, bool(wrong.json()["errors"])) == (422, True)
+    assert asked == [("Sample hall", False), ("Sample hall", True)]
