@@ -8,6 +8,7 @@ from nena_cli.fleet.orders import app as orders
 from nena_cli.fleet.sequences import app as sequences
 from nena_cli.fleet.vehicles import app as vehicles
 from nena_cli.fleet.vehicles import dispatch
+from nena_cli.fleet.zones import app as zones
 from nena_cli.plant.commands import app as plant
 from nena_cli.vda5050.commands import app as vda5050
 from nena_shared import log
@@ -18,6 +19,7 @@ app.add_typer(orders, name="orders")
 app.add_typer(sequences, name="sequences")
 app.add_typer(vehicles, name="vehicles")
 app.command()(dispatch)
+app.add_typer(zones, name="zones")
 app.add_typer(plant, name="plant")
 app.add_typer(vda5050, name="vda5050")
 

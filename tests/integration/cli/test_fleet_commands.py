@@ -112,6 +112,22 @@ async def test_an_order_is_watched_to_its_end_and_vehicles_are_shown(fleet: Flee
     assert "Robot-02" in (await nena("vehicles", "list")).stdout
 
 
+async def test_zone_sets_are_put_enabled_and_deleted(fleet: Fleet) -> None:
+    client = await fleet.order_service().client()
+    nena = Nena(str(client.base_url))
+    corners = [{"x": x, "y": y} for x, y in ((0, 0), (1, 0), (1, 1))]
+    zone = {"zoneId": "z", "zoneType": "BLOCKED", "vertices": corners}
+    file = fleet.folder / "zones.json"
+    file.write_text(json.dumps({"mapId": "m", "zoneSetId": "night", "zones": [zone]}))
+    assert (await nena("zones", "put", str(file))).exit_code == 0
+    assert "enabled" in (await nena("zones", "enable", "night")).stdout
+    (deleted,) = await nena.json("zones", "delete", "night")
+    assert deleted["deleted"] is True
+    assert await nena.json("zones", "list") == [deleted]
+    assert (await nena("zones", "enable", "day")).exit_code == 1
+    assert (await nena("zones", "put", "nowhere.json")).exit_code == 2
+
+
 async def test_plant_model_is_put_in_use(fleet: Fleet) -> None:
     client = await fleet.order_service().client()
     nena = Nena(str(client.base_url))

@@ -59,6 +59,10 @@ class Connection:
         """Set something and give the answer; raises RefusedError and NotReachedError."""
         return model.model_validate_json(self._request("PUT", path, body=body).content)
 
+    def delete(self, model: type[M], path: str) -> M:
+        """Delete something and give the answer; raises RefusedError and NotReachedError."""
+        return model.model_validate_json(self._request("DELETE", path).content)
+
     def put_content(self, model: type[M], path: str, content: bytes, query: Query | None = None) -> M:
         """Put a file and give the answer; raises RefusedError and NotReachedError."""
         return model.model_validate_json(self._request("PUT", path, query=query, content=content).content)

@@ -12,6 +12,7 @@ from nena_shared.fleet_api.delivery import DeliveryStatus
 from nena_shared.fleet_api.rerouting import ReroutingAnswer
 from nena_shared.fleet_api.transport_order import DriveOrderStatus, TransportOrderState, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleState, VehicleStatus
+from nena_shared.fleet_api.zone_set import ZoneSetStatus
 
 STATE_STYLES = {
     TransportOrderState.FINISHED: "green",
@@ -117,6 +118,18 @@ def order_types_table(vehicle: VehicleStatus) -> Table:
 def _deadline(order: TransportOrderStatus) -> Text:
     text = Text(_local(order.deadline))
     return text.append(", late", style="red") if order.late else text
+
+
+def zone_sets_table(zone_sets: Iterable[ZoneSetStatus]) -> Table:
+    """Give a line for each zone set and robot."""
+    table = Table("zone set", "map", "wanted", "vehicle", "there", "note")
+    for each in zone_sets:
+        wanted = "deleted" if each.deleted else "enabled" if each.enabled else "there"
+        for at in each.vehicles:
+            table.add_row(*map(Text, (each.zone_set_id, each.map_id, wanted, at.vehicle, at.phase, at.note)))
+        if not each.vehicles:
+            table.add_row(*map(Text, (each.zone_set_id, each.map_id, wanted)))
+    return table
 
 
 def rerouting_table(done: ReroutingAnswer) -> Table:
