@@ -16,7 +16,7 @@ AGAIN := PYTHONPATH=tests $(BIN)/python -m support.again
 SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/order_service/traffic/test_simulation.py \
 	tests/unit/order_service/kernel/test_traffic_simulation.py \
 	tests/unit/edge_agent/test_restart_safety.py tests/integration/edge_agent/ros/test_kills.py \
-	tests/integration/edge_agent/ros/test_session.py
+	tests/integration/edge_agent/ros/test_session.py tests/faults/test_recovery.py
 STAMP := $(VENV)/.set-up
 
 .DEFAULT_GOAL := help
@@ -70,7 +70,7 @@ reference: $(STAMP) ## write docs/configuration.md anew: every setting of every 
 	PYTHONPATH=tests $(BIN)/python -m reference.configuration
 
 soak: $(STAMP) ## the tests that guard the cores, with many more examples: about an hour on two cores
-	NENA_EXAMPLES=100000 NENA_PLANTS=400 NENA_KERNEL_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 NENA_SESSIONS=200 $(BIN)/pytest -n $(WORKERS) --timeout 7200 $(SOAK)
+	NENA_EXAMPLES=100000 NENA_PLANTS=400 NENA_KERNEL_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 NENA_SESSIONS=200 NENA_ORDER_KILLS=50 $(BIN)/pytest -n $(WORKERS) --timeout 7200 $(SOAK)
 
 # Robots behind a line that is cut and full disks need root; without it these tests say so and are left out.
 faults: $(STAMP) broker ## every kind of fault under a site at work, about an hour; writes docs/recovery.md

@@ -26,7 +26,7 @@ MAP_ID = "bench-lanes"
 LENGTH_M = 5
 APART_M = 2
 ROBOT_MM = 800
-READY_SECONDS = 120.0
+READY_SECONDS = 300.0
 
 
 def robot(number: int) -> str:

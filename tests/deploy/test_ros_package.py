@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -15,7 +17,7 @@ import pytest
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.settings import load
 from support.broker import Broker, MqttPeer
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 FOLDER = Path(__file__).parents[2] / "services" / "edge_agent"
 SHARED = Path(__file__).parents[2] / "shared" / "src"
@@ -51,10 +53,16 @@ def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def in_workspace(prefix: Path, command: str) -> subprocess.CompletedProcess[str]:
-    """Run a command as one does on a robot: after the workspace's setup, with what pip has installed."""
+    """Run a command of the workspace to its end."""
+    script = after_setup(prefix, command)
+    return subprocess.run(script, capture_output=True, text=True, timeout=PATIENCE, check=False)
+
+
+def after_setup(prefix: Path, command: str) -> list[str]:
+    """Give a command as it is on a robot: after the workspace's setup, with what pip has installed."""
     installed = next(path for path in sys.path if path.endswith("site-packages"))
     script = f'. "{prefix.parent}/setup.bash" && PYTHONPATH="$PYTHONPATH:{SHARED}:{installed}" exec {command}'
-    return subprocess.run(["bash", "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    return ["bash", "-c", script]
 
 
 def test_colcon_installs_a_ros_package(prefix: Path) -> None:
@@ -89,9 +97,12 @@ async def test_what_is_installed_runs(prefix: Path, broker: Broker, interface_na
         f"--config {config} --driver loopback --journal.folder {prefix.parent}/journal "
         f"--mqtt.port {broker.port} --interface_name {interface_name}"
     )
+    command = after_setup(prefix, f"{prefix}/lib/{PACKAGE}/nena-edge-agent {options}")
     with MqttPeer(broker, f"{interface_name}/#") as peer:
-        done = in_workspace(prefix, f"timeout -s INT 3 {prefix}/lib/{PACKAGE}/nena-edge-agent {options}")
-
-        await until(lambda: len(peer.received("+/v2/ACME/0001/connection")) > 1, what=done.stderr)
+        process = await asyncio.create_subprocess_exec(*command)
+        await until(lambda: len(peer.received("+/v2/ACME/0001/connection")) > 0, what="it is there")
+        process.send_signal(signal.SIGINT)
+        await process.wait()
+        await until(lambda: len(peer.received("+/v2/ACME/0001/connection")) > 1, what="its farewell")
     states = [json.loads(each)["connectionState"] for each in peer.payloads("+/v2/ACME/0001/connection")]
     assert states == ["ONLINE", "OFFLINE"]

@@ -35,7 +35,7 @@ class Account:
     told: dict[str, list[TransportOrderStatus]]
     """By MQTT, in the order in which it came."""
     done: Counter[str]
-    """How many loads were taken up and set down in each VDA 5050 order."""
+    """How many loads were taken up and set down for each drive order."""
 
 
 async def settled(site: Site, host: Host) -> Account:
@@ -132,6 +132,11 @@ def _told(site: Site) -> dict[str, list[TransportOrderStatus]]:
     return told
 
 
+def drive_order_of(order_id: str) -> str:
+    """Give the drive order that a VDA 5050 order is for, whichever try of it that is."""
+    return order_id.partition("~")[0]
+
+
 def _done(site: Site) -> Counter[str]:
     finished: set[tuple[str, str]] = set()
     own = {f"{site.interface}/v2/NeNa/{each}/state" for each in site.vehicles}
@@ -139,7 +144,7 @@ def _done(site: Site) -> Counter[str]:
         with suppress(MalformedMessageError):  # somebody else said it: a hostile message
             state = CODEC.decode(State, message.payload)
             finished |= {
-                (state.order_id, action.action_id)
+                (drive_order_of(state.order_id), action.action_id)
                 for action in state.action_states
                 if action.action_status == "FINISHED" and action.action_type in WORK
             }

@@ -84,7 +84,7 @@ def test_a_clock_jumps_for_its_programs_alone(tmp_path: Path) -> None:
         [sys.executable, "-c", TIME_OF_DAY],
         env=os.environ | clock.environment,
         check=True,
-        timeout=30,
+        timeout=90,
         capture_output=True,
     ).stdout
     of_day, of_date, monotonic = map(float, out.split())

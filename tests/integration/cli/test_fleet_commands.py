@@ -91,6 +91,50 @@ async def test_orders_are_created_listed_shown_and_withdrawn(fleet: Fleet) -> No
     assert "T-1 is FAILED: not needed" in watched.stderr
 
 
+async def test_sequences_are_created_filled_shown_and_completed(fleet: Fleet) -> None:
+    client = await fleet.order_service().client()
+    nena = Nena(str(client.base_url))
+    (made,) = await nena.json(
+        "sequences",
+        "create",
+        "S",
+        "--type",
+        "Transport",
+        "--vehicle",
+        "Robot-02",
+        "--failure-fatal",
+        "--key",
+        "k",
+    )
+    assert (made["orderTypes"], made["intendedVehicle"], made["failureFatal"]) == (
+        ["Transport"],
+        "Robot-02",
+        True,
+    )
+    await nena.json("orders", "create", "South 2", "--name", "T-1", "--type", "Transport", "--sequence", "S")
+    (waiting,) = await nena.json(
+        "orders", "create", "South 2", "--after", "T-1", "--on-dependency-failure", "IGNORE"
+    )
+    assert (waiting["state"], waiting["onDependencyFailure"]) == ("ACTIVE", "IGNORE")
+    refused = await nena("orders", "create", "South 2", "--sequence", "S")
+    assert refused.exit_code == 1
+    assert "only 'Transport'" in refused.stderr
+    assert "T-1" in (await nena("sequences", "show", "S")).stdout
+    (done,) = await nena.json("sequences", "complete", "S")
+    assert (done["complete"], done["orders"]) == (True, ["T-1"])
+    assert await nena.json("sequences", "list", "--unfinished", "--vehicle", "Robot-02") == [done]
+    assert await nena.json("sequences", "list", "--finished", "--limit", "1") == []
+    assert "open" not in (await nena("sequences", "list")).stdout
+
+    (vehicle,) = await nena.json("vehicles", "order-types", "Robot-01", "Park", "*")
+    wanted = [{"name": "Park", "priority": 0}, {"name": "*", "priority": 1}]
+    assert vehicle["acceptableOrderTypes"] == wanted
+    assert "Park" in (await nena("vehicles", "order-types", "Robot-01")).stdout
+    (vehicle,) = await nena.json("vehicles", "order-types", "Robot-01", "--none")
+    assert vehicle["acceptableOrderTypes"] == []
+    assert (await nena("vehicles", "order-types", "Robot-01", "Park", "--none")).exit_code == 2
+
+
 async def test_an_order_is_watched_to_its_end_and_vehicles_are_shown(fleet: Fleet) -> None:
     client = await fleet.order_service().client()
     nena = Nena(str(client.base_url))

@@ -147,7 +147,7 @@ async def finished(client: httpx.AsyncClient, number: int) -> None:
     await awaited(
         look,
         lambda found: sum(state == "FINISHED" for state, _ in found) >= number,
-        seconds=200,
+        seconds=2 * PATIENCE,
         what=f"{number} orders are FINISHED",
     )
 
@@ -195,7 +195,7 @@ async def test_after_a_loss_the_site_goes_on_from_its_last_backup(fleet: Fleet, 
     names = ("--interface_name", fleet.interface, "--interface_name_v3", fleet.interface)
     options = (*names, "--topic_prefix", fleet.prefix, "--mqtt.port", str(fleet.broker.port))
     with AggregatorProcess(*options, "--http.port", "0") as aggregator:
-        panel = httpx.AsyncClient(base_url=await aggregator.url())
+        panel = httpx.AsyncClient(base_url=await aggregator.url(), timeout=PATIENCE)
         program = fleet.order_service()
         client = await started(program)
         start_robots(fleet)
@@ -275,7 +275,9 @@ def test_a_copy_that_cannot_be_made_leaves_the_older_one(tmp_path: Path) -> None
     (tmp_path / "copy.db").write_bytes(b"of yesterday")
 
     command = [sys.executable, str(ROOT / "deploy" / "backup"), "orders.db", "copy.db"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=30, check=False)
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE, check=False
+    )
 
     assert done.returncode == 1
     assert "orders.db was not copied: file is not a database" in done.stderr

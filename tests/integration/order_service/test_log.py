@@ -10,17 +10,21 @@ import pytest
 
 from support.order_service_fleet import AGENT_FILE, Fleet, order_in
 from support.programs import Program
+from support.waiting import PATIENCE, until
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 
 ORDER = {"name": "T-1", "destinations": [{"locationName": "Goods in", "operation": "Load cargo"}]}
 
 
-def line(program: Program, event: str) -> dict[str, Any]:
-    """Give the one line of an event in a log of JSON."""
-    lines = [json.loads(each) for each in program.log.splitlines()]
-    (found,) = [each for each in lines if each["event"] == event]
-    return found  # type: ignore[no-any-return]  # of JSON
+async def line(program: Program, event: str) -> dict[str, Any]:
+    """Give the first line of an event in a log of JSON, once it is there."""
+
+    def look() -> dict[str, Any] | None:
+        lines = [json.loads(each) for each in program.log.splitlines(keepends=True) if each.endswith("\n")]
+        return next((each for each in lines if each["event"] == event), None)
+
+    return await until(look, what=f"'{event}' in the log")
 
 
 async def test_an_order_is_followed_through_the_logs(fleet: Fleet) -> None:
@@ -38,14 +42,16 @@ async def test_an_order_is_followed_through_the_logs(fleet: Fleet) -> None:
         speed=40.0,
     )
     agent = fleet.agent_of(f'{text}[log]\nform = "json"\n')
-    async with httpx.AsyncClient(base_url=url, timeout=20) as client:
+    async with httpx.AsyncClient(base_url=url, timeout=PATIENCE) as client:
         assert (await client.post("/v1/transportOrders", json=ORDER)).is_success
         await order_in(client, "T-1", "FINISHED")
 
-    assert line(service, "order created")["order"] == "T-1"
+    assert (await line(service, "order created"))["order"] == "T-1"
     for event in ("order assigned", "order ended"):
-        told = line(service, event)
+        told = await line(service, event)
         assert (told["order"], told["vehicle"]) == ("T-1", "Robot-01")
-    received = line(agent, "order received")
+    received = await line(agent, "order received")
     assert (received["order"], received["update"], received["robot"]) == ("T-1-0", 0, "NeNa/robot-01")
-    assert line(agent, "broker connected")["robot"] == "NeNa/robot-01", "what is below the agent says it too"
+    assert (await line(agent, "broker connected"))["robot"] == "NeNa/robot-01", (
+        "what is below the agent says it too"
+    )

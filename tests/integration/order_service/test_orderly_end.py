@@ -77,7 +77,7 @@ async def test_an_order_service_that_ends_under_load_has_all_that_it_answered(fl
 async def test_an_agent_that_ends_in_mid_order_goes_on_with_it_later(fleet: Fleet) -> None:
     wire = fleet.peer()
     client = await fleet.order_service().client()
-    agent = fleet.agent(speed=4.0)
+    agent = fleet.agent(speed=1.0)
     await vehicle_idle(client)
     await order_from(client, "T-1", LOAD, UNLOAD)
     await until(lambda: any(b'"driving":true' in state for state in wire.payloads("+/v2/+/+/state")))
@@ -101,13 +101,13 @@ async def test_an_aggregator_that_ends_has_written_what_it_was_told(fleet: Fleet
     )
     client = await fleet.order_service().client()
     with AggregatorProcess(*options, "--history.interval", "30") as aggregator:
-        async with httpx.AsyncClient(base_url=await aggregator.url()) as panel:
+        async with httpx.AsyncClient(base_url=await aggregator.url(), timeout=PATIENCE) as panel:
             await order_from(client, "T-1")
             await client.post("/v1/transportOrders/T-1/withdrawal", json={})
             await told(panel, "T-1")
         assert aggregator.end() == 0
     with AggregatorProcess(*options) as aggregator:
-        async with httpx.AsyncClient(base_url=await aggregator.url()) as panel:
+        async with httpx.AsyncClient(base_url=await aggregator.url(), timeout=PATIENCE) as panel:
             kept = (await panel.get("/api/v1/history", params={"order": "T-1"})).json()["entries"]
     assert "FAILED" in json.dumps(kept)
 

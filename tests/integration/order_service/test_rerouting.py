@@ -16,6 +16,7 @@ from nena_cli.vda5050.finding import Severity
 from nena_cli.vda5050.recording import Entry
 from support.broker import MqttPeer
 from support.order_service_fleet import Fleet, awaited, order_in, vehicle_idle
+from support.waiting import PATIENCE
 
 pytestmark = [pytest.mark.broker, pytest.mark.clause("6.1.2/fleet", "6.1.3/fleet")]
 
@@ -31,7 +32,7 @@ async def is_at(client: httpx.AsyncClient, point: str) -> None:
     async def look() -> Any:
         return (await client.get("/v1/vehicles/Robot-01")).json()["currentPosition"]
 
-    await awaited(look, lambda at: at == point, seconds=30, what=f"Robot-01 at {point}")
+    await awaited(look, lambda at: at == point, seconds=PATIENCE, what=f"Robot-01 at {point}")
 
 
 async def leads_over(client: httpx.AsyncClient, point: str) -> None:
@@ -40,14 +41,14 @@ async def leads_over(client: httpx.AsyncClient, point: str) -> None:
         route: list[str] = order["driveOrders"][0]["route"]
         return route
 
-    await awaited(look, lambda route: point in route, seconds=30, what=f"a way over {point}")
+    await awaited(look, lambda route: point in route, seconds=PATIENCE, what=f"a way over {point}")
 
 
 async def waits(client: httpx.AsyncClient, reason: str) -> None:
     async def look() -> str:
         return str((await client.get("/v1/transportOrders/T-1")).json()["reason"])
 
-    await awaited(look, lambda said: reason in said, seconds=30, what=f"T-1 says {reason!r}")
+    await awaited(look, lambda said: reason in said, seconds=PATIENCE, what=f"T-1 says {reason!r}")
 
 
 def sent(wire: MqttPeer, fleet: Fleet) -> list[dict[str, Any]]:
@@ -64,12 +65,12 @@ def way(order: dict[str, Any]) -> list[str]:
 async def test_other_ways_are_stitched_to_the_base(fleet: Fleet, service: Start, version: str) -> None:
     wire = fleet.peer()
     client = await service(kernel={"release_ahead": 1})
-    fleet.agent("robot-01", version=version, x=3.0, y=12.0, speed=4.0)
+    fleet.agent("robot-01", version=version, x=3.0, y=12.0, speed=2.0)
     await vehicle_idle(client)
     body = {"name": "T-1", "destinations": [{"locationName": "Packing", "operation": "Load cargo"}]}
     assert (await client.post("/v1/transportOrders", json=body)).status_code == 201
 
-    await wire.wait_for(f"{fleet.interface}/+/NeNa/robot-01/order", timeout=30)
+    await wire.wait_for(f"{fleet.interface}/+/NeNa/robot-01/order")
     await lock(client, "Middle gate --- Middle 3", locked=True)
     await leads_over(client, "South 3")
     await is_at(client, "South 3")
@@ -80,7 +81,7 @@ async def test_other_ways_are_stitched_to_the_base(fleet: Fleet, service: Start,
     await waits(client, "waits until a path is unlocked")
     await lock(client, "Middle 4 --- Packing stand", locked=False)
 
-    order = await order_in(client, "T-1", "FINISHED", "FAILED", seconds=60)
+    order = await order_in(client, "T-1", "FINISHED", "FAILED")
     assert order["state"] == "FINISHED", order["reason"]
     assert [each["eventCode"] for each in order["history"]].count("nena:rerouted") >= 2
     orders = sent(wire, fleet)
@@ -100,7 +101,7 @@ async def test_commands_over_mqtt_and_a_vehicle_without_an_order(fleet: Fleet, s
     peer = fleet.peer(f"{fleet.prefix}/hosts/wms/commands/reroute/answer")
     peer.publish(f"{fleet.prefix}/hosts/wms/commands/reroute", b'{"vehicle": "Robot-01", "requestId": "7"}')
 
-    message = await peer.wait_for(timeout=30)
+    message = await peer.wait_for()
 
     told = json.loads(message.payload)
     assert (told["status"], told["requestId"]) == (409, "7")

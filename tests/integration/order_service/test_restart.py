@@ -109,6 +109,27 @@ async def test_end_that_was_never_told_is_told_after_the_restart(fleet: Fleet) -
     assert json.loads(host.payloads(topic)[0])["state"] == "FAILED"
 
 
+async def test_end_of_a_sequence_that_was_never_told_is_told_after_the_restart(fleet: Fleet) -> None:
+    program = fleet.order_service()
+    client = await program.client()
+    await client.post("/v1/orderSequences", json={"name": "S"})
+    topic, lost = (f"{fleet.prefix}/orderSequences/{name}/status" for name in ("S", "lost"))
+    with MqttPeer(fleet.broker, topic) as host:
+        stale = await host.wait_for(topic)
+    await client.post("/v1/orderSequences/S/completion")
+    program.kill()
+    host = fleet.peer(topic, lost)
+    for each in (topic, lost):
+        host.publish(each, stale.payload, retain=True)  # as if the kill had come before the end was told
+        await host.wait_for(each, lambda message: message.payload == stale.payload and not message.retained)
+    host.clear()
+
+    fleet.order_service()
+    for each in (topic, lost):
+        await host.wait_for(each, lambda message: message.payload == b"")
+    assert json.loads(host.payloads(topic)[0])["finished"] is True
+
+
 async def test_second_order_service_is_kept_away_from_the_store(fleet: Fleet) -> None:
     await fleet.order_service().client()
     second = fleet.order_service()

@@ -116,8 +116,9 @@ async def test_a_standby_takes_over_when_the_active_one_is_killed(shared: Fleet)
     standby = await shared.order_service(name="second").client()
     shared.agent(speed=20.0)
     await vehicle_idle(client)
+    assert (await client.post("/v1/orderSequences", json={"name": "S"})).status_code == 201
     for number, stops in enumerate(([LOAD, UNLOAD], [AWAY])):
-        body = {"name": f"T-{number}", "destinations": stops}
+        body = {"name": f"T-{number}", "destinations": stops, "wrappingSequence": "S"}
         assert (await client.post("/v1/transportOrders", json=body)).status_code == 201
     await order_in(client, "T-0", "BEING_PROCESSED")
     assert await role(standby) == "standby"
@@ -125,11 +126,14 @@ async def test_a_standby_takes_over_when_the_active_one_is_killed(shared: Fleet)
     last_id = await heard(client, "synced")
 
     first.kill()
-    assert await taken(standby, {"name": "T-2", "destinations": [AWAY]}) < ROOM * TAKEOVER_SECONDS * busy
+    last = {"name": "T-2", "destinations": [AWAY], "wrappingSequence": "S", "dependencies": ["T-1"]}
+    assert await taken(standby, last) < ROOM * TAKEOVER_SECONDS * busy
     assert await heard(standby, "synced", last_id=last_id) > last_id
 
     orders = await every_order_ended(standby)
     assert {order["name"]: order["state"] for order in orders} == {f"T-{n}": "FINISHED" for n in range(3)}
+    sequence = (await standby.get("/v1/orderSequences/S")).json()
+    assert (sequence["finishedIndex"], sequence["processingVehicle"]) == (2, "Robot-01")
     codes = [entry["eventCode"] for entry in next(o for o in orders if o["name"] == "T-0")["history"]]
     assert codes.count("nena:adoptedAfterRestart") == 1
     assert await role(standby) == "active"

@@ -52,7 +52,7 @@ async def test_passed_nodes_cost_less_than_half_of_the_speed(bench: Bench, navig
 @needs_action_types
 async def test_a_way_over_several_nodes_is_one_goal(bench: Bench) -> None:
     arrays = bench.ros.subscribe(GoalStatusArray, "navigate_through_poses/_action/status", LATCHED)
-    with bench.simulator():
+    with bench.simulator(time_factor=2.0):  # slow enough to be seen at each node
         async with bench.agent(**settings(Navigation.THROUGH_POSES)) as fleet:
             await fleet.state(ready)
             fleet.send(order("n0", "n1", "n2", "n3"))

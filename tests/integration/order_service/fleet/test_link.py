@@ -9,6 +9,7 @@ from collections.abc import AsyncIterator
 import pytest
 
 from nena_order_service.fleet import FleetSettings, LinkStatus, MissionFailed
+from nena_order_service.fleet.addresses import KEY_LENGTH
 from nena_shared.plant import Vehicle
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
@@ -191,6 +192,17 @@ async def test_there_is_a_limit_to_the_robots_that_are_listened_to(
         async with WiredRobot(broker, interface_name, one_too_many).connected():
             await until(lambda: fleet.fleet.ignored >= 2, what="its two messages")
         assert fleet.fleet.robots() == (ROBOT,)
+
+
+async def test_a_robot_whose_name_the_store_cannot_hold_is_not_listened_to(
+    fleet: WiredFleet, robot: WiredRobot, broker: Broker, interface_name: str
+) -> None:
+    long = HonestRobot(key=RobotKey("Honest", "r" * KEY_LENGTH))
+    async with WiredRobot(broker, interface_name, long).connected():
+        await until(lambda: fleet.fleet.too_long >= 2, what="its two messages")
+    robot.report()
+    await free(fleet)
+    assert fleet.fleet.robots() == (ROBOT,)
 
 
 @pytest.mark.clause("4.1/offline")

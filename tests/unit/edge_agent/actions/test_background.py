@@ -31,9 +31,7 @@ class Trial:
         return FINISHED
 
     async def end(self) -> ActionReport:
-        return await until(
-            lambda: next((each for each in self.reports if each.status.ended), None), timeout=30
-        )
+        return await until(lambda: next((each for each in self.reports if each.status.ended), None))
 
 
 async def test_it_ends_as_its_work_does() -> None:

@@ -36,7 +36,7 @@ def test_bare_environment_is_set_up_and_the_log_directory_goes_with_the_program(
         capture_output=True,
         text=True,
         check=True,
-        timeout=30,
+        timeout=90,
     )
     transports, check, directory, existed = done.stdout.split()
     assert (transports, check, existed) == ("UDPv4", "1", "True")
@@ -47,7 +47,7 @@ def test_bare_environment_is_set_up_and_the_log_directory_goes_with_the_program(
 @pytest.mark.parametrize("module", ["driver", "settings", "goal_tracker", "session_state"])
 def test_rclpy_is_not_loaded_before_the_driver_is_started(module: str) -> None:
     program = f"import sys, nena_edge_agent.ros.{module}\nassert 'rclpy' not in sys.modules"
-    subprocess.run([sys.executable, "-c", program], check=True, timeout=30)
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=90)
 
 
 def test_threads_share_memory_pools(tmp_path: Path) -> None:
@@ -68,4 +68,4 @@ def test_threads_share_memory_pools(tmp_path: Path) -> None:
         f"assert open({str(tmp_path / 'pools')!r}).read().count('<heap nr=') <= POOLS\n"
     )
     environment = {name: value for name, value in os.environ.items() if name != "MALLOC_ARENA_MAX"}
-    subprocess.run([sys.executable, "-c", program], env=environment, check=True, timeout=30)
+    subprocess.run([sys.executable, "-c", program], env=environment, check=True, timeout=90)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.fleet.addresses import RobotAddresses
+from nena_order_service.fleet.addresses import KEY_LENGTH, RobotAddresses
 from nena_shared.plant import Vehicle
 from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.connection import ConnectionState
@@ -66,6 +66,12 @@ def test_the_plant_model_names_its_topics() -> None:
 def test_a_version_that_is_not_spoken_here_is_an_error_of_the_plant_model() -> None:
     with pytest.raises(ConfigurationError, match=r"vehicle 'Tug', property vda5050:version.*'1\.1'"):
         addresses(version="1.1")
+
+
+def test_a_robot_that_the_store_cannot_hold_is_an_error_of_the_plant_model() -> None:
+    long = RobotKey("ACME", "r" * KEY_LENGTH)
+    with pytest.raises(ConfigurationError, match=r"vehicle 'Tug'.*more than 400 characters"):
+        RobotAddresses([V2, V3]).expect([(long, Vehicle(name="Tug"))])
 
 
 def test_what_a_robot_says_counts_more_than_what_was_expected() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from nena_order_service.kernel import Kernel
+from nena_order_service.kernel.settings import KernelSettings
 from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
@@ -152,3 +153,30 @@ async def test_a_respected_robot_gets_no_orders_and_is_kept_away_from() -> None:
     assert why(kernel, "V1") == "has the integration level TO_BE_RESPECTED"
     kernel.set_integration_level(vehicle, IntegrationLevel.TO_BE_UTILIZED)
     assert [robot for robot, _ in fleet.sent] == ["V1"]
+
+
+async def test_a_restart_keeps_the_place_of_a_robot_that_the_plant_does_not_know() -> None:
+    store = MemoryStore()
+    _, fleet = await make(store, V1="D")
+    fleet.fields["stranger"] = pose(4.0)
+    fleet.appear("stranger", "B")
+
+    fleet = ScriptedFleet({"V1": "D", "stranger": "B"}, mute={"V1", "stranger"})
+    again = await make_kernel(PLANT, store, fleet, settings=KernelSettings())
+    again.look()
+    assert held(again, "stranger") == {"B"}
+
+    fleet.mute.clear()
+    fleet.fields["stranger"] = pose(4.0)
+    fleet.appear("stranger", "B")
+    assert held(again, "stranger") == {"B"}
+    fleet.fields["V1"] = pose(12.0)
+    fleet.appear("V1", "D")
+    again.look()
+    assert held(again, "stranger") == {"B"}
+
+    fleet.fields["stranger"] = pose(4.0, map_id="other hall")
+    again = await make_kernel(PLANT, store, fleet, settings=KernelSettings())
+    fleet.appear("V1", "D")
+    fleet.appear("stranger", "B")
+    assert "stranger" not in again.desk

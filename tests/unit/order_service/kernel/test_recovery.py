@@ -77,6 +77,59 @@ async def test_a_robot_that_never_speaks_again_keeps_its_place() -> None:
     assert held(kernel, "V2") == ["E"]
 
 
+async def test_who_broke_off_has_to_be_seen_standing_and_keeps_what_it_may_be_on() -> None:
+    store = MemoryStore()
+    await before(store, ahead=0)
+    fleet = ScriptedFleet({"V1": "A", "V2": "E"}, mute={"V1", "V2"})
+    kernel = await make_kernel(PLANT, store, fleet)
+    fleet.mute.clear()
+    fleet.fields["V1"] = {"driving": True}
+    fleet.appear("V1", "A")
+    fleet.appear("V2", "E")
+    fleet.fail("V1", "it has lost its way")
+    assert kernel.desk.broke_off("V1")
+    beside = kernel.desk.beside("V1")
+
+    fleet = ScriptedFleet({"V1": "A", "V2": "E"}, mute={"V1", "V2"})
+    again = await make_kernel(PLANT, store, fleet)
+
+    assert (held(again, "V1"), again.desk.beside("V1")) == (held(kernel, "V1"), beside)
+    assert again.desk.broke_off("V1")
+    fleet.mute.clear()
+    fleet.fields["V1"] = {
+        "mobile_robot_position": {"x": 2.0, "y": 1.5, "theta": 0.0, "map_id": "map", "localized": True}
+    }
+    fleet.appear("V1", "A")
+    assert not again.desk.broke_off("V1")
+    assert {"A", "B"} <= set(held(again, "V1")), "the path between may be curved"
+
+    del fleet.fields["V1"]
+    fleet.appear("V1", "B")
+    assert again.desk.beside("V1") is None
+    last = await make_kernel(PLANT, store, ScriptedFleet({}))
+    assert last.desk.beside("V1") is None
+
+
+async def test_a_path_locked_before_each_robot_was_heard_gives_nobody_anything() -> None:
+    store = MemoryStore()
+    await before(store)
+    fleet = ScriptedFleet({"V1": "A", "V2": "E"}, mute={"V1", "V2"})
+    kernel = await make_kernel(PLANT, store, fleet, release_ahead=1)
+
+    kernel.plant_changed()
+
+    assert (fleet.sent, fleet.extended) == ([], [])
+    assert held(kernel, "V1") == ["A", "B"]
+    order = kernel.book.visible_named("T-1")
+    assert order
+    assert order.state.value == "BEING_PROCESSED"
+    fleet.mute.clear()
+    for name in ("V1", "V2"):
+        fleet.appear(name, fleet.at[name])
+    fleet.pass_node("V1", 1)
+    assert [robot for robot, _ in fleet.extended] == ["V1"]
+
+
 async def test_places_that_the_plant_has_no_more_are_forgotten() -> None:
     store = MemoryStore()
     await before(store)

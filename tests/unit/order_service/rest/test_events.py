@@ -20,7 +20,7 @@ BODY = {"name": "T-1", "destinations": [{"locationName": "South 2"}]}
 async def served(service: OrderService) -> AsyncIterator[httpx.AsyncClient]:
     server = HttpServer(service.app, HttpSettings(port=0))
     task = asyncio.create_task(server.run())
-    async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{server.port}", timeout=30) as client:
+    async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{server.port}", timeout=PATIENCE) as client:
         yield client
     service.stream.close()
     server.stop()

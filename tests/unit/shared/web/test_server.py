@@ -32,7 +32,7 @@ async def serving(settings: HttpSettings) -> AsyncIterator[HttpServer]:
 
 
 async def test_answers_on_a_free_port_until_it_is_stopped() -> None:
-    async with serving(HttpSettings(port=0)) as server, httpx.AsyncClient() as client:
+    async with serving(HttpSettings(port=0)) as server, httpx.AsyncClient(timeout=PATIENCE) as client:
         assert (await client.get(server.url)).text == "yes"
         server.app = PlainTextResponse("another")
         assert (await client.get(server.url)).text == "another"
@@ -43,7 +43,7 @@ async def test_with_a_certificate_it_speaks_https(tmp_path: Path) -> None:
     files = authority.sign("server")
     settings = HttpSettings(port=0, tls_certificate=files.certificate, tls_key=files.key)
     trusting = ssl.create_default_context(cafile=authority.ca)
-    async with serving(settings) as server, httpx.AsyncClient(verify=trusting) as client:
+    async with serving(settings) as server, httpx.AsyncClient(verify=trusting, timeout=PATIENCE) as client:
         assert server.url.startswith("https://127.0.0.1:")
         assert (await client.get(server.url)).text == "yes"
         with pytest.raises(httpx.HTTPError):

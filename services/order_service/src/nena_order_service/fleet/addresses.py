@@ -18,6 +18,9 @@ from nena_shared.vda5050.versions import UnknownVersionError, codec_named
 
 log = get_logger(__name__)
 
+KEY_LENGTH: Final = 400
+"""Characters of manufacturer and serial number together, with a sign between, that the store can hold."""
+
 _INTERFACE_NAME: Final[TypeAdapter[str | None]] = TypeAdapter(TopicPrefix | None)
 
 
@@ -50,11 +53,12 @@ class RobotAddresses:
         """Note what the plant model says of its vehicles' versions and interface names.
 
         Raises:
-            ConfigurationError: it names a version that is not spoken here, or an interface name that is
-                no topic.
+            ConfigurationError: it names a version that is not spoken here, an interface name that is no
+                topic, or a robot that the store cannot hold.
 
         """
         for robot, vehicle in vehicles:
+            _require_storable(robot, vehicle)
             for major, default in self._defaults.items():
                 name = _interface_name(vehicle) or default.interface_name
                 self._schemes[TopicScheme(name, major)] = None
@@ -107,3 +111,12 @@ def _interface_name(vehicle: Vehicle) -> str | None:
         problem = error.errors()[0]["msg"]
         message = f"plant: vehicle '{vehicle.name}', property vda5050:interfaceName: {problem}"
         raise ConfigurationError([message]) from error
+
+
+def _require_storable(robot: RobotKey, vehicle: Vehicle) -> None:
+    if len(str(robot)) > KEY_LENGTH:
+        message = (
+            f"plant: vehicle '{vehicle.name[:60]}': manufacturer and serial number have more than "
+            f"{KEY_LENGTH} characters together"
+        )
+        raise ConfigurationError([message])

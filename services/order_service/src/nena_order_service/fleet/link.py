@@ -9,7 +9,7 @@ from typing import Final, TypeVar
 
 from pydantic import ValidationError
 
-from nena_order_service.fleet.addresses import RobotAddresses
+from nena_order_service.fleet.addresses import KEY_LENGTH, RobotAddresses
 from nena_order_service.fleet.controller import FleetController
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.outgoing import Outgoing
@@ -39,12 +39,8 @@ H = TypeVar("H", bound=Header)
 M = TypeVar("M", Connection, Factsheet, StateBrief)
 Take = Callable[[RobotKey, M, float], Outputs]
 
-KEY_LENGTH: Final = 400
-"""Characters of manufacturer and serial number together that the store can hold."""
-
 MALFORMED_LOGGED_EACH: Final = 100
 """Of a robot's malformed messages the first and then each of so many is logged."""
-
 
 LOGGED_OF_NAME: Final = 60
 """Characters of a name that is too long."""

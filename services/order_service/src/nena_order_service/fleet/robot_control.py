@@ -46,6 +46,9 @@ class RobotControl:
         self._next_stray_cancel = 0.0
         self._told: tuple[object, ...] = ()
         self._told_link = LinkStatus.UNKNOWN
+        self._changes = 0
+        """How often anything may have changed."""
+        self._seen: tuple[tuple[object, ...], RobotView] | None = None
 
     def on_broker(self, *, connected: bool, now: float) -> Iterator[FleetOutput]:
         """Take notice of our own link."""
@@ -129,7 +132,14 @@ class RobotControl:
         yield from self._advance(now)
 
     def view(self, now: float) -> RobotView:
-        """Tell what is known."""
+        """Tell what is known; made anew only where that may have changed."""
+        robot = self.robot
+        moment = (self._changes, robot.link(now), robot.malformed, self._desk.awaits_factsheet(now))
+        if self._seen is None or self._seen[0] != moment:
+            self._seen = moment, self._view(now)
+        return self._seen[1]
+
+    def _view(self, now: float) -> RobotView:
         robot, run = self.robot, self._run
         link = robot.link(now)
         return RobotView(
@@ -148,6 +158,7 @@ class RobotControl:
 
     def _advance(self, now: float) -> Iterator[FleetOutput]:
         """Send what is due, let go of what has ended, tell what has changed."""
+        self._changes += 1
         run = self._run
         if run and run.ended:
             self._ended.append(run.mission.mission_id)

@@ -86,7 +86,8 @@ class Places:
 
     def note(self, vehicle: FleetVehicle) -> None:
         """Have it stored what a vehicle holds."""
-        self._book.change(vehicle.key, held=self._desk.held(vehicle.name))
+        name = vehicle.name
+        self._book.change(vehicle.key, held=self._desk.held(name), beside=self._desk.beside(name))
 
     def forget_sighting(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
         """Look anew where a vehicle is; with ``doubt`` only at what it says from now on."""
@@ -131,10 +132,16 @@ class Places:
         return True
 
     def _counts(self, vehicle: FleetVehicle) -> bool:
-        """Tell whether others are kept away from a vehicle: not from one on a map that is not the plant's."""
+        """Tell whether others are kept away from a vehicle: not from one on a map that is not the plant's.
+
+        Before it is known, after a restart, which maps these are, one that holds something keeps it.
+        """
         if not self.level(vehicle).holds_resources:
             return False
-        return not vehicle.obstacle or vehicle.profile.map_id in self._registry.map_ids
+        map_id, plants = vehicle.profile.map_id, self._registry.map_ids
+        if not vehicle.obstacle or map_id in plants:
+            return True
+        return vehicle.name in self._desk and not (map_id and plants)
 
     def _is_doubted(self, name: str, view: RobotView) -> bool:
         doubted = self._doubted.get(name)

@@ -47,7 +47,7 @@ class Recovery:
             record = self.vehicles.of(vehicle.key)
             held = [each for each in record.held if each.point in self.plant.points_by_name]
             if held and record.integration_level.holds_resources:
-                self.desk.restore(vehicle.name, held, box_of(vehicle).length_mm)
+                self.desk.restore(vehicle.name, held, box_of(vehicle).length_mm, beside=record.beside)
             if record.evasion:
                 self._resume(record.evasion)
 

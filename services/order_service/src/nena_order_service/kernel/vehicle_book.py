@@ -30,6 +30,8 @@ class VehicleRecord(BaseModel):
     """What hosts have said; None: what the plant model says holds."""
     held: tuple[ResourceSet, ...] = ()
     """What it held when it began what it does now, oldest first."""
+    beside: tuple[ResourceSet, ...] | None = None
+    """What it may be on besides, since it broke off its way or was moved; None: it did not."""
     evasion: MissionRecord | None = None
     """What it was sent to make room for others."""
 

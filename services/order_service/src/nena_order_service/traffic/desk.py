@@ -81,12 +81,13 @@ class TrafficDesk:
         return self._journeys.get(vehicle)
 
     def seen(self, vehicle: str, found: Found, box: BoundingBox, *, moving: bool = False) -> bool:
-        """Let a vehicle without a way hold what it was seen on; tell whether that changes anything.
+        """Let a vehicle without a way hold what it was seen on; tell whether that changes what is kept of it.
 
         While it is ``moving`` it keeps what it held before, too. One that came to where it is on a way knows
         better than its pose what its length covers; one that broke off also keeps what is next to where it
         was at last, for paths need not be straight.
         """
+        beside = self.beside(vehicle)
         footing, behind = self._footings.of(found, box), self._behind(vehicle, found, moving=moving)
         if behind and behind[-1].point == found.point and found.on_point and not moving:
             held, entry = behind, None
@@ -104,7 +105,7 @@ class TrafficDesk:
         if vehicle in self._scheduler:
             occupant = self._scheduler.occupant(vehicle)
             if tuple(occupant.held) == held and occupant.entry == entry:
-                return False
+                return beside != self.beside(vehicle)
         self._scheduler.place(vehicle, held, box.length_mm, entry=entry)
         return True
 
@@ -116,19 +117,33 @@ class TrafficDesk:
         held = self.held(vehicle)
         if moving:
             return held
-        remembered = self._broken_off.get(vehicle, self._left_at.get(vehicle))
+        remembered = self.beside(vehicle)
         passed = held if remembered is None else remembered
         if found.on_point:
             at = [index for index, each in enumerate(passed) if each.point == found.point]
             return passed[: at[-1] + 1] if at else ()
         return () if remembered is None else passed
 
-    def restore(self, vehicle: str, held: Sequence[ResourceSet], length_mm: int) -> None:
-        """Let a vehicle hold what it held before a restart."""
+    def beside(self, vehicle: str) -> tuple[ResourceSet, ...] | None:
+        """Give what a vehicle may be on since it broke off; None where it did not, or was seen on a point."""
+        return self._broken_off.get(vehicle, self._left_at.get(vehicle))
+
+    def restore(
+        self,
+        vehicle: str,
+        held: Sequence[ResourceSet],
+        length_mm: int,
+        *,
+        beside: tuple[ResourceSet, ...] | None = None,
+    ) -> None:
+        """Let a vehicle hold what it held before a restart; with ``beside`` it has to be seen standing."""
         self._scheduler.place(vehicle, held, length_mm)
+        if beside is not None:
+            self._broken_off[vehicle] = beside
 
     def resume(self, vehicle: str, way: Sequence[ResourceSet], allocated: int) -> None:
         """Let a vehicle be on its way as before a restart; where it is on it will be heard."""
+        self._broken_off.pop(vehicle, None)
         self._scheduler.resume(vehicle, way[:allocated], way[allocated:])
         self._journeys[vehicle] = Journey(tuple(way), allocated)
 
