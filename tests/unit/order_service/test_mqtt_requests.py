@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.mqtt_commands import DeliveryCommand
+from nena_order_service.mqtt_command_bodies import DeliveryCommand
 from nena_order_service.mqtt_requests import read_request, too_many
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.mqtt import Inbound

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pydantic import BaseModel
 from pydantic.json_schema import JsonSchemaMode, models_json_schema
 
-from nena_order_service.mqtt_commands import COMMANDS, CommandAnswer
+from nena_order_service.mqtt_command_bodies import COMMANDS, CommandAnswer
 from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import CreationAnswer, TransportOrderRequest, TransportOrderStatus

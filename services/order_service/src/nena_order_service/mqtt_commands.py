@@ -5,9 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from http import HTTPStatus
-from typing import Annotated, Any
-
-from pydantic import Field
+from typing import Any
 
 from nena_order_service import vehicle_commands
 from nena_order_service.kernel.etag import ETag
@@ -15,204 +13,40 @@ from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.kernel.path_locks import PathLocks
 from nena_order_service.kernel.sequence_requests import SequenceRequests
 from nena_order_service.kernel.zone_sets import ZoneSets
+from nena_order_service.mqtt_command_bodies import (
+    COMMANDS,
+    AssignmentCommand,
+    Command,
+    CommandAnswer,
+    CompleteSequenceCommand,
+    CreateSequenceCommand,
+    DeleteZoneSetCommand,
+    DeliveryCommand,
+    DispatchCommand,
+    EnableZoneSetCommand,
+    HoldCommand,
+    InstantActionCommand,
+    IntegrationLevelCommand,
+    LockPathCommand,
+    OrderTypesCommand,
+    PutZoneSetCommand,
+    RerouteCommand,
+    ResumeCommand,
+    SequenceCommand,
+    SequencesCommand,
+    WithdrawCommand,
+)
 from nena_order_service.mqtt_requests import REQUESTS_LIMIT, read_request, too_many
 from nena_order_service.problems import FORESEEN, problem_of
-from nena_order_service.rest.bodies import (
-    SOMEBODY,
-    DispatchRequest,
-    HoldRequest,
-    InstantActionAnswer,
-    InstantActionRequest,
-    IntegrationLevelRequest,
-    OrderSequencePage,
-    OrderTypesRequest,
-    PathLockRequest,
-    ReroutingRequest,
-    ResumeRequest,
-    WithdrawalRequest,
-)
+from nena_order_service.rest.bodies import SOMEBODY, OrderSequencePage
 from nena_order_service.store.sequences import SequenceFilter
-from nena_shared.fleet_api.assignment import AssignmentStatus
-from nena_shared.fleet_api.base import ObjectName, Request, Resource
-from nena_shared.fleet_api.delivery import DeliveryStatus
-from nena_shared.fleet_api.order_sequence import OrderSequenceRequest, OrderSequenceStatus
-from nena_shared.fleet_api.path import PathStatus
-from nena_shared.fleet_api.rerouting import ReroutingAnswer
 from nena_shared.fleet_api.topics import FleetTopics
-from nena_shared.fleet_api.transport_order import Problem, TransportOrderStatus
-from nena_shared.fleet_api.vehicle import VehicleStatus
-from nena_shared.fleet_api.zone_set import ZoneSetStatus
+from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
-from nena_shared.vda5050.zone_set import ZoneSet
 
 log = get_logger(__name__)
 
-
-class Command(Request):
-    """Something that a host asks for."""
-
-    request_id: Annotated[str, Field(min_length=1, max_length=200)] | None = None
-    """Comes back in the answer."""
-
-
-class WithdrawCommand(Command, WithdrawalRequest):
-    """Asks for the end of a transport order."""
-
-    transport_order: ObjectName
-    version: int | None = None
-    """Only if it still has this version."""
-
-
-class HoldCommand(Command, HoldRequest):
-    """Lets a transport order wait until it is resumed."""
-
-    transport_order: ObjectName
-    version: int | None = None
-    """Only if it still has this version."""
-
-
-class ResumeCommand(Command, ResumeRequest):
-    """Lets a held transport order go on."""
-
-    transport_order: ObjectName
-    version: int | None = None
-    """Only if it still has this version."""
-
-
-class DeliveryCommand(Command):
-    """Asks how far a transport order has come on its way to its robot."""
-
-    transport_order: ObjectName
-
-
-class AssignmentCommand(Command):
-    """Asks why the vehicles do not do a transport order."""
-
-    transport_order: ObjectName
-
-
-class DispatchCommand(Command, DispatchRequest):
-    """Sends a vehicle somewhere."""
-
-    vehicle: ObjectName
-
-
-class InstantActionCommand(Command, InstantActionRequest):
-    """Lets a vehicle do something at once."""
-
-    vehicle: ObjectName
-
-
-class IntegrationLevelCommand(Command, IntegrationLevelRequest):
-    """Says how much a vehicle counts from now on."""
-
-    vehicle: ObjectName
-
-
-class OrderTypesCommand(Command, OrderTypesRequest):
-    """Says which types of orders a vehicle accepts from now on."""
-
-    vehicle: ObjectName
-
-
-class RerouteCommand(Command, ReroutingRequest):
-    """Asks for another way for the order that a vehicle works on."""
-
-    vehicle: ObjectName
-
-
-class PutZoneSetCommand(Command):
-    """Puts a zone set of VDA 5050 3.0 here, for all robots that know zones."""
-
-    zone_set: ZoneSet
-
-
-class EnableZoneSetCommand(Command):
-    """Has robots use a zone set, and no other one of its map."""
-
-    zone_set_id: ObjectName
-
-
-class DeleteZoneSetCommand(Command):
-    """Has robots delete a zone set."""
-
-    zone_set_id: ObjectName
-
-
-class LockPathCommand(Command, PathLockRequest):
-    """Locks or unlocks a path."""
-
-    path: ObjectName
-
-
-class CreateSequenceCommand(Command, OrderSequenceRequest):
-    """Asks for an order sequence."""
-
-
-class SequenceCommand(Command):
-    """Asks how an order sequence stands."""
-
-    order_sequence: ObjectName
-
-
-class SequencesCommand(Command):
-    """Asks for a list of order sequences, newest first."""
-
-    finished: bool | None = None
-    """None: finished or not."""
-    limit: Annotated[int, Field(ge=1, le=1000)] = 100
-    after: Annotated[str, Field(pattern=r"^[0-9]{1,18}$")] | None = None
-    """What the answer before had as ``next``."""
-
-
-class CompleteSequenceCommand(SequenceCommand):
-    """Marks an order sequence complete: no more orders are added."""
-
-    version: int | None = None
-    """Only if it still has this version."""
-
-
-class CommandAnswer(Resource):
-    """Answer to a command: what has become of it, or a problem."""
-
-    status: int
-    """As over HTTP."""
-    request_id: str | None = None
-    transport_order: TransportOrderStatus | None = None
-    order_sequence: OrderSequenceStatus | None = None
-    order_sequences: OrderSequencePage | None = None
-    delivery: DeliveryStatus | None = None
-    assignment: AssignmentStatus | None = None
-    instant_action: InstantActionAnswer | None = None
-    path: PathStatus | None = None
-    rerouting: ReroutingAnswer | None = None
-    zone_set: ZoneSetStatus | None = None
-    vehicle: VehicleStatus | None = None
-    problem: Problem | None = None
-
-
-COMMANDS: dict[str, type[Command]] = {
-    "withdraw": WithdrawCommand,
-    "hold": HoldCommand,
-    "resume": ResumeCommand,
-    "delivery": DeliveryCommand,
-    "assignment": AssignmentCommand,
-    "dispatch": DispatchCommand,
-    "instantAction": InstantActionCommand,
-    "lockPath": LockPathCommand,
-    "reroute": RerouteCommand,
-    "putZoneSet": PutZoneSetCommand,
-    "enableZoneSet": EnableZoneSetCommand,
-    "deleteZoneSet": DeleteZoneSetCommand,
-    "integrationLevel": IntegrationLevelCommand,
-    "acceptableOrderTypes": OrderTypesCommand,
-    "createOrderSequence": CreateSequenceCommand,
-    "orderSequence": SequenceCommand,
-    "orderSequences": SequencesCommand,
-    "completeOrderSequence": CompleteSequenceCommand,
-}
-"""The bodies by the commands' names."""
 
 Verb = Callable[[Any], Awaitable[CommandAnswer]]
 """Does what a command asks for."""
