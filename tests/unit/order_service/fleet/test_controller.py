@@ -146,7 +146,23 @@ def test_a_refusal_without_references_is_known_by_its_type_and_time(kind: str) -
     bench.start(make_mission("m", "A", "B"))
     bench.robot.errors.append(ErrorEntry(error_type=kind, error_level=ErrorLevel.WARNING))
     bench.report()
+    assert bench.ends() == {}
+    bench.tick()
+    assert bench.orders_sent() == ["m", "m"]
+    bench.report()
     assert failure(bench).details == (kind,)
+
+
+@pytest.mark.clause("6.1.4/fleet")
+def test_a_refusal_of_somebody_elses_message_is_none_of_the_order_that_is_taken_behind_it() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.robot.errors.append(ErrorEntry(error_type="validationError", error_level=ErrorLevel.WARNING))
+    bench.report()
+    bench.tick()
+    bench.run()
+    assert bench.ends() == {"m": 1}
+    assert bench.told(MissionFinished)
 
 
 @pytest.mark.clause("6.1.4/fleet")

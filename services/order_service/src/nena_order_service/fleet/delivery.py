@@ -32,6 +32,10 @@ class Delivery:
         self.sendings += 1
         self.ever_sent = True
 
+    def again(self) -> None:
+        """Let the next sending be due at once."""
+        self._due_at = 0.0
+
     def hold(self) -> None:
         """Begin anew, at once, when the message may be sent again: the robot was out of reach."""
         self.sendings = 0

@@ -324,8 +324,13 @@ class MissionRun:
         self.phase = MissionPhase.CANCELLING
 
     def _look_for_refusal(self, state: State) -> Iterator[FleetOutput]:
-        if errors := reported_errors.refusals(state.errors, self.mission, self._before):
+        errors = reported_errors.refusals(state.errors, self.mission, self._before)
+        if not errors:
+            return
+        if self.sent_again or any(reported_errors.is_named(each, self.mission) for each in errors):
             yield self._fail(Failure(FailureKind.REFUSED, "the robot refuses the order", _words(errors)))
+        else:  # it may be about somebody else's message, and the order be taken in a moment
+            self._delivery.again()
 
     def _settle_cancel(self, state: State) -> Iterator[FleetOutput]:
         """End the mission when the robot has confirmed the cancel, or can be seen not to have the mission."""

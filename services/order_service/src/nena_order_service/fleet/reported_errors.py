@@ -75,6 +75,13 @@ def _refuses(error: ErrorEntry, mission: Mission, before: frozenset[ErrorIdentit
     return error.error_type in ORDER_REFUSALS and not known
 
 
+def is_named(error: ErrorEntry, mission: Mission) -> bool:
+    """Tell whether an error names the mission or an action of it; of what cannot be read nothing is named."""
+    return mission.mission_id in _referenced(error, "orderId") or bool(
+        _referenced(error, "actionId") & mission.action_ids
+    )
+
+
 def _of_another_topic(error: ErrorEntry) -> bool:
     """Tell whether an error names topics, and not that of orders: a message of another kind was refused."""
     topics = _referenced(error, "topic")
