@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from typing import Any
 
 import httpx
 from pydantic import ValidationError
@@ -121,10 +120,3 @@ _JSON = {"Content-Type": "application/json"}
 
 def _body(request: TransportOrderRequest) -> bytes:
     return request.model_dump_json(by_alias=True, exclude_none=True).encode()
-
-
-def field_of(document: Any, *path: str) -> Any:  # noqa: ANN401 - JSON of another service
-    """Follow ``path`` through nested JSON objects; None where it ends."""
-    for key in path:
-        document = document.get(key) if isinstance(document, dict) else None
-    return document

@@ -10,7 +10,7 @@ import pytest
 
 from support.order_service_fleet import Fleet, awaited, running, vehicle_idle
 
-pytestmark = [pytest.mark.broker, pytest.mark.clause("6.4", "7.6")]
+pytestmark = [pytest.mark.broker, pytest.mark.clause("6.4/fleet", "7.6")]
 
 Start = Callable[..., Awaitable[httpx.AsyncClient]]
 URL = "/v1/zoneSets"

@@ -38,7 +38,8 @@ def _rules(identity: Identity, topics: SiteTopics) -> Iterator[str]:
             own = f"{topics.prefix}/hosts/{identity.name}"
             yield from (f"write {own}/{each}" for each in FROM_HOST)
             yield f"read {own}/#"
-            yield from (f"read {each}" for each in (fleet.all_order_statuses, fleet.all_vehicle_statuses))
+            statuses = (fleet.all_order_statuses, fleet.all_sequence_statuses, fleet.all_vehicle_statuses)
+            yield from (f"read {each}" for each in statuses)
             yield f"read {fleet.plant_model}"
         case Kind.ORDER_SERVICE:
             for scheme in topics.schemes:

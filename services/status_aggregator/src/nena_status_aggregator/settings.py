@@ -75,7 +75,7 @@ class OrderServiceSettings(SettingsGroup):
     """The order service, which carries out the commands of the control panel."""
 
     url: HttpUrl | None = Field(
-        None, description="Its address, e.g. http://127.0.0.1:8000; none: the panel gives no commands."
+        None, description="Its address, e.g. http://127.0.0.1:55200; none: the panel gives no commands."
     )
     timeout: float = Field(60.0, gt=0, le=600, description="Seconds that it has to answer a command.")
     ca: Path | None = Field(

@@ -44,7 +44,7 @@ class FleetTopics:
     def order_status(self, name: str) -> str:
         """Where each change of an order is told, as :class:`TransportOrderStatus`.
 
-        Retained while the order lives; an empty message follows the final one and clears it.
+        Retained while the order lives; an empty message clears it ``end_kept`` after the final one.
         """
         return f"{self.prefix}/transportOrders/{name}/status"
 

@@ -31,7 +31,7 @@ def references(state: State) -> dict[str, str]:
     return {each.reference_key: each.reference_value for each in found.info_references} if found else {}
 
 
-@pytest.mark.clause("6.6.2")
+@pytest.mark.clause("6.6.2", "7.8/distance")
 def test_distance_since_the_last_node_grows_and_begins_anew_at_the_next(bench: Bench) -> None:
     drive(bench, 0.0, 6.0)
     assert bench.state.distance_since_last_node == pytest.approx(6.0)
@@ -90,6 +90,7 @@ def test_at_the_end_nothing_is_left(bench: Bench) -> None:
     assert bench.state.distance_since_last_node == 0.0
 
 
+@pytest.mark.clause("6.6.2/path")
 def test_the_plan_shows_with_its_times(bench: Bench) -> None:
     bench.do(PlanReport(((0.0, 0.0), (0.0, 4.0), (10.0, 0.0))))
     for path in (bench.state.intermediate_path, bench.core.visualization(HEADER, 3).intermediate_path):

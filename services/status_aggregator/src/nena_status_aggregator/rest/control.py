@@ -52,7 +52,7 @@ def make_router(settings: OrderServiceSettings) -> APIRouter:
         """Pass a request on to the order service's `/v1`, whose interface describes it."""
         if door is None:
             detail = (
-                "Commands are off. Start this program with --order_service.url, e.g. http://127.0.0.1:8000."
+                "Commands are off. Start this program with --order_service.url, e.g. http://127.0.0.1:55200."
             )
             raise ProblemError(HTTPStatus.NOT_FOUND, detail)
         path = resource_of(request)
