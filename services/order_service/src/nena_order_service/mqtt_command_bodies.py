@@ -27,8 +27,7 @@ from nena_shared.fleet_api.path import PathStatus
 from nena_shared.fleet_api.rerouting import ReroutingAnswer
 from nena_shared.fleet_api.transport_order import Problem, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
-from nena_shared.fleet_api.zone_set import ZoneSetStatus
-from nena_shared.vda5050.zone_set import ZoneSet
+from nena_shared.fleet_api.zone_set import StoredZoneSet, ZoneSetStatus
 
 
 class Command(Request):
@@ -107,7 +106,7 @@ class RerouteCommand(Command, ReroutingRequest):
 class PutZoneSetCommand(Command):
     """Puts a zone set of VDA 5050 3.0 here, for all robots that know zones."""
 
-    zone_set: ZoneSet
+    zone_set: StoredZoneSet
 
 
 class EnableZoneSetCommand(Command):

@@ -151,7 +151,11 @@ class Serving(Generic[P]):
         await self._end(old)
         await self._keep(asked.model)
         self.parts = parts
-        await parts.begin(self._start)
+        try:
+            await parts.begin(self._start)
+        except StoreNotReadyError as error:  # no answer to a host: nothing runs any more, so the program ends
+            message = "the plant was changed and cannot be taken up: the store takes nothing"
+            raise RuntimeError(message) from error
         self.show(parts.app)
         log.info("plant model changed", name=asked.model.name, points=len(asked.model.points))
 

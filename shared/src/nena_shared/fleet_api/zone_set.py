@@ -3,8 +3,27 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from typing import Annotated
+
+from pydantic import AfterValidator
 
 from nena_shared.fleet_api.base import Resource
+from nena_shared.vda5050.zone_set import ZoneSet
+
+LONGEST_ID = 200
+"""Characters of a zoneSetId here; the standard has no bound, a store and a path have."""
+
+
+def _addressed(zone_set: ZoneSet) -> ZoneSet:
+    name = zone_set.zone_set_id
+    if not 1 <= len(name) <= LONGEST_ID or not name.isprintable() or "/" in name:
+        message = f"zoneSetId has to have 1 to {LONGEST_ID} printable characters, and no '/'"
+        raise ValueError(message)
+    return zone_set
+
+
+StoredZoneSet = Annotated[ZoneSet, AfterValidator(_addressed)]
+"""A zone set that can be kept and asked for by its id."""
 
 
 class ZoneSetPhase(StrEnum):

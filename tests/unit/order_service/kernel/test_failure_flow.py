@@ -132,6 +132,24 @@ async def test_a_loaded_vehicle_keeps_its_order() -> None:
     assert "no other one can go on with it" in status(kernel).reason
 
 
+async def test_a_pick_that_an_earlier_try_has_begun_keeps_the_order_at_its_vehicle() -> None:
+    kernel, fleet = await make(MemoryStore())
+    policy = [{"do": "RETRY"}, {"do": "OTHER_VEHICLE"}, {"do": "HOLD"}]
+    kernel.create(
+        request(
+            "L:Load",
+            onFailure=policy,
+        ),
+        "T",
+    )
+    loader = fleet.sent[0][0]
+    fleet.fail_operation(loader)
+    fleet.fail(loader)
+
+    assert status(kernel).processing_vehicle == loader
+    assert "no other one can go on with it" in status(kernel).reason
+
+
 async def test_an_operation_is_left_out_where_the_destination_says_so() -> None:
     kernel, fleet = await make(MemoryStore())
     stops = [

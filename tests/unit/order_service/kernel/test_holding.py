@@ -83,6 +83,29 @@ async def test_a_restart_between_the_hold_and_the_cancel_cancels_again() -> None
     assert [mission.mission_id for _, mission in fleet.sent] == ["T-0~1"]
 
 
+async def test_an_operation_that_was_broken_off_is_told_and_not_done_again_by_itself() -> None:
+    kernel, fleet = await make(MemoryStore(), V1="A")
+    order = kernel.create(request("D", onFailure=[{"do": "RETRY"}]), "T")
+    kernel.hold(order.number, "Ann", "tea")
+    fleet.operate("V1")
+    kernel.resume(order.number, "Ann", "go")
+    fleet.confirm_cancel("V1")
+    assert len(fleet.sent) == 1
+    assert status(kernel).state is S.FAILED
+    assert "look what is done" in status(kernel).reason
+
+
+async def test_who_resumes_hears_that_an_operation_was_broken_off() -> None:
+    kernel, fleet = await make(MemoryStore(), V1="A")
+    order = kernel.create(request("D"), "T")
+    kernel.hold(order.number, "Ann", "tea")
+    fleet.operate("V1")
+    fleet.confirm_cancel("V1")
+    held = status(kernel).held
+    assert held
+    assert "since then: the vehicle had begun its operation" in held.reason
+
+
 async def test_a_gentle_hold_ends_where_the_base_does() -> None:
     kernel, fleet = await make(MemoryStore(), ahead=1, V1="A")
     order = kernel.create(request("D"), "T")

@@ -133,6 +133,28 @@ async def test_a_vehicle_that_gives_up_an_order_is_kept_for_the_one_that_wanted_
     assert [mission.mission_id for _, mission in fleet.sent][-1] == "T-0"
 
 
+async def test_a_vehicle_that_was_kept_parks_again_when_nothing_waits_any_more() -> None:
+    kernel, fleet = await make({"V1": "A"})
+    later(kernel, 1)
+    kernel.create(request("C"), "T")
+    fleet.finish("V1")
+    fleet.finish("V1")
+    later(kernel, 60)
+    assert fleet.sent[-1][1].mission_id.startswith("Park-")
+
+
+async def test_a_vehicle_is_kept_for_no_order_that_is_held() -> None:
+    kernel, fleet = await make({"V1": "A"})
+    later(kernel, 1)
+    kernel.create(request("C"), "T")
+    kernel.create(request("B"), "U")
+    order = kernel.book.named("T")
+    assert order
+    kernel.hold(order.number, "Ann", "tea")
+    fleet.finish("V1")
+    assert fleet.sent[-1][1].mission_id == "U-0"
+
+
 async def test_an_order_does_not_wait_for_a_vehicle_that_is_lost_meanwhile() -> None:
     kernel, fleet = await make({"V1": "A"})
     later(kernel, 1)

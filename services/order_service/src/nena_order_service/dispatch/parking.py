@@ -61,6 +61,8 @@ class ParkingPositions:
         if parked and not self._repark:
             return PARKED
         preferred = properties.get(PREFERRED_PARKING_POSITION, "")
+        if not parked and here is not None and here == preferred:
+            return PARKED
         if not parked and preferred in self._points and not taken(preferred) and cost(preferred) < inf:
             return Parking(preferred)
         best = min(self._free(cost, taken), default=None)

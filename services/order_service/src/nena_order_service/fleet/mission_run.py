@@ -354,7 +354,7 @@ class MissionRun:
         return cancelled is None and not self._accepted
 
     def _may_be_at_robot(self, state: State) -> bool:
-        sent_unseen = self._delivery.ever_sent and not self._accepted
+        sent_unseen = (self._delivery.ever_sent or self._adopted) and not self._accepted
         return sent_unseen or self._active_at_robot(state)
 
     def _active_at_robot(self, state: State) -> bool:

@@ -42,8 +42,8 @@ class ActionRetries:
         self._clock = clock
         self._asked: dict[str, tuple[str, str]] = {}
         """Missions and words of failures, by the ids of the instant actions that robots were sent."""
-        self._given_up: dict[str, str] = {}
-        """Words of the failures for which missions are cancelled, by the missions' ids."""
+        self._given_up: dict[str, Failure] = {}
+        """The failures for which missions are cancelled, by the missions' ids."""
 
     def failed(self, news: ActionRetriable) -> None:
         """Answer a robot whose action has failed."""
@@ -73,9 +73,10 @@ class ActionRetries:
         record = self._missions.find(name)
         if record and not record.cancelled and news.status is not ActionStatus.FINISHED:
             log.warning("robot takes no answer to its failed action", mission=name, reason=news.reason)
-            self._given_up[name] = words
+            known = news.status is ActionStatus.FAILED  # else it may be trying again right now
+            self._given_up[name] = Failure(FailureKind.ACTION if known else FailureKind.UNCLEAR, words)
             self._driving.cancel(record)
 
-    def given_up(self, mission_id: str) -> str:
-        """Say, once, why a mission was cancelled; empty where it was for another reason."""
-        return self._given_up.pop(mission_id, "")
+    def given_up(self, mission_id: str) -> Failure | None:
+        """Give, once, the failure for which a mission was cancelled; None where it was for another reason."""
+        return self._given_up.pop(mission_id, None)

@@ -99,9 +99,9 @@ class Dispatching:
 
         Where a vehicle has to give up a dispensable order first, it is kept for its new one from now on.
         """
+        self._forget_kept()
         if not orders:
             return [], {}
-        self._forget_kept()
         candidates = self._candidates(orders)
         decisions = self._dispatcher.decide(
             orders,
@@ -110,6 +110,10 @@ class Dispatching:
             now=self._clock.now(),
             kept=self._kept,
         )
+        for order in orders:
+            kept = candidates.get(self._kept.get(order.number, ""))
+            if kept and not kept.seen.obstacle and order.name in decisions.reasons:
+                del self._kept[order.number]  # it is free, and still the order cannot be given to it
         dispatched = []
         for assignment in decisions.assignments:
             candidate = candidates[assignment.vehicle]
@@ -231,7 +235,7 @@ class Dispatching:
         for number, name in tuple(self._kept.items()):
             vehicle = self._registry.named(name)
             order = self._book.at_hand(number)
-            waits = order is not None and order.state is TransportOrderState.DISPATCHABLE
+            waits = order is not None and order.state is TransportOrderState.DISPATCHABLE and not order.held
             obstacle = self.consider(vehicle).seen.obstacle if vehicle else BUSY
             if not waits or obstacle not in ("", GIVES_UP):
                 del self._kept[number]

@@ -127,7 +127,8 @@ class Driving:
     def cancel(self, record: MissionRecord) -> None:
         """Have a robot told to cancel its mission."""
         self._shorten(record)
-        self._missions.put(record.model_copy(update={"cancelled": True}))
+        granted = record.way[: record.allocated]  # all that a restart is to hold for it
+        self._missions.put(record.model_copy(update={"cancelled": True, "way": granted}))
         self._steps.after_commit(lambda: self._fleet().cancel_mission(record.robot))
 
     def instruct(self, record: MissionRecord, action: Action) -> None:

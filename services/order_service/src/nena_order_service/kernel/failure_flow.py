@@ -99,6 +99,10 @@ class FailureFlow:
 
     def failed(self, order: TransportOrder, failure: Failure) -> None:
         """Do what the policy says about an order whose vehicle has failed."""
+        if self._registry.named(order.vehicle) is None:
+            why = f"there is no vehicle {order.vehicle!r} any more; {failure.words}"
+            self._flow.end(order.failed(why, self._clock.now()))
+            return
         decision = self.decide(order, failure)
         step, words = decision.step, failure.words
         log.info("measure taken", order=order.name, measure=step.do, kind=failure.kind, reason=words)
@@ -149,7 +153,7 @@ class FailureFlow:
             failure.kind,
             begun=order.current.state is DriveOrderState.OPERATING,
             carrying=is_carrying(
-                order.status.drive_orders,
+                mending.with_operation_begun(order),
                 picks=[each for each in operations if self._planner.action_type(each) == PICK],
                 drops=[each for each in operations if self._planner.action_type(each) == DROP],
                 reported=None if loads is None else bool(loads),

@@ -83,8 +83,10 @@ class HostRequests:
             name = f"{name}-{sortable_id()}"
         known = await self._find(None if complete else name, request.idempotency_key)
         if known is None:
-            await self._check_sequence(request)
             ended = await self._ended_dependencies(request)
+            await self._check_sequence(request)
+            known = self._at_hand(None if complete else name, request.idempotency_key)  # it came in between
+        if known is None:
             self._require_store()
             known = self._kernel.create(request, name, ended)
             await self._committed()

@@ -28,7 +28,7 @@ from nena_shared.log import get_logger
 
 log = get_logger(__name__)
 
-BEGUN_MEANWHILE = "the vehicle had begun its operation when it was stopped for another way; look what is done"
+BEGUN_MEANWHILE = "the vehicle had begun its operation when it was stopped; look what is done"
 
 MissionNews = MissionAccepted | OperationStarted | MissionFinished | MissionFailed | MissionCancelled
 
@@ -127,10 +127,10 @@ class MissionFlow:
         if order.state is TransportOrderState.WITHDRAWN:
             words = f"withdrawn: {why_withdrawn(order.status)}; the vehicle has let it go"
             self._flow.end(order.failed(words, self._clock.now()))
-        elif record.rerouting and order.current.state is DriveOrderState.OPERATING:
-            self._failures.failed(order, Failure(FailureKind.ACTION, BEGUN_MEANWHILE))
         elif given_up and not order.held:
-            self._failures.failed(order, Failure(FailureKind.ACTION, given_up))
+            self._failures.failed(order, given_up)
+        elif order.current.state is DriveOrderState.OPERATING and not given_up:
+            self._mission_failed(order, Failure(FailureKind.UNCLEAR, BEGUN_MEANWHILE))
         else:
             self._flow.go_on(order, again=True)
 

@@ -287,7 +287,8 @@ class OrderFlow:
     def _take_up_waiting(self, order: TransportOrder) -> None:
         """Let an order wait on, unless the plant model has changed so that it is not possible any more."""
         try:
-            check_order(order.status, self._plant)
+            left = order.status.drive_orders[max(order.status.current_drive_order_index, 0) :]
+            check_order(order.status.model_copy(update={"drive_orders": left}), self._plant)
         except InvalidRequestError as error:
             self._book.put(order.failed(f"not possible in this plant any more: {error}", self._clock.now()))
         else:

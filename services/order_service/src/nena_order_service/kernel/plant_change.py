@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
+from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.validation import InvalidRequestError, check_order
 from nena_order_service.traffic.resources import ResourceSet
@@ -22,7 +23,11 @@ def hindrances(kernel: Kernel, new: PlantModel, registry: VehicleRegistry) -> tu
     ``registry`` is that of the new plant. Orders must find their destinations, and vehicles what they hold
     and have claimed, unchanged: what robots were told to drive they drive, and others keep off it.
     """
-    found = [*_of_orders(kernel.book.present(), new, registry), *_of_vehicles(kernel, new, registry)]
+    found = [
+        *_of_orders(kernel.book.present(), new, registry),
+        *_of_sequences(kernel.sequence_book.unfinished(), registry),
+        *_of_vehicles(kernel, new, registry),
+    ]
     more = len(found) - PROBLEMS_NAMED
     return (*found[:PROBLEMS_NAMED], f"and {more} more") if more > 0 else tuple(found)
 
@@ -40,6 +45,14 @@ def _of_orders(orders: Iterable[TransportOrder], new: PlantModel, registry: Vehi
             yield f"transport order {order.name!r} is for vehicle {intended!r}, which there would not be"
 
 
+def _of_sequences(sequences: Iterable[OrderSequence], registry: VehicleRegistry) -> Iterator[str]:
+    names = registry.names()
+    for each in sequences:
+        vehicle = each.bound_vehicle or each.status.intended_vehicle
+        if vehicle is not None and vehicle not in names:
+            yield f"order sequence {each.name!r} is for vehicle {vehicle!r}, which there would not be"
+
+
 def _of_vehicles(kernel: Kernel, new: PlantModel, registry: VehicleRegistry) -> Iterator[str]:
     differences = _Differences(kernel.plant, new)
     for vehicle in kernel.registry:
@@ -55,6 +68,9 @@ def _of_vehicles(kernel: Kernel, new: PlantModel, registry: VehicleRegistry) -> 
 def _of_robot(vehicle: FleetVehicle, registry: VehicleRegistry) -> Iterator[str]:
     """Tell a vehicle that works and would not be the same one."""
     if vehicle.model is None:
+        after, taken = registry.of(vehicle.key), registry.named(vehicle.name)
+        if (after and after.name != vehicle.name) or (taken and taken.key != vehicle.key):
+            yield f"vehicle {vehicle.name!r} works, and would have another name"
         return
     after = registry.named(vehicle.name)
     if after is None or after.model is None:

@@ -41,13 +41,15 @@ class ZoneSets:
         self._send = send
         self._commit_timeout = commit_timeout
         self._wanted: dict[str, Wanted] = {}
+        self._asked: dict[str, Wanted] = {}
+        """As it will be when all is committed that hosts have asked for: what decisions are made by."""
         self._distribution = ZoneDistribution()
 
     async def load(self) -> None:
         """Take up what hosts have put here before a restart."""
         for name, document in (await self._kernel.store.documents(KIND)).items():
             try:
-                self._wanted[name] = Wanted.model_validate_json(document)
+                self._wanted[name] = self._asked[name] = Wanted.model_validate_json(document)
             except ValidationError:
                 log.exception("a zone set in the store cannot be read", zone_set=name)
 
@@ -71,7 +73,7 @@ class ZoneSets:
             StoreNotReadyError: nothing is promised.
 
         """
-        known = self._wanted.get(zone_set.zone_set_id)
+        known = self._asked.get(zone_set.zone_set_id)
         if known and known.zone_set != zone_set:
             raise ZoneSetChangedError(zone_set.zone_set_id)
         enabled = known is not None and known.enabled and not known.deleted
@@ -79,27 +81,32 @@ class ZoneSets:
 
     async def enable(self, name: str) -> ZoneSetStatus:
         """Have robots use a zone set, and no other one of its map."""
-        wanted = self._known(name)
+        wanted = self._asked_for(name)
         others = [
             each.model_copy(update={"enabled": False})
-            for each in self._wanted.values()
+            for each in self._asked.values()
             if each.enabled and each is not wanted and each.zone_set.map_id == wanted.zone_set.map_id
         ]
         return await self._change(wanted.model_copy(update={"enabled": True, "deleted": False}), *others)
 
     async def delete(self, name: str) -> ZoneSetStatus:
         """Have robots delete a zone set, also those that come later."""
-        return await self._change(self._known(name).model_copy(update={"enabled": False, "deleted": True}))
+        return await self._change(
+            self._asked_for(name).model_copy(update={"enabled": False, "deleted": True})
+        )
 
     async def _change(self, wanted: Wanted, *others: Wanted) -> ZoneSetStatus:
         store = self._kernel.store
         if not store.ready:
             raise StoreNotReadyError(store.why_not_ready)
+        if self._kernel.steps.closed:
+            raise StoreNotReadyError(self._kernel.steps.closed)
         changes, done = Changes(), asyncio.Event()
         for each in (wanted, *others):
             changes.documents[KIND, each.zone_set.zone_set_id] = each.model_dump_json(
                 by_alias=True, exclude_none=True
             )
+        self._asked.update({each.zone_set.zone_set_id: each for each in (wanted, *others)})
         store.commit(changes, lambda: self._committed((wanted, *others), done))
         try:
             async with asyncio.timeout(self._commit_timeout):
@@ -117,6 +124,11 @@ class ZoneSets:
         if name not in self._wanted:
             raise UnknownZoneSetError(name)
         return self._wanted[name]
+
+    def _asked_for(self, name: str) -> Wanted:
+        if name not in self._asked:
+            raise UnknownZoneSetError(name)
+        return self._asked[name]
 
     async def _look_later(self) -> None:
         await asyncio.sleep(LOOK_INTERVAL)

@@ -7,7 +7,7 @@ from datetime import datetime
 from nena_order_service.orders.event_code import EventCode
 from nena_order_service.orders.transport_order import TransportOrder, held_in_words
 from nena_shared.fleet_api.failure_policy import Hold
-from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
+from nena_shared.fleet_api.transport_order import DriveOrderState, DriveOrderStatus, TransportOrderState
 
 S = TransportOrderState
 
@@ -88,6 +88,20 @@ def begun_again(order: TransportOrder) -> TransportOrder:
     current = order.current
     update = {"attempts": current.attempts + 1, "state": DriveOrderState.TRAVELLING}
     return order.changed(drive_orders=order.with_current(current.model_copy(update=update)))
+
+
+def with_operation_begun(order: TransportOrder) -> tuple[DriveOrderStatus, ...]:
+    """Give the drive orders, the current one OPERATING also where an earlier try of its vehicle was."""
+    marks = (
+        EventCode.OPERATION_STARTED,
+        EventCode.DRIVE_ORDER_FINISHED,
+        EventCode.SKIPPED,
+        EventCode.ASSIGNED_TO_VEHICLE,
+    )
+    codes = (entry.event_code for entry in reversed(order.status.history))
+    if next((code for code in codes if code in marks), None) != EventCode.OPERATION_STARTED:
+        return order.status.drive_orders
+    return order.with_current(order.current.model_copy(update={"state": DriveOrderState.OPERATING}))
 
 
 def _again(

@@ -11,7 +11,7 @@ from pydantic_core import to_json
 from nena_order_service.kernel.zone_sets import ZoneSets
 from nena_order_service.rest.responses import as_json
 from nena_shared.fleet_api.base import ObjectName
-from nena_shared.fleet_api.zone_set import ZoneSetList, ZoneSetStatus
+from nena_shared.fleet_api.zone_set import StoredZoneSet, ZoneSetList, ZoneSetStatus
 from nena_shared.vda5050.zone_set import ZoneSet
 
 
@@ -35,7 +35,7 @@ def make_router(zone_sets: ZoneSets) -> APIRouter:
         return as_json(zone_sets.get(name))
 
     @router.post("", response_model=ZoneSetStatus)
-    async def put(zone_set: Annotated[ZoneSet, BeforeValidator(_from_json)]) -> Response:
+    async def put(zone_set: Annotated[StoredZoneSet, BeforeValidator(_from_json)]) -> Response:
         """Put a zone set here: the standard's zoneSet object; all robots of 3.0 get it, disabled."""
         return as_json(await zone_sets.put(zone_set))
 
