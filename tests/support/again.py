@@ -23,6 +23,7 @@ COVERED = "--cov-fail-under"
 
 def main(options: Sequence[str]) -> int:
     """Run all; give the exit status."""
+    FAILED.unlink(missing_ok=True)  # what an earlier run has found is none of this one's
     status = _pytest(*options)
     failed = still = _failed() if status else frozenset[str]()
     for number in range(1, TRIES + 1):
