@@ -9,10 +9,23 @@ from typing import TypeVar
 import httpx
 from pydantic import BaseModel, JsonValue, ValidationError
 
+from nena_shared.fleet_api.base import Resource
 from nena_shared.fleet_api.transport_order import Problem
 
 M = TypeVar("M", bound=BaseModel)
+
+
+class Page(Resource):
+    """Some of the things of a list, and where the next ones begin; None: these are the last."""
+
+    next: str | None = None
+
+
+P = TypeVar("P", bound=Page)
 Query = Mapping[str, str | int | Sequence[str]]
+
+PAGE = 200
+"""Things of a list that are asked for at a time."""
 
 CONNECT_SECONDS = 5.0
 ANSWER_SECONDS = 30.0
@@ -50,6 +63,17 @@ class Connection:
     def get(self, model: type[M], path: str, query: Query | None = None) -> M:
         """Give what is at ``path``; raises RefusedError and NotReachedError."""
         return model.model_validate_json(self._request("GET", path, query=query).content)
+
+    def pages(self, model: type[P], path: str, query: Query) -> Iterator[P]:
+        """Give the pages of a list, one after the other; raises RefusedError and NotReachedError."""
+        after: str | None = None
+        while True:
+            more: dict[str, str | int] = {"limit": PAGE, **({"after": after} if after else {})}
+            page = self.get(model, path, {**query, **more})
+            yield page
+            after = page.next
+            if after is None:
+                return
 
     def post(self, model: type[M], path: str, body: JsonValue, headers: Mapping[str, str] | None = None) -> M:
         """Ask for something and give the answer; raises RefusedError and NotReachedError."""

@@ -13,12 +13,22 @@ import typer
 from pydantic import JsonValue, ValidationError
 
 from nena_cli.fleet import tables
-from nena_cli.fleet.connection import Connection
+from nena_cli.fleet.connection import Connection, Page
 from nena_cli.fleet.measures import parse_measure
-from nena_cli.fleet.shell import REFUSED, AsJson, Token, TokenFile, Urls, connected, put_json, say, show
+from nena_cli.fleet.shell import (
+    REFUSED,
+    AsJson,
+    Token,
+    TokenFile,
+    Urls,
+    connected,
+    put_all,
+    put_json,
+    say,
+    show,
+)
 from nena_cli.fleet.stops import parse_property, parse_stop
 from nena_cli.fleet.watch import Board, watch
-from nena_shared.fleet_api.base import Resource
 from nena_shared.fleet_api.delivery import DeliveryStatus
 from nena_shared.fleet_api.transport_order import (
     DependencyFailure,
@@ -31,14 +41,12 @@ from nena_shared.vda5050.malformed import problems_of
 app = typer.Typer(help="Transport orders of a running order service.", no_args_is_help=True)
 
 ORDERS = "/v1/transportOrders"
-PAGE = 200
 
 
-class OrderPage(Resource):
-    """Some of the orders, and where the next ones begin."""
+class OrderPage(Page):
+    """Some of the orders."""
 
     transport_orders: tuple[TransportOrderStatus, ...]
-    next: str | None = None
 
 
 Name = Annotated[str, typer.Argument(help="Name of the order.")]
@@ -285,24 +293,13 @@ def watch_one(connection: Connection, name: str, *, as_json: bool) -> None:
 def _orders(
     connection: Connection, query: dict[str, str | int | Sequence[str]]
 ) -> Iterator[TransportOrderStatus]:
-    """Give all orders of a list, a page at a time."""
-    after: str | None = None
-    while True:
-        more: dict[str, str | int | Sequence[str]] = {"limit": PAGE, **({"after": after} if after else {})}
-        page = connection.get(OrderPage, ORDERS, {**query, **more})
+    for page in connection.pages(OrderPage, ORDERS, query):
         yield from page.transport_orders
-        after = page.next
-        if after is None:
-            return
 
 
 def put_orders(orders: list[TransportOrderStatus], *, as_json: bool) -> None:
     """Tell of orders: a table for people, a line of JSON for each for scripts."""
-    if as_json:
-        for order in orders:
-            put_json(order)
-    else:
-        show(tables.orders_table(orders))
+    put_all(orders, tables.orders_table, as_json=as_json)
 
 
 def _board() -> Board[TransportOrderStatus]:

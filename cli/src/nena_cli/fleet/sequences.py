@@ -11,10 +11,8 @@ import typer
 from pydantic import JsonValue
 
 from nena_cli.fleet import sequence_tables
-from nena_cli.fleet.connection import Connection, Query
-from nena_cli.fleet.orders import PAGE
-from nena_cli.fleet.shell import AsJson, Token, TokenFile, Urls, connected, put_json, show
-from nena_shared.fleet_api.base import Resource
+from nena_cli.fleet.connection import Connection, Page, Query
+from nena_cli.fleet.shell import AsJson, Token, TokenFile, Urls, connected, put_all, put_json, show
 from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 
 app = typer.Typer(help="Order sequences of a running order service.", no_args_is_help=True)
@@ -22,11 +20,10 @@ app = typer.Typer(help="Order sequences of a running order service.", no_args_is
 SEQUENCES = "/v1/orderSequences"
 
 
-class SequencePage(Resource):
-    """Some of the order sequences, and where the next ones begin."""
+class SequencePage(Page):
+    """Some of the order sequences."""
 
     order_sequences: tuple[OrderSequenceStatus, ...]
-    next: str | None = None
 
 
 Name = Annotated[str, typer.Argument(help="Name of the order sequence.")]
@@ -81,7 +78,7 @@ def list_(
     if vehicle is not None:
         query["intendedVehicle"] = vehicle
     with connected(url, token, token_file) as connection:
-        _put([*islice(_pages(connection, query), limit)], as_json=as_json)
+        _put([*islice(_all(connection, query), limit)], as_json=as_json)
 
 
 @app.command("show")
@@ -117,24 +114,13 @@ def complete(
         _put([connection.post(OrderSequenceStatus, f"{_path(name)}/completion", {})], as_json=as_json)
 
 
-def _pages(connection: Connection, query: Query) -> Iterator[OrderSequenceStatus]:
-    """Give all sequences of a list, a page at a time."""
-    after: str | None = None
-    while True:
-        more: dict[str, str | int] = {"limit": PAGE, **({"after": after} if after else {})}
-        page = connection.get(SequencePage, SEQUENCES, {**query, **more})
+def _all(connection: Connection, query: Query) -> Iterator[OrderSequenceStatus]:
+    for page in connection.pages(SequencePage, SEQUENCES, query):
         yield from page.order_sequences
-        after = page.next
-        if after is None:
-            return
 
 
 def _put(sequences: list[OrderSequenceStatus], *, as_json: bool) -> None:
-    if as_json:
-        for sequence in sequences:
-            put_json(sequence)
-    else:
-        show(sequence_tables.sequences_table(sequences))
+    put_all(sequences, sequence_tables.sequences_table, as_json=as_json)
 
 
 def _path(name: str) -> str:

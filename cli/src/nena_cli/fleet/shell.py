@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, TypeVar
 
 import typer
 from pydantic import BaseModel
@@ -14,6 +14,8 @@ from rich.console import Console
 from rich.table import Table
 
 from nena_cli.fleet.connection import Connection, NotReachedError, RefusedError
+
+M = TypeVar("M", bound=BaseModel)
 
 REFUSED: Final = 1
 """Exit status where the order service refuses something, or an order that was waited for has failed."""
@@ -69,6 +71,15 @@ def put_json(body: BaseModel) -> None:
     """Write a body as a line of JSON, at once."""
     sys.stdout.write(body.model_dump_json(by_alias=True) + "\n")
     sys.stdout.flush()
+
+
+def put_all(found: Sequence[M], table: Callable[[Sequence[M]], Table], *, as_json: bool) -> None:
+    """Tell of several things: a table for people, a line of JSON for each for scripts."""
+    if as_json:
+        for each in found:
+            put_json(each)
+    else:
+        show(table(found))
 
 
 def show(what: Table) -> None:

@@ -11,7 +11,7 @@ from pydantic import JsonValue
 
 from nena_cli.fleet import tables
 from nena_cli.fleet.orders import put_orders, watch_one
-from nena_cli.fleet.shell import AsJson, Token, TokenFile, Urls, connected, put_json, show
+from nena_cli.fleet.shell import AsJson, Token, TokenFile, Urls, connected, put_all, put_json, show
 from nena_cli.fleet.stops import COORDINATE, parse_coordinate
 from nena_cli.fleet.watch import Board, watch
 from nena_shared.fleet_api.base import Resource
@@ -172,11 +172,7 @@ def dispatch(
 
 
 def _put(vehicles: Sequence[VehicleStatus], *, as_json: bool) -> None:
-    if as_json:
-        for vehicle in vehicles:
-            put_json(vehicle)
-    else:
-        show(tables.vehicles_table(vehicles))
+    put_all(vehicles, tables.vehicles_table, as_json=as_json)
 
 
 def _by_name(vehicle: VehicleStatus) -> str:

@@ -10,7 +10,7 @@ import typer
 from pydantic_core import from_json
 
 from nena_cli.fleet import tables
-from nena_cli.fleet.shell import WRONG, AsJson, Token, TokenFile, Urls, connected, put_json, say, show
+from nena_cli.fleet.shell import WRONG, AsJson, Token, TokenFile, Urls, connected, put_all, say
 from nena_shared.fleet_api.zone_set import ZoneSetList, ZoneSetStatus
 
 app = typer.Typer(help="Zone sets of a running order service.", no_args_is_help=True)
@@ -80,8 +80,4 @@ def delete(
 
 
 def _put(*zone_sets: ZoneSetStatus, as_json: bool) -> None:
-    if not as_json:
-        show(tables.zone_sets_table(zone_sets))
-        return
-    for each in zone_sets:
-        put_json(each)
+    put_all(zone_sets, tables.zone_sets_table, as_json=as_json)
