@@ -8,6 +8,7 @@ from math import inf
 from typing import Any
 
 from nena_order_service.dispatch.dispatcher import Decisions
+from nena_order_service.dispatch.load_room import Pick
 from nena_order_service.dispatch.vehicle import DispatchedVehicle
 from nena_order_service.dispatch.way_costs import WayCost
 from nena_order_service.orders.transport_order import TransportOrder
@@ -26,6 +27,9 @@ class Told:
 
     def recharges(self, order: TransportOrder) -> bool:
         return order.current.destination.operation == "Charge"
+
+    def pick(self, order: TransportOrder) -> Pick | None:
+        return Pick() if order.current.destination.operation == "Load" else None
 
     def cost(self, order: TransportOrder, vehicle: str) -> WayCost:
         cost = self.costs.get((order.name, vehicle), self.costs.get(vehicle, inf))

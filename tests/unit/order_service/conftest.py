@@ -28,7 +28,7 @@ def settings(tmp_path: Path) -> OrderServiceSettings:
 async def service(settings: OrderServiceSettings) -> AsyncIterator[OrderService]:
     """Give an order service without a broker, so that orders are taken and wait."""
     store = Store(open_database(settings.store.location()))
-    made = build(settings, load_plant(settings.plant), store)
+    made = build(settings, load_plant(settings.plant).model, store)
     async with Supervisor() as supervisor:
         supervisor.start("store", made.store.run())
         await made.locks.load()

@@ -28,7 +28,7 @@ def problems(path: Path) -> str:
 
 
 def test_sample_plant_is_read() -> None:
-    assert load_plant(sample_plant_path()).name == "Sample hall"
+    assert load_plant(sample_plant_path()).model.name == "Sample hall"
 
 
 def test_missing_file_is_named(tmp_path: Path) -> None:
@@ -69,8 +69,17 @@ def test_a_plant_without_points_is_refused(tmp_path: Path) -> None:
 def test_lif_and_own_json_are_read_too(tmp_path: Path) -> None:
     layout = tmp_path / "hall.lif.json"
     layout.write_bytes(lif_of(node("A"), node("B"), edge("A B")))
-    plant = load_plant(layout)
+    plant = load_plant(layout).model
     assert [path.name for path in plant.paths] == ["A-B"]
     own = tmp_path / "hall.json"
     own.write_text(plant.to_json())
-    assert load_plant(own) == plant
+    assert load_plant(own).model == plant
+
+
+def test_digest_is_that_of_the_bytes(tmp_path: Path) -> None:
+    file = tmp_path / "plant.json"
+    file.write_text(load_plant(sample_plant_path()).model.to_json())
+    before = load_plant(file)
+    assert load_plant(file).digest == before.digest
+    file.write_text(file.read_text() + "\n")
+    assert load_plant(file).digest != before.digest

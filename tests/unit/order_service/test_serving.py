@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import json
+from hashlib import sha256
+
 import pytest
 
 from nena_demo.plants import sample_plant_path
 from nena_order_service.app import OrderService, build
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
-from nena_order_service.plant_file import load_plant
-from nena_order_service.serving import CHANGING, Serving
+from nena_order_service.plant_file import PlantFile, load_plant
+from nena_order_service.serving import CHANGING, KIND, Serving
 from nena_order_service.settings import OrderServiceSettings
+from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import open_database
 from nena_order_service.store.store import Store
 from nena_shared.plant import PlantModel
 from nena_shared.tasks import Supervisor
 from support.order_service import request
 
-SAMPLE = load_plant(sample_plant_path())
+FILE = load_plant(sample_plant_path())
+SAMPLE = FILE.model
 
 
 def without(point: str) -> PlantModel:
@@ -28,8 +33,18 @@ def without(point: str) -> PlantModel:
     )
 
 
-def serving_of(settings: OrderServiceSettings, store: Store, supervisor: Supervisor) -> Serving[OrderService]:
-    return Serving(SAMPLE, store, supervisor, make=lambda model: build(settings, model, store))
+def serving_of(
+    settings: OrderServiceSettings, store: Store, supervisor: Supervisor, file: PlantFile = FILE
+) -> Serving[OrderService]:
+    return Serving(file, store, supervisor, make=lambda model: build(settings, model, store))
+
+
+async def taken_up(settings: OrderServiceSettings, store: Store, file: PlantFile = FILE) -> PlantModel:
+    """Give the plant that counts after a restart with this file."""
+    async with Supervisor() as supervisor:
+        serving = serving_of(settings, store, supervisor, file)
+        await serving.begin()
+        return serving.parts.kernel.plant
 
 
 async def test_model_is_put_in_use_as_a_whole_and_kept(settings: OrderServiceSettings) -> None:
@@ -54,10 +69,58 @@ async def test_model_is_put_in_use_as_a_whole_and_kept(settings: OrderServiceSet
         assert [order.name for order in serving.parts.kernel.book.unfinished()] == ["T-1"]
         with pytest.raises(StoreNotReadyError, match=CHANGING):
             before.kernel.create(request("South 2"), "T-2")
+    assert await taken_up(settings, store) == without("South 3")
+    store.close()
+
+
+async def put_in_use(settings: OrderServiceSettings, store: Store, model: PlantModel) -> None:
     async with Supervisor() as supervisor:
-        again = serving_of(settings, store, supervisor)
-        await again.begin()
-        assert again.parts.kernel.plant == without("South 3")
+        serving = serving_of(settings, store, supervisor)
+        await serving.begin()
+        await serving.change_plant(model)
+
+
+async def test_model_of_a_host_counts_until_the_bytes_of_the_file_change(
+    settings: OrderServiceSettings,
+) -> None:
+    store = Store(open_database(settings.store.location()))
+    await put_in_use(settings, store, without("South 3"))
+    read_otherwise = PlantFile(without("South 2"), FILE.digest)
+    assert await taken_up(settings, store, read_otherwise) == without("South 3")
+    changed = PlantFile(SAMPLE, "of other bytes")
+    assert await taken_up(settings, store, changed) == SAMPLE
+    store.close()
+
+
+@pytest.mark.parametrize("digest", ["", "of the file as an older release had read it"])
+async def test_model_that_an_older_release_has_stored_counts_after_the_upgrade(
+    settings: OrderServiceSettings, digest: str
+) -> None:
+    store = Store(open_database(settings.store.location()))
+    replaces = digest or sha256(SAMPLE.to_json().encode()).hexdigest()
+    changes = Changes()
+    changes.documents[KIND, ""] = json.dumps({"replaces": replaces, "model": without("South 3").to_json()})
+    async with Supervisor() as supervisor:
+        supervisor.start("store", store.run())
+        store.commit(changes, lambda: None)
+        assert await store.drain(30)
+    assert await taken_up(settings, store) == without("South 3")
+    assert await taken_up(settings, store, PlantFile(SAMPLE, "of other bytes")) == SAMPLE
+    store.close()
+
+
+async def test_path_is_not_locked_while_the_plant_is_changed(settings: OrderServiceSettings) -> None:
+    store = Store(open_database(settings.store.location()))
+    path = without("South 3").paths[0].name
+    async with Supervisor() as supervisor:
+        serving = serving_of(settings, store, supervisor)
+        await serving.begin()
+        before = serving.parts
+        await serving.change_plant(without("South 3"))
+        with pytest.raises(StoreNotReadyError, match=CHANGING):
+            await before.locks.set(path, locked=True)
+        assert await store.path_locks() == {}
+        assert (await serving.parts.locks.set(path, locked=True)).locked
     store.close()
 
 

@@ -71,6 +71,7 @@ def order_details(order: TransportOrderStatus, delivery: DeliveryStatus) -> Tabl
         ("sequence", Text(order.wrapping_sequence or "")),
         ("depends on", Text(", ".join(order.dependencies))),
         ("dispensable", Text("yes" if order.dispensable else "")),
+        ("automatic", Text("yes" if order.automatic else "")),
         ("destinations", destinations(order)),
         ("delivery", Text(" ".join(filter(None, (delivery.phase, delivery.order_id, delivery.note))))),
         ("properties", Text(", ".join(f"{each.key}={each.value}" for each in order.properties))),
@@ -91,9 +92,12 @@ def history_table(order: TransportOrderStatus) -> Table:
 
 
 def vehicles_table(vehicles: Iterable[VehicleStatus]) -> Table:
-    """Give a line for each vehicle."""
+    """Give a line for each vehicle; maps only where robots tell of any."""
+    shown = tuple(vehicles)
     table = Table("vehicle", "state", "connection", "at", "energy", "order", "reason")
-    for vehicle in vehicles:
+    if any(vehicle.maps for vehicle in shown):
+        table.add_column("maps")
+    for vehicle in shown:
         energy = "" if vehicle.energy_level is None else f"{vehicle.energy_level:.0f} %"
         table.add_row(
             Text(vehicle.name),
@@ -103,8 +107,18 @@ def vehicles_table(vehicles: Iterable[VehicleStatus]) -> Table:
             Text(energy),
             Text(vehicle.transport_order or ""),
             Text("; ".join((vehicle.reason, *vehicle.errors))),
+            *([_maps(vehicle)] if vehicle.maps else []),
         )
     return table
+
+
+def _maps(vehicle: VehicleStatus) -> Text:
+    """Give the maps of a robot with their versions; those that are not enabled are dim."""
+    text = Text()
+    for each in vehicle.maps or ():
+        text.append(", " if text else "")
+        text.append(f"{each.map_id} {each.map_version}".strip(), style="" if each.enabled else "dim")
+    return text
 
 
 def order_types_table(vehicle: VehicleStatus) -> Table:

@@ -24,7 +24,7 @@ from nena_order_service.kernel.vehicles import VehicleRegistry
 from nena_order_service.kernel.zone_sets import ZoneSets
 from nena_order_service.mqtt_commands import MqttCommands, Verbs
 from nena_order_service.mqtt_door import MqttDoor
-from nena_order_service.plant_file import load_plant
+from nena_order_service.plant_file import PlantFile, load_plant
 from nena_order_service.rest.api import make_app
 from nena_order_service.rest.bodies import Readiness
 from nena_order_service.rest.opentcs import app as opentcs
@@ -114,6 +114,7 @@ def build(
         store,
         apply=finder.set_locks,
         changed=kernel.plant_changed,
+        closed=lambda: kernel.steps.closed,
         commit_timeout=settings.kernel.commit_timeout,
     )
     client_id = _client_id(settings, epoch)
@@ -193,7 +194,7 @@ async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
     log.info("order service ended")
 
 
-async def _serve_alone(settings: OrderServiceSettings, plant: PlantModel, stop: asyncio.Event) -> None:
+async def _serve_alone(settings: OrderServiceSettings, plant: PlantFile, stop: asyncio.Event) -> None:
     url = settings.store.location()
     lock = InstanceLock.take(url)
     store = Store(open_database(url), lock)
@@ -211,7 +212,7 @@ async def _serve_alone(settings: OrderServiceSettings, plant: PlantModel, stop: 
     store.close()
 
 
-async def _serve_shared(settings: OrderServiceSettings, plant: PlantModel, stop: asyncio.Event) -> None:
+async def _serve_shared(settings: OrderServiceSettings, plant: PlantFile, stop: asyncio.Event) -> None:
     lead = Lead(settings.store.location())
     standby = make_standby_app(lambda: lead.active_url, lambda: lead.problem)
     http = HttpServer(_guarded(standby, settings), settings.http)
@@ -236,7 +237,7 @@ async def _serve_shared(settings: OrderServiceSettings, plant: PlantModel, stop:
 
 def _serving(
     settings: OrderServiceSettings,
-    plant: PlantModel,
+    plant: PlantFile,
     store: Store,
     supervisor: Supervisor,
     *,
@@ -254,7 +255,7 @@ def _guarded(app: ASGIApp, settings: OrderServiceSettings) -> ASGIApp:
 
 
 async def _take_over(
-    settings: OrderServiceSettings, plant: PlantModel, lead: Lead, supervisor: Supervisor, own_url: str
+    settings: OrderServiceSettings, plant: PlantFile, lead: Lead, supervisor: Supervisor, own_url: str
 ) -> Serving[OrderService]:
     """Become the active one: the other one commits nothing any more, and what it has is taken up."""
     engine, fence = await lead.raise_fence(settings.store.location(), own_url)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 
 from nena_order_service.errors import InvalidPlantError
@@ -15,7 +17,16 @@ from nena_shared.settings import ConfigurationError
 log = get_logger(__name__)
 
 
-def load_plant(path: Path) -> PlantModel:
+@dataclass(frozen=True, slots=True)
+class PlantFile:
+    """A plant model as a file has it."""
+
+    model: PlantModel
+    digest: str
+    """SHA-256 of its bytes: the same for as long as nobody has changed it, whatever release reads it."""
+
+
+def load_plant(path: Path) -> PlantFile:
     """Read the plant model of ``path``: openTCS's XML, LIF (leniently) or NeNa's own JSON.
 
     Raises:
@@ -23,7 +34,8 @@ def load_plant(path: Path) -> PlantModel:
 
     """
     try:
-        report = read_plant(path.read_bytes(), strict=False)
+        data = path.read_bytes()
+        report = read_plant(data, strict=False)
     except OSError as error:
         raise ConfigurationError([f"plant: cannot read {path}: {error.strerror}"]) from error
     except InvalidPlantError as error:
@@ -32,7 +44,7 @@ def load_plant(path: Path) -> PlantModel:
         log.warning("plant model", file=str(path), finding=str(warning))
     model = report.model
     log.info("plant model read", name=model.name, points=len(model.points), vehicles=len(model.vehicles))
-    return model
+    return PlantFile(model, sha256(data).hexdigest())
 
 
 def read_plant(data: bytes, *, strict: bool) -> ImportReport:

@@ -14,6 +14,7 @@ from starlette.types import ASGIApp
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
 from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.kernel.plant_change import hindrances
+from nena_order_service.plant_file import PlantFile
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.store import Store
 from nena_shared.log import get_logger
@@ -49,11 +50,14 @@ class Parts(Protocol):
 
 
 class StoredPlant(BaseModel):
-    """A plant model that a host has put here, and the digest of the file's model that it replaces."""
+    """A plant model that a host has put here in place of that of the file."""
 
     model_config = ConfigDict(frozen=True)
 
-    replaces: str
+    file: str = ""
+    """The digest of the file; empty where a release that did not know it has stored this."""
+    replaces: str = ""
+    """What such a release has stored instead: a digest of the file's model, as it had read it."""
     model: str
 
 
@@ -77,17 +81,17 @@ class Serving(Generic[P]):
 
     def __init__(
         self,
-        plant: PlantModel,
+        file: PlantFile,
         store: Store,
         supervisor: Supervisor,
         *,
         make: Callable[[PlantModel], P],
     ) -> None:
-        """Serve ``plant``, the model of the file, by the parts that ``make`` makes."""
+        """Serve the model of ``file``, or what replaces it, by the parts that ``make`` makes."""
         self.show: Callable[[ASGIApp], None] = lambda _: None
         """Is given the REST door whenever it is made anew."""
         self.parts: P
-        self._file = plant
+        self._file = file
         self._store = store
         self._supervisor = supervisor
         self._make = make
@@ -168,9 +172,9 @@ class Serving(Generic[P]):
 
     async def _keep(self, model: PlantModel) -> None:
         """Commit the model, however long the store takes."""
-        stored = StoredPlant(replaces=_digest(self._file), model=model.to_json())
+        stored = StoredPlant(file=self._file.digest, model=model.to_json())
         changes = Changes()
-        changes.documents[KIND, ""] = stored.model_dump_json()
+        changes.documents[KIND, ""] = stored.model_dump_json(exclude_defaults=True)
         done = asyncio.Event()
         self._store.commit(changes, done.set)
         await done.wait()
@@ -179,25 +183,37 @@ class Serving(Generic[P]):
         """Give the model that a host has put here, unless the file has changed since."""
         document = (await self._store.documents(KIND)).get("")
         if document is None:
-            return self._file
+            return self._file.model
         try:
             stored = StoredPlant.model_validate_json(document)
-            if stored.replaces == _digest(self._file):
-                return PlantModel.from_json(stored.model)
+            model = PlantModel.from_json(stored.model)
         except ValidationError:
             log.exception("the plant model in the store cannot be read; that of the file is taken")
-            return self._file
-        log.warning("the file of the plant model has changed: it counts, and not what a host had put")
-        return self._file
+            return self._file.model
+        if not stored.file:
+            await self._keep_from_before(stored, model)
+        elif stored.file != self._file.digest:
+            log.warning("the file of the plant model has changed: it counts, and not what a host had put")
+            return self._file.model
+        return model
+
+    async def _keep_from_before(self, stored: StoredPlant, model: PlantModel) -> None:
+        """Let a model count that an older release has stored, from now on until the file changes.
+
+        Where the digest is another one, the file has changed, or this release only reads it otherwise than
+        the one before. Nobody can tell, and an upgrade alone must not take away what a host has put.
+        """
+        if stored.replaces != sha256(self._file.model.to_json().encode()).hexdigest():
+            log.warning(
+                "an older release has stored the plant model that a host had put; it counts. If the file was "
+                "changed since and is to count, put it: nena plant put FILE"
+            )
+        await self._keep(model)
 
     def _start(self, name: str, work: Any, *, vital: bool = True) -> asyncio.Task[None]:  # noqa: ANN401 - a coroutine
         task = self._supervisor.start(name, work, vital=vital)
         self._tasks.append(task)
         return task
-
-
-def _digest(model: PlantModel) -> str:
-    return sha256(model.to_json().encode()).hexdigest()
 
 
 ChangePlant = Callable[..., Awaitable[None]]

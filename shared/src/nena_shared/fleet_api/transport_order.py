@@ -171,6 +171,8 @@ class TransportOrderStatus(Resource):
     late: bool = False
     """Whether the deadline had passed before it was at its end."""
     dispensable: bool = False
+    automatic: bool = False
+    """Whether the order service has made it by itself, to park a vehicle or to recharge it."""
     peripheral_reservation_token: str | None = None
     dependencies: tuple[str, ...] = ()
     on_dependency_failure: DependencyFailure = DependencyFailure.FAIL

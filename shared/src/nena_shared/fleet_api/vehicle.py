@@ -55,6 +55,15 @@ class PrecisePosition(Resource):
     map_id: str
 
 
+class RobotMap(Resource):
+    """A map that a robot has, in one version."""
+
+    map_id: str
+    map_version: str
+    enabled: bool
+    """Whether the robot uses this version."""
+
+
 class VehicleStatus(Resource):
     """One vehicle as it stands."""
 
@@ -74,6 +83,8 @@ class VehicleStatus(Resource):
     current_position: str | None = None
     """Name of the point that it is at or was at last."""
     precise_position: PrecisePosition | None = None
+    maps: tuple[RobotMap, ...] | None = None
+    """Those that its robot has, by its last state; None: it does not tell."""
     energy_level: float | None = None
     """Percent."""
     transport_order: str | None = None

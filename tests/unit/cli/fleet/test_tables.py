@@ -12,7 +12,13 @@ from nena_shared.fleet_api.delivery import DeliveryPhase, DeliveryStatus
 from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.rerouting import ReroutingAnswer, ReroutingOutcome
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
-from nena_shared.fleet_api.vehicle import PrecisePosition, ProcessingState, VehicleState, VehicleStatus
+from nena_shared.fleet_api.vehicle import (
+    PrecisePosition,
+    ProcessingState,
+    RobotMap,
+    VehicleState,
+    VehicleStatus,
+)
 from support.order_service import NOW, assigned_order, dispatchable_order
 
 
@@ -61,6 +67,10 @@ def test_vehicles_say_where_they_stand_and_why() -> None:
     shown = text_of(tables.vehicles_table([VEHICLE]))
     for part in ("V-1", "ERROR", "1.25, 2.00", "42 %", "has an error; FATAL lost"):
         assert part in shown
+    assert "maps" not in shown
+    maps = tuple(RobotMap(map_id="hall", map_version=each, enabled=each == "2") for each in ("1", "2"))
+    shown = text_of(tables.vehicles_table([VEHICLE, VEHICLE.model_copy(update={"maps": maps})]))
+    assert "hall 1, hall 2" in shown
 
 
 def test_rerouting_says_what_became_of_it() -> None:

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from nena_order_service.dispatch.comparators import CandidateKey, OrderKey
 from nena_order_service.dispatch.dispatcher import BUSY, Decisions, Dispatcher
+from nena_order_service.dispatch.load_room import Carried
 from nena_order_service.dispatch.settings import Chooser, DispatchSettings
 from nena_order_service.dispatch.vehicle import DispatchedVehicle
 from nena_order_service.orders.transport_order import TransportOrder
@@ -49,6 +50,16 @@ def test_intended_vehicle_is_waited_for_and_named() -> None:
     decisions = decide([order], [*vehicles(V1=""), DispatchedVehicle("V-2", "is offline")], Told({"V1": 1}))
     assert pairs(decisions) == {}
     assert decisions.reasons == {"T-1": "waits for vehicle 'V-2', which is offline"}
+
+
+def test_a_load_keeps_a_vehicle_from_orders_that_begin_with_another_one_and_from_no_others() -> None:
+    orders = [dispatchable_order("A:Load", number=1), dispatchable_order("A:Unload", number=2)]
+    loaded = DispatchedVehicle("V1", carried=Carried(("",)))
+    decisions = decide(orders, [loaded], Told({"V1": 1}))
+    assert pairs(decisions) == {"T-2": "V1"}
+    assert decisions.reasons == {
+        "T-1": "waits for a vehicle: each of them carries a load, and has no room for another one"
+    }
 
 
 def test_reason_names_each_kind_of_obstacle_once_and_stays_the_same() -> None:

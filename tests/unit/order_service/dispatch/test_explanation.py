@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from nena_order_service.dispatch.dispatcher import BUSY
 from nena_order_service.dispatch.explanation import COULD, explain
+from nena_order_service.dispatch.load_room import Carried
 from nena_order_service.dispatch.vehicle import DispatchedVehicle
 from support.dispatching import Told, vehicles
 from support.order_service import assigned_order, dispatchable_order
@@ -38,3 +39,10 @@ def test_who_is_not_meant_is_told_who_is() -> None:
 def test_who_does_it_is_said() -> None:
     found = explain(assigned_order(vehicle="V-1"), vehicles(**{"V-1": BUSY}), TOLD)
     assert [(each.fits, each.reason) for each in found] == [(True, "does it")]
+
+
+def test_a_load_that_is_in_the_way_is_told() -> None:
+    loaded = [DispatchedVehicle("near", carried=Carried(("",)))]
+    (pick,), (drop,) = (explain(dispatchable_order(stop), loaded, TOLD) for stop in ("A:Load", "A:Unload"))
+    assert (pick.fits, pick.reason) == (False, "carries a load, and has no room for another one")
+    assert (drop.fits, drop.reason) == (True, COULD)

@@ -50,6 +50,61 @@ async def test_energy_decides_who_may_and_not_at_all_where_it_is_not_respected()
     assert fleet.sent[0][0] == "V1"
 
 
+@pytest.mark.clause("7.8/loads")
+async def test_a_vehicle_that_kept_a_load_drops_it_before_it_picks_up_another_one() -> None:
+    kernel, fleet = await make(energy={"respected": False})
+    fleet.fields["V1"] = {"loads": ({"load_id": "of a failed order"},)}
+    fleet.appear("V1", "A")
+    kernel.create(request("B:Load", "C:Unload", intendedVehicle="V1"), "T")
+    order = kernel.book.named("T")
+    assert order
+    carries = "carries a load, and has no room for another one"
+    assert order.status.reason == f"waits for vehicle 'V1', which {carries}"
+    assert [each.reason for each in kernel.explain(order) if each.vehicle == "V1"] == [carries]
+
+    kernel.create(request("B:Unload", intendedVehicle="V1"), "drop")
+    assert [mission.mission_id for _, mission in fleet.sent] == ["drop-0"]
+    del fleet.fields["V1"]
+    fleet.finish("V1")
+    assert [mission.mission_id for _, mission in fleet.sent] == ["drop-0", "T-0"]
+
+
+async def test_a_vehicle_gets_no_order_before_its_map_is_enabled() -> None:
+    kernel, fleet = await make(energy={"respected": False})
+    told = {"map_id": "map", "map_version": "2"}
+    fleet.fields["V1"] = {"maps": ({**told, "map_status": "DISABLED"},)}
+    fleet.appear("V1", "A")
+    kernel.create(request("B", intendedVehicle="V1"), "T")
+    vehicle = kernel.registry.named("V1")
+    assert vehicle
+    assert fleet.sent == []
+    assert kernel.status(vehicle).reason == "has no version of map 'map' enabled (enableMap)"
+    fleet.fields["V1"] = {"maps": ({**told, "map_status": "ENABLED"},)}
+    fleet.appear("V1", "A")
+    assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
+
+    kernel, fleet = await make(energy={"respected": False}, maps_respected=False)
+    fleet.fields["V1"] = {"maps": ({**told, "map_status": "DISABLED"},)}
+    kernel.create(request("B", intendedVehicle="V1"), "T")
+    assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
+
+
+async def test_the_end_of_a_load_starts_a_decision_and_the_setting_switches_all_off() -> None:
+    kernel, fleet = await make(energy={"respected": False})
+    fleet.fields["V1"] = {"loads": ({"load_id": ""},)}
+    fleet.appear("V1", "A")
+    kernel.create(request("B:Load", intendedVehicle="V1"), "T")
+    assert fleet.sent == []
+    fleet.fields["V1"] = {"loads": ()}
+    fleet.appear("V1", "A")
+    assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
+
+    kernel, fleet = await make(energy={"respected": False}, loads_respected=False)
+    fleet.fields["V1"] = {"loads": ({"load_id": ""},)}
+    kernel.create(request("B:Load", intendedVehicle="V1"), "T")
+    assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
+
+
 async def test_keys_of_the_settings_decide_who_is_taken() -> None:
     kernel, fleet = await make(energy={"critical": 0}, vehicle_candidates=["BY_ENERGY_LEVEL"])
     fleet.fields["V1"] = power(40)

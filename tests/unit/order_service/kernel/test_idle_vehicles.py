@@ -197,6 +197,16 @@ async def test_a_vehicle_that_recharges_inside_of_its_order_is_told_to_cancel() 
     assert fleet.sent[-1][1].mission_id == "T-0"
 
 
+async def test_an_order_of_a_host_is_never_called_away_whatever_its_name_and_type() -> None:
+    kernel, fleet = await make({"V1": "D"}, charge=95)
+    asked = request("D:Charge", type="Charge", intended_vehicle="V1")
+    order = kernel.create(asked, "Recharge-1")
+    fleet.operate("V1")
+    kernel.create(request("C"), "T")
+    assert fleet.cancelled == []
+    assert kernel.book.get(order.number).state is S.BEING_PROCESSED
+
+
 async def test_a_charger_that_is_held_in_vain_is_asked_for_where_energy_is_critical() -> None:
     kernel, fleet = await make({"V1": "A", "V2": "D"})
     fleet.fields["V2"] = power(99, charging=True)

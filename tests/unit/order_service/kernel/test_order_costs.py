@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from math import inf
 
+from nena_order_service.dispatch.load_room import Pick
 from nena_order_service.dispatch.way import WayFinder
 from nena_order_service.fleet import OperationMap
 from nena_order_service.kernel.missions import MissionPlanner
@@ -13,6 +14,7 @@ from nena_order_service.kernel.sequences import Sequences
 from nena_order_service.kernel.steps import Steps
 from nena_order_service.kernel.vehicle_book import VehicleBook
 from nena_order_service.kernel.vehicles import VehicleRegistry
+from nena_order_service.orders.automatic import park_request
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing import Router
 from nena_shared.clock import ManualClock
@@ -65,7 +67,22 @@ def test_automatic_orders_ask_for_no_type() -> None:
     assert vehicle
     fit.accept(vehicle, (AcceptableOrderType(name="Transport"),))
     assert "accepts no orders of type 'Park'" in known.misfit(dispatchable_order(type="Park"), "V1")
-    own = dispatchable_order(type="Park", name="Park-1", intended_vehicle="V1")
+    asked = park_request("V1", "A")
+    own = TransportOrder.created(asked, number=1, name="Park-1", now=NOW, automatic=True)
     assert known.misfit(own, "V1") == ""
+    of_a_host = dispatchable_order(type="Park", name="Park-1", intended_vehicle="V1")
+    assert "accepts no orders of type 'Park'" in known.misfit(of_a_host, "V1")
     assert known.recharges(dispatchable_order("A:Charge"))
     assert not known.recharges(dispatchable_order("A"))
+
+
+def test_what_an_order_begins_with_picking_up_is_what_comes_before_any_drop() -> None:
+    known, *_ = knowledge()
+    assert known.pick(dispatchable_order("A", "B:Load", "C:Unload")) == Pick()
+    assert known.pick(dispatchable_order("A", "C:Unload", "B:Load")) is None
+    assert known.pick(dispatchable_order("A")) is None
+    assert known.pick(assigned_order("A:Load", "B:Unload").drive_order_finished(0, NOW)) is None
+    told = [{"key": "loadType", "value": "pallet"}, {"key": "lhd", "value": "fork"}]
+    asked = {"locationName": "A", "operation": "Load", "properties": told}
+    order = dispatchable_order(destinations=[asked])
+    assert known.pick(order) == Pick("pallet", "fork")

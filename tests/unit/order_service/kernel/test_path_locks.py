@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import asyncio
+
 import pytest
 
 from nena_order_service.app import OrderService
@@ -22,5 +24,16 @@ async def test_lock_of_a_path_that_is_gone_is_passed_over(service: OrderService)
 async def test_lock_holds_only_when_it_is_committed(service: OrderService) -> None:
     name = service.kernel.plant.paths[0].name
     locked = await service.locks.set(name, locked=True)
+    assert locked.locked
+    assert await service.store.path_locks() == {name: True}
+
+
+async def test_lock_that_is_under_way_when_the_kernel_closes_is_answered(service: OrderService) -> None:
+    name = service.kernel.plant.paths[0].name
+
+    async def close() -> None:
+        service.kernel.close("the plant model is being changed")
+
+    locked, _ = await asyncio.gather(service.locks.set(name, locked=True), close())
     assert locked.locked
     assert await service.store.path_locks() == {name: True}

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import pytest
+
 from nena_order_service.kernel import Kernel
+from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
@@ -14,6 +19,22 @@ PLANT = PlantModel(
     paths=tuple(path(ends, 4000, max_reverse_velocity_mm_s=1000) for ends in ("A B", "B C", "C D", "D E")),
     vehicles=(Vehicle(name="V1"), Vehicle(name="V2")),
 )
+
+S = TransportOrderState
+
+
+def with_vehicles(**robots: str) -> PlantModel:
+    """Give the plant with other vehicles: names by the serial numbers of their robots."""
+    named = tuple(
+        Vehicle(name=name, properties={"vda5050:serialNumber": robot}) for robot, name in robots.items()
+    )
+    return PLANT.model_copy(update={"vehicles": named})
+
+
+def told(kernel: Kernel, name: str) -> TransportOrderStatus:
+    order = kernel.book.visible_named(name)
+    assert order
+    return order.status
 
 
 def held(kernel: Kernel, name: str) -> list[str]:
@@ -141,3 +162,76 @@ async def test_places_that_the_plant_has_no_more_are_forgotten() -> None:
 
     assert held(kernel, "V1") == ["A", "B"]
     assert "V2" not in kernel.desk
+
+
+@pytest.mark.parametrize(
+    "plant", [with_vehicles(V1="Truck", V2="V2"), with_vehicles(V1="V2", V2="V1")], ids=["new", "swapped"]
+)
+async def test_an_order_stays_with_its_robot_that_is_called_otherwise_since(plant: PlantModel) -> None:
+    store = MemoryStore()
+    await before(store, ahead=0)
+    now_called = plant.vehicles[0].name
+    fleet = ScriptedFleet({"V1": "A", "V2": "E"})
+    kernel = await make_kernel(plant, store, fleet)
+    for name, at in tuple(fleet.at.items()):
+        fleet.appear(name, at)
+    order = kernel.book.named("T-1")
+    assert order
+    assert told(kernel, "T-1").processing_vehicle == now_called
+
+    kernel.hold(order.number, "Ann", "tea")
+    assert fleet.cancelled == ["V1"]
+    fleet.confirm_cancel("V1")
+    kernel.resume(order.number, "Ann", "go")
+    assert [robot for robot, _ in fleet.sent] == ["V1"]
+    fleet.finish("V1")
+    assert told(kernel, "T-1").state is S.FINISHED
+    assert told(kernel, "T-1").reason == f"done by vehicle {now_called}"
+
+
+async def test_an_order_of_a_robot_that_is_no_vehicle_any_more_is_held_and_ends() -> None:
+    store = MemoryStore()
+    await before(store, ahead=0)
+    fleet = ScriptedFleet({"V1": "A", "V2": "E"})
+    kernel = await make_kernel(with_vehicles(V2="V2"), store, fleet)
+    order = kernel.book.named("T-1")
+    assert order
+
+    kernel.hold(order.number, "Ann", "tea")
+    assert fleet.cancelled == ["V1"]
+    fleet.confirm_cancel("V1")
+    assert told(kernel, "T-1").state is S.FAILED
+    assert told(kernel, "T-1").reason == "there is no vehicle 'V1' any more"
+
+
+async def test_an_order_of_which_nothing_was_sent_is_not_done_by_a_robot_that_works_on_another() -> None:
+    store = MemoryStore()
+    await before(store, ahead=0)
+    fleet = ScriptedFleet({"V1": "A", "V2": "E"})
+    kernel = await make_kernel(PLANT, store, fleet)
+    for name, at in tuple(fleet.at.items()):
+        fleet.appear(name, at)
+    order = kernel.book.named("T-1")
+    assert order
+    kernel.hold(order.number, "Ann", "tea")
+    fleet.confirm_cancel("V1")
+    kernel.create(request("D", intendedVehicle="V2"), "T-2")
+
+    again = await make_kernel(with_vehicles(V2="V1"), store, ScriptedFleet({"V2": "E"}))
+
+    assert told(again, "T-1").state is S.FAILED
+    assert "'V1' is another robot now" in told(again, "T-1").reason
+    assert (told(again, "T-2").state, told(again, "T-2").processing_vehicle) == (S.BEING_PROCESSED, "V1")
+
+
+async def test_what_depends_on_an_order_that_is_lost_fails_with_it() -> None:
+    store = MemoryStore()
+    await before(store)
+    kernel = await make_kernel(PLANT, store, ScriptedFleet({}))
+    kernel.create(request("D", dependencies=["T-1"]), "T-2")
+    store.found = replace(store.found, missions={1: "spoilt"})
+
+    again = await make_kernel(PLANT, store, ScriptedFleet({}))
+
+    assert told(again, "T-1").reason == "what had been sent to the vehicle cannot be read"
+    assert told(again, "T-2").state is S.FAILED

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 from nena_order_service.orders.automatic import (
     automatic_name,
-    is_automatic,
     is_automatic_recharge,
     park_request,
     recharge_request,
@@ -16,15 +15,14 @@ RECHARGE = recharge_request("V1", "Dock", "Charge", dispensable=False)
 
 
 def made(request: TransportOrderRequest) -> TransportOrder:
-    return TransportOrder.created(request, number=1, name=automatic_name(request), now=NOW)
+    return TransportOrder.created(request, number=1, name=automatic_name(request), now=NOW, automatic=True)
 
 
 def test_orders_are_named_by_what_they_are_for() -> None:
     park, recharge = made(PARK), made(RECHARGE)
     assert park.name.startswith("Park-")
     assert recharge.name.startswith("Recharge-")
-    assert (is_automatic(park), is_automatic_recharge(park)) == (True, False)
-    assert (is_automatic(recharge), is_automatic_recharge(recharge)) == (True, True)
+    assert (is_automatic_recharge(park), is_automatic_recharge(recharge)) == (False, True)
     assert automatic_name(PARK) != automatic_name(PARK)
 
 
@@ -34,6 +32,8 @@ def test_parking_is_dispensable_and_recharging_is_as_the_energy_has_it() -> None
     assert recharge_request("V1", "Dock", "Charge", dispensable=True).dispensable
 
 
-def test_orders_of_hosts_are_their_own() -> None:
-    assert not is_automatic(dispatchable_order(type="Park", intended_vehicle="V1", name="Mine"))
-    assert not is_automatic(dispatchable_order(type="Charge", name="Recharge-1"))
+def test_orders_of_hosts_are_their_own_whatever_their_names() -> None:
+    name = automatic_name(RECHARGE)
+    order = dispatchable_order("Dock:Charge", type="Charge", intended_vehicle="V1", name=name)
+    assert not order.status.automatic
+    assert not is_automatic_recharge(order)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from pathlib import Path
+from typing import Any
 
 import pytest
 from alembic.autogenerate import compare_metadata
@@ -12,6 +13,8 @@ from sqlalchemy import text
 from sqlalchemy.exc import SQLAlchemyError
 
 from nena_order_service.kernel.mission_record import MissionRecord
+from nena_order_service.orders.automatic import park_request
+from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import schema
 from nena_order_service.store.database import (
     OrderFilter,
@@ -25,7 +28,7 @@ from nena_order_service.store.database import (
 from nena_order_service.store.engine import make_engine
 from nena_order_service.store.errors import StoreError
 from nena_order_service.store.migration import migrate
-from support.order_service import dispatchable_order
+from support.order_service import NOW, dispatchable_order
 from support.stores import changes, first_store
 
 
@@ -108,3 +111,30 @@ def test_tables_of_another_program_in_the_same_database_are_left_alone(url: str)
     write(engine, changes((dispatchable_order(), None)))
     with engine.connect() as connection:
         assert connection.execute(text("SELECT version FROM schema_version")).scalar() == 7
+
+
+@pytest.mark.parametrize(
+    ("name", "fields", "automatic"),
+    [
+        ("Park-0123456789abcdef012345", {}, True),
+        ("Recharge-0123456789abcdef012345", {"type": "Charge"}, True),
+        ("Park-1", {}, False),
+        ("Recharge-0123456789abcdef012345", {}, False),
+        ("Park-0123456789abcdef012345", {"on_failure": None}, False),
+        ("Park-0123456789abcdef012345", {"intended_vehicle": None}, False),
+        ("Park-0123456789abcdef012345", {"idempotency_key": "of a host"}, False),
+    ],
+)
+def test_orders_that_an_older_release_has_made_by_itself_are_known(
+    url: str, name: str, fields: dict[str, Any], *, automatic: bool
+) -> None:
+    asked = park_request("V1", "P").model_copy(update=fields)
+    order = TransportOrder.created(asked, number=1, name=name, now=NOW)
+    engine = open_database(url)
+    write(engine, changes((order, None)))
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE order_service_version SET version_num = '0005'"))
+    found = read_order(open_database(url), name=name)
+    assert found is not None
+    assert found.status.automatic is automatic
+    assert found.status.model_copy(update={"automatic": False}) == order.status

@@ -19,6 +19,7 @@ from nena_order_service.dispatch.comparators import (
     rank_orders,
     rank_vehicles,
 )
+from nena_order_service.dispatch.load_room import Pick
 from nena_order_service.dispatch.settings import Chooser, DispatchSettings
 from nena_order_service.dispatch.vehicle import DispatchedVehicle
 from nena_order_service.dispatch.way_costs import WayCost
@@ -47,6 +48,10 @@ class Knowledge(Protocol):
 
     def recharges(self, order: TransportOrder) -> bool:
         """Tell whether the next thing that an order asks for is to recharge."""
+        ...
+
+    def pick(self, order: TransportOrder) -> Pick | None:
+        """Give what an order begins with picking up; None: it picks up nothing, or drops something first."""
         ...
 
     def cost(self, order: TransportOrder, vehicle: str) -> WayCost:
@@ -136,6 +141,7 @@ class _Round:
         self._kept = kept
         self._assigned: set[int] = set()
         self._restricted = any(each.restriction for each in vehicles.values())
+        self._loaded = any(each.carried for each in vehicles.values())
 
     @property
     def free(self) -> int:
@@ -160,7 +166,7 @@ class _Round:
         for order in orders:
             if order.number in self._assigned:
                 continue
-            kind = (*_kind(order), self._recharges(order))
+            kind = (*_kind(order), self._recharges(order), self._pick(order))
             if kind in nobody and order.number not in self._kept:
                 self.decisions.reasons[order.name] = nobody[kind]
                 continue
@@ -208,11 +214,17 @@ class _Round:
         if intended not in (None, vehicle.name):
             return "is not the vehicle that is asked for"
         misfit = self._knowledge.misfit(order, vehicle.name)
-        return misfit or vehicle.why_not(order, recharges=self._recharges(order))
+        if misfit:
+            return misfit
+        return vehicle.why_not(order, recharges=self._recharges(order), pick=self._pick(order))
 
     def _recharges(self, order: TransportOrder) -> bool:
         """Tell whether an order is one to recharge, where that makes a difference."""
         return self._restricted and self._knowledge.recharges(order)
+
+    def _pick(self, order: TransportOrder) -> Pick | None:
+        """Give what an order begins with picking up, where that makes a difference."""
+        return self._knowledge.pick(order) if self._loaded else None
 
     def _why(self, best: Candidate, choices: int) -> str:
         if self._intended(best.order) is not None:
@@ -232,7 +244,7 @@ _Kind = tuple[object, ...]
 def _kind(order: TransportOrder) -> _Kind:
     status = order.status
     who = (status.intended_vehicle, status.wrapping_sequence, status.excluded_vehicles)
-    return *who, status.type, status.dispensable
+    return *who, status.type, status.dispensable, status.automatic
 
 
 def _nobody_free(intended: str | None, hindrances: Mapping[str, str]) -> str:

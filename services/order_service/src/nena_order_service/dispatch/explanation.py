@@ -50,8 +50,8 @@ def _fit(
     ):
         if wanted not in (None, vehicle.name):
             return VehicleFit(vehicle.name, fits=False, reason=why)
-    recharges = knowledge.recharges(order)
-    reason = knowledge.misfit(order, vehicle.name) or vehicle.why_not(order, recharges=recharges)
+    recharges, pick = knowledge.recharges(order), knowledge.pick(order)
+    reason = knowledge.misfit(order, vehicle.name) or vehicle.why_not(order, recharges=recharges, pick=pick)
     if reason:
         return VehicleFit(vehicle.name, fits=False, reason=reason)
     cost = knowledge.cost(order, vehicle.name).complete

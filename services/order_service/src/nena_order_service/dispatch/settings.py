@@ -112,6 +112,16 @@ class DispatchSettings(SettingsGroup):
     deadline_at_risk: float = Field(
         60.0, ge=0, description="Seconds before an order's deadline from which on it is at risk."
     )
+    loads_respected: bool = Field(
+        default=True,
+        description="Whether vehicles whose robots report loads, and have no room for another one, take no "
+        "orders that begin with picking one up. false: for robots that report loads wrongly.",
+    )
+    maps_respected: bool = Field(
+        default=True,
+        description="Whether vehicles whose robots report maps, but not their vehicle's map as enabled, take "
+        "no orders. false: for robots that call their maps otherwise there than in their positions.",
+    )
     energy: EnergySettings = Field(
         default_factory=EnergySettings, description="What is done by the energy of vehicles."
     )

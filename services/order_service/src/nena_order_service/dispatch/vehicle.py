@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
+from nena_order_service.dispatch.load_room import Carried, Pick
 from nena_order_service.dispatch.order_types import type_priority
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.fleet_api.order_types import ANY_ORDER_TYPE, AcceptableOrderType
@@ -29,16 +30,19 @@ class DispatchedVehicle:
     """Number of the order for which it gives up a dispensable one; it takes no other."""
     order_types: tuple[AcceptableOrderType, ...] = ANY_ORDER_TYPE
     """The types of orders that it accepts."""
+    carried: Carried | None = None
+    """The loads that it has; None: none, or nobody knows."""
 
     def type_priority(self, order: TransportOrder) -> float:
         """Give the priority that orders of this type have here, less is better; infinity: it accepts none."""
         priority = type_priority(self.order_types, order.status.type)
         return inf if priority is None else priority
 
-    def why_not(self, order: TransportOrder, *, recharges: bool) -> str:
+    def why_not(self, order: TransportOrder, *, recharges: bool, pick: Pick | None = None) -> str:
         """Say, as a predicate, why it does not take this order now; empty if it may.
 
-        ``recharges``: the next thing that the order asks for is to recharge.
+        ``recharges``: the next thing that the order asks for is to recharge. ``pick``: what it is to pick up
+        first, None: nothing before it drops something.
         """
         if self.obstacle:
             return self.obstacle
@@ -48,4 +52,4 @@ class DispatchedVehicle:
             return self.restriction
         if self.gives_up and order.status.dispensable:
             return "has a dispensable order itself"
-        return ""
+        return self.carried.why_no_room(pick) if self.carried and pick else ""

@@ -16,8 +16,11 @@ NO_ACTION: Final = ""
 
 RECHARGE_ACTION: Final = "startCharging"
 
-STATION_ACTIONS: Final = frozenset({"pick", "drop"})
-"""Actions that hand a load over at a station."""
+PICK: Final = "pick"
+DROP: Final = "drop"
+
+STATION_ACTIONS: Final = frozenset({PICK, DROP})
+"""Actions that take and give loads, at a station."""
 
 DEFAULT_ACTION_TYPES: Final[Mapping[str, str]] = MappingProxyType(
     {

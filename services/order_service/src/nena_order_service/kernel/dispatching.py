@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from nena_order_service.dispatch.dispatcher import BUSY, Assignment, Dispatcher
 from nena_order_service.dispatch.energy import Energy
 from nena_order_service.dispatch.explanation import VehicleFit, explain
+from nena_order_service.dispatch.load_room import carried
 from nena_order_service.dispatch.settings import DispatchSettings
 from nena_order_service.dispatch.vehicle import DispatchedVehicle
 from nena_order_service.dispatch.way import Way, WayFinder
@@ -18,6 +19,7 @@ from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.kernel.order_costs import KnownCosts, OrderKnowledge
 from nena_order_service.kernel.order_fit import OrderFit
+from nena_order_service.kernel.robot_maps import why_not_on
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
 from nena_order_service.orders.automatic import is_automatic_recharge
 from nena_order_service.orders.transport_order import TransportOrder
@@ -29,7 +31,7 @@ from nena_shared.plant import PlantModel
 NO_ORDER = "has nothing to do: no order waits"
 NO_ORDER_FITS = (
     "has nothing to do: the orders that wait are for other vehicles or of types that it does not accept, "
-    "or it cannot reach them"
+    "or it cannot reach them, or has no room for what is to be picked up"
 )
 GIVES_UP = "gives up a dispensable order first"
 STANDS_STILL = (VehicleState.UNKNOWN, VehicleState.UNAVAILABLE, VehicleState.ERROR)
@@ -48,7 +50,8 @@ class Candidate:
     def matters(self) -> tuple[object, ...]:
         """What makes a difference for who gets which order; energy alone does not."""
         seen = self.seen
-        return seen.obstacle, seen.restriction, seen.gives_up, self.standing and self.standing.point
+        where = self.standing and self.standing.point
+        return seen.obstacle, seen.restriction, seen.gives_up, seen.carried, where
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +83,8 @@ class Dispatching:
     ) -> None:
         self._dispatcher = Dispatcher(settings)
         self._energy = settings.energy
+        self._loads_respected = settings.loads_respected
+        self._maps_respected = settings.maps_respected
         self._registry = registry
         self._book = book
         self._missions = missions
@@ -171,6 +176,7 @@ class Dispatching:
             gives_up=order.name if order else "",
             kept_for=next((number for number, name in self._kept.items() if name == vehicle.name), None),
             order_types=self._fit.order_types(vehicle),
+            carried=carried(view.state, view.factsheet) if view.state and self._loads_respected else None,
         )
         return Candidate(vehicle, seen, standing)
 
@@ -187,10 +193,16 @@ class Dispatching:
         if order is None:
             obstacle = self._driving.obstacle(vehicle)
             free = view.availability.can_take_order
-            return obstacle or ("" if free else view.availability.reason)
+            return obstacle or ("" if free else view.availability.reason) or self._lacks_map(vehicle, view)
         if view.link is not LinkStatus.ONLINE or view.vehicle_state in STANDS_STILL:
             return BUSY
         return self._driving.obstacle_at(vehicle)
+
+    def _lacks_map(self, vehicle: FleetVehicle, view: RobotView) -> str:
+        """Say that a robot cannot drive on the vehicle's own map; others it refuses itself."""
+        if view.state is None or not self._maps_respected:
+            return ""
+        return why_not_on(vehicle.profile.map_id, view.state)
 
     def _order_of(self, vehicle: FleetVehicle) -> TransportOrder | None:
         number = self._missions.order_number(vehicle.key)

@@ -9,6 +9,7 @@ from typing import Protocol
 
 from nena_order_service.fleet import LinkStatus, NotLocatedError, RobotView
 from nena_order_service.fleet.failure_kind import FailureKind
+from nena_order_service.fleet.operations import DROP, PICK
 from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
 from nena_order_service.orders import mending
@@ -25,9 +26,6 @@ log = get_logger(__name__)
 
 POLICY = "failure policy"
 """Who holds an order that a vehicle has failed at."""
-
-PICK, DROP = "pick", "drop"
-"""Actions that take and give loads (VDA 5050 3.0 section 6.2.3)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +97,7 @@ class FailureFlow:
 
     def failed(self, order: TransportOrder, failure: Failure) -> None:
         """Do what the policy says about an order whose vehicle has failed."""
-        if self._registry.named(order.vehicle) is None:
+        if self._registry.employed(order.vehicle) is None:
             why = f"there is no vehicle {order.vehicle!r} any more; {failure.words}"
             self._flow.end(order.failed(why, self._clock.now()))
             return

@@ -255,8 +255,7 @@ class Kernel:
         )
         with self.step():
             recovery.take_up_vehicles()
-            for order in found.orders:
-                self._orders.take_up(order, found.missions.get(order.number), recovery)
+            self._orders.take_up(found.orders, found.missions, recovery)
             self._rerouting.keep_off_locked_paths()
         await self.steps.committed()
         log.info("orders taken up", unfinished=len(found.orders), last_number=found.last_number)

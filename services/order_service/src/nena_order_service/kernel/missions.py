@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from nena_order_service.dispatch.load_room import Pick
 from nena_order_service.dispatch.way import Leg, Way, WayFinder
 from nena_order_service.fleet import (
     Mission,
@@ -14,7 +15,7 @@ from nena_order_service.fleet import (
     locate,
     mission_id,
 )
-from nena_order_service.fleet.operations import fresh_id
+from nena_order_service.fleet.operations import DROP, PICK, fresh_id
 from nena_order_service.fleet.standing import NotLocatedError
 from nena_order_service.kernel.vehicles import FleetVehicle
 from nena_order_service.orders.transport_order import TransportOrder
@@ -73,6 +74,17 @@ class MissionPlanner:
     def recharges(self, order: TransportOrder) -> bool:
         """Tell whether the next thing that an order asks for is to recharge."""
         return self._operations.recharges(order.current.destination.operation)
+
+    def pick(self, order: TransportOrder) -> Pick | None:
+        """Give what an order begins with picking up; None: it picks up nothing, or drops something first."""
+        for each in order.status.drive_orders[order.index :]:
+            action_type = self._operations.action_type(each.destination.operation)
+            if action_type == PICK:
+                told = {each.key: each.value for each in each.destination.properties}
+                return Pick(told.get("loadType", ""), told.get("lhd", ""))
+            if action_type == DROP:
+                return None
+        return None
 
     def locked_out(self, order: TransportOrder, vehicle: FleetVehicle, standing: Standing) -> str:
         """Say that only locks of hosts keep a vehicle from where an order is to go on; empty otherwise."""

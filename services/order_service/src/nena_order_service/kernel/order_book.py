@@ -102,6 +102,11 @@ class OrderBook:
         """Give an order as it is; None if it is not here."""
         return self._orders.get(number)
 
+    def is_over(self, number: int) -> bool:
+        """Tell whether an order is at its end."""
+        order = self._orders.get(number)
+        return order is None or order.state.final
+
     def named(self, name: str) -> TransportOrder | None:
         """Give the order of this name as it is; None if it is not here."""
         number = self._by_name.get(name)

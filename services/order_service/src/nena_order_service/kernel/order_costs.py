@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
+from nena_order_service.dispatch.load_room import Pick
 from nena_order_service.dispatch.way import WayFinder
 from nena_order_service.dispatch.way_costs import OrderCosts, WayCost, WayCosts
 from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.order_fit import OrderFit
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
-from nena_order_service.orders.automatic import is_automatic
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing import NoRouteError
 from nena_shared.fleet_api.transport_order import Destination
@@ -69,11 +69,15 @@ class OrderKnowledge:
     def misfit(self, order: TransportOrder, vehicle: str) -> str:
         """Say, as a predicate, why a vehicle must not do an order at all; empty where it may."""
         known = self._costs.registry.named(vehicle)
-        return "" if known is None or is_automatic(order) else self._fit.misfit(order, known)
+        return "" if known is None or order.status.automatic else self._fit.misfit(order, known)
 
     def recharges(self, order: TransportOrder) -> bool:
         """Tell whether the next thing that an order asks for is to recharge."""
         return self._planner.recharges(order)
+
+    def pick(self, order: TransportOrder) -> Pick | None:
+        """Give what an order begins with picking up; None: it picks up nothing, or drops something first."""
+        return self._planner.pick(order)
 
     def cost(self, order: TransportOrder, vehicle: str) -> WayCost:
         """Give the cost of a vehicle's way through an order's destinations; infinity where there is none."""

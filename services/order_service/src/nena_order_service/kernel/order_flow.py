@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from nena_order_service.dispatch.way import Way, WayFinder
 from nena_order_service.fleet import (
@@ -80,8 +80,8 @@ class OrderFlow:
         self._steps = steps
         self._clock = clock
         self._view = view
-        self._deadlines = Deadlines()
-        self._timeouts = OrderTimeouts()
+        self._deadlines = Deadlines(book.is_over)
+        self._timeouts = OrderTimeouts(book.is_over)
         self._failures = FailureFlow(
             self, policy=policy, registry=registry, planner=planner, clock=clock, view=view
         )
@@ -104,20 +104,22 @@ class OrderFlow:
         request: TransportOrderRequest,
         name: str,
         ended: Mapping[str, TransportOrderState] | None = None,
+        *,
+        automatic: bool = False,
     ) -> TransportOrder:
         """Make an order from a request that was checked, and dispatch it if it can be.
 
         ``ended`` are the final states of dependencies that are not at hand any more.
         """
-        now = self._clock.now()
-        order = TransportOrder.created(request, number=self._book.next_number(), name=name, now=now)
+        now, number = self._clock.now(), self._book.next_number()
+        order = TransportOrder.created(request, number=number, name=name, now=now, automatic=automatic)
         why = self._finder.why_unroutable(request.destinations, order.resources_to_avoid)
         order = order.unroutable(why, now) if why else order.activated()
         self._sequences.append(order)
         order = order if why else self._conditions.begin(order, ended or {})
         self._book.put(order)
-        self._deadlines.watch(order)
         if not order.state.final:
+            self._deadlines.watch(order)
             self._timeouts.watch(order)
         if order.state is TransportOrderState.DISPATCHABLE and not order.held:
             # Whatever is free was looked at for all the others before.
@@ -129,7 +131,7 @@ class OrderFlow:
 
         An order that does not begin at once is not kept: what the vehicle needs may be another one by then.
         """
-        order = self._book.get(self.create(request, automatic_name(request)).number)
+        order = self._book.get(self.create(request, automatic_name(request), automatic=True).number)
         begun = order.state is TransportOrderState.BEING_PROCESSED
         if not begun and not order.state.final:
             self.withdraw(order, "its vehicle did not begin it", immediate=True)
@@ -255,32 +257,51 @@ class OrderFlow:
                 self.tell_hindrance(vehicle)
         self._dispatch([each for each in self._book.dispatchable() if not each.held])
 
-    def take_up(self, order: TransportOrder, document: str | None, recovery: Recovery) -> None:
-        """Take up an order from before a restart; what the robots say decides how it goes on."""
-        self._deadlines.watch(order)
-        self._timeouts.watch(order)
-        if order.state in (TransportOrderState.ACTIVE, TransportOrderState.DISPATCHABLE):
-            self._take_up_waiting(order)
-            return
-        order = order.adopted(self._clock.now())
-        self._book.put(order)
-        if document is None:
-            self._take_up_unsent(order)
-            return
+    def take_up(
+        self, orders: Iterable[TransportOrder], missions: Mapping[int, str], recovery: Recovery
+    ) -> None:
+        """Take up orders from before a restart; what the robots say decides how they go on.
+
+        The youngest come first, so that those that wait for others are there when these fail; and last
+        come those of which a robot has nothing, for robots may have got other vehicles' names since.
+        """
+        waiting = (TransportOrderState.ACTIVE, TransportOrderState.DISPATCHABLE)
+        unsent: list[TransportOrder] = []
+        for order in sorted(orders, key=lambda order: -order.number):
+            self._deadlines.watch(order)
+            self._timeouts.watch(order)
+            if order.state in waiting:
+                self._take_up_waiting(order)
+            elif (document := missions.get(order.number)) is not None:
+                self._take_up_sent(order, document, recovery)
+            else:
+                unsent.append(order)
+        for order in unsent:
+            self._take_up_unsent(order.adopted(self._clock.now()))
+
+    def _take_up_sent(self, order: TransportOrder, document: str, recovery: Recovery) -> None:
+        now = self._clock.now()
         try:
-            recovery.take_up_mission(order, document)
+            vehicle = recovery.take_up_mission(order, document)
         except LostMissionError:
-            self.end(order.failed("what had been sent to the vehicle cannot be read", self._clock.now()))
+            words = "what had been sent to the vehicle cannot be read"
+            self.end(order.adopted(now).failed(words, now))
+        else:
+            self._book.put(order.adopted(now, vehicle.name))
 
     def _take_up_unsent(self, order: TransportOrder) -> None:
         """Let an order go on whose vehicle was not sent the next mission yet."""
-        vehicle = self._registry.named(order.vehicle)
+        vehicle = self._registry.employed(order.vehicle)
         if order.state is TransportOrderState.WITHDRAWN:
             words = f"withdrawn, and the vehicle was at nothing for it: {why_withdrawn(order.status)}"
             self.end(order.failed(words, self._clock.now()))
         elif vehicle is None:
             self.end(order.failed(f"there is no vehicle {order.vehicle!r} any more", self._clock.now()))
+        elif self._missions.order_number(vehicle.key) is not None:
+            words = f"vehicle {order.vehicle!r} is another robot now, which works on another order"
+            self.end(order.failed(words, self._clock.now()))
         else:
+            self._book.put(order)
             self._missions.assign(order, vehicle.key)
             self._pauses.begin(vehicle, order)
 
@@ -296,7 +317,7 @@ class OrderFlow:
 
     def go_on(self, order: TransportOrder, *, again: bool = False) -> None:
         """Drive to the current destination, ``again`` or for the first time, unless the order has to wait."""
-        vehicle = self._registry.named(order.vehicle)
+        vehicle = self._registry.employed(order.vehicle)
         if vehicle is None:
             self.end(order.failed(f"there is no vehicle {order.vehicle!r} any more", self._clock.now()))
             return

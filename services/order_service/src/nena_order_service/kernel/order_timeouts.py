@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from datetime import datetime, timedelta
 
+from nena_order_service.kernel.due_times import DueTimes
 from nena_order_service.orders.transport_order import TransportOrder
 
 
 class OrderTimeouts:
     """Knows when orders are due to be ended, in UTC, so that restarts change nothing about it."""
 
-    def __init__(self) -> None:
-        self._ends: dict[int, datetime] = {}
+    def __init__(self, is_over: Callable[[int], bool]) -> None:
+        """``is_over`` tells whether the order of a number is at its end."""
+        self._times = DueTimes(is_over)
 
     def watch(self, order: TransportOrder) -> None:
         """Take notice of an order that is new, or that was given to a vehicle."""
         if end := _end(order):
-            self._ends[order.number] = end
+            self._times.watch(order.number, end)
 
-    def take_due(self, now: datetime) -> Iterator[int]:
+    def take_due(self, now: datetime) -> list[int]:
         """Give the numbers of orders whose time is over, once each; some may have ended before."""
-        due = [number for number, end in self._ends.items() if end <= now]
-        for number in due:
-            del self._ends[number]
-        yield from due
+        return self._times.take(now)
 
 
 def reason(order: TransportOrder, now: datetime) -> str:

@@ -25,6 +25,7 @@ class PathLocks:
         *,
         apply: Callable[[Mapping[str, bool]], None],
         changed: Callable[[], None],
+        closed: Callable[[], str],
         commit_timeout: float,
     ) -> None:
         """Begin with what the plant model says.
@@ -34,6 +35,7 @@ class PathLocks:
             store: where it is kept.
             apply: is given all that hosts have said, by the paths' names, whenever that changes.
             changed: is told when a host has changed it.
+            closed: says why nothing is changed here any more; empty while things are.
             commit_timeout: seconds that the store has to take a change.
 
         """
@@ -41,6 +43,7 @@ class PathLocks:
         self._store = store
         self._apply = apply
         self._changed = changed
+        self._closed = closed
         self._commit_timeout = commit_timeout
         self._locks: dict[str, bool] = {}
 
@@ -70,6 +73,8 @@ class PathLocks:
         path = self._path(name)
         if not self._store.ready:
             raise StoreNotReadyError(self._store.why_not_ready)
+        if closed := self._closed():
+            raise StoreNotReadyError(closed)  # those locks count from now on that were committed before
         changes = Changes()
         changes.path_locks[name] = locked
         done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
@@ -85,9 +90,10 @@ class PathLocks:
         self._locks[name] = locked
         log.info("path locked" if locked else "path unlocked", path=name)
         self._apply(self._locks)
-        self._changed()
         if not done.done():
             done.set_result(None)
+        if not self._closed():  # else the new parts take it up from the store
+            self._changed()
 
     def _path(self, name: str) -> Path:
         path = self._plant.paths_by_name.get(name)

@@ -14,7 +14,7 @@ from nena_order_service.kernel.ports import FleetControl
 from nena_order_service.kernel.restart_gate import RestartGate
 from nena_order_service.kernel.steps import Steps
 from nena_order_service.kernel.vehicle_book import VehicleBook
-from nena_order_service.kernel.vehicles import VehicleRegistry
+from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.traffic.desk import TrafficDesk
 from nena_order_service.traffic.resources import ResourceSet
@@ -51,16 +51,16 @@ class Recovery:
             if record.evasion:
                 self._resume(record.evasion)
 
-    def take_up_mission(self, order: TransportOrder, document: str) -> None:
-        """Take up an order's mission. Raises LostMissionError."""
+    def take_up_mission(self, order: TransportOrder, document: str) -> FleetVehicle:
+        """Take up an order's mission; gives the vehicle that its robot is now. Raises LostMissionError."""
         try:
             record = MissionRecord.model_validate_json(document)
         except ValidationError as error:
             raise LostMissionError from error
         self.missions.assign(order, record.robot)
-        self._resume(record)
+        return self._resume(record)
 
-    def _resume(self, record: MissionRecord) -> None:
+    def _resume(self, record: MissionRecord) -> FleetVehicle:
         self.missions.load(record)
         vehicle = self.registry.discover(record.robot)
         if vehicle.name not in self.desk:
@@ -75,6 +75,7 @@ class Recovery:
         )
         if record.cancelled:
             self.steps.after_commit(lambda: self.fleet.cancel_mission(record.robot))
+        return vehicle
 
 
 NOWHERE = ResourceSet("", 0, {})

@@ -6,6 +6,7 @@ from datetime import datetime
 
 from nena_order_service.fleet import NotLocatedError, RobotView, locate
 from nena_order_service.fleet.reported import ErrorEntry, State
+from nena_order_service.kernel.robot_maps import robot_maps
 from nena_order_service.kernel.vehicles import FleetVehicle
 from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.vehicle import IntegrationLevel, PrecisePosition, ProcessingState, VehicleStatus
@@ -39,6 +40,7 @@ def vehicle_status(
         operating_mode=state.operating_mode if state else None,
         current_position=_current_position(vehicle, state, plant) if state else None,
         precise_position=_precise_position(vehicle, state) if state else None,
+        maps=robot_maps(state) if state else None,
         energy_level=state.power_supply.state_of_charge if state else None,
         transport_order=transport_order,
         order_sequence=order_sequence,

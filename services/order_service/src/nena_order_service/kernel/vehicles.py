@@ -59,6 +59,11 @@ class VehicleRegistry:
         """Give the vehicle of this name; None if there is none."""
         return None if name is None else self._by_name.get(name)
 
+    def employed(self, name: str | None) -> FleetVehicle | None:
+        """Give the vehicle of this name if it may have orders; None: it may not, or there is none."""
+        vehicle = self.named(name)
+        return None if vehicle is None or vehicle.obstacle else vehicle
+
     def of(self, key: RobotKey) -> FleetVehicle | None:
         """Give the vehicle that is this robot; None if it was never discovered."""
         return self._by_key.get(key)

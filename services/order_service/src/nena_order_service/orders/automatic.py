@@ -13,7 +13,7 @@ from nena_shared.fleet_api.transport_order import Destination, TransportOrderReq
 PARK_TYPE: Final = "Park"
 RECHARGE_TYPE: Final = "Charge"
 PREFIXES: Final = {PARK_TYPE: "Park-", RECHARGE_TYPE: "Recharge-"}
-"""What the names of these orders begin with, by their types."""
+"""What the names of these orders begin with, by their types; for people: hosts may name theirs so, too."""
 
 JUST_FAIL: Final = (FailureStep(do=FailureMeasure.FAIL),)
 """A new one is made where it is still needed."""
@@ -43,15 +43,9 @@ def recharge_request(
     )
 
 
-def is_automatic(order: TransportOrder) -> bool:
-    """Tell whether the order service made an order by itself, whatever types its vehicle accepts."""
-    prefix = PREFIXES.get(order.status.type)
-    return prefix is not None and order.name.startswith(prefix) and order.status.intended_vehicle is not None
-
-
 def is_automatic_recharge(order: TransportOrder) -> bool:
-    """Tell whether the order service made an order to recharge a vehicle."""
-    return order.status.type == RECHARGE_TYPE and is_automatic(order)
+    """Tell whether the order service made an order by itself, to recharge a vehicle."""
+    return order.status.automatic and order.status.type == RECHARGE_TYPE
 
 
 def automatic_name(request: TransportOrderRequest) -> str:

@@ -79,13 +79,22 @@ class TransportOrder:
     idempotency_key: str | None = None
 
     @classmethod
-    def created(cls, request: TransportOrderRequest, *, number: int, name: str, now: datetime) -> Self:
-        """Make a RAW order."""
+    def created(
+        cls,
+        request: TransportOrderRequest,
+        *,
+        number: int,
+        name: str,
+        now: datetime,
+        automatic: bool = False,
+    ) -> Self:
+        """Make a RAW order; ``automatic``: no host has asked for it."""
         status = TransportOrderStatus(
             name=name,
             version=1,
             state=S.RAW,
             reason="has just been created",
+            automatic=automatic,
             drive_orders=tuple(
                 DriveOrderStatus(destination=destination, state=DriveOrderState.PRISTINE)
                 for destination in request.destinations
@@ -289,11 +298,16 @@ class TransportOrder:
         entry = self.entry(now, EventCode.DEADLINE_PASSED)
         return self.changed(late=True, reason=self.status.reason, history=(*self.status.history, entry))
 
-    def adopted(self, now: datetime) -> Self:
-        """Note that it has been taken up again after a restart of the order service."""
+    def adopted(self, now: datetime, vehicle: str | None = None) -> Self:
+        """Note that it has been taken up again after a restart of the order service.
+
+        ``vehicle`` is what its vehicle is called now, where the plant model has changed; None: as before.
+        """
         self.require("adopting", S.BEING_PROCESSED, S.WITHDRAWN)
-        entry = self.entry(now, EventCode.ADOPTED_AFTER_RESTART, f"vehicle {self.vehicle}")
-        return self.changed(history=(*self.status.history, entry))
+        vehicle = vehicle or self.vehicle
+        before = "" if vehicle == self.vehicle else f", which was {self.vehicle}"
+        entry = self.entry(now, EventCode.ADOPTED_AFTER_RESTART, f"vehicle {vehicle}{before}")
+        return self.changed(processing_vehicle=vehicle, history=(*self.status.history, entry))
 
     def with_current(self, drive_order: DriveOrderStatus) -> tuple[DriveOrderStatus, ...]:
         """Give its drive orders with another one in place of the current one."""

@@ -1,0 +1,30 @@
+from __future__ import annotations
+
+from datetime import timedelta
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_order_service.kernel.due_times import FIRST_SWEEP, DueTimes
+from support.order_service import NOW
+
+
+def test_what_is_watched_of_orders_that_are_over_is_dropped_long_before_its_time() -> None:
+    living: set[int] = set(range(100, 200))
+    times = DueTimes(lambda number: number not in living)
+    for number in range(20_000):
+        times.watch(number, NOW + timedelta(days=1, seconds=number))
+        assert len(times) <= max(FIRST_SWEEP, 2 * len(living))
+    assert times.take(NOW + timedelta(days=1, seconds=150)) == list(range(100, 151))
+
+
+@given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 9)), max_size=200))
+def test_the_last_time_of_each_order_counts_and_once(watched: list[tuple[int, int]]) -> None:
+    times = DueTimes(lambda _: False)
+    for number, seconds in watched:
+        times.watch(number, NOW + timedelta(seconds=seconds))
+    last = dict(watched)
+    for second in range(10):
+        due = times.take(NOW + timedelta(seconds=second))
+        assert sorted(due) == sorted(number for number, seconds in last.items() if seconds == second)
+    assert len(times) == 0
