@@ -122,8 +122,8 @@ def _measure_load(port: int, pid: int, url: str, seconds: float) -> dict[str, An
         _pass_time(2.0)
         processes = {"aggregator": pid, "bare_subscriber": bare.pid}
         resting = _half_second(processes)
-        steady = _cost(processes, resting, sender, int(STEADY_RATE * seconds), STEADY_RATE, url)
-        flood = _cost(processes, resting, sender, FLOOD_STATES, FLOOD_RATE, url)
+        steady = _cost(processes, resting, sender, int(STEADY_RATE * seconds), STEADY_RATE, url=url)
+        flood = _cost(processes, resting, sender, FLOOD_STATES, FLOOD_RATE, url=url)
         rss = psutil.Process(pid).memory_info().rss / 1e6
         scrape = _scrapes(pid, url)
         lost = sender.sent - int(_metric(url, "nena_messages_received_total"))
@@ -169,7 +169,13 @@ class _Sender:
 
 
 def _cost(
-    processes: dict[str, int], resting: dict[str, float], sender: _Sender, number: int, rate: float, url: str
+    processes: dict[str, int],
+    resting: dict[str, float],
+    sender: _Sender,
+    number: int,
+    rate: float,
+    *,
+    url: str,
 ) -> Figures:
     """Give the CPU that each process takes per state, µs, and how many times the yardstick's that is."""
     before = _cpu(processes)
