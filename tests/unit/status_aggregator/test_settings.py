@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from nena_shared.settings import ConfigurationError, load
@@ -28,3 +30,51 @@ def test_a_single_value_leaves_its_neighbours_alone(monkeypatch: pytest.MonkeyPa
 def test_a_wrong_value_is_named() -> None:
     with pytest.raises(ConfigurationError, match="robots_limit"):
         loaded("--robots_limit", "0")
+
+
+OIDC = ("--http.oidc.issuer", "https://login.example", "--http.oidc.audience", "nena")
+
+
+def test_an_issuer_is_off_until_it_is_named() -> None:
+    assert loaded().http.oidc is None
+    oidc = loaded(*OIDC).http.oidc
+    assert oidc is not None
+    assert (oidc.issuer, oidc.client_id, oidc.roles["nena-admin"]) == ("https://login.example", None, "admin")
+
+
+def test_a_table_of_roles_is_the_sites_own(tmp_path: Path) -> None:
+    file = tmp_path / "settings.toml"
+    file.write_text(
+        '[http.oidc]\nissuer = "https://login.example"\naudience = "nena"\n'
+        'roles_claim = "groups"\n[http.oidc.roles]\n"/fleet/lead" = "admin"\n'
+    )
+    oidc = loaded("--config", str(file)).http.oidc
+    assert oidc is not None
+    assert (oidc.roles_claim, oidc.roles) == ("groups", {"/fleet/lead": "admin"})
+
+
+@pytest.mark.parametrize(
+    ("more", "complaint"),
+    [
+        (("--http.oidc.client_id", "panel"), "belong together"),
+        (("--http.oidc.panel_url", "https://fleet.example/"), "belong together"),
+        (("--http.oidc.panel_url", "http://fleet.example/"), "panel_url.*https"),
+        (("--http.oidc.scopes", "profile"), "openid"),
+        (("--http.oidc.algorithms", "HS256"), "algorithms"),
+    ],
+)
+def test_an_issuer_that_would_be_no_protection_is_refused(more: tuple[str, ...], complaint: str) -> None:
+    with pytest.raises(ConfigurationError, match=complaint):
+        loaded(*OIDC, *more)
+
+
+def test_the_panels_password_comes_from_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "secret"
+    file.write_text("quiet\n")
+    panel = ("--http.oidc.client_id", "panel", "--http.oidc.panel_url", "https://fleet.example/")
+    oidc = loaded(*OIDC, *panel, "--http.oidc.client_secret_file", str(file)).http.oidc
+    assert oidc is not None
+    assert (oidc.secret(), "quiet" in repr(oidc)) == ("quiet", False)
+    public = loaded(*OIDC, *panel).http.oidc
+    assert public is not None
+    assert public.secret() is None

@@ -12,6 +12,7 @@ from fastapi import FastAPI
 from starlette.types import ASGIApp
 
 from nena_order_service.asyncapi import document
+from nena_order_service.beginning import has_begun
 from nena_order_service.dispatch.way import WayFinder
 from nena_order_service.event_stream import EventStream
 from nena_order_service.fleet import FleetLink, OperationMap, RobotAddresses
@@ -30,6 +31,7 @@ from nena_order_service.rest.bodies import Readiness
 from nena_order_service.rest.opentcs import app as opentcs
 from nena_order_service.rest.roles import role_needed
 from nena_order_service.rest.standby import make_standby_app
+from nena_order_service.rest.starting import make_starting_app
 from nena_order_service.retained_sweep import RetainedSweep
 from nena_order_service.routing import Router, evaluators
 from nena_order_service.serving import ChangePlant, Serving
@@ -198,17 +200,29 @@ async def _serve_alone(settings: OrderServiceSettings, plant: PlantFile, stop: a
     url = settings.store.location()
     lock = InstanceLock.take(url)
     store = Store(open_database(url), lock)
+    http = HttpServer(_guarded(make_starting_app(lambda: store.why_not_ready), settings), settings.http)
+    begun = False
+    answering: asyncio.Task[None] | None = None
     async with Supervisor() as supervisor:
         serving = _serving(settings, plant, store, supervisor)
-        await serving.begin()
-        http = HttpServer(_guarded(serving.parts.app, settings), settings.http)
-        answering = supervisor.start("http", http.run())
         serving.show = lambda app: setattr(http, "app", _guarded(app, settings))
+
+        def answer() -> None:
+            nonlocal answering
+            answering = answering or supervisor.start("http", http.run())
+
         try:
-            await supervisor.wait(stop)
+            begun = await has_begun(
+                serving.begin(), supervisor, stop, waits=lambda: not store.ready, tell=answer
+            )
+            if begun:
+                serving.show(serving.parts.app)
+                answer()
+                await supervisor.wait(stop)
         finally:
-            await _end_answering(http, answering, serving)
-            await _shut_down(serving.parts)
+            await _end_answering(http, answering, serving if begun else None)
+            if begun:
+                await _shut_down(serving.parts)
     store.close()
 
 
@@ -268,10 +282,13 @@ async def _take_over(
 
 
 async def _end_answering(
-    http: HttpServer, answering: asyncio.Task[None], serving: Serving[OrderService] | None
+    http: HttpServer, answering: asyncio.Task[None] | None, serving: Serving[OrderService] | None
 ) -> None:
     if serving:
         serving.parts.stream.close()
+    if answering is None:
+        http.close()
+        return
     http.stop()
     await asyncio.wait({answering}, timeout=SHUTDOWN_PATIENCE + 1)
 

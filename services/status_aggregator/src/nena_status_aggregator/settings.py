@@ -3,19 +3,62 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, HttpUrl, SecretStr
+from pydantic import AfterValidator, BeforeValidator, Field, HttpUrl, SecretStr, model_validator
 
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix, secret_in
+from nena_shared.web.oidc.settings import OidcSettings, ProtectedPlace
 from nena_shared.web.settings import HttpSettings
 from nena_status_aggregator.share import Share
+
+
+class PanelOidcSettings(OidcSettings):
+    """Whose access tokens count, and how people get one at the panel."""
+
+    client_id: str | None = Field(
+        None, description="As what the issuer knows the panel; none: nobody signs in there by the issuer."
+    )
+    client_secret: SecretStr | None = Field(
+        None, description="The panel's password at the issuer; none: a public client, by PKCE alone."
+    )
+    client_secret_file: Path | None = Field(None, description="File that holds the panel's password there.")
+    panel_url: ProtectedPlace | None = Field(
+        None,
+        description="Where browsers have the panel, e.g. https://fleet.example/; the issuer is to send them "
+        "back to api/v1/session/oidc/callback below it.",
+    )
+    scopes: tuple[str, ...] = Field(("openid", "profile"), description="What the panel asks the issuer for.")
+
+    @model_validator(mode="after")
+    def _together(self) -> Self:
+        if (self.client_id is None) is not (self.panel_url is None):
+            message = "client_id and panel_url belong together: give both, or none"
+            raise ValueError(message)
+        if "openid" not in self.scopes:
+            message = "scopes: without openid it is no sign-in"
+            raise ValueError(message)
+        return self
+
+    def secret(self) -> str | None:
+        """Give the panel's password, from the file where one is named.
+
+        Raises:
+            ConfigurationError: the file cannot be read, or is empty.
+
+        """
+        if self.client_secret_file is not None:
+            return secret_in(self.client_secret_file, "http.oidc.client_secret_file")
+        return self.client_secret.get_secret_value() if self.client_secret else None
 
 
 class AggregatorHttpSettings(HttpSettings):
     """Where page, API and metrics are."""
 
     port: int = Field(8080, ge=0, le=65535, description="TCP port to listen on; 0 takes a free one.")
+    oidc: PanelOidcSettings | None = Field(
+        None, description="An OpenID Connect issuer whose tokens count beside those of http.users."
+    )
 
 
 class EventSettings(SettingsGroup):

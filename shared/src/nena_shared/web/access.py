@@ -8,6 +8,7 @@ from functools import partial
 from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
 from math import ceil
+from typing import Protocol
 
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -16,6 +17,9 @@ from nena_shared.clock import Clock, SystemClock
 from nena_shared.log import get_logger
 from nena_shared.settings import ConfigurationError
 from nena_shared.web.lasting_answer import LastingAnswer
+from nena_shared.web.oidc.enabled import access_tokens_of
+from nena_shared.web.oidc.errors import IssuerAwayError, NoRoleError, TokenRefusedError
+from nena_shared.web.oidc.person import OidcUser
 from nena_shared.web.problem import refusal
 from nena_shared.web.rate_limit import RateLimit
 from nena_shared.web.settings import HttpSettings
@@ -26,12 +30,28 @@ log = get_logger(__name__)
 COOKIE = "nena_token"
 """Where a browser keeps its token: out of reach of scripts, and never sent from other sites' pages."""
 
+DOTS_OF_JWT = 2
+"""In a token of an issuer; in none of NeNa's own."""
+
+ISSUER_RETRY = 10
+"""Seconds after which it is worth while to show a token again that could not be checked."""
+
 WRONG_TOKENS_PER_SECOND = 0.2
 WRONG_TOKENS_AT_ONCE = 10
 """How often an address may show a token that nobody has."""
 
+KnownUser = User | OidcUser
+
 RoleNeeded = Callable[[str, str], Role | None]
 """Tells from method and path what a request takes; None: it is for everybody."""
+
+
+class TokenReader(Protocol):
+    """Knows users by tokens that somebody else has made."""
+
+    async def who(self, token: str) -> OidcUser:
+        """Give whose token it is; raises what is in :mod:`nena_shared.web.oidc.errors`."""
+        ...
 
 
 class Refused(Exception):  # noqa: N818 - it is an answer, no fault
@@ -46,16 +66,18 @@ class Refused(Exception):  # noqa: N818 - it is an answer, no fault
 
 @dataclass(slots=True)
 class AccessControl:
-    """ASGI middleware; leaves the :class:`User` in ``request.state.user``, None where nobody is known."""
+    """ASGI middleware; leaves who asks in ``request.state.user``, None where nobody is known."""
 
     app: ASGIApp
     settings: HttpSettings
     role_needed: RoleNeeded
     book: UserBook | None
-    """Who may log in; None: nobody has to."""
+    """Who may log in by a token of NeNa's own."""
     clock: Clock = field(default_factory=SystemClock)
     cookies: bool = False
     """Whether a browser may show its token as a cookie: only where requests of other pages are refused."""
+    oidc: TokenReader | None = None
+    """Who knows an issuer's tokens. Without it and ``book`` nobody has to log in."""
     _requests: RateLimit = field(init=False)
     _wrong_tokens: RateLimit = field(init=False)
 
@@ -67,62 +89,91 @@ class AccessControl:
         """Let a request through, or answer 401, 403, 429 or 503."""
         if scope["type"] == "http":
             try:
-                scope.setdefault("state", {})["user"] = self._let_in(scope)
+                scope.setdefault("state", {})["user"] = await self._let_in(scope)
             except Refused as error:
                 answer = refusal(error.status, error.detail, error.headers)
                 await answer(scope, receive, send)
                 return
-            if scope["method"] == "GET" and self.book and scope["state"]["user"]:
+            if scope["method"] == "GET" and self._asks and scope["state"]["user"]:
                 may_stay = partial(self._may_stay, scope)
                 lasting = LastingAnswer(receive, send, allowed=may_stay, clock=self.clock)
                 receive, send = lasting.receive, lasting.send
         await self.app(scope, receive, send)
 
-    def _let_in(self, scope: Scope) -> User | None:
+    @property
+    def _asks(self) -> bool:
+        return self.book is not None or self.oidc is not None
+
+    async def _let_in(self, scope: Scope) -> KnownUser | None:
         address = scope["client"][0] if scope.get("client") else "unknown"
         headers = Headers(scope=scope)
         role = self.role_needed(scope["method"], scope["path"])
         token = token_of(headers, cookies=self.cookies)
-        user = self._who(token, address) if token and role else None
-        self._check_rate(self._requests, f"user {user.name}" if user else address, self.clock.monotonic())
-        if self.book is None or role is None:
+        user = await self._who(token, address) if token and role else None
+        self._check_rate(self._requests, f"user {user.known_as}" if user else address, self.clock.monotonic())
+        if not self._asks or role is None:
             return user
         if user is None:
-            detail = "Log in: send your token as `Authorization: Bearer TOKEN`."
-            raise Refused(HTTPStatus.UNAUTHORIZED, detail, **{"www-authenticate": 'Bearer realm="NeNa"'})
+            raise _unknown("Log in: send your token as `Authorization: Bearer TOKEN`.")
         if user.role < role:
             detail = f"{user.name} is {user.role.name.lower()}; this takes the role {role.name.lower()}."
             raise Refused(HTTPStatus.FORBIDDEN, detail)
         if role > Role.VIEWER:
-            log.info("command let in", user=user.name, method=scope["method"], path=scope["path"])
+            log.info("command let in", user=user.known_as, method=scope["method"], path=scope["path"])
         return user
 
     def _may_stay(self, scope: Scope) -> bool:
         """Tell whether somebody who was let in would be let in again."""
+        user = scope["state"]["user"]
+        stays = self.clock.now() < user.expires if isinstance(user, OidcUser) else self._is_still_in(scope)
+        if not stays:
+            log.info("an answer ends: its user may no longer have it", user=user.known_as)
+        return stays
+
+    def _is_still_in(self, scope: Scope) -> bool:
         role = self.role_needed(scope["method"], scope["path"])
         token = token_of(Headers(scope=scope), cookies=self.cookies)
         try:
             user = self.book.who(token) if self.book else None
         except ConfigurationError:
-            user = None
-        if user is None or (role and user.role < role):
-            log.info("an answer ends: its user may no longer have it", user=scope["state"]["user"].name)
             return False
-        return True
+        return user is not None and (role is None or user.role >= role)
 
-    def _who(self, token: str, address: str) -> User | None:
-        if self.book is None:
-            return None
+    async def _who(self, token: str, address: str) -> KnownUser | None:
+        user = self._own(token) or await self._of_issuer(token, address)
+        if user is None and self._asks:
+            log.warning("a token that nobody has", address=address)
+            self._check_rate(self._wrong_tokens, address, self.clock.monotonic())
+        return user
+
+    def _own(self, token: str) -> User | None:
         try:
-            user = self.book.who(token)
+            return self.book.who(token) if self.book else None
         except ConfigurationError as error:
             log.error("nobody is let in: the file of users cannot be used", problems=error.problems)  # noqa: TRY400
             detail = "The file of users cannot be used; the service's log says why."
             raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, detail) from error
-        if user is None:
-            log.warning("a token that nobody has", address=address)
+
+    async def _of_issuer(self, token: str, address: str) -> OidcUser | None:
+        if self.oidc is None or token.count(".") != DOTS_OF_JWT:
+            return None
+        try:
+            return await self.oidc.who(token)
+        except TokenRefusedError as error:
+            log.warning("a token of the OIDC issuer that does not count", address=address, reason=str(error))
             self._check_rate(self._wrong_tokens, address, self.clock.monotonic())
-        return user
+            detail = f"The token is not accepted: {error}. Sign in again."
+            raise _unknown(detail, "invalid_token") from error
+        except NoRoleError as error:
+            log.warning("somebody without a role", address=address, reason=str(error))
+            raise Refused(HTTPStatus.FORBIDDEN, str(error)) from error
+        except IssuerAwayError as error:
+            detail = (
+                "The token cannot be checked, since the OIDC issuer cannot be asked; the service's log says "
+                "why. Tokens of NeNa's own count meanwhile."
+            )
+            wait = {"retry-after": str(ISSUER_RETRY)}
+            raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, detail, **wait) from error
 
     def _check_rate(self, limit: RateLimit, asker: str, now: float, *, cost: float = 1.0) -> None:
         if seconds := limit.wait(asker, now, cost=cost):
@@ -130,14 +181,20 @@ class AccessControl:
             raise Refused(HTTPStatus.TOO_MANY_REQUESTS, detail, **{"retry-after": str(ceil(seconds))})
 
 
+def _unknown(detail: str, error: str = "") -> Refused:
+    challenge = 'Bearer realm="NeNa"' + (f', error="{error}"' if error else "")
+    return Refused(HTTPStatus.UNAUTHORIZED, detail, **{"www-authenticate": challenge})
+
+
 def protect(app: ASGIApp, settings: HttpSettings, role_needed: RoleNeeded) -> AccessControl:
     """Put access control before ``app``, with the users that the settings name.
 
     Raises:
-        ConfigurationError: the file of users cannot be used.
+        ConfigurationError: the file of users cannot be used, or the libraries for an issuer are missing.
 
     """
-    return AccessControl(app, settings, role_needed, users_of(settings))
+    oidc = access_tokens_of(settings)
+    return AccessControl(app, settings, role_needed, users_of(settings), oidc=oidc)
 
 
 def token_of(headers: Headers, *, cookies: bool) -> str:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from ipaddress import ip_address
-
 from nena_shared.settings import ConfigurationError
+from nena_shared.web.addresses import is_loopback
 from nena_shared.web.settings import HttpSettings
 
 
@@ -25,15 +24,9 @@ def check_exposure(settings: HttpSettings) -> None:
                 f"{where}, without TLS. Set http.tls_certificate and http.tls_key; or http.reverse_proxy = "
                 "true where a proxy does TLS and nobody gets past it; or listen on 127.0.0.1."
             )
-        if settings.users is None:
-            problems.append(f"{where}, without a login. Set http.users (see `nena-deploy user add`).")
+        if settings.users is None and settings.oidc is None:
+            problems.append(
+                f"{where}, without a login. Set http.users (see `nena-deploy user add`) or http.oidc.issuer."
+            )
     if problems:
         raise ConfigurationError(problems)
-
-
-def is_loopback(host: str) -> bool:
-    """Tell whether only this machine reaches ``host``; a name other than localhost may lead anywhere."""
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"

@@ -7,6 +7,7 @@ from pathlib import Path
 from pydantic import Field
 
 from nena_shared.settings import SettingsGroup
+from nena_shared.web.oidc.settings import OidcSettings
 
 
 class HttpSettings(SettingsGroup):
@@ -22,6 +23,9 @@ class HttpSettings(SettingsGroup):
     first_user: bool = Field(
         default=False,
         description="Where the file of users is missing, make it with an admin; its token is put beside it.",
+    )
+    oidc: OidcSettings | None = Field(
+        None, description="An OpenID Connect issuer whose tokens count beside those of http.users."
     )
     tls_certificate: Path | None = Field(None, description="PEM file with the service's certificate: https.")
     tls_key: Path | None = Field(None, description="PEM file with the key of the certificate.")

@@ -62,6 +62,11 @@ class User(BaseModel):
     role: Annotated[Role, BeforeValidator(_role)]
     token_sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
 
+    @property
+    def known_as(self) -> str:
+        """What tells them from all others."""
+        return self.name
+
 
 class _File(BaseModel):
     model_config = ConfigDict(extra="forbid")

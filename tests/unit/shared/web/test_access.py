@@ -1,18 +1,23 @@
 from __future__ import annotations
 
+from collections.abc import AsyncIterator, Iterator
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import httpx
 import pytest
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from nena_shared.clock import ManualClock
-from nena_shared.web.access import COOKIE, WRONG_TOKENS_AT_ONCE, AccessControl, reading_or
+from nena_shared.clock import ManualClock, SystemClock
+from nena_shared.web.access import COOKIE, WRONG_TOKENS_AT_ONCE, AccessControl, protect, reading_or
+from nena_shared.web.oidc.enabled import access_tokens_of
+from nena_shared.web.oidc.settings import OidcSettings
 from nena_shared.web.settings import HttpSettings
 from nena_shared.web.users import Role, User, UserBook, hash_of, write_users
+from support.oidc_issuer import AUDIENCE, DISCOVERY, LIFE, OidcIssuer, oidc_issuer
 
 RULE = reading_or(Role.OPERATOR, everybody=frozenset({"/healthz"}))
 REQUESTS = 30
@@ -139,3 +144,114 @@ async def test_a_broken_file_of_users_closes_the_door(door: Door) -> None:
     assert answer.status_code == 503
     assert str(door.file) not in answer.text
     assert (await door.ask("GET", "/healthz")).status_code == 200
+
+
+@pytest.fixture
+def issuer() -> Iterator[OidcIssuer]:
+    """Give an issuer on loopback, which stands in for Keycloak and its like."""
+    with oidc_issuer() as made:
+        yield made
+
+
+def guarded(issuer: OidcIssuer, users: Path | None = None) -> httpx.AsyncClient:
+    app = Starlette(routes=[Route("/{path:path}", who, methods=["GET", "POST"])])
+    oidc = OidcSettings(issuer=issuer.address, audience=AUDIENCE)
+    access = protect(app, HttpSettings(port=0, users=users, oidc=oidc), RULE)
+    return httpx.AsyncClient(transport=httpx.ASGITransport(access), base_url="http://door")
+
+
+def showing(token: str) -> dict[str, str]:
+    return {"authorization": f"Bearer {token}"}
+
+
+async def test_tokens_of_the_issuer_count_beside_our_own(door: Door, issuer: OidcIssuer) -> None:
+    async with guarded(issuer, door.file) as client:
+        assert (await client.post("/orders", headers=showing(issuer.token("ann")))).json() == "ann"
+        assert (await client.get("/orders", headers=showing(issuer.token("vic")))).json() == "vic"
+        assert (await client.post("/orders", headers=showing("OPERATOR"))).json() == "operator"
+
+        refused = await client.post("/orders", headers=showing(issuer.token("vic")))
+        assert (refused.status_code, refused.json()["detail"]) == (
+            403,
+            "vic is viewer; this takes the role operator.",
+        )
+
+
+async def test_with_an_issuer_alone_one_has_to_log_in_too(issuer: OidcIssuer) -> None:
+    async with guarded(issuer) as client:
+        for headers in ({}, showing("VIEWER")):
+            assert (await client.get("/orders", headers=headers)).status_code == 401
+        assert (await client.get("/healthz")).status_code == 200
+        assert (await client.get("/orders", headers=showing(issuer.token("vic")))).status_code == 200
+
+
+async def test_a_token_that_does_not_count_is_401_with_the_reason(issuer: OidcIssuer) -> None:
+    async with guarded(issuer) as client:
+        answer = await client.get("/orders", headers=showing(issuer.token("ann", exp=1)))
+
+    assert answer.status_code == 401
+    assert answer.json()["detail"] == "The token is not accepted: it has expired. Sign in again."
+    assert answer.headers["www-authenticate"] == 'Bearer realm="NeNa", error="invalid_token"'
+
+
+async def test_without_a_role_it_is_403_and_says_what_to_do(issuer: OidcIssuer) -> None:
+    async with guarded(issuer) as client:
+        answer = await client.get("/orders", headers=showing(issuer.token("bob")))
+
+    assert answer.status_code == 403
+    assert "Ask whoever runs the issuer" in answer.json()["detail"]
+
+
+async def test_an_issuer_that_is_away_keeps_nobody_else_out(door: Door, issuer: OidcIssuer) -> None:
+    issuer.broken[DISCOVERY] = b"gone"
+    async with guarded(issuer, door.file) as client:
+        answer = await client.get("/orders", headers=showing(issuer.token("ann")))
+        assert (answer.status_code, answer.headers["retry-after"]) == (503, "10")
+        assert "issuer cannot be asked" in answer.json()["detail"]
+        assert (await client.post("/orders", headers=showing("OPERATOR"))).status_code == 200
+        assert (await client.get("/orders", headers=showing("wrong"))).status_code == 401
+
+        issuer.broken.clear()
+        assert (await client.post("/orders", headers=showing(issuer.token("ann")))).status_code == 200
+
+
+async def test_made_up_tokens_of_an_issuer_are_not_tried_without_end(issuer: OidcIssuer) -> None:
+    async with guarded(issuer) as client:
+        for _ in range(WRONG_TOKENS_AT_ONCE):
+            assert (await client.get("/orders", headers=showing("made.up.token"))).status_code == 401
+        assert (await client.get("/orders", headers=showing("made.up.token"))).status_code == 429
+        assert (await client.get("/orders", headers=showing(issuer.token("ann")))).status_code == 200
+
+
+class LaterClock(SystemClock):
+    """Runs ``ahead`` of the machine's."""
+
+    ahead = timedelta()
+
+    def monotonic(self) -> float:
+        return super().monotonic() + self.ahead.total_seconds()
+
+    def now(self) -> datetime:
+        return super().now() + self.ahead
+
+
+async def test_an_answer_that_lasts_ends_with_its_token(issuer: OidcIssuer) -> None:
+    clock = LaterClock()
+
+    async def lasting(_: Request) -> Response:
+        async def parts() -> AsyncIterator[bytes]:
+            yield b"first "
+            clock.ahead = timedelta(seconds=2)
+            yield b"second "
+            clock.ahead = timedelta(seconds=LIFE)
+            yield b"third"
+
+        return StreamingResponse(parts())
+
+    settings = HttpSettings(port=0, oidc=OidcSettings(issuer=issuer.address, audience=AUDIENCE))
+    app = Starlette(routes=[Route("/events", lasting)])
+    access = AccessControl(app, settings, RULE, None, clock, oidc=access_tokens_of(settings))
+    async with httpx.AsyncClient(transport=httpx.ASGITransport(access), base_url="http://door") as client:
+        answer = await client.get("/events", headers=showing(issuer.token("vic")))
+
+    assert answer.text == "first second "

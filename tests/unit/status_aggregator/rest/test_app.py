@@ -204,6 +204,7 @@ async def test_the_interface_is_described(client: httpx.AsyncClient) -> None:
         "/api/v1/orders",
         "/api/v1/plant",
         "/api/v1/session",
+        "/api/v1/session/oidc",
         "/api/v1/control",
         "/api/v1/control/{path}",
         "/api/v1/events",

@@ -28,6 +28,9 @@ RULE = make_rule(HttpSettings(port=0))
         ("POST /api/v1/session", Role.VIEWER),
         ("DELETE /api/v1/session", None),
         ("POST /api/v1/session/", Role.OPERATOR),
+        ("GET /api/v1/session/oidc", None),
+        ("GET /api/v1/session/oidc/callback", None),
+        ("GET /api/v1/session/oidcs", Role.VIEWER),
     ],
 )
 def test_what_a_request_takes(request_line: str, role: Role | None) -> None:

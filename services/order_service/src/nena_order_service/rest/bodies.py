@@ -199,8 +199,8 @@ class Readiness(Resource):
     """Whether the order service does its work, and what is missing."""
 
     ready: bool
-    role: Literal["active", "standby"] = "active"
-    """A standby does nothing until the active one has ended; see the guide."""
+    role: Literal["active", "standby", "starting"] = "active"
+    """A standby waits until the active one has ended; one that starts, until its store takes changes."""
     broker_connected: bool
     store_ready: bool
     problems: tuple[str, ...] = ()

@@ -9,6 +9,8 @@ from nena_shared.web.users import Role
 API = "/api/"
 METRICS = "/metrics"
 SESSION = "/api/v1/session"
+SIGN_IN = f"{SESSION}/oidc"
+"""Below it is what a browser needs before anybody is known."""
 
 
 def make_rule(settings: HttpSettings) -> RoleNeeded:
@@ -21,6 +23,8 @@ def make_rule(settings: HttpSettings) -> RoleNeeded:
             return None
         if path == SESSION:  # to log out takes nothing
             return None if method == "DELETE" else Role.VIEWER
+        if path == SIGN_IN or path.startswith(f"{SIGN_IN}/"):
+            return None
         return Role.VIEWER if method in ("GET", "HEAD") else Role.OPERATOR
 
     return needed

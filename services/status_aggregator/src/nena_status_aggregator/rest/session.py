@@ -6,14 +6,21 @@ from then on. Nothing of it is kept here: the token alone says who comes.
 
 from __future__ import annotations
 
+from datetime import datetime
 from http import HTTPStatus
+from math import floor
 
 from fastapi import APIRouter, Request, Response
 from typing_extensions import TypedDict
 
-from nena_shared.web.access import COOKIE, token_of
-from nena_shared.web.users import User
+from nena_shared.clock import Clock, SystemClock
+from nena_shared.web.access import COOKIE, KnownUser, token_of
+from nena_shared.web.oidc.person import OidcUser
+from nena_status_aggregator.rest.problem import ProblemError
 from nena_status_aggregator.rest.roles import SESSION
+
+TOKEN_LIMIT = 3800
+"""Characters of a token that browsers keep: with name and attributes a cookie has at most 4096 bytes."""
 
 
 class Session(TypedDict):
@@ -35,13 +42,11 @@ def make_router() -> APIRouter:
     @router.post("")
     async def log_in(request: Request, response: Response) -> Session:
         """Keep the token of `Authorization: Bearer TOKEN` in the browser, until that is closed."""
-        response.set_cookie(
-            COOKIE,
-            token_of(request.headers, cookies=True),
-            httponly=True,
-            samesite="strict",
-            secure=request.url.scheme == "https",
-        )
+        token = token_of(request.headers, cookies=True)
+        if len(token) > TOKEN_LIMIT:
+            detail = f"Browsers keep no token of {len(token)} characters, only up to {TOKEN_LIMIT}."
+            raise ProblemError(HTTPStatus.BAD_REQUEST, detail)
+        keep(response, token, request.state.user, secure=request.url.scheme == "https")
         return _of(request)
 
     @router.delete("", status_code=HTTPStatus.NO_CONTENT)
@@ -52,6 +57,24 @@ def make_router() -> APIRouter:
     return router
 
 
+def keep(
+    response: Response, token: str, user: KnownUser | None, *, secure: bool, clock: Clock | None = None
+) -> None:
+    """Have the browser keep a token until it is closed, and one of an issuer no longer than it counts."""
+    response.set_cookie(
+        COOKIE,
+        token,
+        max_age=_seconds_left(user.expires, clock or SystemClock()) if isinstance(user, OidcUser) else None,
+        httponly=True,
+        samesite="strict",
+        secure=secure,
+    )
+
+
+def _seconds_left(end: datetime, clock: Clock) -> int:
+    return max(0, floor((end - clock.now()).total_seconds()))
+
+
 def _of(request: Request) -> Session:
-    user: User | None = request.state.user
+    user: KnownUser | None = request.state.user
     return {"user": user.name if user else None, "role": user.role.name.lower() if user else None}

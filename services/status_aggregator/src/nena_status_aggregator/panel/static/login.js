@@ -2,12 +2,14 @@
 
 import { chosenLanguage, t } from "./catalogue.js";
 import { setText } from "./dom.js";
-import { logIn } from "./session.js";
+import { logIn, startAtIssuer } from "./session.js";
 import "./components/language_select.js";
 import "./components/theme_button.js";
 
 document.documentElement.lang = chosenLanguage();
 for (const node of document.querySelectorAll("[data-text]")) node.textContent = t(node.dataset.text);
+
+const PROBLEMS = ["away", "expired", "refused", "role", "unfit"];
 
 const form = document.querySelector("form");
 const problem = document.getElementById("problem");
@@ -19,3 +21,13 @@ form.addEventListener("submit", async (event) => {
   setText(problem, t(refusal));
   form.elements.token.select();
 });
+
+const told = new URLSearchParams(location.search).get("problem");
+if (PROBLEMS.includes(told)) setText(problem, t(`login.problem.${told}`));
+
+const start = await startAtIssuer();
+if (start !== null) {
+  const issuer = document.getElementById("issuer");
+  issuer.href = start;
+  issuer.hidden = false;
+}

@@ -18,6 +18,12 @@ export async function logIn(token) {
   return answer?.status === UNKNOWN ? "login.wrong" : "login.failed";
 }
 
+/** Give where to sign in by the site's issuer; null where there is none. */
+export async function startAtIssuer() {
+  const answer = await fetch(`${URL_OF_SESSION}/oidc`).catch(() => null);
+  return answer?.ok ? (await answer.json()).start : null;
+}
+
 /** Log out, and show the page for logging in. */
 export async function logOut() {
   await fetch(URL_OF_SESSION, { method: "DELETE" }).catch(() => null);

@@ -1,0 +1,124 @@
+"""The issuer as this program knows it: asked when it is needed, remembered for a while."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from jwt import PyJWK
+
+from nena_shared.clock import Clock, SystemClock
+from nena_shared.log import get_logger
+from nena_shared.web.oidc.bounded_http import BoundedHttp
+from nena_shared.web.oidc.errors import IssuerAwayError, TokenRefusedError
+from nena_shared.web.oidc.key_set import KeySet
+from nena_shared.web.oidc.metadata import Metadata, metadata_of, place_of
+from nena_shared.web.oidc.settings import OidcSettings
+from nena_shared.web.oidc.token import Header
+from nena_shared.web.rate_limit import RateLimit
+
+log = get_logger(__name__)
+
+FRESH = 3600.0
+"""Seconds after which the issuer is asked anew; a key that it has taken back counts no longer than that."""
+KEPT = 24 * 3600.0
+"""Seconds for which its keys count while it cannot be asked."""
+LOOKS_PER_SECOND = 0.1
+LOOKS_AT_ONCE = 3
+"""How often it is asked at most, whatever keys tokens name."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    metadata: Metadata
+    keys: KeySet
+    at: float
+    """Seconds of the monotonic clock."""
+
+
+class Issuer:
+    """Gives the issuer's keys and description.
+
+    One request at a time asks it; others go on with what is known.
+    """
+
+    def __init__(self, settings: OidcSettings, clock: Clock | None = None) -> None:
+        """Prepare; nothing is asked yet.
+
+        Raises:
+            ConfigurationError: the file of who vouches for it cannot be used.
+
+        """
+        self.settings = settings
+        self.http = BoundedHttp(settings)
+        self.problem = ""
+        """Why the last look failed; empty when it did not."""
+        self._clock = clock or SystemClock()
+        self._looks = RateLimit(LOOKS_PER_SECOND, LOOKS_AT_ONCE)
+        self._lock = asyncio.Lock()
+        self._known: _Known | None = None
+
+    async def metadata(self) -> Metadata:
+        """Give what it says of itself.
+
+        Raises:
+            IssuerAwayError: it cannot be asked.
+
+        """
+        return (await self._current(lambda _: True)).metadata
+
+    async def key(self, header: Header) -> PyJWK:
+        """Give the key that a token says it is signed with.
+
+        Raises:
+            TokenRefusedError: the issuer has no such key.
+            IssuerAwayError: it cannot be asked.
+
+        """
+        known = await self._current(lambda known: known.keys.has(header.kid))
+        key = known.keys.find(header.kid, header.algorithm)
+        if key is None and self.problem:
+            raise IssuerAwayError(self.problem)
+        if key is None:
+            message = "the issuer has no such key (kid)"
+            raise TokenRefusedError(message)
+        return key
+
+    async def _current(self, serves: Callable[[_Known], bool]) -> _Known:
+        known = self._known
+        if known and serves(known) and (self._is_younger(known, FRESH) or self._lock.locked()):
+            return known
+        async with self._lock:
+            known = self._known
+            done = known and serves(known) and self._is_younger(known, FRESH)
+            if not done and not self._looks.wait("", self._clock.monotonic()):
+                await self._look()
+        if self._known is None or not self._is_younger(self._known, KEPT):
+            raise IssuerAwayError(self.problem or "it was asked too often")
+        return self._known
+
+    async def _look(self) -> None:
+        try:
+            found = await self.http.get(place_of(self.settings.issuer))
+            metadata = metadata_of(found, self.settings.issuer)
+            keys = await self._keys(metadata.jwks_uri)
+        except IssuerAwayError as error:
+            if str(error) != self.problem:
+                log.warning("the OIDC issuer cannot be asked; NeNa's own tokens count", reason=str(error))
+            self.problem = str(error)
+            return
+        if self.problem or self._known is None:
+            log.info("the OIDC issuer is known", issuer=self.settings.issuer)
+        self.problem = ""
+        self._known = _Known(metadata, keys, self._clock.monotonic())
+
+    async def _keys(self, url: str) -> KeySet:
+        try:
+            return KeySet.of(await self.http.get(url))
+        except ValueError as error:
+            message = f"{url}: {error}"
+            raise IssuerAwayError(message) from error
+
+    def _is_younger(self, known: _Known, seconds: float) -> bool:
+        return self._clock.monotonic() - known.at < seconds

@@ -1,0 +1,88 @@
+"""Who somebody is by the claims of a token, and which role that gives here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+from nena_shared.web.oidc.errors import NoRoleError, TokenRefusedError
+from nena_shared.web.oidc.settings import OidcSettings
+from nena_shared.web.users import Role
+
+NAME_LIMIT = 64
+SUBJECT_LIMIT = 255
+"""Characters, by OpenID Connect Core 1.0, section 2."""
+
+
+@dataclass(frozen=True, slots=True)
+class OidcUser:
+    """Somebody for whom the issuer vouches."""
+
+    name: str
+    role: Role
+    subject: str
+    """What the issuer knows them by; never given to somebody else."""
+    expires: datetime
+    """When the token ends, and with it whatever was begun by it."""
+
+    @property
+    def known_as(self) -> str:
+        """What tells them from all others, also from NeNa's own users: names may be chosen freely."""
+        return f"{self.name} (subject {self.subject})"
+
+
+def user_of(claims: Mapping[str, Any], settings: OidcSettings) -> OidcUser:
+    """Make the user of verified claims.
+
+    Raises:
+        TokenRefusedError: the subject or the end is none.
+        NoRoleError: no role is given by the claims.
+
+    """
+    subject = claims.get("sub")
+    if not isinstance(subject, str) or not 0 < len(subject) <= SUBJECT_LIMIT or not subject.isprintable():
+        message = "it does not say whose it is (sub)"
+        raise TokenRefusedError(message)
+    name = _name(claims.get(settings.user_claim)) or subject[:NAME_LIMIT]
+    return OidcUser(name, _role(name, claims, settings), subject, _end(claims))
+
+
+def values_of(claims: Mapping[str, Any], path: str) -> frozenset[str]:
+    """Give the texts that a claim holds, alone or in a list.
+
+    A claim of the whole name counts first: some issuers name their claims by URLs, which have dots.
+    """
+    found: Any = claims.get(path)
+    if found is None:
+        found = claims
+        for step in path.split("."):
+            found = found.get(step) if isinstance(found, Mapping) else None
+    values = found if isinstance(found, list) else [found]
+    return frozenset(each for each in values if isinstance(each, str))
+
+
+def _role(name: str, claims: Mapping[str, Any], settings: OidcSettings) -> Role:
+    given = values_of(claims, settings.roles_claim)
+    roles = [Role[role.upper()] for value, role in settings.roles.items() if value in given]
+    if not roles:
+        wanted = ", ".join(settings.roles)
+        message = (
+            f"{name} is known, but has no role here. Ask whoever runs the issuer for one of: {wanted} "
+            f"(claim {settings.roles_claim}), then sign in again."
+        )
+        raise NoRoleError(message)
+    return max(roles)
+
+
+def _name(claim: object) -> str:
+    return claim if isinstance(claim, str) and claim.isprintable() and len(claim) <= NAME_LIMIT else ""
+
+
+def _end(claims: Mapping[str, Any]) -> datetime:
+    try:
+        return datetime.fromtimestamp(int(claims["exp"]), UTC)
+    except (ValueError, TypeError, OverflowError, OSError) as error:
+        message = "its end (exp) is no time"
+        raise TokenRefusedError(message) from error

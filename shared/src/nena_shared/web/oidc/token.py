@@ -1,0 +1,92 @@
+"""What makes a token count: signature, issuer, audience and times (RFC 7519, RFC 8725, RFC 9068)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jwt
+from jwt import PyJWK
+from jwt import exceptions as flaws
+
+from nena_shared.web.oidc.errors import TokenRefusedError
+
+LENGTH_LIMIT = 16_384
+"""Characters."""
+
+TYPES = frozenset({"", "jwt", "at+jwt", "application/at+jwt"})
+"""What may stand in a token's header as its type; others are no proof of who comes."""
+
+REQUIRED = ["exp", "iss", "aud", "sub"]
+
+UNREADABLE = (flaws.PyJWTError, ValueError, TypeError, OverflowError, RecursionError)
+"""What the library raises at texts that are damaged on purpose."""
+
+REASONS: dict[type[Exception], str] = {
+    flaws.ExpiredSignatureError: "it has expired",
+    flaws.ImmatureSignatureError: "it is not valid yet; do the clocks agree?",
+    flaws.InvalidAudienceError: "it is meant for somebody else (aud)",
+    flaws.InvalidIssuerError: "it is of another issuer (iss)",
+    flaws.InvalidSignatureError: "its signature is not that of the issuer",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """What a token says of how it is signed; nothing of it is proved yet."""
+
+    kid: str | None
+    algorithm: str
+
+
+def header_of(token: str, algorithms: Sequence[str]) -> Header:
+    """Read how a token is signed.
+
+    Raises:
+        TokenRefusedError: it cannot be read, or is signed in a way that does not count here.
+
+    """
+    try:
+        if len(token) > LENGTH_LIMIT:
+            message = "it is too long"
+            raise TokenRefusedError(message)
+        header = jwt.get_unverified_header(token)
+    except UNREADABLE as error:
+        message = "it cannot be read"
+        raise TokenRefusedError(message) from error
+    algorithm = header.get("alg")
+    if algorithm not in algorithms:
+        message = f"its kind of signature does not count here, only {', '.join(algorithms)} (alg)"
+        raise TokenRefusedError(message)
+    if "crit" in header or str(header.get("typ") or "").lower() not in TYPES:
+        message = "it is of a kind that does not count here (typ, crit)"
+        raise TokenRefusedError(message)
+    return Header(header.get("kid"), str(algorithm))
+
+
+def verified(
+    token: str, key: PyJWK, header: Header, *, issuer: str, audience: str, leeway: float
+) -> dict[str, Any]:
+    """Give the claims of a token that counts.
+
+    Raises:
+        TokenRefusedError: it does not.
+
+    """
+    try:
+        claims: dict[str, Any] = jwt.decode(
+            token,
+            key,
+            algorithms=[header.algorithm],
+            issuer=issuer,
+            audience=audience,
+            leeway=leeway,
+            options={"require": REQUIRED},
+        )
+    except flaws.MissingRequiredClaimError as error:
+        message = f"it lacks the claim {error.claim}"
+        raise TokenRefusedError(message) from error
+    except UNREADABLE as error:
+        raise TokenRefusedError(REASONS.get(type(error), "it cannot be read")) from error
+    return claims

@@ -1,0 +1,98 @@
+"""Signing in at the panel by an OpenID Connect issuer, in a real browser.
+
+The issuer on loopback stands in for Keycloak, Entra ID and the like, which cannot be had here. To the browser
+it is another site (localhost) than the panel (127.0.0.1): cookies go where they would go at a real one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
+
+import pytest
+from playwright.async_api import Browser, Page, expect
+
+from nena_shared.vda5050.topics import Topic
+from nena_shared.web.access import COOKIE
+from support.broker import free_port
+from support.fleet_examples import connection, position, state
+from support.oidc_issuer import AUDIENCE, CLIENT, DISCOVERY, LIFE, OidcIssuer, oidc_issuer
+from support.panel import Hall, findings, opened, picture, seconds_now
+
+pytestmark = [pytest.mark.e2e, pytest.mark.broker]
+
+UNKNOWN = ("401",)
+BUTTON = "Sign in with your organisation's account"
+
+
+@pytest.fixture
+def issuer(hall: Hall) -> Iterator[OidcIssuer]:
+    with oidc_issuer() as made:
+        made.redirect_uri = f"{hall.url}api/v1/session/oidc/callback"
+        yield made
+
+
+@asynccontextmanager
+async def aggregator(hall: Hall, issuer: OidcIssuer) -> AsyncIterator[None]:
+    """Run the aggregator, with a robot in the hall."""
+    oidc = {"issuer": issuer.address, "audience": AUDIENCE, "client_id": CLIENT, "panel_url": hall.url}
+    options = [part for name, value in oidc.items() for part in (f"--http.oidc.{name}", value)]
+    with hall.aggregator(*options, "--order_service.url", f"http://127.0.0.1:{free_port()}") as program:
+        await program.logged("broker connected")
+        hall.publish_plant()
+        hall.send(Topic.CONNECTION, connection(), retain=True)
+        here = state(at=seconds_now(), last_node_id="South 1", mobile_robot_position=position(5, 2))
+        hall.send(Topic.STATE, here, retain=True)
+        yield
+
+
+async def sign_in(page: Page, name: str) -> None:
+    await page.get_by_role("link", name=BUTTON).click()
+    await page.get_by_role("link", name=name).click()
+
+
+async def test_an_operator_signs_in_works_and_logs_out(
+    hall: Hall, issuer: OidcIssuer, browser: Browser
+) -> None:
+    async with aggregator(hall, issuer), opened(browser, hall.url, expected=UNKNOWN) as page:
+        await expect(page.get_by_role("link", name=BUTTON)).to_be_visible()
+        await picture(page, "sign-in")
+        assert await findings(page) == []
+
+        await sign_in(page, "ann")
+        row = page.locator("tr[data-robot='ACME/r1']")
+        await expect(row).to_be_visible()
+        assert page.url == hall.url
+        await expect(page.locator("nena-user-menu")).to_contain_text("ann")
+        await row.get_by_role("link").click()
+        await expect(page.get_by_role("button", name="Pause")).to_be_enabled()
+        await page.reload()
+        await expect(page.get_by_role("button", name="Pause")).to_be_enabled()
+        cookies = await page.context.cookies(hall.url)
+        assert [each["name"] for each in cookies] == [COOKIE]
+        assert (cookies[0]["httpOnly"], cookies[0]["sameSite"]) == (True, "Strict")
+        now = await page.evaluate("Date.now() / 1000")
+        assert cookies[0]["expires"] <= now + LIFE
+
+        await page.get_by_role("button", name="Log out").click()
+        await expect(page.get_by_role("heading", name="Log in")).to_be_visible()
+        assert await page.context.cookies(hall.url) == []
+
+
+async def test_who_has_no_role_is_told_on_the_page(hall: Hall, issuer: OidcIssuer, browser: Browser) -> None:
+    async with aggregator(hall, issuer), opened(browser, hall.url, expected=UNKNOWN) as page:
+        await sign_in(page, "bob")
+        await expect(page.get_by_role("alert")).to_contain_text("You are known, but have no role here.")
+        assert await findings(page) == []
+
+        await sign_in(page, "vic")
+        await expect(page.locator("tr[data-robot='ACME/r1']")).to_be_visible()
+
+
+async def test_an_issuer_that_is_away_is_told_on_the_page(
+    hall: Hall, issuer: OidcIssuer, browser: Browser
+) -> None:
+    issuer.broken[DISCOVERY] = b"gone"
+    async with aggregator(hall, issuer), opened(browser, hall.url, expected=UNKNOWN) as page:
+        await page.get_by_role("link", name=BUTTON).click()
+        await expect(page.get_by_role("alert")).to_contain_text("does not answer")

@@ -1,0 +1,120 @@
+"""A real order service and an issuer on loopback, which stands in for Keycloak and its like."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from nena_shared.web.users import Role, User, hash_of, write_users
+from support.broker import free_port
+from support.oidc_issuer import AUDIENCE, DISCOVERY, OidcIssuer, ec_key, oidc_issuer
+from support.waiting import PATIENCE
+
+pytestmark = pytest.mark.broker
+
+ORDER = {"name": "TO-1", "destinations": [{"locationName": "Storage", "operation": "NOP"}]}
+ORDERS = "/v1/transportOrders"
+Start = Callable[..., Awaitable[httpx.AsyncClient]]
+
+
+@pytest.fixture
+def issuer() -> Iterator[OidcIssuer]:
+    with oidc_issuer() as made:
+        yield made
+
+
+def http_of(issuer: OidcIssuer, **more: Any) -> dict[str, Any]:
+    return {"port": free_port(), "oidc": {"issuer": issuer.address, "audience": AUDIENCE, **more}}
+
+
+def as_(token: str) -> dict[str, str]:
+    return {"authorization": f"Bearer {token}"}
+
+
+async def test_roles_of_the_issuer_are_roles_here(service: Start, issuer: OidcIssuer) -> None:
+    client = await service(http=http_of(issuer))
+    assert (await client.get(ORDERS)).status_code == 401
+
+    refused = await client.post(ORDERS, json=ORDER, headers=as_(issuer.token("vic")))
+    assert (refused.status_code, "takes the role operator" in refused.json()["detail"]) == (403, True)
+    made = await client.post(ORDERS, json=ORDER, headers=as_(issuer.token("ann")))
+    assert made.status_code == 201, made.text
+    plant = await client.put("/v1/plantModel", json={}, headers=as_(issuer.token("ann")))
+    assert (plant.status_code, "takes the role admin" in plant.json()["detail"]) == (403, True)
+    shown = await client.get(ORDERS, headers=as_(issuer.token("vic")))
+    assert [each["name"] for each in shown.json()["transportOrders"]] == ["TO-1"]
+
+
+async def test_a_hosts_key_of_opentcs_may_be_a_token_too(service: Start, issuer: OidcIssuer) -> None:
+    client = await service(http=http_of(issuer))
+    answer = await client.get("/opentcs/v1/vehicles", headers={"X-Api-Access-Key": issuer.token("vic")})
+
+    assert answer.status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("claims", "reason"),
+    [
+        ({"iss": "https://evil.example"}, "another issuer"),
+        ({"aud": "nena-panel"}, "somebody else"),
+        ({"exp": 1}, "expired"),
+        ({"nbf": 9_999_999_999}, "not valid yet"),
+    ],
+)
+async def test_what_does_not_count_gives_no_order(
+    service: Start, issuer: OidcIssuer, claims: dict[str, Any], reason: str
+) -> None:
+    client = await service(http=http_of(issuer))
+    answer = await client.post(ORDERS, json=ORDER, headers=as_(issuer.token("ann", **claims)))
+
+    assert (answer.status_code, reason in answer.json()["detail"]) == (401, True), answer.text
+    assert (await client.get(ORDERS, headers=as_(issuer.token("vic")))).json()["transportOrders"] == []
+
+
+async def test_a_table_of_the_sites_own_and_keys_that_change(service: Start, issuer: OidcIssuer) -> None:
+    table = {"roles_claim": "realm_access.roles", "roles": {"driver": "operator"}}
+    client = await service(http=http_of(issuer, **table))
+    claims: dict[str, Any] = {"realm_access": {"roles": ["driver"]}, "roles": ["nena-admin"]}
+    first = await client.post(ORDERS, json=ORDER, headers=as_(issuer.token("ann", **claims)))
+    assert first.status_code == 201, first.text
+
+    issuer.keys = [ec_key("next")]
+    again = {**ORDER, "name": "TO-2"}
+    second = await client.post(ORDERS, json=again, headers=as_(issuer.token("ann", **claims)))
+    assert second.status_code == 201, second.text
+    without = await client.get(ORDERS, headers=as_(issuer.token("ann")))
+    assert (without.status_code, "driver" in without.json()["detail"]) == (403, True)
+
+
+async def test_without_its_issuer_it_starts_and_serves_its_own_users(
+    service: Start, issuer: OidcIssuer, tmp_path: Path
+) -> None:
+    issuer.broken[DISCOVERY] = b"gone"
+    users = tmp_path / "users.toml"
+    write_users(users, [User(name="host", role=Role.OPERATOR, token_sha256=hash_of("its own"))])
+    client = await service(http={**http_of(issuer), "users": users})
+
+    away = await client.get(ORDERS, headers=as_(issuer.token("ann")))
+    assert (away.status_code, "issuer cannot be asked" in away.json()["detail"]) == (503, True)
+    assert (await client.post(ORDERS, json=ORDER, headers=as_("its own"))).status_code == 201
+    assert (await client.get("/readyz")).status_code == 200
+    issuer.broken.clear()
+    assert (await client.get(ORDERS, headers=as_(issuer.token("ann")))).status_code == 200
+
+
+async def test_an_event_stream_ends_with_the_token(service: Start, issuer: OidcIssuer) -> None:
+    client = await service(http=http_of(issuer, leeway=0))
+    soon = issuer.token("vic", exp=int(time.time()) + 3)
+    async with client.stream("GET", "/v1/events", headers=as_(soon)) as answer:
+        assert answer.status_code == 200
+        async with asyncio.timeout(PATIENCE):
+            lines = [line async for line in answer.aiter_lines()]
+
+    assert "event: synced" in lines
+    assert (await client.get(ORDERS, headers=as_(soon))).status_code == 401

@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from nena_order_service.beginning import has_begun
+from nena_shared.tasks import Supervisor, TaskFailedError
+from support.waiting import PATIENCE
+
+
+class Start:
+    """A beginning that waits for a store of the test's own."""
+
+    def __init__(self) -> None:
+        self.stop = asyncio.Event()
+        self.room = asyncio.Event()
+        self.problem = ""
+        self.told = 0
+        self.heard = asyncio.Event()
+
+    async def begin(self) -> None:
+        await self.room.wait()
+
+    def tell(self) -> None:
+        self.told += 1
+        self.heard.set()
+
+    async def run(self, supervisor: Supervisor) -> bool:
+        async with asyncio.timeout(PATIENCE):
+            return await has_begun(
+                self.begin(), supervisor, self.stop, waits=lambda: bool(self.problem), tell=self.tell
+            )
+
+
+async def test_with_a_store_that_takes_everything_nobody_is_told() -> None:
+    start = Start()
+    start.room.set()
+    async with Supervisor() as supervisor:
+        assert await start.run(supervisor)
+    assert start.told == 0
+
+
+async def test_a_store_that_takes_nothing_is_told_once_and_waited_for() -> None:
+    start = Start()
+    start.problem = "disk is full"
+    async with Supervisor() as supervisor:
+        running = asyncio.create_task(start.run(supervisor))
+        await asyncio.wait_for(start.heard.wait(), PATIENCE)
+        assert not running.done()
+        start.room.set()
+        assert await running
+    assert start.told == 1
+
+
+async def test_a_program_that_is_to_stop_waits_no_longer() -> None:
+    start = Start()
+    async with Supervisor() as supervisor:
+        running = asyncio.create_task(start.run(supervisor))
+        start.stop.set()
+        assert not await running
+
+
+async def test_a_part_that_fails_ends_the_wait() -> None:
+    async def fail() -> None:
+        raise RuntimeError
+
+    async with Supervisor() as supervisor:
+        supervisor.start("store", fail())
+        with pytest.raises(TaskFailedError, match="store"):
+            await Start().run(supervisor)
+
+
+async def test_a_beginning_that_fails_says_why() -> None:
+    class Broken(Start):
+        async def begin(self) -> None:
+            message = "no such plant"
+            raise ValueError(message)
+
+    async with Supervisor() as supervisor:
+        with pytest.raises(ValueError, match="no such plant"):
+            await Broken().run(supervisor)

@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_shared.web.oidc.errors import NoRoleError, TokenRefusedError
+from nena_shared.web.oidc.person import user_of, values_of
+from nena_shared.web.oidc.settings import OidcSettings
+from nena_shared.web.users import Role
+
+END = 1_790_000_000
+CLAIMS: dict[str, Any] = {"sub": "17", "exp": END, "preferred_username": "ann", "roles": ["nena-operator"]}
+
+
+def settings(**more: Any) -> OidcSettings:
+    return OidcSettings.model_validate({"issuer": "https://login.example", "audience": "nena", **more})
+
+
+def test_a_user_has_what_the_claims_say() -> None:
+    ann = user_of(CLAIMS, settings())
+
+    assert (ann.name, ann.role, ann.subject) == ("ann", Role.OPERATOR, "17")
+    assert ann.expires == datetime.fromtimestamp(END, UTC)
+
+
+@pytest.mark.parametrize(
+    ("path", "claims", "values"),
+    [
+        ("roles", {"roles": ["a", "b"]}, {"a", "b"}),
+        ("groups", {"groups": "a"}, {"a"}),
+        ("realm_access.roles", {"realm_access": {"roles": ["a"]}}, {"a"}),
+        ("a.b.c", {"a": {"b": {"c": "x"}}}, {"x"}),
+        ("https://site.example/roles", {"https://site.example/roles": ["a"]}, {"a"}),
+        ("a.b", {"a.b": "whole", "a": {"b": "steps"}}, {"whole"}),
+        ("roles", {}, set()),
+        ("roles", {"roles": None}, set()),
+        ("roles", {"roles": [1, None, ["a"], {"a": 1}, "b"]}, {"b"}),
+        ("a.b", {"a": "text"}, set()),
+        ("a.b", {"a": ["b"]}, set()),
+    ],
+)
+def test_a_claim_is_found_by_its_path(path: str, claims: dict[str, Any], values: set[str]) -> None:
+    assert values_of(claims, path) == values
+
+
+@pytest.mark.parametrize(
+    ("given_roles", "role"),
+    [
+        (["nena-viewer"], Role.VIEWER),
+        (["nena-admin", "nena-viewer"], Role.ADMIN),
+        (["other", "nena-operator"], Role.OPERATOR),
+    ],
+)
+def test_the_highest_role_counts(given_roles: list[str], role: Role) -> None:
+    assert user_of({**CLAIMS, "roles": given_roles}, settings()).role is role
+
+
+def test_a_site_has_a_table_of_its_own() -> None:
+    table = settings(roles_claim="groups", roles={"/fleet/lead": "admin"})
+
+    assert user_of({**CLAIMS, "groups": ["/fleet/lead"]}, table).role is Role.ADMIN
+    with pytest.raises(NoRoleError):
+        user_of({**CLAIMS, "groups": ["nena-admin"]}, table)
+
+
+@pytest.mark.parametrize("given_roles", [[], ["cook"], "NENA-ADMIN", None, {"nena-admin": True}])
+def test_without_a_role_it_says_what_to_do(given_roles: object) -> None:
+    with pytest.raises(
+        NoRoleError, match=r"ann is known.*nena-viewer, nena-operator, nena-admin.*claim roles"
+    ):
+        user_of({**CLAIMS, "roles": given_roles}, settings())
+
+
+@pytest.mark.parametrize("name", [None, "", 5, "x" * 65, "two\nlines", "\x1b[31m"])
+def test_a_name_that_cannot_be_shown_gives_way_to_the_subject(name: object) -> None:
+    assert user_of({**CLAIMS, "preferred_username": name}, settings()).name == "17"
+
+
+@pytest.mark.parametrize("subject", [None, "", 5, "x" * 256, "two\nlines"])
+def test_nobody_is_nobody(subject: object) -> None:
+    with pytest.raises(TokenRefusedError, match="sub"):
+        user_of({**CLAIMS, "sub": subject}, settings())
+
+
+@pytest.mark.parametrize("end", [None, "soon", float("inf"), float("nan"), 10**30, []])
+def test_an_end_that_is_no_time_is_refused(end: object) -> None:
+    with pytest.raises(TokenRefusedError, match="exp"):
+        user_of({**CLAIMS, "exp": end}, settings())
+
+
+def test_people_of_one_name_are_told_apart() -> None:
+    assert user_of(CLAIMS, settings()).known_as != user_of({**CLAIMS, "sub": "18"}, settings()).known_as
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=8,
+)
+
+
+@given(st.dictionaries(st.sampled_from(["sub", "exp", "preferred_username", "roles"]), json_values))
+def test_whatever_claims_hold_it_is_a_user_or_one_of_two_reasons(claims: dict[str, Any]) -> None:
+    try:
+        user = user_of(claims, settings())
+    except (TokenRefusedError, NoRoleError):
+        return
+    else:
+        assert user.role in Role

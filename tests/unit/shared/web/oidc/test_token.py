@@ -1,0 +1,164 @@
+"""Each rule of tokens, broken alone."""
+
+from __future__ import annotations
+
+import base64
+import time
+from typing import Any
+
+import jwt
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_shared.web.oidc.errors import TokenRefusedError
+from nena_shared.web.oidc.key_set import KeySet
+from nena_shared.web.oidc.token import LENGTH_LIMIT, header_of, verified
+from support.oidc_issuer import (
+    AUDIENCE,
+    SigningKey,
+    ec_key,
+    rsa_key,
+    signed,
+    signed_by_secret,
+    unsigned,
+)
+
+ISSUER = "https://login.example"
+ALLOWED = ("RS256", "ES256")
+RSA, EC = rsa_key(), ec_key()
+KEYS = KeySet.of({"keys": [RSA.public, EC.public]})
+LEEWAY = 30.0
+
+
+def claims(**more: Any) -> dict[str, Any]:
+    now = int(time.time())
+    said = {"iss": ISSUER, "aud": AUDIENCE, "sub": "17", "exp": now + 300, "iat": now, **more}
+    return {name: value for name, value in said.items() if value is not None}
+
+
+def judged(token: str) -> dict[str, Any]:
+    header = header_of(token, ALLOWED)
+    key = KEYS.find(header.kid, header.algorithm)
+    assert key is not None
+    return verified(token, key, header, issuer=ISSUER, audience=AUDIENCE, leeway=LEEWAY)
+
+
+@pytest.mark.parametrize("key", [RSA, EC], ids=["RS256", "ES256"])
+def test_a_good_token_counts(key: SigningKey) -> None:
+    assert judged(signed(claims(), key))["sub"] == "17"
+
+
+def test_one_of_several_audiences_is_enough() -> None:
+    assert judged(signed(claims(aud=["other", AUDIENCE]), RSA))
+
+
+@pytest.mark.parametrize("kind", ["JWT", "at+jwt", "application/at+jwt", ""])
+def test_types_of_access_tokens_count(kind: str) -> None:
+    assert judged(signed(claims(), RSA, typ=kind))
+
+
+def test_clocks_may_differ_a_little() -> None:
+    now = time.time()
+    assert judged(signed(claims(exp=now - LEEWAY / 2), RSA))
+    assert judged(signed(claims(nbf=now + LEEWAY / 2), RSA))
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"iss": "https://evil.example"}, "another issuer"),
+        ({"iss": f"{ISSUER}/"}, "another issuer"),
+        ({"iss": None}, "lacks the claim iss"),
+        ({"aud": "somebody"}, "somebody else"),
+        ({"aud": [AUDIENCE.upper()]}, "somebody else"),
+        ({"aud": []}, "aud"),
+        ({"aud": None}, "lacks the claim aud"),
+        ({"exp": 1}, "has expired"),
+        ({"exp": time.time() - 2 * LEEWAY}, "has expired"),
+        ({"exp": None}, "lacks the claim exp"),
+        ({"exp": "soon"}, "cannot be read"),
+        ({"exp": float("inf")}, "cannot be read"),
+        ({"exp": []}, "cannot be read"),
+        ({"nbf": time.time() + 1000}, "not valid yet"),
+        ({"iat": time.time() + 1000}, "not valid yet"),
+        ({"sub": None}, "lacks the claim sub"),
+    ],
+)
+def test_each_broken_rule_is_told(change: dict[str, Any], reason: str) -> None:
+    token = signed(claims(**change), RSA)
+
+    with pytest.raises(TokenRefusedError, match=reason):
+        judged(token)
+
+
+def test_a_token_that_nobody_signed_is_refused() -> None:
+    for name in ("none", "None", "NONE", "nOnE"):
+        with pytest.raises(TokenRefusedError, match="signature does not count"):
+            judged(unsigned(claims(), {"alg": name, "kid": RSA.kid}))
+
+
+def test_the_public_key_is_no_secret_to_sign_with() -> None:
+    """The attack by which a verifier that asks the token how to verify takes the key that everybody has."""
+    for name in ("HS256", "RS256"):
+        token = signed_by_secret(claims(), RSA.public_pem, {"alg": name, "kid": RSA.kid})
+        with pytest.raises(TokenRefusedError, match="signature"):
+            judged(token)
+
+
+def test_a_key_of_somebody_else_is_refused() -> None:
+    with pytest.raises(TokenRefusedError, match="not that of the issuer"):
+        judged(signed(claims(), ec_key()))
+
+
+def test_a_signature_by_a_key_in_the_token_is_refused() -> None:
+    other = ec_key()
+    with pytest.raises(TokenRefusedError, match="not that of the issuer"):
+        judged(signed(claims(), other, jwk=other.public))
+
+
+def test_changed_claims_are_refused() -> None:
+    first, _, seal = signed(claims(), RSA).split(".")
+    _, other, _ = signed(claims(sub="18"), RSA).split(".")
+
+    with pytest.raises(TokenRefusedError, match="not that of the issuer"):
+        judged(f"{first}.{other}.{seal}")
+
+
+@pytest.mark.parametrize("header", [{"typ": "logout+jwt"}, {"typ": "dpop+jwt"}, {"crit": ["exp"]}])
+def test_tokens_for_other_things_are_refused(header: dict[str, Any]) -> None:
+    with pytest.raises(TokenRefusedError, match=r"kind|cannot be read"):
+        judged(signed(claims(), RSA, **header))
+
+
+def _encoded(text: bytes) -> str:
+    return base64.urlsafe_b64encode(text).rstrip(b"=").decode()
+
+
+@pytest.mark.parametrize(
+    "token",
+    [
+        "..",
+        "a.b.c",
+        f"{_encoded(b'[]')}..",
+        f"{_encoded(b'[' * 9000)}.a.b",
+        f"{_encoded(b'{')}.a.b",
+        "x" * (LENGTH_LIMIT + 1),
+        "\x00.\x00.\x00",
+        "ä.ö.ü",
+    ],
+)
+def test_damaged_texts_are_refused(token: str) -> None:
+    with pytest.raises(TokenRefusedError):
+        judged(token)
+
+
+@given(st.text(max_size=60))
+def test_whatever_is_shown_it_is_refused_and_nothing_else(token: str) -> None:
+    with pytest.raises(TokenRefusedError):
+        judged(token)
+
+
+def test_the_library_signs_as_the_tests_say() -> None:
+    """So that the tests above fail for the reason that they name."""
+    assert jwt.get_unverified_header(signed(claims(), RSA)) == {"alg": "RS256", "kid": "rsa-1", "typ": "JWT"}
