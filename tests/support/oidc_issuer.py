@@ -1,7 +1,7 @@
 """An OpenID Connect issuer on loopback, with real keys, real signatures and all its endpoints.
 
-It stands in for Keycloak, Authentik, Dex, Entra ID and the like, which cannot be had where these tests run. It
-is as strict as they are with what the panel sends: redirect_uri, PKCE, the client's password, codes once.
+It stands in for Keycloak, Authentik, Dex, Entra ID and the like, which cannot be had where these tests run.
+It is as strict as they are with what the panel sends: redirect_uri, PKCE, the client's password, used codes.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ LIFE = 300
 DISCOVERY = "/.well-known/openid-configuration"
 KEYS = "/keys"
 TOKEN = "/token"
+PAGE = "<!doctype html><title>Issuer</title><link rel='icon' href='data:,'><h1>Who are you?</h1>"
 
 
 @dataclass(frozen=True)
@@ -138,7 +139,7 @@ class OidcIssuer:
                 f"<p><a href='?{html.escape(urlencode({**query, 'person': each}))}'>{each}</a></p>"
                 for each in self.people
             )
-            return 200, "", f"<!doctype html><title>Issuer</title><h1>Who are you?</h1>{''.join(links)}"
+            return 200, "", f"{PAGE}{''.join(links)}"
         if name not in self.people:
             return (
                 302,

@@ -6,9 +6,10 @@ import signal
 from collections.abc import Iterator
 from pathlib import Path
 
+import httpx
 import pytest
 
-from support.order_service_fleet import Fleet, awaited
+from support.order_service_fleet import Fleet, awaited, order_in, vehicle_idle
 from support.programs import ENDED_WITHIN
 from support.small_disk import SmallDisk, small_disk
 from support.waiting import PATIENCE
@@ -17,6 +18,7 @@ pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 
 ORDER = {"name": "TO-1", "destinations": [{"locationName": "Storage", "operation": "NOP"}]}
 ORDERS = "/v1/transportOrders"
+ORDERS_LIMIT = 300
 
 
 @pytest.fixture
@@ -31,18 +33,35 @@ def fleet_on_it(fleet: Fleet, disk: SmallDisk) -> Fleet:
     return fleet
 
 
-async def killed_with_an_order_and_a_full_disk(fleet: Fleet, disk: SmallDisk) -> None:
-    program = fleet.order_service()
+async def killed_with_a_full_disk(fleet: Fleet, disk: SmallDisk) -> None:
+    """Have an order service die with an order under way and no room on its disk."""
+    fleet.agent(speed=0.01)
+    program = fleet.order_service("--kernel.commit_timeout", 1)
     async with await program.client() as client:
+        await vehicle_idle(client)
         assert (await client.post(ORDERS, json=ORDER)).status_code == 201
-    disk.fill()
+        await order_in(client, "TO-1", "BEING_PROCESSED")
+        disk.fill()
+        for number in range(ORDERS_LIMIT):
+            answer = await client.post(ORDERS, json={**ORDER, "name": f"Later-{number}"})
+            if answer.status_code == 503:
+                assert "full" in answer.json()["detail"]
+                break
+            assert answer.status_code == 201
+        else:
+            pytest.fail(f"there was room for {ORDERS_LIMIT} orders")
     program.kill()
 
 
-async def test_it_says_what_it_waits_for_and_goes_on_when_there_is_room(
+async def test_it_says_what_it_waits_for_ends_in_order_and_goes_on_when_there_is_room(
     fleet_on_it: Fleet, disk: SmallDisk
 ) -> None:
-    await killed_with_an_order_and_a_full_disk(fleet_on_it, disk)
+    await killed_with_a_full_disk(fleet_on_it, disk)
+    waiting = fleet_on_it.order_service()
+    async with await waiting.client():
+        waiting.process.send_signal(signal.SIGTERM)
+        assert waiting.process.wait(ENDED_WITHIN) == 0, waiting.log
+
     program = fleet_on_it.order_service()
     async with await program.client() as client:
         assert (await client.get("/healthz")).status_code == 200
@@ -53,21 +72,12 @@ async def test_it_says_what_it_waits_for_and_goes_on_when_there_is_room(
 
         disk.clear()
 
-        async def orders() -> list[str] | None:
-            answer = await client.get(ORDERS)
-            return [each["name"] for each in answer.json()["transportOrders"]] if answer.is_success else None
+        async def order() -> httpx.Response:
+            return await client.get(f"{ORDERS}/TO-1")
 
-        found = await awaited(orders, lambda names: names is not None, seconds=PATIENCE, what="it goes on")
-        assert found == ["TO-1"]
+        found = await awaited(order, lambda told: told.is_success, seconds=PATIENCE, what="it goes on")
+        assert found.json()["state"] == "BEING_PROCESSED"
         assert (await client.get("/readyz")).json()["role"] == "active"
-
-
-async def test_it_ends_in_order_while_it_waits(fleet_on_it: Fleet, disk: SmallDisk) -> None:
-    await killed_with_an_order_and_a_full_disk(fleet_on_it, disk)
-    program = fleet_on_it.order_service()
-    async with await program.client():
-        program.process.send_signal(signal.SIGTERM)
-        assert program.process.wait(ENDED_WITHIN) == 0, program.log
 
 
 async def test_without_room_for_a_new_store_it_ends_and_says_why(fleet_on_it: Fleet, disk: SmallDisk) -> None:
