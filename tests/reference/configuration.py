@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 from types import NoneType
@@ -30,6 +30,8 @@ PROGRAMS: Final[dict[str, type[ProgramSettings]]] = {
 }
 BY_FILE: Final = "_file"
 """What a setting's name ends with that names the file with the value of another one."""
+GIVEN: Final = "has to be given"
+WITH_ITS_TABLE: Final = "has to be given with the others of its table"
 _REQUIRED: Final = object()
 
 
@@ -74,7 +76,10 @@ def _walk(model: type[BaseModel], given: dict[str, Any], path: tuple[str, ...]) 
         if isinstance(default, SettingsGroup):
             yield from _walk(type(default), dict(default), place)
         elif group := _optional_group(field):
-            yield from _walk(group, {}, place)
+            yield from (
+                replace(each, default=WITH_ITS_TABLE) if each.default == GIVEN else each
+                for each in _walk(group, {}, place)
+            )
         else:
             yield _setting(place, field, default, from_file=name + BY_FILE in model.model_fields)
 
@@ -102,7 +107,7 @@ def _setting(path: tuple[str, ...], field: FieldInfo, default: object, *, from_f
 
 def _shown(default: object) -> str:
     if default is _REQUIRED:
-        return "has to be given"
+        return GIVEN
     if default is None:
         return "not given"
     text = _text(default)
