@@ -1,8 +1,9 @@
-"""aiomqtt's client, with a shorter way for messages: from the socket to whoever takes them, in one step.
+"""aiomqtt's client, with a shorter way for messages: between the socket and those at its ends, in one step.
 
 aiomqtt reads one packet for each turn of the event loop, puts each message into a queue, makes a task to take
-it out, and wakes the loop through a pipe for each acknowledgement. That is more work than most messages are
-worth, so reading and writing are done directly here. Decision 0002 has the figures.
+it out, and wakes the loop through a pipe for each acknowledgement. Each message that is published has a task
+of its own and looks at all that are not acknowledged. That is more work than most messages are worth, so
+reading and writing are done directly here. Decision 0002 has the figures.
 """
 
 from __future__ import annotations
@@ -17,15 +18,18 @@ from typing import Any, Self
 import aiomqtt
 from paho.mqtt.client import Client as PahoClient
 from paho.mqtt.client import MQTTMessage
+from paho.mqtt.enums import MQTTErrorCode
 
-from nena_shared.mqtt.message import Inbound
+from nena_shared.mqtt.message import Inbound, Outbound
 
 READ_AT_ONCE = 10
 """Messages that are read before the event loop has its turn again."""
 
 ENDED_AT_ONCE = "the connection has ended as soon as it stood"
+NOT_SENT = "the connection takes no message"
 
 Take = Callable[[Inbound], None]
+Confirmed = Callable[[], None]
 
 
 class Client(aiomqtt.Client):
@@ -38,6 +42,14 @@ class Client(aiomqtt.Client):
 
     _take: Take | None = None
     _taken = 0
+
+    def __init__(self, *arguments: Any, **settings: Any) -> None:  # noqa: ANN401 - aiomqtt's
+        super().__init__(*arguments, **settings)
+        self._unconfirmed: dict[int, Confirmed] = {}
+        self._at_work = False
+        """Whether paho reads or writes now, and may not be asked to do so again."""
+        self._sending = False
+        """Whether what is published now is written at once, by whom it is published."""
 
     async def __aenter__(self) -> Self:
         """Connect to the broker.
@@ -71,6 +83,28 @@ class Client(aiomqtt.Client):
         self._take = take
         await anext(self.messages)
 
+    def send(self, message: Outbound, confirmed: Confirmed) -> None:
+        """Publish in the order of the calls; ``confirmed`` is called when the broker has the message.
+
+        With quality of service 0, it is called when the message is written. That is done at once, so that
+        what is sent first does not wait for what the caller does next; but not while something is received.
+
+        Raises:
+            aiomqtt.MqttError: the connection has ended.
+            ValueError: nobody can be sent such a message, its topic is none.
+
+        """
+        self._sending = not self._at_work
+        try:
+            sent = self._client.publish(message.topic, message.payload, message.qos, message.retain)
+        finally:
+            write_now, self._sending = self._sending, False
+        if sent.rc != MQTTErrorCode.MQTT_ERR_SUCCESS:
+            raise aiomqtt.MqttCodeError(sent.rc, NOT_SENT)
+        self._unconfirmed[sent.mid] = confirmed
+        if write_now:
+            self._guarded(self._write)
+
     def cut(self) -> None:
         """Break the connection without DISCONNECT: the broker sends the will."""
         sock = self._client.socket()
@@ -85,12 +119,18 @@ class Client(aiomqtt.Client):
         else:
             self._take(Inbound(message.topic, bytes(message.payload), message.retain, message.qos))
 
+    def _on_publish(self, _client: PahoClient, _userdata: object, mid: int, *_: object) -> None:
+        if confirmed := self._unconfirmed.pop(mid, None):
+            confirmed()
+
     def _on_socket_open(self, client: PahoClient, userdata: object, sock: Any) -> None:  # noqa: ANN401 - paho's
         super()._on_socket_open(client, userdata, sock)
         read = partial(self._guarded, self._read)
         self._loop.call_soon_threadsafe(self._loop.add_reader, sock.fileno(), read)
 
     def _on_socket_register_write(self, client: PahoClient, userdata: object, sock: Any) -> None:  # noqa: ANN401 - paho's
+        if self._sending:
+            return
         if self._in_loop():
             self._loop.call_soon(self._guarded, self._write)
         else:
@@ -118,11 +158,14 @@ class Client(aiomqtt.Client):
 
     def _guarded(self, work: Callable[[], object]) -> None:
         """Do ``work``; what breaks it has broken the connection."""
+        self._at_work = True
         try:
             work()
         except Exception as error:  # noqa: BLE001 - whatever paho or the socket raise
             if not self._disconnected.done():
                 self._disconnected.set_exception(error)
+        finally:
+            self._at_work = False
 
     def _in_loop(self) -> bool:
         try:

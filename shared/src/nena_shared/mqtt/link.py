@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import math
 import socket
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import aiomqtt
 
@@ -58,7 +57,10 @@ class _Session:
     """What belongs to one connection and ends with it."""
 
     client: Client
-    deliveries: dict[asyncio.Task[None], Outbound] = field(default_factory=dict)
+    deliveries: dict[int, Outbound] = field(default_factory=dict)
+    """What the broker has not confirmed yet, in the order in which it was sent."""
+    sent: int = 0
+    """How many messages were sent; each has its number."""
     subscribed: int = 0
     """How many of the link's subscriptions the broker has been asked for."""
     subscribing: asyncio.Task[None] | None = None
@@ -113,6 +115,7 @@ class MqttLink:
         self._handlers = lru_cache(maxsize=10_000)(self._matching_handlers)
         self._silence = 0.0
         self._connected_at = 0.0
+        self._settled = asyncio.Event()
         self.state = LinkState()
 
     def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1) -> None:
@@ -159,8 +162,8 @@ class MqttLink:
         try:
             async with asyncio.timeout(seconds):
                 while self._session and (self._outbox or self._session.deliveries):
-                    await asyncio.wait(set(self._session.deliveries), return_when=asyncio.FIRST_COMPLETED)
-                    await asyncio.sleep(0)  # lets the callbacks of finished deliveries run
+                    self._settled.clear()
+                    await self._settled.wait()
         except TimeoutError:
             return False
         return self._session is not None
@@ -239,9 +242,8 @@ class MqttLink:
     def _leave(self, session: _Session) -> None:
         """Take back what the broker has not confirmed, in its old order, before what waits already."""
         unsent = [*session.deliveries.values(), *self._outbox]
-        for task in session.deliveries:
-            task.cancel()
         session.deliveries.clear()
+        self._settled.set()
         if session.subscribing:
             session.subscribing.cancel()
         kept = [message for message in unsent if message.keep][-self._settings.outgoing_limit :]
@@ -271,24 +273,25 @@ class MqttLink:
         self._outbox.append(message)
 
     def _deliver(self, session: _Session, message: Outbound) -> None:
-        name = f"publish {message.topic}"
-        task = asyncio.create_task(self._publish(session.client, message), name=name)
-        session.deliveries[task] = message
-        task.add_done_callback(lambda done: self._delivered(session, done))
-
-    async def _publish(self, client: aiomqtt.Client, message: Outbound) -> None:
-        await client.publish(message.topic, message.payload, message.qos, message.retain, timeout=math.inf)
-
-    def _delivered(self, session: _Session, task: asyncio.Task[None]) -> None:
-        if task.cancelled() or isinstance(error := task.exception(), aiomqtt.MqttError):
+        session.sent += 1
+        number = session.sent
+        session.deliveries[number] = message
+        try:
+            session.client.send(message, partial(self._delivered, session, number))
+        except aiomqtt.MqttError:
             return  # the connection is about to end: what stays in `deliveries` is taken back then
-        message = session.deliveries.pop(task, None)
-        if error is None:
-            self.state.published += 1
-        elif message is not None:
+        except ValueError as error:
+            del session.deliveries[number]
             self.state.dropped += 1
-            log.error("a message cannot be sent, dropped", topic=message.topic, reason=str(error))
+            log.error("a message cannot be sent, dropped", topic=message.topic, reason=str(error))  # noqa: TRY400
+
+    def _delivered(self, session: _Session, number: int) -> None:
+        if session.deliveries.pop(number, None) is None:
+            return  # it was taken back
+        self.state.published += 1
         self._refill()
+        if not session.deliveries:
+            self._settled.set()
 
     def _refill(self) -> None:
         session = self._session
