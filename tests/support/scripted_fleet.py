@@ -64,12 +64,12 @@ class MemoryStore(Store):
         orders = {order.number: order for order in self.found.orders}
         orders.update({number: change.order for number, change in changes.orders.items()})
         sequences = {each.number: each for each in self.found.sequences} | changes.sequences
-        missions = {**self.found.missions, **changes.missions}
+        missions = {**self.found.missions, **{n: each and each() for n, each in changes.missions.items()}}
         self.found = Unfinished(
             tuple(order for order in orders.values() if not order.state.final),
             {number: document for number, document in missions.items() if document is not None},
             max(orders, default=0),
-            {**self.found.vehicles, **changes.vehicles},
+            {**self.found.vehicles, **{robot: each() for robot, each in changes.vehicles.items()}},
             sequences=tuple(each for each in sequences.values() if not each.status.finished),
             last_sequence=max(sequences, default=0),
         )
@@ -82,6 +82,10 @@ class MemoryStore(Store):
         self.held = False
         while self._waiting:
             self._waiting.pop(0)()
+
+    def release_one(self) -> None:
+        """Be done with what waits for longest, and hold the rest."""
+        self._waiting.pop(0)()
 
     async def unfinished(self) -> Unfinished:
         return self.found

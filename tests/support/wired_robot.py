@@ -120,7 +120,7 @@ class WiredFleet:
             addresses=addresses,
             settings=settings,
             clock=SystemClock(),
-            on_news=self.news.append,
+            on_news=lambda *news: self.news.extend(news),
         )
 
     @asynccontextmanager

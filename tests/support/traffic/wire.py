@@ -112,11 +112,12 @@ class CoreFleet:
             self._take(self.core.on_state(robot.key, state, self.now))  # type: ignore[arg-type] # see report
 
     def _take(self, outputs: Outputs) -> None:
+        news = [each for each in outputs if not isinstance(each, PublishOrder | PublishInstantActions)]
         for output in outputs:
             if isinstance(output, PublishOrder | PublishInstantActions):
                 self._send(output)
-            elif self.kernel and self.alive:
-                self.kernel.on_news(output)
+        if news and self.kernel and self.alive:
+            self.kernel.on_news(*news)
 
     def _send(self, output: PublishOrder | PublishInstantActions) -> None:
         robot = self._robots[output.robot]

@@ -28,7 +28,7 @@ def test_a_robot_works_for_its_order_before_between_and_after_missions() -> None
 
     book.put(record)
     assert (book.find("m"), book.of_order(order), book.of_robot(ROBOT)) == (record, record, record)
-    assert orders.take_changes()[0].missions == {1: record.document()}
+    assert orders.take_changes()[0].missions == {1: record.document}
 
     book.end(record)
     assert (book.find("m"), book.order_number(ROBOT)) == (None, 1)

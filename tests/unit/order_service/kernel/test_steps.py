@@ -57,6 +57,42 @@ def test_changes_of_a_step_that_fails_half_way_are_kept() -> None:
     assert [order.name for order in store.found.orders] == ["T-1"]
 
 
+def test_of_steps_that_wait_together_the_last_tells_how_a_vehicle_stands(store: MemoryStore) -> None:
+    asked: list[str] = []
+    steps = Steps(OrderBook(), store, asked.append)
+    store.held = True
+    for names in (("V1", "V2"), ("V1",)):
+        with steps.step():
+            for name in names:
+                steps.vehicle_changed(name)
+    store.release_one()
+    assert asked == ["V2"]
+    store.release()
+    assert asked == ["V2", "V1"]
+
+    with steps.step():
+        steps.vehicle_changed("V1")
+    assert asked == ["V2", "V1", "V1"]
+
+
+def test_a_step_that_an_effect_makes_tells_instead_of_the_one_before(store: MemoryStore) -> None:
+    asked: list[str] = []
+    steps = Steps(OrderBook(), store, asked.append)
+
+    def change_again() -> None:
+        with steps.step():
+            steps.vehicle_changed("V1")
+
+    store.held = True
+    with steps.step():
+        steps.vehicle_changed("V1")
+        steps.after_commit(change_again)
+    store.release_one()
+    assert asked == []
+    store.release()
+    assert asked == ["V1"]
+
+
 async def test_committed_is_done_after_all_that_came_before(steps: Steps, store: MemoryStore) -> None:
     store.held = True
     future = steps.committed()

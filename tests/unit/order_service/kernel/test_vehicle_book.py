@@ -22,7 +22,7 @@ def test_each_change_is_noted_once_and_read_again() -> None:
     assert list(changes.vehicles) == ["NeNa/V1"]
     assert not again
     read = VehicleBook(OrderBook())
-    read.load(changes.vehicles)
+    read.load({robot: document() for robot, document in changes.vehicles.items()})
     assert read.of(key("V1")) == book.of(key("V1"))
     assert read.of(key("V1")).held == HELD
     assert [record.robot for record in read] == [key("V1")]

@@ -71,7 +71,7 @@ def test_unfinished_are_orders_and_missions_that_a_restart_takes_up(url: str) ->
     running = assigned_order(number=2)
     ended = assigned_order(number=7).finished(NOW)
     made = changes((waiting, None), (running, None), (ended, None))
-    made.put_mission(2, "mission of 2")
+    made.put_mission(2, lambda: "mission of 2")
     write(engine, made)
     found = read_unfinished(engine)
     assert found.orders == (waiting, running)
@@ -82,9 +82,9 @@ def test_unfinished_are_orders_and_missions_that_a_restart_takes_up(url: str) ->
 def test_mission_is_replaced_and_forgotten(url: str) -> None:
     engine = open_database(url)
     made = changes((assigned_order(number=2), None))
-    made.put_mission(2, "first")
+    made.put_mission(2, lambda: "first")
     write(engine, made)
-    for document, expected in (("second", {2: "second"}), (None, {})):
+    for document, expected in ((lambda: "second", {2: "second"}), (None, {})):
         later = Changes()
         later.put_mission(2, document)
         write(engine, later)

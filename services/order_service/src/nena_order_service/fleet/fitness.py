@@ -142,8 +142,9 @@ def _value_problems(action: Action, wanted: Mapping[str, ActionParameterDescript
 
 def _fields(mission: Mission, abilities: Abilities) -> Iterator[str]:
     """Look for fields that the robot demands and do not stand there, or must stand and it does not take."""
-    document = mission.model_dump(mode="json", by_alias=True, exclude_none=True)
-    for path in abilities.required_fields:
+    required = abilities.required_fields
+    document = mission.model_dump(mode="json", by_alias=True, exclude_none=True) if required else {}
+    for path in required:
         if not _filled(document, path.split(".")):
             yield f"its factsheet demands the field '{path}', which cannot be filled here"
     if not abilities.takes_field(THETA) and any(map(_must_be_headed, mission.nodes)):

@@ -49,9 +49,9 @@ LOGGED_OF_NAME: Final = 60
 class FleetLink:
     """Couples a :class:`FleetController` with the broker; every method is for the event loop's thread.
 
-    ``on_news`` gets each output of the core but the messages to send, in order, within the call that caused
-    it; it may call this object again. What goes out never waits for the broker: the core sends again what no
-    state echoes.
+    ``on_news`` gets the outputs of the core but the messages to send, in order, all of a call at once and
+    within that call; it may call this object again. What goes out never waits for the broker: the core sends
+    again what no state echoes.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class FleetLink:
         addresses: RobotAddresses,
         settings: FleetSettings,
         clock: Clock,
-        on_news: Callable[[FleetOutput], None],
+        on_news: Callable[[*tuple[FleetOutput, ...]], None],
     ) -> None:
         self._mqtt = mqtt
         self._addresses = addresses
@@ -200,11 +200,14 @@ class FleetLink:
             )
 
     def _hand_out(self, outputs: Iterable[FleetOutput]) -> None:
+        news: list[FleetOutput] = []
         for output in outputs:
             if isinstance(output, Publish):
                 self._publish(output)
             else:
-                self._on_news(output)
+                news.append(output)
+        if news:
+            self._on_news(*news)
 
     def _publish(self, output: Publish) -> None:
         address = self._addresses.of(output.robot)

@@ -140,9 +140,13 @@ class Dispatching:
         self._costs.forget()
 
     def has_changed(self, vehicle: FleetVehicle) -> bool:
-        """Tell whether anything that matters here is new about a vehicle since it was looked at."""
+        """Tell whether anything that matters here is new about a vehicle since it was looked at.
+
+        That it works on an order now is no news: whoever gave it the order has looked at those that wait.
+        """
         before = self._looked_at.get(vehicle.name)
-        return self._look_at(vehicle).matters != before
+        now = self._look_at(vehicle)
+        return now.matters != before and now.seen.obstacle != BUSY
 
     def idle_reason(self, vehicle: FleetVehicle, *, orders_wait: bool) -> str:
         """Say why a vehicle that works on no order has none."""

@@ -387,9 +387,10 @@ class Kernel:
         """Say of each vehicle why it does not do an order, or that it could."""
         return self._dispatching.explain(order)
 
-    def on_news(self, news: FleetOutput) -> None:
-        """Take in what fleet control tells."""
+    def on_news(self, *news: FleetOutput) -> None:
+        """Take in what fleet control tells at a time, in one step."""
         if self.steps.closed:
             return
         with self.step():
-            self._news.take(news)
+            for each in news:
+                self._news.take(each)

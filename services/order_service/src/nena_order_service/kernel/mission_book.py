@@ -57,7 +57,7 @@ class MissionBook:
         if record.evasion:
             self._vehicles.change(record.robot, evasion=record)
         else:
-            self._orders.put_mission(self._order_of[record.robot], record.document())
+            self._orders.put_mission(self._order_of[record.robot], record.document)
 
     def end(self, record: MissionRecord) -> None:
         """Let a mission be at its end; the robot goes on working for its order, if it has one."""

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder, Urgency
-from nena_order_service.store.changes import Changes
+from nena_order_service.store.changes import Changes, Document
 from nena_shared.fleet_api.transport_order import TransportOrderState
 
 RECENT_LIMIT = 1000
@@ -71,11 +71,11 @@ class OrderBook:
         """Note an order sequence, or the new version of one."""
         self._changes.put_sequence(sequence)
 
-    def put_mission(self, number: int, document: str | None) -> None:
+    def put_mission(self, number: int, document: Document | None) -> None:
         """Note what is sent to a robot for an order, None: nothing any more."""
         self._changes.put_mission(number, document)
 
-    def put_vehicle(self, robot: str, document: str) -> None:
+    def put_vehicle(self, robot: str, document: Document) -> None:
         """Note what is known of a vehicle, by its robot's key."""
         self._changes.put_vehicle(robot, document)
 

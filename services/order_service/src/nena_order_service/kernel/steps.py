@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 from nena_order_service.errors import StoreNotReadyError
@@ -21,7 +22,11 @@ Effect = Callable[[], None]
 
 
 class Steps:
-    """Gathers the changes of one step at a time; steps are never nested."""
+    """Gathers the changes of one step at a time; steps are never nested.
+
+    Of vehicles only the present is told: where several steps that wait for their commit change one, the last
+    of them tells how it stands.
+    """
 
     def __init__(
         self, book: OrderBook, store: Store, vehicle_status: Callable[[str], VehicleStatus | None]
@@ -31,6 +36,8 @@ class Steps:
         self._vehicle_status = vehicle_status
         self._effects: list[Effect] = []
         self._vehicles: set[str] = set()
+        self._untold: Counter[str] = Counter()
+        """How many steps that wait for their commit change each vehicle."""
         self._told: dict[str, VehicleStatus] = {}
         self.listeners: list[Listener] = []
         self.closed = ""
@@ -72,6 +79,7 @@ class Steps:
             effects, self._effects = self._effects, []
             vehicles, self._vehicles = self._vehicles, set()
             if changes or effects or vehicles:
+                self._untold.update(vehicles)
                 self._store.commit(changes, lambda: self._release(told, effects, vehicles))
 
     def committed(self) -> asyncio.Future[None]:
@@ -88,13 +96,22 @@ class Steps:
                 effect()
             except Exception:
                 log.exception("an effect of a committed change failed")
-        statuses = [status for name in sorted(vehicles) if (status := self._vehicle_status(name))]
+        due = self._no_longer_untold(vehicles)
+        statuses = [status for name in sorted(due) if (status := self._vehicle_status(name))]
         self._told.update({status.name: status for status in statuses})
         for listener in self.listeners:
             for order in told:
                 listener.order_changed(order.status)
             for status in statuses:
                 listener.vehicle_changed(status)
+
+    def _no_longer_untold(self, vehicles: Iterable[str]) -> list[str]:
+        """Give those of a step's vehicles that no later step is to tell of."""
+        self._untold.subtract(vehicles)
+        due = [name for name in vehicles if not self._untold[name]]
+        for name in due:
+            del self._untold[name]
+        return due
 
 
 def _volatile(status: VehicleStatus) -> dict[str, object]:

@@ -75,4 +75,4 @@ class VehicleBook:
         record = before.model_copy(update=changes)
         if record != before:
             self._records[robot] = record
-            self._orders.put_vehicle(str(robot), record.model_dump_json())
+            self._orders.put_vehicle(str(robot), record.model_dump_json)

@@ -39,6 +39,7 @@ class VehicleRegistry:
         self.map_ids = {default_map_id} if default_map_id else set[str]()
         """The maps on which the vehicles of the plant model drive."""
         self._transforms = map_transforms(plant)
+        self._names: frozenset[str] | None = None
         for vehicle in plant.vehicles:
             self._add(self._of_plant(vehicle))
 
@@ -47,8 +48,10 @@ class VehicleRegistry:
         return iter(tuple(self._by_name.values()))
 
     def names(self) -> frozenset[str]:
-        """Give the names of the vehicles that may get orders."""
-        return frozenset(vehicle.name for vehicle in self if not vehicle.obstacle)
+        """Give the names of the vehicles that may get orders; asked for with each order, so kept."""
+        if self._names is None:
+            self._names = frozenset(vehicle.name for vehicle in self if not vehicle.obstacle)
+        return self._names
 
     def model(self, name: str) -> Vehicle | None:
         """Give the plant model's data of a vehicle; None where it has none."""
@@ -96,6 +99,7 @@ class VehicleRegistry:
     def _add(self, vehicle: FleetVehicle) -> FleetVehicle:
         self._by_name[vehicle.name] = vehicle
         self._by_key[vehicle.key] = vehicle
+        self._names = None
         if vehicle.model and vehicle.profile.map_id:
             self.map_ids.add(vehicle.profile.map_id)
         return vehicle

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
+
+Document = Callable[[], str]
+"""Writes what is to be stored; called by the writer, for most are replaced before they come to that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,9 +29,9 @@ class Changes:
 
     orders: dict[int, OrderChange] = field(default_factory=dict)
     """By the orders' numbers."""
-    missions: dict[int, str | None] = field(default_factory=dict)
+    missions: dict[int, Document | None] = field(default_factory=dict)
     """Mission documents by the orders' numbers; None: it is at its end."""
-    vehicles: dict[str, str] = field(default_factory=dict)
+    vehicles: dict[str, Document] = field(default_factory=dict)
     """Documents of vehicles by their robots' keys."""
     sequences: dict[int, OrderSequence] = field(default_factory=dict)
     """Order sequences by their numbers."""
@@ -50,11 +54,11 @@ class Changes:
             change = OrderChange(order, before is None, unchanged)
         self.orders[order.number] = change
 
-    def put_mission(self, order_number: int, document: str | None) -> None:
+    def put_mission(self, order_number: int, document: Document | None) -> None:
         """Add what is sent for an order, or None where nothing is any more."""
         self.missions[order_number] = document
 
-    def put_vehicle(self, robot: str, document: str) -> None:
+    def put_vehicle(self, robot: str, document: Document) -> None:
         """Add what is known of a vehicle."""
         self.vehicles[robot] = document
 

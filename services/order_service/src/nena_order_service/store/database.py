@@ -14,7 +14,7 @@ from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import schema
-from nena_order_service.store.changes import Changes, OrderChange
+from nena_order_service.store.changes import Changes, Document, OrderChange
 from nena_order_service.store.documents import write_documents
 from nena_order_service.store.engine import make_engine, reason_of, unusable
 from nena_order_service.store.errors import StoreError
@@ -118,9 +118,9 @@ def _write_orders(connection: Connection, texts: Statements, changes: Iterable[O
     execute(connection, texts.insert_history, entries)
 
 
-def _write_missions(connection: Connection, texts: Statements, documents: dict[int, str | None]) -> None:
+def _write_missions(connection: Connection, texts: Statements, documents: dict[int, Document | None]) -> None:
     rows: list[DatabaseRow] = [
-        {"order_number": number, "document": document}
+        {"order_number": number, "document": document()}
         for number, document in documents.items()
         if document is not None
     ]

@@ -7,13 +7,14 @@ from collections.abc import Mapping
 from sqlalchemy import Connection, select
 
 from nena_order_service.store import schema
+from nena_order_service.store.changes import Document
 from nena_order_service.store.statements import DatabaseRow, Statements, execute
 
 
-def write_vehicles(connection: Connection, texts: Statements, documents: Mapping[str, str]) -> None:
+def write_vehicles(connection: Connection, texts: Statements, documents: Mapping[str, Document]) -> None:
     """Replace the documents of these robots, by their keys."""
     rows: list[DatabaseRow] = [
-        {"robot": robot, "document": document} for robot, document in documents.items()
+        {"robot": robot, "document": document()} for robot, document in documents.items()
     ]
     execute(connection, texts.put_vehicle, rows)
 
