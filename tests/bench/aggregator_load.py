@@ -3,27 +3,28 @@
 from __future__ import annotations
 
 import asyncio
-import subprocess
-import sys
-import threading
-import time
-from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager, contextmanager
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import httpx
-import psutil
 from prometheus_client.parser import text_string_to_metric_families
 
 from bench import event_latency, panel_frames, scrape_cost
+from bench.bare_subscriber import bare_subscriber
 from bench.figures import Figures, at_least, within
+from bench.pace import Pace
+from bench.process import cpu_of, cpu_of_each, rss_mb_of
+from bench.readiness import wait_until_ready
 from bench.state_cost import payload
 from bench.wire import Wire
 from nena_demo.broker import start_broker
 from nena_demo.ports import free_port
 from nena_demo.processes import Processes, console_script
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
+from support.pausing import pass_time
+from support.waiting import wait_until
 
 SCHEME = TopicScheme("uagv")
 ROBOTS = 1000
@@ -34,21 +35,10 @@ FLOOD_STATES = 30_000
 """Six seconds of it."""
 SCRAPES = 10
 WAIT_SECONDS = 60.0
-READY_SECONDS = 30.0
-
-_BARE = """
-import json, sys
-from bench.wire import Wire
-count = 0
-def parse(topic, payload, moment):
-    global count
-    json.loads(payload)
-    count += 1
-wire = Wire(int(sys.argv[1]), "bench-bare", ("uagv/v2/+/+/state",), parse)
-print("ready", flush=True)
-for line in sys.stdin:
-    print(count, flush=True)
-"""
+SETTLE_SECONDS = 2.0
+LOOK_EVERY = 0.5
+LITTLE_CPU = 0.02
+"""Seconds of CPU that count for nothing in such a time."""
 
 
 async def measure(folder: Path, seconds: float) -> dict[str, Any]:
@@ -99,36 +89,25 @@ async def _aggregator(folder: Path) -> AsyncIterator[tuple[int, int, str]]:
             ],
         )
         url = f"http://127.0.0.1:{http_port}"
-        await asyncio.to_thread(_wait_until_ready, url)
+        await asyncio.to_thread(wait_until_ready, url)
         yield port, child.process.pid, url
 
 
-def _wait_until_ready(url: str) -> None:
-    end = time.perf_counter() + READY_SECONDS
-    while time.perf_counter() < end:
-        try:
-            if httpx.get(f"{url}/readyz").status_code == httpx.codes.OK:
-                return
-        except httpx.TransportError:
-            _pass_time(0.05)
-    raise TimeoutError("the aggregator is not ready")
-
-
 def _measure_load(port: int, pid: int, url: str, seconds: float) -> dict[str, Any]:
-    with _bare_subscriber(port) as bare:
+    with bare_subscriber(port) as bare:
         wire = Wire(port, "bench-flood", ())
         sender = _Sender(wire)
         sender.send(ROBOTS, STEADY_RATE)
-        _pass_time(2.0)
+        pass_time(SETTLE_SECONDS)
         processes = {"aggregator": pid, "bare_subscriber": bare.pid}
         resting = _half_second(processes)
         steady = _cost(processes, resting, sender, int(STEADY_RATE * seconds), STEADY_RATE, url=url)
         flood = _cost(processes, resting, sender, FLOOD_STATES, FLOOD_RATE, url=url)
-        rss = psutil.Process(pid).memory_info().rss / 1e6
+        rss = rss_mb_of(pid)
         scrape = _scrapes(pid, url)
         lost = sender.sent - int(_metric(url, "nena_messages_received_total"))
         missed = int(_metric(url, "nena_messages_missed_total"))
-        bare_lost = sender.sent - _bare_count(bare)
+        bare_lost = sender.sent - bare.count()
         wire.close()
     return {
         "robots": ROBOTS,
@@ -139,7 +118,7 @@ def _measure_load(port: int, pid: int, url: str, seconds: float) -> dict[str, An
         "states_sent": sender.sent,
         "states_lost": lost + missed,
         "states_lost_by_bare_subscriber": bare_lost,
-        "rss_mb": round(rss, 1),
+        "rss_mb": rss,
         "scrape": scrape,
     }
 
@@ -160,11 +139,11 @@ class _Sender:
             )
             for each in range(self.sent, self.sent + number)
         ]
-        start = time.perf_counter()
+        pace = Pace(rate)
         for count, (topic, state) in enumerate(prepared):
             self._wire.publish(topic, state)
             if count % 20 == 0:
-                _pass_time(start + count / rate - time.perf_counter())
+                pace.keep(count)
         self.sent += number
 
 
@@ -178,10 +157,10 @@ def _cost(
     url: str,
 ) -> Figures:
     """Give the CPU that each process takes per state, µs, and how many times the yardstick's that is."""
-    before = _cpu(processes)
+    before = cpu_of_each(processes)
     sender.send(number, rate)
     _wait_for_quiet(processes, resting)
-    after = _cpu(processes)
+    after = cpu_of_each(processes)
     cost = {name: round((after[name] - before[name]) / number * 1e6, 1) for name in processes}
     cost["ratio"] = round(cost["aggregator"] / cost["bare_subscriber"], 2)
     _wait_for_count(url, sender.sent)
@@ -190,59 +169,41 @@ def _cost(
 
 def _half_second(processes: dict[str, int]) -> dict[str, float]:
     """Give the CPU, s, that each process takes in half a second."""
-    before = _cpu(processes)
-    _pass_time(0.5)
-    after = _cpu(processes)
+    before = cpu_of_each(processes)
+    pass_time(LOOK_EVERY)
+    after = cpu_of_each(processes)
     return {name: after[name] - before[name] for name in processes}
 
 
 def _wait_for_quiet(processes: dict[str, int], resting: dict[str, float]) -> None:
     """Wait until no process does much more than it did at rest; what that is depends on the machine."""
-    end = time.perf_counter() + WAIT_SECONDS
-    while time.perf_counter() < end:
+
+    def quiet() -> bool:
         now = _half_second(processes)
-        if all(now[name] <= 2 * resting[name] + 0.02 for name in processes):
-            return
-    raise TimeoutError("the processes do not come to an end with the states")
+        return all(now[name] <= 2 * resting[name] + LITTLE_CPU for name in processes)
+
+    wait_until(quiet, timeout=WAIT_SECONDS, what="the end of the states")
 
 
 def _wait_for_count(url: str, number: int) -> None:
-    end = time.perf_counter() + WAIT_SECONDS
-    while _metric(url, "nena_messages_received_total") < number and time.perf_counter() < end:
-        _pass_time(0.5)
+    with suppress(AssertionError):  # those that are lost are counted
+        wait_until(
+            lambda: _metric(url, "nena_messages_received_total") >= number,
+            timeout=WAIT_SECONDS,
+            every=LOOK_EVERY,
+        )
 
 
 def _scrapes(pid: int, url: str) -> Figures:
     """Give what a scrape costs the aggregator as a whole, HTTP included, and how much it says."""
-    before = _cpu({"it": pid})["it"]
+    before = cpu_of(pid)
     for _ in range(SCRAPES):
         text = httpx.get(f"{url}/metrics").text
     return {
-        "cpu_ms": round((_cpu({"it": pid})["it"] - before) / SCRAPES * 1e3, 1),
+        "cpu_ms": round((cpu_of(pid) - before) / SCRAPES * 1e3, 1),
         "series_of_robots": text.count('{manufacturer="Bench",serial_number='),
         "megabytes": round(len(text) / 1e6, 2),
     }
-
-
-@contextmanager
-def _bare_subscriber(port: int) -> Iterator[subprocess.Popen[str]]:
-    bare = subprocess.Popen(
-        [sys.executable, "-c", _BARE, str(port)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    try:
-        assert bare.stdout is not None
-        bare.stdout.readline()
-        yield bare
-    finally:
-        bare.communicate(timeout=10)
-
-
-def _bare_count(bare: subprocess.Popen[str]) -> int:
-    assert bare.stdin is not None
-    assert bare.stdout is not None
-    bare.stdin.write("\n")
-    bare.stdin.flush()
-    return int(bare.stdout.readline())
 
 
 def _metric(url: str, name: str) -> float:
@@ -254,13 +215,3 @@ def _metric(url: str, name: str) -> float:
         for sample in family.samples
         if sample.name == name and sample.labels == {"topic": "state"}
     )
-
-
-def _cpu(processes: dict[str, int]) -> dict[str, float]:
-    times = {name: psutil.Process(pid).cpu_times() for name, pid in processes.items()}
-    return {name: each.user + each.system for name, each in times.items()}
-
-
-def _pass_time(seconds: float) -> None:
-    """Let time go by, which is what is measured here."""
-    threading.Event().wait(max(0.0, seconds))

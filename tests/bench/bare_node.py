@@ -6,20 +6,15 @@ input closes.
 
 from __future__ import annotations
 
-import os
 import sys
-import threading
 
-os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
-
-import rclpy
 from action_msgs.msg import GoalStatusArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry, Path
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 from sensor_msgs.msg import BatteryState
 
+from bench.bare_ros import run_node
 from bench.nav2_stand_in import BEST_EFFORT, LATCHED, STATUS_TOPIC
 
 TOPICS = (
@@ -34,22 +29,12 @@ TOPICS = (
 
 def main() -> None:
     """Listen until the input closes."""
-    context = Context()
-    rclpy.init(context=context, domain_id=int(sys.argv[1]))
-    node = rclpy.create_node("bench_bare", namespace=sys.argv[2], context=context)
-    for kind, topic, qos in TOPICS:
-        node.create_subscription(kind, topic, lambda _message: None, qos)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    thread = threading.Thread(target=executor.spin, daemon=True)
-    thread.start()
-    sys.stdout.write("ready\n")
-    sys.stdout.flush()
-    sys.stdin.read()
-    executor.shutdown()
-    node.destroy_node()
-    context.try_shutdown()
-    thread.join(timeout=5.0)
+
+    def listen(node: Node) -> None:
+        for kind, topic, qos in TOPICS:
+            node.create_subscription(kind, topic, lambda _message: None, qos)
+
+    run_node("bench_bare", domain_id=int(sys.argv[1]), namespace=sys.argv[2], prepare=listen)
 
 
 if __name__ == "__main__":

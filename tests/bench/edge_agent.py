@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import os
 import queue
-import threading
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -18,12 +17,11 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-import psutil
-
 from bench import robot_latency
 from bench.figures import within
 from bench.helper import helper
 from bench.nav2_stand_in import Nav2StandIn
+from bench.process import cpu_of_each, rss_mb_of
 from bench.robot_latency import FleetControl, ready
 from bench.wire import Wire
 from nena_demo import stack
@@ -33,6 +31,7 @@ from nena_demo.processes import Child, Processes, console_script
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.v2_1 import CODEC
+from support.pausing import pass_time
 
 DOMAIN_ID = 78
 NAMESPACE = "r1"
@@ -65,7 +64,7 @@ async def measure(folder: Path, samples: int, seconds: float) -> dict[str, Any]:
                 folder=processes.folder,
             )
             runs.append(await asyncio.to_thread(latencies))
-            memory.append(psutil.Process(agent.process.pid).memory_info().rss / 1e6)
+            memory.append(rss_mb_of(agent.process.pid))
     async with _broker(folder / "idle") as (processes, port):
         idle = await _idle(processes, port, seconds)
     async with _broker(folder / "start") as (processes, port):
@@ -129,13 +128,13 @@ def _idle_cpu(pid: int, fleet: FleetControl, seconds: float, odometry: bool) -> 
     try:
         with helper("bench.bare_node", str(DOMAIN_ID), NAMESPACE) as bare:
             fleet.wait_until(ready)
-            _pass_time(SETTLE_SECONDS)
+            pass_time(SETTLE_SECONDS)
             processes = {"agent": pid, "bare_rclpy": bare.pid}
-            before = _cpu(processes)
-            _pass_time(seconds)
-            after = _cpu(processes)
+            before = cpu_of_each(processes)
+            pass_time(seconds)
+            after = cpu_of_each(processes)
             percent = {name: round((after[name] - before[name]) / seconds * 100, 2) for name in processes}
-            bare_memory = round(psutil.Process(bare.pid).memory_info().rss / 1e6, 1)
+            bare_memory = rss_mb_of(bare.pid)
     finally:
         nav2.close()
     return {
@@ -173,13 +172,3 @@ async def _starts(processes: Processes, port: int) -> dict[str, Any]:
         "agent_s": within(round(median(agent_seconds), 2), START),
         "bare_rclpy_ready_s": round(median(bare_seconds), 2),
     }
-
-
-def _cpu(processes: dict[str, int]) -> dict[str, float]:
-    times = {name: psutil.Process(pid).cpu_times() for name, pid in processes.items()}
-    return {name: each.user + each.system for name, each in times.items()}
-
-
-def _pass_time(seconds: float) -> None:
-    """Let time go by, which is what is measured here."""
-    threading.Event().wait(seconds)

@@ -14,8 +14,10 @@ from playwright.async_api import Page
 
 from bench.browser import chromium
 from bench.figures import milliseconds
+from bench.pace import Pace
 from bench.state_cost import publish
 from bench.wire import Wire
+from support.pausing import time_passes
 
 ROBOTS = 200
 CLIENTS = 10
@@ -48,9 +50,9 @@ async def measure(port: int, url: str, seconds: float) -> dict[str, Any]:
     async with AsyncExitStack() as stack:
         page = await _follow_in_browser(stack, url)
         readers = await _follow(stack, url, sent, samples)
-        await asyncio.sleep(SETTLE_SECONDS)
+        await time_passes(SETTLE_SECONDS)
         await _publish_states(wire, sent, seconds)
-        await asyncio.sleep(SETTLE_SECONDS)
+        await time_passes(SETTLE_SECONDS)
         for reader in readers:
             reader.cancel()
         await asyncio.gather(*readers, return_exceptions=True)
@@ -80,12 +82,12 @@ async def _follow(
 
 
 async def _publish_states(wire: Wire, sent: Sent, seconds: float) -> None:
-    start = time.perf_counter()
+    pace = Pace(RATE)
     for count in range(int(seconds * RATE)):
         number, header_id = count % ROBOTS, 1 + count // ROBOTS
         sent[(f"Bench/bench-{number:03d}", (header_id % 100) / 10)] = time.time()
         publish(wire, number, header_id)
-        await asyncio.sleep(max(0.0, start + count / RATE - time.perf_counter()))
+        await pace.kept(count)
 
 
 async def _read(response: httpx.Response, sent: Sent, samples: list[float]) -> None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import threading
-import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -12,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-import psutil
 
+from bench.process import cpu_of, rss_mb_of
+from bench.readiness import READY_SECONDS, wait_until_ready
 from bench.robots import Start
 from nena_demo.broker import start_broker
 from nena_demo.ports import free_port
@@ -21,12 +20,14 @@ from nena_demo.processes import Processes, console_script
 from nena_shared.plant import PlantModel, Point, Vehicle
 from nena_shared.plant.geometry import BoundingBox
 from support.plants import path
+from support.waiting import wait_until
 
 MAP_ID = "bench-lanes"
 LENGTH_M = 5
 APART_M = 2
 ROBOT_MM = 800
-READY_SECONDS = 300.0
+LOOK_EVERY = 0.5
+"""Seconds; many robots are a long answer."""
 
 
 def robot(number: int) -> str:
@@ -101,15 +102,13 @@ class Hall:
 
     def wait_for_robots(self) -> None:
         """Wait until every robot could take an order."""
-        end = time.perf_counter() + READY_SECONDS
-        while time.perf_counter() < end:
+
+        def all_there() -> bool:
             vehicles = httpx.get(f"{self.url}/v1/vehicles", timeout=READY_SECONDS).json()["vehicles"]
-            if sum(each["state"] == "IDLE" and each["currentPosition"] is not None for each in vehicles) == (
-                self.robots
-            ):
-                return
-            pass_time(0.5)
-        raise TimeoutError("not every robot is there")
+            there = sum(each["state"] == "IDLE" and each["currentPosition"] is not None for each in vehicles)
+            return there == self.robots
+
+        wait_until(all_there, timeout=READY_SECONDS, what="every robot is there", every=LOOK_EVERY)
 
     def cpu(self) -> float:
         """Give the seconds of CPU that the order service has taken."""
@@ -117,7 +116,7 @@ class Hall:
 
     def rss_mb(self) -> float:
         """Give its resident memory."""
-        return round(psutil.Process(self.pid).memory_info().rss / 1e6, 1)
+        return rss_mb_of(self.pid)
 
 
 @asynccontextmanager
@@ -135,29 +134,6 @@ async def lanes(folder: Path, robots: int, store: str = "orders.db") -> AsyncIte
             ],
         )
         url = f"http://127.0.0.1:{http_port}"
-        await asyncio.to_thread(_wait_until_ready, url)
+        await asyncio.to_thread(wait_until_ready, url)
         yield Hall(port, url, child.process.pid, robots)
         processes.check()
-
-
-def _wait_until_ready(url: str) -> None:
-    end = time.perf_counter() + READY_SECONDS
-    while time.perf_counter() < end:
-        try:
-            if httpx.get(f"{url}/readyz").status_code == httpx.codes.OK:
-                return
-        except httpx.TransportError:
-            pass
-        pass_time(0.1)
-    raise TimeoutError("the order service is not ready")
-
-
-def cpu_of(pid: int) -> float:
-    """Give the seconds of CPU that a process has taken."""
-    times = psutil.Process(pid).cpu_times()
-    return times.user + times.system
-
-
-def pass_time(seconds: float) -> None:
-    """Let time go by, which is what is measured here."""
-    threading.Event().wait(max(0.0, seconds))

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import queue
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,11 +10,15 @@ from typing import Any
 
 import httpx
 
+from bench.bare_subscriber import bare_subscriber
 from bench.figures import milliseconds
-from bench.lanes import Hall, cpu_of, order_of, pass_time, robot
+from bench.lanes import Hall, order_of, robot
+from bench.pace import Pace
+from bench.process import cpu_of_each
 from bench.robots import SCHEME, DrivingRobots
 from bench.wire import Wire
 from nena_shared.vda5050.topics import RobotKey, Topic
+from support.pausing import pass_time
 
 RATE = 1.0
 """States a second of each robot."""
@@ -27,31 +29,22 @@ WAIT_SECONDS = 300.0
 SETTLE_SECONDS = 3.0
 CHARGES = tuple(range(40, 80))
 
-_BARE = """
-import json, sys
-from bench.wire import Wire
-parse = lambda topic, payload, moment: json.loads(payload)
-wire = Wire(int(sys.argv[1]), "bench-bare", ("uagv/v2/+/+/state",), parse)
-print("ready", flush=True)
-sys.stdin.read()
-"""
-
 
 def measure(hall: Hall, robots: DrivingRobots, seconds: float) -> dict[str, Any]:
     """Have every robot drive for an order and report at 1 Hz for ``seconds``."""
     _give_orders(hall, robots)
     said = {number: robots.messages(robot(number)) for number in range(hall.robots)}
-    with _bare_subscriber(hall.port) as bare, _marks(hall.port) as marks:
+    with bare_subscriber(hall.port) as bare, _marks(hall.port) as marks:
         sender = _Sender(hall, said, marks)
         sender.send(hall.robots)
         pass_time(SETTLE_SECONDS)
         processes = {"order_service": hall.pid, "bare_subscriber": bare.pid}
-        before, start = {name: cpu_of(pid) for name, pid in processes.items()}, time.perf_counter()
+        before, start = cpu_of_each(processes), time.perf_counter()
         states = round(hall.robots * RATE * seconds)
         sender.send(states)
         pass_time(SETTLE_SECONDS)
         elapsed = time.perf_counter() - start
-        cpu = {name: cpu_of(pid) - before[name] for name, pid in processes.items()}
+        cpu = {name: after - before[name] for name, after in cpu_of_each(processes).items()}
         ages = marks.ages()
         sender.close()
     cost = {name: round(each / states * 1e6, 1) for name, each in cpu.items()}
@@ -119,11 +112,11 @@ class _Sender:
 
     def send(self, number: int) -> None:
         """Publish so many at the rate."""
-        start, rate = time.perf_counter(), self._hall.robots * RATE
+        pace = Pace(self._hall.robots * RATE)
         for count in range(number):
             self._publish(count >= self._hall.robots and self._sent % MARKED == 0)
             if count % BATCH == 0:
-                pass_time(start + count / rate - time.perf_counter())
+                pace.keep(count)
 
     def close(self) -> None:
         """Disconnect."""
@@ -143,16 +136,3 @@ class _Sender:
             self.marked += 1
         self._wire.publish(SCHEME.of(RobotKey("NeNa", serial), Topic.STATE), payload)
         self._sent += 1
-
-
-@contextmanager
-def _bare_subscriber(port: int) -> Iterator[subprocess.Popen[str]]:
-    bare = subprocess.Popen(
-        [sys.executable, "-c", _BARE, str(port)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    try:
-        assert bare.stdout is not None
-        bare.stdout.readline()
-        yield bare
-    finally:
-        bare.communicate(timeout=10)

@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from contextlib import suppress
+from itertools import count
 from typing import Any
 
 from playwright.async_api import CDPSession, Page
 
 from bench.browser import chromium
 from bench.figures import Figures
+from bench.pace import Pace
 from bench.state_cost import publish
 from bench.wire import Wire
 from nena_demo.plants import sample_plant_path
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.plant.opentcs_xml import read
+from support.waiting import awaited
 
 ROBOTS = 200
 RATE = 400.0
 """States per second: each robot sends two."""
 RUNS = 3
-READY_SECONDS = 30.0
+LOOK_EVERY = 0.1
+"""Seconds."""
 
 _ROBOTS_SHOWN = "(wanted) => document.querySelector('nena-fleet-map').store?.robots.size >= wanted"
 _FRAMES = """({ seconds, move }) => new Promise((done) => {
@@ -55,7 +58,12 @@ async def measure(port: int, url: str, seconds: float) -> dict[str, Any]:
         page = await browser.new_page(viewport={"width": 1280, "height": 800})
         yardstick = await _frames(page, seconds, move=False)
         await page.goto(url)
-        await _until_shown(page)
+        await awaited(
+            lambda: page.evaluate(_ROBOTS_SHOWN, ROBOTS),
+            bool,
+            what="all robots on the panel",
+            every=LOOK_EVERY,
+        )
         session = await page.context.new_cdp_session(page)
         await session.send("Performance.enable", {"timeDomain": "threadTicks"})
         before = await _busy_seconds(session)
@@ -86,19 +94,8 @@ async def _busy_seconds(session: CDPSession) -> float:
     return float(next(each["value"] for each in metrics if each["name"] == "TaskDuration"))
 
 
-async def _until_shown(page: Page) -> None:
-    end = time.perf_counter() + READY_SECONDS
-    while not await page.evaluate(_ROBOTS_SHOWN, ROBOTS):
-        if time.perf_counter() > end:
-            message = "the panel does not show all robots"
-            raise TimeoutError(message)
-        await asyncio.sleep(0.1)
-
-
 async def _send(wire: Wire) -> None:
-    start = time.perf_counter()
-    count = 0
-    while True:
-        publish(wire, count % ROBOTS, count // ROBOTS)
-        count += 1
-        await asyncio.sleep(max(0.0, start + count / RATE - time.perf_counter()))
+    pace = Pace(RATE)
+    for number in count():
+        publish(wire, number % ROBOTS, number // ROBOTS)
+        await pace.kept(number + 1)

@@ -7,18 +7,13 @@ NAMESPACE TOPIC ANSWER_TOPIC SIZE``; ends when its input closes.
 from __future__ import annotations
 
 import json
-import os
 import sys
-import threading
 
-os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
-
-import rclpy
 from action_msgs.msg import GoalStatusArray
 from geometry_msgs.msg import PoseStamped
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 
+from bench.bare_ros import run_node
 from bench.nav2_stand_in import LATCHED, STATUS_TOPIC
 from bench.wire import Wire
 
@@ -26,36 +21,25 @@ from bench.wire import Wire
 def main() -> None:
     """Pass messages on until the input closes."""
     port, domain_id, namespace, topic, answer_topic, size = sys.argv[1:]
-    context = Context()
-    rclpy.init(context=context, domain_id=int(domain_id))
-    node = rclpy.create_node("bench_passthrough", namespace=namespace, context=context)
-    publisher = node.create_publisher(PoseStamped, "goal_pose", 1)
     answer = b"x" * int(size)
 
-    def pass_on(_topic: str, payload: bytes, _moment: float) -> None:
-        place = json.loads(payload)
-        pose = PoseStamped()
-        pose.header.frame_id = "map"
-        pose.pose.position.x = float(place["x"])
-        pose.pose.position.y = float(place["y"])
-        publisher.publish(pose)
+    def connect(node: Node) -> None:
+        publisher = node.create_publisher(PoseStamped, "goal_pose", 1)
 
-    wire = Wire(int(port), "bench-passthrough", (topic,), pass_on)
-    node.create_subscription(
-        GoalStatusArray, STATUS_TOPIC, lambda _statuses: wire.publish(answer_topic, answer), LATCHED
-    )
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    thread = threading.Thread(target=executor.spin, daemon=True)
-    thread.start()
-    sys.stdout.write("ready\n")
-    sys.stdout.flush()
-    sys.stdin.read()
-    wire.close()
-    executor.shutdown()
-    node.destroy_node()
-    context.try_shutdown()
-    thread.join(timeout=5.0)
+        def pass_on(_topic: str, payload: bytes, _moment: float) -> None:
+            place = json.loads(payload)
+            pose = PoseStamped()
+            pose.header.frame_id = "map"
+            pose.pose.position.x = float(place["x"])
+            pose.pose.position.y = float(place["y"])
+            publisher.publish(pose)
+
+        wire = Wire(int(port), "bench-passthrough", (topic,), pass_on)
+        node.create_subscription(
+            GoalStatusArray, STATUS_TOPIC, lambda _statuses: wire.publish(answer_topic, answer), LATCHED
+        )
+
+    run_node("bench_passthrough", domain_id=int(domain_id), namespace=namespace, prepare=connect)
 
 
 if __name__ == "__main__":

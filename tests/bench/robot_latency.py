@@ -27,6 +27,7 @@ from nena_shared.vda5050.order import AllowedDeviationXY, Edge, Node, NodePositi
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.v2_1 import CODEC
+from support.waiting import wait_until
 
 WAIT_SECONDS = 30.0
 QUIET_SECONDS = 0.12
@@ -203,7 +204,7 @@ def measure(
         size = len(run.drive(*PLACES))
         arguments = (str(port), str(domain_id), PASS_NAMESPACE, PASS_TOPIC, PASS_BACK_TOPIC, str(size))
         with helper("bench.passthrough", *arguments):
-            _wait_until_joined(nav2)
+            wait_until(lambda: nav2.joined(PASS_NAMESPACE), what="the bare pass-through has joined")
             for number in range(WARM_UP + samples):
                 here, there = PLACES if number % 2 else PLACES[::-1]
                 run.drive(here, there)
@@ -248,10 +249,3 @@ def medians(runs: Sequence[Mapping[str, Any]], figure: str) -> dict[str, Any]:
 def middle(runs: Sequence[Figures]) -> Figures:
     """Give the median of each figure over several runs."""
     return {key: round(median(run[key] for run in runs), 3) for key in runs[0]}
-
-
-def _wait_until_joined(nav2: Nav2StandIn) -> None:
-    end = time.perf_counter() + WAIT_SECONDS
-    while not nav2.joined(PASS_NAMESPACE):
-        if time.perf_counter() > end:
-            raise TimeoutError("the bare pass-through has not joined")

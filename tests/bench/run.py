@@ -10,9 +10,9 @@ import platform
 import shutil
 import sys
 import tempfile
-import time
 from collections.abc import Awaitable, Callable
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +29,13 @@ from bench import (
     sessions,
     state_cost,
 )
+from bench.process import rss_mb_of
 from bench.robots import InstantRobots, Start
 from nena_demo import stack
 from nena_demo.processes import Child, Processes, console_script
+from support.waiting import awaited
 
 LOOPBACK_ROBOTS = 50
-READY_SECONDS = 60.0
 STARTS = (
     Start("robot-01", "Parking bay", 1.0, 7.0),
     Start("robot-02", "Packing stand", 23.0, 7.0),
@@ -102,25 +103,20 @@ async def _memory(folder: Path, _samples: int, _seconds: float) -> dict[str, flo
             ],
             environment=stack.environment(folder, running.mqtt.port),
         )
-        await asyncio.to_thread(_wait_for_robots, running.panel_url)
+        async with httpx.AsyncClient(base_url=running.panel_url) as panel:
+            await awaited(partial(_robots_seen, panel), LOOPBACK_ROBOTS.__eq__, what="every loopback robot")
         processes.check()
         return _memory_of(processes.children)
 
 
-def _wait_for_robots(panel_url: str) -> None:
-    """Wait until the aggregator has seen every robot and some states of each."""
-    end = time.perf_counter() + READY_SECONDS
-    while time.perf_counter() < end:
-        fleet = httpx.get(f"{panel_url}/api/v1/fleet").json()
-        if sum(robot["lastState"] is not None for robot in fleet["robots"]) == LOOPBACK_ROBOTS:
-            return
-    raise TimeoutError("not every loopback robot is there")
+async def _robots_seen(panel: httpx.AsyncClient) -> int:
+    """Count the robots of which the aggregator has seen a state."""
+    fleet = (await panel.get("/api/v1/fleet")).json()
+    return sum(robot["lastState"] is not None for robot in fleet["robots"])
 
 
 def _memory_of(children: list[Child]) -> dict[str, float]:
-    return {
-        child.name: round(psutil.Process(child.process.pid).memory_info().rss / 1e6, 1) for child in children
-    }
+    return {child.name: rss_mb_of(child.process.pid) for child in children}
 
 
 async def _core(_folder: Path, _samples: int, _seconds: float) -> dict[str, Any]:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import threading
 import time
 from datetime import UTC, datetime
 
-import psutil
-
+from bench.bare_subscriber import bare_subscriber
 from bench.figures import Figures
+from bench.process import cpu_of_each
 from bench.robots import edge_states, node_states
 from bench.wire import Wire
 from nena_shared.vda5050.state import (
@@ -24,6 +21,7 @@ from nena_shared.vda5050.state import (
 )
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.v2_1 import CODEC
+from support.pausing import pass_time
 
 SCHEME = TopicScheme("uagv")
 ROBOTS = 50
@@ -32,40 +30,24 @@ RATE = 500.0
 
 SETTLE_SECONDS = 2.0
 
-_BARE = """
-import json, sys
-from bench.wire import Wire
-parse = lambda topic, payload, moment: json.loads(payload)
-wire = Wire(int(sys.argv[1]), "bench-bare", ("uagv/v2/+/+/state",), parse)
-print("ready", flush=True)
-sys.stdin.read()
-"""
-
 
 def measure(port: int, services: dict[str, int], seconds: float) -> dict[str, Figures]:
     """Publish states of 4 KB for ``seconds``; give the CPU that each process (name to pid) took per state."""
-    bare = subprocess.Popen(
-        [sys.executable, "-c", _BARE, str(port)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    try:
-        assert bare.stdout is not None
-        bare.stdout.readline()
+    with bare_subscriber(port) as bare:
         return _measure(port, {**services, "bare_subscriber": bare.pid}, seconds)
-    finally:
-        bare.communicate(timeout=SETTLE_SECONDS * 5)
 
 
 def _measure(port: int, processes: dict[str, int], seconds: float) -> dict[str, Figures]:
     wire = Wire(port, "bench-states", ())
     for number in range(ROBOTS):
         publish(wire, number, 0)
-    _pass_time(SETTLE_SECONDS)
-    start = _cpu(processes)
-    _pass_time(seconds)
-    between = _cpu(processes)
+    pass_time(SETTLE_SECONDS)
+    start = cpu_of_each(processes)
+    pass_time(seconds)
+    between = cpu_of_each(processes)
     sent = _publish_states(wire, seconds)
-    _pass_time(seconds - sent / RATE + SETTLE_SECONDS)
-    end = _cpu(processes)
+    pass_time(seconds - sent / RATE + SETTLE_SECONDS)
+    end = cpu_of_each(processes)
     wire.close()
     idle_per_second = {name: (between[name] - start[name]) / seconds for name in processes}
     return {
@@ -81,11 +63,6 @@ def _measure(port: int, processes: dict[str, int], seconds: float) -> dict[str, 
     }
 
 
-def _cpu(processes: dict[str, int]) -> dict[str, float]:
-    times = {name: psutil.Process(pid).cpu_times() for name, pid in processes.items()}
-    return {name: each.user + each.system for name, each in times.items()}
-
-
 def _publish_states(wire: Wire, seconds: float) -> int:
     """Publish at the set rate, in small batches; give how many."""
     start = time.perf_counter()
@@ -94,13 +71,8 @@ def _publish_states(wire: Wire, seconds: float) -> int:
         while sent < elapsed * RATE:
             publish(wire, sent % ROBOTS, 1 + sent // ROBOTS)
             sent += 1
-        _pass_time(0.002)
+        pass_time(0.002)
     return sent
-
-
-def _pass_time(seconds: float) -> None:
-    """Let time go by, which is what is measured here."""
-    threading.Event().wait(max(0.0, seconds))
 
 
 def publish(wire: Wire, number: int, header_id: int) -> None:

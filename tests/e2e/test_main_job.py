@@ -18,10 +18,9 @@ from nena_demo.host import Host
 from nena_demo.processes import Processes
 from nena_demo.stack import Choices, Stack
 from nena_shared.fleet_api.transport_order import Destination, TransportOrderRequest, TransportOrderStatus
-from support.order_service_fleet import awaited
 from support.ros import RosPeer, own_domain_id
 from support.simulator import heard, publisher_to
-from support.waiting import PATIENCE
+from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.ros, pytest.mark.broker]
 

@@ -15,8 +15,7 @@ from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.v2_1 import CODEC
-from support.order_service_fleet import awaited
-from support.waiting import until
+from support.waiting import awaited, until
 
 WORK = ("pick", "drop")
 ENDED_WITHIN = 240.0

@@ -17,7 +17,7 @@ from faults.footprint import Footprint, grown
 from faults.host import Host
 from faults.recovery import FILE, Fault, Record
 from faults.site import Site
-from support.order_service_fleet import awaited
+from support.waiting import awaited
 
 STATUS = re.compile("nena/v1/transportOrders/[^/]+/status")
 AT_WORK_WITHIN = 60.0

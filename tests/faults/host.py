@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import time
 from collections import Counter
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ import httpx
 from faults.hall import LOAD, STATIONS, UNLOAD
 from faults.site import Site
 from nena_shared.fleet_api.transport_order import TransportOrderState
+from support.pausing import time_passes
 
 ASK_AGAIN = 0.2
 """Seconds."""
@@ -57,7 +57,7 @@ class Host:
                 number += 1
                 await self._order(f"T-{number}")
             else:
-                await asyncio.sleep(ASK_AGAIN)
+                await time_passes(ASK_AGAIN)
 
     def stop(self) -> None:
         """Order no more."""
@@ -78,7 +78,7 @@ class Host:
             try:
                 answer = await self._site.orders.post("/v1/transportOrders", json=body)
             except httpx.HTTPError:
-                await asyncio.sleep(ASK_AGAIN)
+                await time_passes(ASK_AGAIN)
                 continue
             if answer.is_success:
                 self.answered.add(name)
@@ -88,7 +88,7 @@ class Host:
                 self.refused.append(answer.text)
                 return
             self.put_off[answer.status_code, _detail(answer)] += 1
-            await asyncio.sleep(ASK_AGAIN)
+            await time_passes(ASK_AGAIN)
 
     async def _under_way(self) -> int:
         """Count the orders that are not at their end; as many as may be where nobody answers."""

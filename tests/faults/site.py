@@ -12,9 +12,9 @@ import httpx
 from faults.hall import MAP_ID, start_of, write_hall
 from support.broker import Broker, MqttPeer, free_port
 from support.network import Line
-from support.order_service_fleet import awaited
 from support.programs import Program
 from support.ros import own_domain_id
+from support.waiting import awaited
 
 LOOPBACK = 8
 ON_ROS = 2

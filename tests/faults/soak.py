@@ -22,6 +22,7 @@ from faults.footprint import Footprint
 from faults.host import Answer, Host
 from faults.site import Site
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from support.pausing import time_passes
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "soak.md"
 INTRODUCTION = Path(__file__).with_name("soak.md")
@@ -63,7 +64,7 @@ async def _watched(site: Site, seconds: float) -> Looks:
     window = min(LONGEST_WINDOW, seconds / LEAST_COUNT)
     looks: Looks = []
     for number in range(round(seconds / window)):
-        await asyncio.sleep(window)
+        await time_passes(window)
         for name, program in site.programs.items():
             assert program.process.poll() is None, f"{name} has ended:\n{program.log[-3000:]}"
         found = {name: Footprint.of(each.process.pid) for name, each in site.programs.items()}

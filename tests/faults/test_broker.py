@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from faults.extent import TIMES, only_in_whole
+from support.pausing import time_passes
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(900)]
 
@@ -35,7 +35,7 @@ async def test_frozen(trial: Callable[..., Any]) -> None:
         for _ in range(TIMES):
             running.site.broker.freeze()
             try:
-                await asyncio.sleep(FROZEN)  # the time that passes is the fault
+                await time_passes(FROZEN)
             finally:
                 running.site.broker.thaw()
             await running.recovers("broker frozen")

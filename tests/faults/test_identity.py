@@ -12,7 +12,7 @@ from faults.conftest import Trial
 from faults.extent import TIMES, only_in_whole
 from faults.hall import start_of
 from faults.site import LOOPBACK, Site
-from support.order_service_fleet import awaited
+from support.waiting import awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(1200), only_in_whole]
 

@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from faults.extent import TIMES, only_in_whole
-from support.order_service_fleet import awaited
+from support.waiting import awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(900)]
 

@@ -5,7 +5,6 @@ Nor is any robot ever given a place that may be somebody else's, which the conve
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable, Iterator
 from random import Random
 from typing import Any
@@ -18,9 +17,10 @@ from faults.site import Site
 from nena_shared.mqtt import Inbound
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.v2_1 import CODEC
-from support.order_service_fleet import awaited
+from support.pausing import time_passes
 from support.postgres import Postgres
 from support.traffic.conversation import Conversation
+from support.waiting import awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(3600)]
 
@@ -74,7 +74,7 @@ async def test_order_service_broker_and_database_killed_in_any_order(
 
 
 async def _life(chance: Random) -> None:
-    await asyncio.sleep(chance.uniform(0.0, LONGEST_LIFE))  # the moment is what is tried
+    await time_passes(chance.uniform(0.0, LONGEST_LIFE))
 
 
 def _kill_order_service(site: Site) -> None:

@@ -10,9 +10,9 @@ from rclpy.action import ActionClient
 
 from nena_robot_simulator.action import Action
 from nena_robot_simulator.action_types import action_types
-from support.ros import Inbox, RosPeer, wait_until
+from support.ros import Inbox, RosPeer
 from support.simulator import goal, heard
-from support.waiting import PATIENCE
+from support.waiting import PATIENCE, wait_until
 
 Outcome = tuple[int, int]
 """Status and error code of a result."""

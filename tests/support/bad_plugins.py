@@ -14,6 +14,7 @@ from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
 from nena_shared.vda5050.state import Load
+from support.pausing import pass_time
 
 NODE = (ActionScope.NODE,)
 GOOD = ActionDeclaration("good", NODE, pause_allowed=True, cancel_allowed=True)
@@ -82,7 +83,7 @@ class Blocks(Running):
     """Does its work in the agent's own thread."""
 
     def __init__(self, action_id: str, report: Report) -> None:
-        time.sleep(0.7)
+        pass_time(0.7)
         super().__init__(action_id, report)
 
 
@@ -171,7 +172,7 @@ class TalksBehindTheEnd(Running):
 class LeavesATask(Running):
     def __init__(self, action_id: str, report: Report) -> None:
         super().__init__(action_id, report)
-        self.task = asyncio.create_task(asyncio.sleep(3600), name="forgotten")
+        self.task = asyncio.create_task(asyncio.Event().wait(), name="forgotten")
 
 
 class LeavesAThread(Running):

@@ -12,7 +12,6 @@ import socket
 import subprocess
 import tempfile
 import threading
-import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -24,7 +23,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from nena_shared.mqtt import Inbound
 from nena_shared.settings import MqttSettings
-from support.waiting import PATIENCE, until
+from support.waiting import PATIENCE, until, wait_until
 
 CONFIGURATION = """\
 listener {port} 127.0.0.1
@@ -105,13 +104,7 @@ class Broker:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-        pause, end = threading.Event(), time.monotonic() + CONNECTED_WITHIN
-        while time.monotonic() < end:
-            if self._accepts():
-                return
-            assert self._process.poll() is None, f"mosquitto has ended:\n{self.log}"
-            pause.wait(0.01)
-        pytest.fail(f"mosquitto does not listen on port {self.port}:\n{self.log}")
+        wait_until(self._listens, timeout=CONNECTED_WITHIN, what=f"mosquitto on port {self.port}")
 
     def kill(self) -> None:
         """End the process as a power cut would."""
@@ -145,6 +138,10 @@ class Broker:
 
     def _signal(self, number: signal.Signals) -> None:
         self._running.send_signal(number)
+
+    def _listens(self) -> bool:
+        assert self._running.poll() is None, f"mosquitto has ended:\n{self.log}"
+        return self._accepts()
 
     def _accepts(self) -> bool:
         with socket.socket() as probe:

@@ -6,7 +6,7 @@ import asyncio
 import json
 import ssl
 from collections import Counter
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator
 from contextlib import ExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +19,7 @@ from nena_order_service.app import serve
 from nena_order_service.settings import OrderServiceSettings
 from support.broker import Broker, MqttPeer, free_port
 from support.programs import OrderServiceProgram, Program
-from support.waiting import LOOK_EVERY, PATIENCE
+from support.waiting import PATIENCE, awaited
 
 T = TypeVar("T")
 
@@ -176,18 +176,6 @@ async def _answering(client: httpx.AsyncClient, task: asyncio.Task[None]) -> Non
         return True
 
     await awaited(look, bool, seconds=PATIENCE, what="the order service answers")
-
-
-async def awaited(
-    look: Callable[[], Awaitable[T]], accept: Callable[[T], bool], *, seconds: float, what: str
-) -> T:
-    """Ask again and again until ``accept`` takes the answer, and give it."""
-    loop = asyncio.get_running_loop()
-    end = loop.time() + seconds
-    while not accept(answer := await look()):
-        assert loop.time() < end, f"{what} did not come true in {seconds} s; last: {answer!r}"
-        await asyncio.sleep(LOOK_EVERY)
-    return answer
 
 
 async def order_in(

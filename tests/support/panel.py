@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import os
 from collections.abc import AsyncIterator, Callable
@@ -25,7 +24,7 @@ from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, MqttPeer, free_port
 from support.fleet_examples import ROBOT, START, order_status, sample_plant
 from support.robot_maps import robot_map
-from support.waiting import LOOK_EVERY, PATIENCE
+from support.waiting import PATIENCE, awaited
 
 PICTURES = os.environ.get("NENA_SCREENSHOTS")
 """Folder for pictures of the panel; without one none are kept."""
@@ -121,12 +120,7 @@ async def opened(
 
 async def becomes(page: Page, script: str, argument: Any, accept: Callable[[Any], bool]) -> Any:
     """Evaluate a script in the page until ``accept`` takes what it gives; the page's policy forbids more."""
-    loop = asyncio.get_running_loop()
-    end = loop.time() + WITHIN
-    while not accept(found := await page.evaluate(script, argument)):
-        assert loop.time() < end, f"not within {WITHIN} s; last: {found}"
-        await asyncio.sleep(LOOK_EVERY)
-    return found
+    return await awaited(lambda: page.evaluate(script, argument), accept, seconds=WITHIN, what=script)
 
 
 async def picture(page: Page, name: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import shutil
 import subprocess
 from collections.abc import Awaitable, Callable
@@ -14,7 +13,7 @@ import pytest
 
 from support.broker import free_port
 from support.reference import PROJECT
-from support.waiting import PATIENCE
+from support.waiting import PATIENCE, awaited
 
 CONFIGURATION = PROJECT / "deploy" / "prometheus"
 
@@ -27,14 +26,9 @@ LOOK_EVERY = 0.05
 """Seconds."""
 
 
-async def eventually(ask: Callable[[], Awaitable[T]], what: str, *, seconds: float = END_WITHIN) -> T:
-    """Give the first true answer; AssertionError when there is none for ``seconds``."""
-    loop = asyncio.get_running_loop()
-    end = loop.time() + seconds
-    while not (answer := await ask()):
-        assert loop.time() < end, f"{what} did not come true in {seconds} s; last: {answer!r}"
-        await asyncio.sleep(LOOK_EVERY)
-    return answer
+async def eventually(ask: Callable[[], Awaitable[T]], what: str) -> T:
+    """Give the first true answer."""
+    return await awaited(ask, bool, what=what, every=LOOK_EVERY)
 
 
 def program(name: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from typing import Any
 
 from nena_edge_agent.actions.dry_ports import DryDrive
@@ -14,6 +13,7 @@ from nena_edge_agent.protocol.effects import StartAction
 from nena_edge_agent.protocol.events import ActionReport
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.topics import RobotKey
+from support.pausing import turn_passes
 from support.robot_core import action
 from support.ros_port import ScriptedRos
 from support.waiting import until
@@ -60,7 +60,7 @@ class Robot:
 
     async def begin(self, action_type: str, **parameters: Any) -> None:
         self.runner.start(StartAction(action("a", "HARD", action_type, **parameters), ()))
-        await asyncio.sleep(0)
+        await turn_passes()
 
     async def until_published(self, *texts: str) -> None:
         await until(lambda: [each["data"] for _, each in self.ros.published] == list(texts))

@@ -13,10 +13,11 @@ import shutil
 import socket
 import tempfile
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any, Generic, Self, TypeVar
+
+from support.waiting import wait_until
 
 ROS_ENVIRONMENT = {
     "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
@@ -47,16 +48,6 @@ LATCHED = QoSProfile(
 )
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-
-def wait_until(
-    condition: Callable[[], bool], *, timeout: float = PATIENCE, what: str = "the condition"
-) -> None:
-    """Look at ``condition`` every 10 ms until it holds; AssertionError after ``timeout`` seconds."""
-    never, end = threading.Event(), time.monotonic() + timeout
-    while not condition():
-        assert time.monotonic() < end, f"{what} did not come true in {timeout} s"
-        never.wait(0.01)
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import Any, Self
@@ -19,7 +19,10 @@ from nena_status_aggregator.service import serve
 from nena_status_aggregator.settings import AggregatorHttpSettings, AggregatorSettings, HistorySettings
 from support.broker import Broker, MqttPeer, free_port
 from support.fleet_examples import ROBOT
-from support.waiting import PATIENCE
+from support.waiting import PATIENCE, awaited
+
+LOOK_EVERY = 0.02
+"""Seconds."""
 
 
 @dataclass
@@ -41,7 +44,7 @@ class Served:
 
     async def until(self, path: str, accept: Callable[[Any], bool], *, seconds: float = PATIENCE) -> Any:
         """Ask for ``path`` until ``accept`` takes the answer."""
-        return await _until(lambda: self.get(path), accept, path, seconds)
+        return await awaited(lambda: self.get(path), accept, seconds=seconds, what=path, every=LOOK_EVERY)
 
     async def metric(self, line: str, *, seconds: float = PATIENCE) -> None:
         """Wait until ``/metrics`` holds this line."""
@@ -49,18 +52,9 @@ class Served:
         async def text() -> str:
             return (await self.http.get("/metrics")).text
 
-        await _until(text, lambda shown: line in shown.splitlines(), line, seconds)
-
-
-async def _until(
-    ask: Callable[[], Awaitable[Any]], accept: Callable[[Any], bool], what: str, seconds: float
-) -> Any:
-    loop = asyncio.get_running_loop()
-    end = loop.time() + seconds
-    while not accept(answer := await ask()):
-        assert loop.time() < end, f"{what} did not come true in {seconds} s; last: {answer}"
-        await asyncio.sleep(0.02)
-    return answer
+        await awaited(
+            text, lambda shown: line in shown.splitlines(), seconds=seconds, what=line, every=LOOK_EVERY
+        )
 
 
 class EventReader:

@@ -23,8 +23,8 @@ from nena_robot_simulator.node import RobotNode
 from nena_robot_simulator.pose import Pose
 from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
 from nena_shared.clock import SystemClock
-from support.ros import RosPeer, wait_until
-from support.waiting import PATIENCE
+from support.ros import RosPeer
+from support.waiting import PATIENCE, wait_until
 
 HALL = hall(min_x=-20, min_y=-20, max_x=40, max_y=40, resolution=0.2)
 

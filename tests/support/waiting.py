@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
-from typing import TypeVar
+import time
+from collections.abc import Awaitable, Callable
+from typing import Any, TypeVar
+
+from support.pausing import pass_time, time_passes
 
 T = TypeVar("T")
 
@@ -22,9 +25,46 @@ async def until(
     what: str = "the condition",
 ) -> T:
     """Give the first true value of ``predicate``; AssertionError when there is none for ``timeout`` s."""
+
+    async def look() -> T | None:
+        return predicate()
+
+    found = await awaited(look, bool, seconds=timeout, what=what)
+    assert found
+    return found
+
+
+async def awaited(
+    look: Callable[[], Awaitable[T]],
+    accept: Callable[[T], Any],
+    *,
+    seconds: float = PATIENCE,
+    what: str,
+    every: float = LOOK_EVERY,
+) -> T:
+    """Ask again, ``every`` so many s, until ``accept`` takes the answer, and give it.
+
+    Raises:
+        AssertionError: no such answer has come for ``seconds``.
+
+    """
     loop = asyncio.get_running_loop()
-    end = loop.time() + timeout
-    while not (result := predicate()):
-        assert loop.time() < end, f"{what} did not come true in {timeout} s; last seen: {result!r}"
-        await asyncio.sleep(LOOK_EVERY)
-    return result
+    end = loop.time() + seconds
+    while not accept(answer := await look()):
+        assert loop.time() < end, f"{what} did not come true in {seconds} s; last: {answer!r}"
+        await time_passes(every)
+    return answer
+
+
+def wait_until(
+    condition: Callable[[], bool],
+    *,
+    timeout: float = PATIENCE,
+    what: str = "the condition",
+    every: float = LOOK_EVERY,
+) -> None:
+    """Keep this thread waiting until ``condition`` holds; AssertionError after ``timeout`` seconds."""
+    end = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < end, f"{what} did not come true in {timeout} s"
+        pass_time(every)

@@ -15,9 +15,9 @@ from playwright.async_api import Browser, Locator, Page, expect
 
 from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
-from support.order_service_fleet import Fleet, awaited, order_in, vehicle_idle
+from support.order_service_fleet import Fleet, order_in, vehicle_idle
 from support.panel import findings, opened, picture
-from support.waiting import PATIENCE
+from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 

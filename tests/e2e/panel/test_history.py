@@ -10,9 +10,8 @@ from playwright.async_api import Browser, expect
 
 from nena_shared.vda5050.topics import Topic
 from support.fleet_examples import connection, position, state
-from support.order_service_fleet import awaited
 from support.panel import Hall, becomes, opened, picture, seconds_now
-from support.waiting import PATIENCE
+from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 

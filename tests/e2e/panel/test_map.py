@@ -15,6 +15,7 @@ from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.topics import RobotKey, Topic
 from support.fleet_examples import ROBOT, connection, factsheet, position, state, way
 from support.panel import Hall, becomes, opened, picture, seconds_now
+from support.pausing import time_passes
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
 
@@ -167,7 +168,7 @@ async def many_robots(hall: Hall, seconds: float = 0.5) -> None:
                 **ahead,
             )
             hall.send(Topic.STATE, sent, robot=robot)
-            await asyncio.sleep(seconds / ROBOTS)
+            await time_passes(seconds / ROBOTS)
 
 
 def remainder(angle: float) -> float:

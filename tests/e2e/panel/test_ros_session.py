@@ -13,7 +13,8 @@ from support.aggregator_process import AggregatorProcess
 from support.broker import Broker, free_port
 from support.order_service_fleet import Fleet
 from support.panel import findings, opened
-from support.ros import RosPeer, own_domain_id, wait_until
+from support.ros import RosPeer, own_domain_id
+from support.waiting import wait_until
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.ros]
 

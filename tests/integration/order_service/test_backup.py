@@ -16,10 +16,10 @@ from sqlalchemy import NullPool, create_engine, text
 
 from support.aggregator_process import AggregatorProcess
 from support.broker import free_port
-from support.order_service_fleet import AGENT_FILE, Fleet, actions_done, awaited, every_order_ended
+from support.order_service_fleet import AGENT_FILE, Fleet, actions_done, every_order_ended
 from support.postgres import Postgres
 from support.programs import ENDED_WITHIN, OrderServiceProgram
-from support.waiting import PATIENCE
+from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e, pytest.mark.timeout(900)]
 

@@ -14,8 +14,8 @@ from nena_shared.fleet_api.transport_order import CreationAnswer, TransportOrder
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant import PlantModel
 from support.broker import Broker
-from support.order_service_fleet import Fleet, awaited, order_in, vehicle_idle
-from support.waiting import PATIENCE, until
+from support.order_service_fleet import Fleet, order_in, vehicle_idle
+from support.waiting import PATIENCE, awaited, until
 
 pytestmark = pytest.mark.broker
 

@@ -10,8 +10,9 @@ import httpx
 import pytest
 
 from support.broker import MqttPeer
-from support.order_service_fleet import AGENT_FILE, Fleet, awaited, order_in, vehicle_idle
+from support.order_service_fleet import AGENT_FILE, Fleet, order_in, vehicle_idle
 from support.programs import Program
+from support.waiting import awaited
 
 pytestmark = pytest.mark.broker
 

@@ -16,8 +16,8 @@ from nena_order_service.dispatch.settings import (
     RechargingSettings,
 )
 from nena_order_service.kernel import KernelSettings
-from support.order_service_fleet import AGENT_FILE, Fleet, awaited, order_in
-from support.waiting import PATIENCE
+from support.order_service_fleet import AGENT_FILE, Fleet, order_in
+from support.waiting import PATIENCE, awaited
 
 pytestmark = pytest.mark.broker
 

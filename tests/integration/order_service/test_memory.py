@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from support.order_service_fleet import Fleet, awaited, every_order_ended
-from support.waiting import PATIENCE
+from support.order_service_fleet import Fleet, every_order_ended
+from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 

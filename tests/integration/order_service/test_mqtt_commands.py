@@ -13,8 +13,8 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from support.broker import MqttPeer
-from support.order_service_fleet import Fleet, awaited, order_in, vehicle_idle
-from support.waiting import PATIENCE
+from support.order_service_fleet import Fleet, order_in, vehicle_idle
+from support.waiting import PATIENCE, awaited
 
 pytestmark = pytest.mark.broker
 

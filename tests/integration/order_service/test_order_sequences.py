@@ -9,15 +9,9 @@ from typing import Any
 import httpx
 import pytest
 
-from support.order_service_fleet import (
-    Fleet,
-    actions_done,
-    awaited,
-    every_order_ended,
-    order_in,
-    vehicle_idle,
-)
+from support.order_service_fleet import Fleet, actions_done, every_order_ended, order_in, vehicle_idle
 from support.postgres import Postgres
+from support.waiting import awaited
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 

@@ -11,9 +11,9 @@ import httpx
 import pytest
 
 from support.aggregator_process import AggregatorProcess
-from support.order_service_fleet import Fleet, actions_done, awaited, every_order_ended, vehicle_idle
+from support.order_service_fleet import Fleet, actions_done, every_order_ended, vehicle_idle
 from support.programs import ENDED_WITHIN, Program
-from support.waiting import PATIENCE, until
+from support.waiting import PATIENCE, awaited, until
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 

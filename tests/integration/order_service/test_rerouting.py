@@ -15,8 +15,8 @@ from nena_cli.vda5050.checker import check
 from nena_cli.vda5050.finding import Severity
 from nena_cli.vda5050.recording import Entry
 from support.broker import MqttPeer
-from support.order_service_fleet import Fleet, awaited, order_in, vehicle_idle
-from support.waiting import PATIENCE
+from support.order_service_fleet import Fleet, order_in, vehicle_idle
+from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.broker, pytest.mark.clause("6.1.2/fleet", "6.1.3/fleet")]
 

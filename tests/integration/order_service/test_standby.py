@@ -10,16 +10,9 @@ from collections.abc import Mapping
 import httpx
 import pytest
 
-from support.order_service_fleet import (
-    Fleet,
-    actions_done,
-    awaited,
-    every_order_ended,
-    order_in,
-    vehicle_idle,
-)
+from support.order_service_fleet import Fleet, actions_done, every_order_ended, order_in, vehicle_idle
 from support.postgres import Postgres
-from support.waiting import PATIENCE, until
+from support.waiting import PATIENCE, awaited, until
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 

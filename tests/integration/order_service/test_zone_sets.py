@@ -8,7 +8,8 @@ from typing import Any
 import httpx
 import pytest
 
-from support.order_service_fleet import Fleet, awaited, running, vehicle_idle
+from support.order_service_fleet import Fleet, running, vehicle_idle
+from support.waiting import awaited
 
 pytestmark = [pytest.mark.broker, pytest.mark.clause("6.4/fleet", "7.6")]
 

@@ -16,8 +16,9 @@ from nena_robot_simulator.action import Action
 from nena_robot_simulator.action_types import action_types
 from support.action_client import ABORTED, CANCELED, SUCCEEDED, Client, Outcome, answer_of, outcome_of
 from support.action_types import needs_action_types
-from support.ros import BEST_EFFORT, LATCHED, RosPeer, wait_until
+from support.ros import BEST_EFFORT, LATCHED, RosPeer
 from support.simulator import heard, publisher_to, simulated_robot, trace
+from support.waiting import wait_until
 
 pytestmark = [pytest.mark.ros, needs_action_types]
 

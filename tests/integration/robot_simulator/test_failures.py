@@ -8,8 +8,8 @@ import pytest
 
 from nena_robot_simulator.__main__ import _wait
 from nena_shared.tasks import TaskFailedError
-from support.ros import wait_until
 from support.simulator import simulated_robot
+from support.waiting import wait_until
 
 pytestmark = pytest.mark.ros
 

@@ -14,8 +14,9 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import String
 from std_srvs.srv import Empty, Trigger
 
-from support.ros import BEST_EFFORT, LATCHED, Inbox, RosPeer, wait_until
+from support.ros import BEST_EFFORT, LATCHED, Inbox, RosPeer
 from support.simulator import goal, heard, publisher_to, simulated_robot, trace
+from support.waiting import wait_until
 
 pytestmark = pytest.mark.ros
 

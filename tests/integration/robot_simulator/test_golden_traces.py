@@ -17,9 +17,9 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from std_msgs.msg import String
 
 from nena_robot_simulator import messages
-from support.ros import LATCHED, Inbox, RosPeer, wait_until
+from support.ros import LATCHED, Inbox, RosPeer
 from support.simulator import goal, initial_pose, publisher_to, simulated_robot, trace
-from support.waiting import PATIENCE
+from support.waiting import PATIENCE, wait_until
 
 pytestmark = pytest.mark.ros
 

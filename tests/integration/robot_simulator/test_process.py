@@ -10,8 +10,9 @@ import pytest
 from action_msgs.msg import GoalStatusArray
 from geometry_msgs.msg import PoseStamped
 
-from support.ros import LATCHED, RosPeer, wait_until
+from support.ros import LATCHED, RosPeer
 from support.simulator import SimulatorProcess, goal, publisher_to, trace
+from support.waiting import wait_until
 
 pytestmark = pytest.mark.ros
 

@@ -20,8 +20,9 @@ from std_srvs.srv import Empty, Trigger
 from structlog.testing import capture_logs
 
 from nena_robot_simulator import messages
-from support.ros import BEST_EFFORT, LATCHED, RosPeer, own_domain_id, wait_until
+from support.ros import BEST_EFFORT, LATCHED, RosPeer, own_domain_id
 from support.simulator import HALL, goal, initial_pose, publisher_to, simulated_robot, trace
+from support.waiting import wait_until
 
 pytestmark = pytest.mark.ros
 

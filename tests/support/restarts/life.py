@@ -19,6 +19,7 @@ from nena_edge_agent.journal import Journal
 from nena_edge_agent.protocol.memory import Memory
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.topics import RobotKey
+from support.pausing import time_passes
 from support.restarts.actions import DECLARATIONS, WorldAction
 from support.restarts.driver import WorldDriver
 from support.restarts.fate import Fate
@@ -109,7 +110,7 @@ async def _live(scenario: Scenario, folder: Path, deaths: Sequence[Death]) -> Hi
             if fleet.finished.is_set():
                 break
             await asyncio.gather(task, return_exceptions=True)
-            await asyncio.sleep(death.pause if death else 0.0)
+            await time_passes(death.pause if death else 0.0)
     await asyncio.gather(task, return_exceptions=True)
     return history
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from support.pausing import time_passes
 from support.restarts.fate import Fate
 
 
@@ -50,7 +51,7 @@ class WiredLink(MqttLink):
     async def run(self) -> None:
         """Connect, and stay."""
         will = self._will() if self._will else None
-        await asyncio.sleep(0.01)
+        await time_passes(0.01)
         self.state.connected = True
         self._publish_all(self._on_connected())
         self._on_subscribed()

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import asyncio
 from datetime import UTC, datetime
 
 import pytest
@@ -8,6 +7,7 @@ import pytest
 from nena_order_service import ended_orders
 from nena_order_service.ended_orders import EndedOrders
 from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from support.pausing import turn_passes
 from support.waiting import until
 
 LONG = 3600.0
@@ -69,5 +69,5 @@ async def test_after_the_close_nothing_is_cleared() -> None:
     other.add(ended("T-2"))
 
     await until(lambda: cleared != [])
-    await asyncio.sleep(0)
+    await turn_passes()
     assert (cleared, closed.statuses()) == (["T-2"], ())

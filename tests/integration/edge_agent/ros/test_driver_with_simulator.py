@@ -27,9 +27,9 @@ from nena_edge_agent.driver.port import (
 from nena_edge_agent.ros.settings import LocalisationSettings, Navigation
 from support.action_types import needs_action_types
 from support.nav2_driver import MAP, PATIENT, QUICK, DrivenRobot, goal_at
-from support.ros import BEST_EFFORT, LATCHED, RosPeer, wait_until
+from support.ros import BEST_EFFORT, LATCHED, RosPeer
 from support.simulator import goal, heard, publisher_to, simulated_robot
-from support.waiting import PATIENCE, until
+from support.waiting import PATIENCE, until, wait_until
 
 pytestmark = pytest.mark.ros
 

@@ -20,10 +20,10 @@ from nena_shared.vda5050.topics import Topic
 from support.broker import Broker
 from support.edge_agent import ended, error_types, running_agent
 from support.nav2_agent import Bench, ready
-from support.order_service_fleet import Fleet, awaited, order_in, running, vehicle_idle
+from support.order_service_fleet import Fleet, order_in, running, vehicle_idle
 from support.robot_core import action, order
 from support.ros import LATCHED, Inbox, RosPeer
-from support.waiting import PATIENCE, until
+from support.waiting import PATIENCE, awaited, until
 
 pytestmark = [pytest.mark.ros, pytest.mark.broker]
 

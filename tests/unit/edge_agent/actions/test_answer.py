@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import asyncio
-
 import pytest
 
 from nena_edge_agent.actions.answer import Answer
@@ -10,6 +8,7 @@ from nena_edge_agent.actions.message_types import message_type
 from nena_edge_agent.actions.settings import AnswerSettings, OperationBase
 from nena_edge_agent.actions.values import ActionValues
 from support.ros_port import ScriptedRos
+from support.waiting import until
 
 TYPE = "std_msgs/msg/String"
 NOTHING = ActionValues(OperationBase(action_type="go"))
@@ -30,9 +29,8 @@ async def test_each_who_waits_gets_the_answer_that_is_for_it() -> None:
     assert await other == "done a2"
     assert not one.done()
     one.cancel()
-    await asyncio.sleep(0)
+    await until(lambda: answer._waiting == {})
     ros.say("said", data="done a1")
-    assert answer._waiting == {}
 
 
 async def test_failure_and_progress_are_told_apart() -> None:

@@ -13,7 +13,7 @@ FINISHED = ActionReport("a", ActionStatus.FINISHED, "done")
 class Trial:
     def __init__(self, step: str = "") -> None:
         self.reports: list[ActionReport] = []
-        self.free = asyncio.Event()
+        self.begun, self.free = asyncio.Event(), asyncio.Event()
         self.step = step
         self.action = BackgroundAction("a", self.work, self.reports.append)
 
@@ -23,6 +23,7 @@ class Trial:
             raise WorkFailedError(message)
         if self.step == "raise":
             raise OSError(self.step)
+        self.begun.set()
         try:
             await self.free.wait()
         except asyncio.CancelledError:
@@ -45,7 +46,7 @@ async def test_it_ends_as_its_work_does() -> None:
 
 async def test_one_that_is_given_up_puts_things_right_first() -> None:
     trial = Trial()
-    await asyncio.sleep(0)
+    await until(trial.begun.is_set)
     trial.action.cancel()
     assert not trial.action.ended
 

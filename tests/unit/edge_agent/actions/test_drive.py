@@ -16,6 +16,7 @@ from nena_edge_agent.driver.port import (
     Pose,
     PoseReport,
 )
+from support.pausing import turn_passes
 from support.scripted_driver import ScriptedDriver
 from support.waiting import PATIENCE, until
 
@@ -43,7 +44,7 @@ async def test_it_ends_with_the_arrival_of_its_own_goal() -> None:
     assert goal.generation < 0  # the core's are above zero
 
     drive.hear(Arrived(1))
-    await asyncio.sleep(0)
+    await turn_passes()
     assert not task.done()
     drive.hear(Arrived(goal.generation))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import threading
 from collections.abc import AsyncIterator
 
 import pytest
@@ -16,7 +15,7 @@ from nena_order_service.store.lead import Lead
 from nena_order_service.store.leadership import Fence
 from nena_order_service.store.store import Store
 from support.postgres import Postgres
-from support.waiting import PATIENCE, until
+from support.waiting import PATIENCE, until, wait_until
 
 
 @pytest.fixture
@@ -106,11 +105,8 @@ async def test_the_lead_is_held_while_the_store_is_made_ready(
 
     monkeypatch.setattr(first._lock, "keep", noted)
 
-    enough = threading.Event()
-
     def slow(url: str) -> Engine:
-        while len(held) < 3:
-            enough.wait(0.01)
+        wait_until(lambda: len(held) >= 3)
         return open_database(url)
 
     monkeypatch.setattr(lead_module, "open_database", slow)

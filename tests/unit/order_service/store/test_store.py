@@ -13,6 +13,7 @@ from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import open_database
 from nena_order_service.store.store import Store
 from support.order_service import NOW, dispatchable_order
+from support.pausing import turn_passes
 from support.waiting import PATIENCE, until
 
 
@@ -71,7 +72,7 @@ async def test_changes_of_one_order_while_it_is_written_are_all_kept(make_store:
             before, order = order, last
             store.commit(change(order, before), lambda: None)
             last = order.deferred(f"reason {number}", NOW)
-            await asyncio.sleep(0)
+            await turn_passes()
         assert await store.drain(PATIENCE)
         assert await store.order(name="T-1") == order
 

@@ -20,6 +20,7 @@ from nena_status_aggregator.metrics.robot_series import OF_ROBOT, OF_STATE
 from nena_status_aggregator.settings import AggregatorSettings
 from support.fleet_briefs import state
 from support.fleet_examples import ROBOT, START, connection, order_status, position
+from support.pausing import turn_passes
 from support.reference import PROJECT
 
 ROW = re.compile(r"^\| `(?P<name>nena_\w+)` \| (?P<type>\w+) \|(?P<labels>[^|]*)\|", re.MULTILINE)
@@ -141,7 +142,7 @@ async def test_the_loop_handles_what_has_come_between_the_families(aggregator: A
         nonlocal turns
         while True:
             turns += 1
-            await asyncio.sleep(0)
+            await turn_passes()
 
     counting = asyncio.create_task(count())
     parts = [part async for part in Exposition(aggregator).stream()]
