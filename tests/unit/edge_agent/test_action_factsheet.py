@@ -9,9 +9,9 @@ import pytest
 from nena_edge_agent.__main__ import make_registry
 from nena_edge_agent.actions.dry_ports import DryDrive
 from nena_edge_agent.actions.plugin import PluginContext
-from nena_edge_agent.agent import make_capabilities
 from nena_edge_agent.factsheet import make_factsheet
 from nena_edge_agent.loopback.bench import Bench
+from nena_edge_agent.own_capabilities import make_capabilities
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_order_service.fleet.abilities import Abilities

@@ -8,8 +8,8 @@ from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.settings import OperationSettings
 from nena_edge_agent.actions.timed_operation import TimedOperation
 from nena_edge_agent.actions.wait import Wait
-from nena_edge_agent.agent import make_capabilities
 from nena_edge_agent.factsheet import make_factsheet
+from nena_edge_agent.own_capabilities import make_capabilities
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT
 from nena_edge_agent.protocol.zone_sets import ZONES_IN_A_SET

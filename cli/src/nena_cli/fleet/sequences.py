@@ -10,9 +10,10 @@ from urllib.parse import quote
 import typer
 from pydantic import JsonValue
 
+from nena_cli.fleet import order_options as option
 from nena_cli.fleet import sequence_tables
 from nena_cli.fleet.connection import Connection, Page, Query
-from nena_cli.fleet.shell import AsJson, Token, TokenFile, Urls, connected, put_all, put_json, show
+from nena_cli.fleet.service import Service, of_service
 from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 
 app = typer.Typer(help="Order sequences of a running order service.", no_args_is_help=True)
@@ -30,23 +31,21 @@ Name = Annotated[str, typer.Argument(help="Name of the order sequence.")]
 
 
 @app.command()
+@of_service
 def create(
+    service: Service,
     name: Annotated[str | None, typer.Argument(help="Name; without one the order service makes one.")] = None,
     *,
     types: Annotated[
         list[str] | None, typer.Option("--type", help="Type of orders that it takes; several times.")
     ] = None,
-    vehicle: Annotated[str | None, typer.Option(help="Only this vehicle does it.")] = None,
+    vehicle: option.Vehicle = None,
     failure_fatal: Annotated[
         bool, typer.Option("--failure-fatal", help="When an order fails, those behind it fail, too.")
     ] = False,
     key: Annotated[
         str | None, typer.Option("--key", help="Idempotency key: the same again makes no second sequence.")
     ] = None,
-    url: Urls = None,
-    token: Token = None,
-    token_file: TokenFile = None,
-    as_json: AsJson = False,
 ) -> None:
     """Create an order sequence; orders are added by `nena orders create --sequence`."""
     body: dict[str, JsonValue] = {"failureFatal": failure_fatal}
@@ -54,22 +53,20 @@ def create(
     body.update({field: value for field, value in given.items() if value is not None})
     if types:
         body["orderTypes"] = [*types]
-    with connected(url, token, token_file) as connection:
-        _put([connection.post(OrderSequenceStatus, SEQUENCES, body)], as_json=as_json)
+    with service.connected() as connection:
+        _put(service, connection.post(OrderSequenceStatus, SEQUENCES, body))
 
 
 @app.command("list")
+@of_service
 def list_(
+    service: Service,
     *,
     finished: Annotated[
         bool | None, typer.Option("--finished/--unfinished", help="Only those; without it all.")
     ] = None,
     vehicle: Annotated[str | None, typer.Option(help="Only those that are meant for this vehicle.")] = None,
     limit: Annotated[int, typer.Option(min=1, help="How many at most, the newest.")] = 50,
-    url: Urls = None,
-    token: Token = None,
-    token_file: TokenFile = None,
-    as_json: AsJson = False,
 ) -> None:
     """List order sequences, newest first; with --json a line for each."""
     query: dict[str, str | int] = {}
@@ -77,41 +74,26 @@ def list_(
         query["finished"] = str(finished).lower()
     if vehicle is not None:
         query["intendedVehicle"] = vehicle
-    with connected(url, token, token_file) as connection:
-        _put([*islice(_all(connection, query), limit)], as_json=as_json)
+    with service.connected() as connection:
+        _put(service, *islice(_all(connection, query), limit))
 
 
 @app.command("show")
-def show_(
-    name: Name,
-    *,
-    url: Urls = None,
-    token: Token = None,
-    token_file: TokenFile = None,
-    as_json: AsJson = False,
-) -> None:
+@of_service
+def show_(service: Service, name: Name) -> None:
     """Show an order sequence with its history."""
-    with connected(url, token, token_file) as connection:
+    with service.connected() as connection:
         sequence = connection.get(OrderSequenceStatus, _path(name))
-    if as_json:
-        put_json(sequence)
-    else:
-        show(sequence_tables.sequence_details(sequence))
-        show(sequence_tables.sequence_history(sequence))
+    details, history = sequence_tables.sequence_details, sequence_tables.sequence_history
+    service.put(sequence, details(sequence), history(sequence))
 
 
 @app.command()
-def complete(
-    name: Name,
-    *,
-    url: Urls = None,
-    token: Token = None,
-    token_file: TokenFile = None,
-    as_json: AsJson = False,
-) -> None:
+@of_service
+def complete(service: Service, name: Name) -> None:
     """Mark an order sequence complete: no more orders are added, and its vehicle is free after the last."""
-    with connected(url, token, token_file) as connection:
-        _put([connection.post(OrderSequenceStatus, f"{_path(name)}/completion", {})], as_json=as_json)
+    with service.connected() as connection:
+        _put(service, connection.post(OrderSequenceStatus, f"{_path(name)}/completion", {}))
 
 
 def _all(connection: Connection, query: Query) -> Iterator[OrderSequenceStatus]:
@@ -119,8 +101,8 @@ def _all(connection: Connection, query: Query) -> Iterator[OrderSequenceStatus]:
         yield from page.order_sequences
 
 
-def _put(sequences: list[OrderSequenceStatus], *, as_json: bool) -> None:
-    put_all(sequences, sequence_tables.sequences_table, as_json=as_json)
+def _put(service: Service, *sequences: OrderSequenceStatus) -> None:
+    service.put_all(sequences, sequence_tables.sequences_table)
 
 
 def _path(name: str) -> str:

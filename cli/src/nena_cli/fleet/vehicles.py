@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated
 from urllib.parse import quote
 
 import typer
 from pydantic import JsonValue
 
+from nena_cli.fleet import order_options as option
 from nena_cli.fleet import tables
-from nena_cli.fleet.orders import put_orders, watch_one
-from nena_cli.fleet.shell import AsJson, Token, TokenFile, Urls, connected, put_all, put_json, show
+from nena_cli.fleet.orders import put_or_watch
+from nena_cli.fleet.service import Service, of_service
 from nena_cli.fleet.stops import COORDINATE, parse_coordinate
 from nena_cli.fleet.watch import Board, watch
 from nena_shared.fleet_api.base import Resource
@@ -34,59 +34,50 @@ Name = Annotated[str, typer.Argument(help="Name of the vehicle.")]
 
 
 @app.command("list")
+@of_service
 def list_(
+    service: Service,
     *,
     state: Annotated[
         list[VehicleState] | None, typer.Option(help="Only those in this state; several times.")
     ] = None,
-    url: Urls = None,
-    token: Token = None,
-    token_file: TokenFile = None,
-    as_json: AsJson = False,
 ) -> None:
     """List the vehicles, and robots that are not in the plant model; with --json a line for each."""
-    with connected(url, token, token_file) as connection:
+    with service.connected() as connection:
         query = {"state": [each.value for each in state or ()]}
         vehicles = connection.get(VehiclePage, VEHICLES, query).vehicles
-    _put(vehicles, as_json=as_json)
+    _put(service, *vehicles)
 
 
 @app.command("show")
-def show_(
-    name: Name,
-    *,
-    url: Urls = None,
-    token: Token = None,
-    token_file: TokenFile = None,
-    as_json: AsJson = False,
-) -> None:
+@of_service
+def show_(service: Service, name: Name) -> None:
     """Show a vehicle, and why it stands."""
-    with connected(url, token, token_file) as connection:
+    with service.connected() as connection:
         vehicle = connection.get(VehicleStatus, _path(name))
-    _put([vehicle], as_json=as_json)
+    _put(service, vehicle)
 
 
 @app.command("watch")
+@of_service
 def watch_(
+    service: Service,
     name: Annotated[str | None, typer.Argument(help="Only this vehicle; without it all.")] = None,
-    *,
-    url: Urls = None,
-    token: Token = None,
-    token_file: TokenFile = None,
-    as_json: AsJson = False,
 ) -> None:
     """Watch vehicles until Ctrl-C; with --json a line for each change."""
     query = {"kind": "vehicle", **({"vehicle": name} if name else {})}
     board = Board(VehicleStatus, lambda shown: tables.vehicles_table(sorted(shown, key=_by_name)))
-    with connected(url, token, token_file) as connection:
+    with service.connected() as connection:
         if name is not None:
             connection.get(VehicleStatus, _path(name))
-        for _ in watch(connection, board, query, as_json=as_json):
+        for _ in watch(connection, board, query, as_json=service.as_json):
             pass
 
 
 @app.command("order-types")
+@of_service
 def order_types(
+    service: Service,
     name: Name,
     types: Annotated[
         list[str] | None,
@@ -94,63 +85,49 @@ def order_types(
     ] = None,
     *,
     none: Annotated[bool, typer.Option("--none", help="It accepts no orders.")] = False,
-    url: Urls = None,
-    token: Token = None,
-    token_file: TokenFile = None,
-    as_json: AsJson = False,
 ) -> None:
     """Say which types of orders a vehicle accepts, or show it."""
     if none and types:
         message = "give types, or --none"
         raise typer.BadParameter(message)
-    with connected(url, token, token_file) as connection:
+    with service.connected() as connection:
         if types or none:
             wanted: list[JsonValue] = [{"name": each, "priority": n} for n, each in enumerate(types or ())]
             body: dict[str, JsonValue] = {"acceptableOrderTypes": wanted}
             vehicle = connection.put(VehicleStatus, f"{_path(name)}/acceptableOrderTypes", body)
         else:
             vehicle = connection.get(VehicleStatus, _path(name))
-    if as_json:
-        put_json(vehicle)
-    else:
-        show(tables.order_types_table(vehicle))
+    service.put(vehicle, tables.order_types_table(vehicle))
 
 
 @app.command()
+@of_service
 def reroute(
+    service: Service,
     name: Name,
     *,
     forced: Annotated[
         bool, typer.Option("--forced", help="From where it stands: its robot is told to stop first.")
     ] = False,
-    url: Urls = None,
-    token: Token = None,
-    token_file: TokenFile = None,
-    as_json: AsJson = False,
 ) -> None:
     """Plan the way of the order that a vehicle works on anew, from the end of what its robot was given."""
     kind = ReroutingType.FORCED if forced else ReroutingType.REGULAR
-    with connected(url, token, token_file) as connection:
+    with service.connected() as connection:
         done = connection.post(ReroutingAnswer, f"{_path(name)}/rerouting", {"type": kind.value})
-    if as_json:
-        put_json(done)
-    else:
-        show(tables.rerouting_table(done))
+    service.put(done, tables.rerouting_table(done))
 
 
+@of_service
 def dispatch(
+    service: Service,
     name: Name,
     place: Annotated[str, typer.Argument(help="Point, location with --operation, or @X,Y,THETA.")],
     *,
     operation: Annotated[
         str | None, typer.Option(help="What to do at the place, which is a location then.")
     ] = None,
-    priority: Annotated[int, typer.Option(help="Greater is more urgent.")] = 0,
-    wait: Annotated[bool, typer.Option("--wait", help="Watch it to its end; status 1 if it fails.")] = False,
-    url: Urls = None,
-    token: Token = None,
-    token_file: TokenFile = None,
-    as_json: AsJson = False,
+    priority: option.Priority = 0,
+    wait: option.Wait = False,
 ) -> None:
     """Send a vehicle to a place, by a transport order that only it does."""
     body: dict[str, JsonValue] = {"priority": priority}
@@ -163,16 +140,13 @@ def dispatch(
         body["point"] = place
     if operation is not None:
         body["operation"] = operation
-    with connected(url, token, token_file) as connection:
+    with service.connected() as connection:
         order = connection.post(TransportOrderStatus, f"{_path(name)}/dispatch", body)
-        if wait:
-            watch_one(connection, order.name, as_json=as_json)
-        else:
-            put_orders([order], as_json=as_json)
+        put_or_watch(service, connection, order, wait=wait)
 
 
-def _put(vehicles: Sequence[VehicleStatus], *, as_json: bool) -> None:
-    put_all(vehicles, tables.vehicles_table, as_json=as_json)
+def _put(service: Service, *vehicles: VehicleStatus) -> None:
+    service.put_all(vehicles, tables.vehicles_table)
 
 
 def _by_name(vehicle: VehicleStatus) -> str:

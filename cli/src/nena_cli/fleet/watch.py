@@ -12,7 +12,7 @@ from rich.table import Table
 
 from nena_cli.fleet.connection import Connection
 from nena_cli.fleet.events import Event, follow
-from nena_cli.fleet.shell import put_json, say
+from nena_cli.shell import put_json, say
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 

@@ -10,7 +10,8 @@ import typer
 from pydantic_core import from_json
 
 from nena_cli.fleet import tables
-from nena_cli.fleet.shell import WRONG, AsJson, Token, TokenFile, Urls, connected, put_all, say
+from nena_cli.fleet.service import Service, of_service
+from nena_cli.shell import WRONG, say
 from nena_shared.fleet_api.zone_set import ZoneSetList, ZoneSetStatus
 
 app = typer.Typer(help="Zone sets of a running order service.", no_args_is_help=True)
@@ -21,23 +22,19 @@ Name = Annotated[str, typer.Argument(help="zoneSetId of the zone set.")]
 
 
 @app.command("list")
-def list_(
-    *, url: Urls = None, token: Token = None, token_file: TokenFile = None, as_json: AsJson = False
-) -> None:
+@of_service
+def list_(service: Service) -> None:
     """List the zone sets, and how they stand at the robots."""
-    with connected(url, token, token_file) as connection:
+    with service.connected() as connection:
         found = connection.get(ZoneSetList, ZONE_SETS)
-    _put(*found.zone_sets, as_json=as_json)
+    _put(service, *found.zone_sets)
 
 
 @app.command()
+@of_service
 def put(
+    service: Service,
     file: Annotated[Path, typer.Argument(help="The standard's zoneSet object, as JSON.")],
-    *,
-    url: Urls = None,
-    token: Token = None,
-    token_file: TokenFile = None,
-    as_json: AsJson = False,
 ) -> None:
     """Put a zone set at the order service; robots of 3.0 get it, disabled."""
     try:
@@ -45,39 +42,27 @@ def put(
     except (OSError, ValueError) as error:
         say(f"nena: {file}: {error}", style="red")
         raise typer.Exit(WRONG) from error
-    with connected(url, token, token_file) as connection:
-        _put(connection.post(ZoneSetStatus, ZONE_SETS, body), as_json=as_json)
+    with service.connected() as connection:
+        _put(service, connection.post(ZoneSetStatus, ZONE_SETS, body))
 
 
 @app.command()
-def enable(
-    name: Name,
-    *,
-    url: Urls = None,
-    token: Token = None,
-    token_file: TokenFile = None,
-    as_json: AsJson = False,
-) -> None:
+@of_service
+def enable(service: Service, name: Name) -> None:
     """Have robots use a zone set, and no other one of its map."""
-    with connected(url, token, token_file) as connection:
+    with service.connected() as connection:
         done = connection.post(ZoneSetStatus, f"{ZONE_SETS}/{quote(name, safe='')}/enable", {})
-    _put(done, as_json=as_json)
+    _put(service, done)
 
 
 @app.command()
-def delete(
-    name: Name,
-    *,
-    url: Urls = None,
-    token: Token = None,
-    token_file: TokenFile = None,
-    as_json: AsJson = False,
-) -> None:
+@of_service
+def delete(service: Service, name: Name) -> None:
     """Have robots delete a zone set."""
-    with connected(url, token, token_file) as connection:
+    with service.connected() as connection:
         done = connection.delete(ZoneSetStatus, f"{ZONE_SETS}/{quote(name, safe='')}")
-    _put(done, as_json=as_json)
+    _put(service, done)
 
 
-def _put(*zone_sets: ZoneSetStatus, as_json: bool) -> None:
-    put_all(zone_sets, tables.zone_sets_table, as_json=as_json)
+def _put(service: Service, *zone_sets: ZoneSetStatus) -> None:
+    service.put_all(zone_sets, tables.zone_sets_table)

@@ -12,10 +12,10 @@ from typing import Annotated, Final, NoReturn
 import typer
 from rich.console import Console
 
-from nena_cli.fleet import shell
-from nena_cli.fleet.shell import Token, TokenFile, Urls, connected, put_json
+from nena_cli.fleet.service import Service, of_service
 from nena_cli.plant import plant_file, show
 from nena_cli.plant.plant_file import Finding, LifChoices, PlantFile
+from nena_cli.shell import WRONG, put_json, say
 from nena_shared.fleet_api.plant_model import PlantModelChange
 from nena_shared.plant import PlantModel, PlantModelError
 from nena_shared.plant.files import PlantFormat
@@ -24,8 +24,6 @@ app = typer.Typer(help="Plant models: openTCS XML, LIF and NeNa's own JSON.", no
 
 FOUND: Final = 1
 """Exit status where the plant model has errors."""
-WRONG: Final = 2
-"""Exit status of a command that could not do its work."""
 
 
 class Target(StrEnum):
@@ -53,7 +51,7 @@ def check(file: Source, *, strict: Strict = False, as_json: AsJson = False) -> N
         console = Console()
         show.show_contents(read, console)
         show.show_findings(read.findings, console)
-        _say(f"{read.errors} errors, {len(read.findings) - read.errors} warnings")
+        say(f"{read.errors} errors, {len(read.findings) - read.errors} warnings")
     raise typer.Exit(FOUND if read.errors else 0)
 
 
@@ -96,26 +94,24 @@ def export(
 
 
 @app.command()
+@of_service
 def put(
+    service: Service,
     file: Source,
     *,
     check: Annotated[bool, typer.Option("--check", help="Only tell whether it could be put in use.")] = False,
-    url: Urls = None,
-    token: Token = None,
-    token_file: TokenFile = None,
-    as_json: shell.AsJson = False,
 ) -> None:
     """Put a plant model in use at a running order service; status 1 if something is used that it lacks."""
     with _faults_told():
         data = plant_file.content_of(file)
-    with connected(url, token, token_file) as connection:
+    with service.connected() as connection:
         done = connection.put_content(PlantModelChange, "/v1/plantModel", data, {"check": str(check).lower()})
-    if as_json:
+    if service.as_json:
         put_json(done)
         return
-    _say("\n".join(done.warnings))
+    say("\n".join(done.warnings))
     what = "is in use" if done.changed else "could be put in use"
-    _say(f"{done.name}: {done.points} points, {done.paths} paths, {done.vehicles} vehicles; it {what}")
+    say(f"{done.name}: {done.points} points, {done.paths} paths, {done.vehicles} vehicles; it {what}")
 
 
 def _write(
@@ -147,11 +143,7 @@ def _report(
         out.write(show.as_json(read, findings, written) + "\n")
         return
     show.show_findings(findings, Console(stderr=True))
-    _say(f"{written} written" if written else f"nothing written: {read.errors} errors")
-
-
-def _say(text: str, style: str | None = None) -> None:
-    Console(stderr=True, soft_wrap=True).print(text, markup=False, highlight=False, style=style)
+    say(f"{written} written" if written else f"nothing written: {read.errors} errors")
 
 
 @contextmanager
@@ -160,8 +152,8 @@ def _faults_told() -> Iterator[None]:
     try:
         yield
     except FileExistsError as error:
-        _say(f"nena: {error.filename} is there already; --replace writes over it", style="red")
+        say(f"nena: {error.filename} is there already; --replace writes over it", style="red")
         raise typer.Exit(WRONG) from error
     except (OSError, PlantModelError) as error:
-        _say(f"nena: {error}", style="red")
+        say(f"nena: {error}", style="red")
         raise typer.Exit(WRONG) from error

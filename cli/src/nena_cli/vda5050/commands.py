@@ -15,6 +15,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
+from nena_cli.shell import WRONG, say
 from nena_cli.vda5050 import broker
 from nena_cli.vda5050.checker import Checker
 from nena_cli.vda5050.finding import Finding, Severity
@@ -31,8 +32,6 @@ T = TypeVar("T")
 
 FOUND: Final = 1
 """Exit status of a check that has found errors."""
-WRONG: Final = 2
-"""Exit status of a command that could not do its work."""
 
 Broker = Annotated[
     str, typer.Argument(help="mqtt[s]://host:port, with /topic/filter where not all is wanted.")
@@ -84,7 +83,7 @@ def record(
         )
         with new_file(file) as out:
             count = _listen(chosen, lambda entry: append(entry, out), seconds, messages)
-    _say(f"{count} messages recorded in {file}")
+    say(f"{count} messages recorded in {file}")
 
 
 @app.command()
@@ -117,7 +116,7 @@ def replay(
             return broker.replay(entries, chosen, speed=speed, fresh=fresh, stop=stop, client_id=client_id)
 
         count = asyncio.run(_until_stopped(work, seconds))
-    _say(f"{count} messages published")
+    say(f"{count} messages published")
 
 
 @app.command()
@@ -134,7 +133,7 @@ def show(
     with _faults_told():
         shown = show_conversation(_entries(file), console, robot=robot, everything=everything)
     if not shown:
-        _say("no message of VDA 5050 in it")
+        say("no message of VDA 5050 in it")
 
 
 @app.command()
@@ -177,7 +176,7 @@ def check(
                     checker.skip()
         take(checker.end())
     errors, warnings = found[Severity.ERROR], found[Severity.WARNING]
-    _say(f"{checker.checked} messages checked, {errors} errors, {warnings} warnings")
+    say(f"{checker.checked} messages checked, {errors} errors, {warnings} warnings")
     raise typer.Exit(FOUND if errors or (strict and warnings) else 0)
 
 
@@ -187,11 +186,6 @@ def _filters(topics: list[str] | None, interface: str, robot: str | None) -> tup
     if robot is not None or interface != "+":
         chosen += broker.robot_filters(interface, robot or "+/+")
     return chosen
-
-
-def _say(text: str, style: str | None = None) -> None:
-    """Tell the person at the terminal; standard output belongs to the results."""
-    Console(stderr=True, soft_wrap=True).print(text, markup=False, highlight=False, style=style)
 
 
 def _print(finding: Finding, *, as_json: bool) -> None:
@@ -246,5 +240,5 @@ def _faults_told() -> Iterator[None]:
     try:
         yield
     except (RecordingError, broker.BrokerError, ConfigurationError, TaskFailedError, OSError) as error:
-        _say(f"nena: {error}", style="red")
+        say(f"nena: {error}", style="red")
         raise typer.Exit(WRONG) from error

@@ -14,14 +14,12 @@ from nena_edge_agent.actions.runner import ActionRunner
 from nena_edge_agent.client_id import client_id_of
 from nena_edge_agent.collector import spare_what_is_loaded
 from nena_edge_agent.driver.port import DriveFailed, DriveFailure, DriveGoal, Driver, Pose
-from nena_edge_agent.factsheet import make_factsheet
-from nena_edge_agent.header import HeaderMaker
 from nena_edge_agent.inbox import Inbox
 from nena_edge_agent.journal import Journal, recollection
-from nena_edge_agent.kept_frame import check_frame, frame_of
+from nena_edge_agent.kept_frame import check_frame
 from nena_edge_agent.mailbox import Mailbox
+from nena_edge_agent.own_capabilities import make_capabilities
 from nena_edge_agent.postponed import Postponed
-from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.conditions import journal_lost
 from nena_edge_agent.protocol.effects import (
     CancelAction,
@@ -47,24 +45,20 @@ from nena_edge_agent.protocol.events import (
     SubscriptionsReport,
     TimePassed,
 )
-from nena_edge_agent.protocol.ground import Footprint
-from nena_edge_agent.protocol.predefined import spoken
 from nena_edge_agent.protocol.robot import RobotCore
-from nena_edge_agent.protocol.rules import RULES
 from nena_edge_agent.protocol.state_report import as_recorded
 from nena_edge_agent.recorder import Recorder
+from nena_edge_agent.robot_messages import RobotMessages
 from nena_edge_agent.schedule import StateSchedule, VisualizationSchedule
-from nena_edge_agent.settings import DescriptionSettings, EdgeAgentSettings
+from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.robot_map import RobotMap, topic_of_map
+from nena_shared.fleet_api.robot_map import RobotMap
 from nena_shared.log import get_logger
 from nena_shared.mqtt import MqttLink, Outbound
 from nena_shared.tasks import Supervisor, TaskFailedError
-from nena_shared.vda5050.base import Header
-from nena_shared.vda5050.connection import Connection, ConnectionState
+from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.state import Map
 from nena_shared.vda5050.topics import RobotKey, Topic
-from nena_shared.vda5050.versions import codec_for, topics_for
 from nena_shared.vda5050.visualization import Visualization
 
 log = get_logger(__name__)
@@ -107,19 +101,14 @@ class RobotAgent:
         self._maps = maps
         self.robot = RobotKey(settings.manufacturer, serial_number)
         self._log = log.bind(robot=str(self.robot))
-        self._codec = codec_for(settings.version)
-        self._topics = topics_for(settings.version, settings.interface_name)
         self._registry = registry
         self._capabilities = make_capabilities(settings, registry)
         journal = make_journal(settings.journal.folder, self.robot) if settings.journal.enabled else None
         memory, self._journal_loss = recollection(journal)
         check_frame(memory, self._capabilities.frame)
         self._core = RobotCore(self._capabilities, memory)
-        self._headers = HeaderMaker(
-            self.robot,
-            version=settings.version,
-            clock=clock,
-            reserved=self._core.header_ids,
+        self._messages = RobotMessages(
+            settings, self.robot, self._capabilities, clock=clock, reserved=self._core.header_ids
         )
         self._mailbox = Mailbox()
         self._recorder = Recorder(
@@ -129,7 +118,7 @@ class RobotAgent:
             wake=self._mailbox.wake,
         )
         self._drives, self._others = Postponed(), Postponed()
-        self._inbox = Inbox(self._codec, self.robot, self._mailbox.put, clock)
+        self._inbox = Inbox(self._messages.codec, self.robot, self._mailbox.put, clock)
         self._driver = make_driver(self._mailbox.put, self._core.last_place)
         if own_goals := self._core.own_goals:
             self._driver.reclaim(own_goals)
@@ -141,7 +130,7 @@ class RobotAgent:
             interval=settings.interval.visualization, now=clock.monotonic()
         )
         self._greeting = False
-        self._shown = self._core.state(self._headers.form(0))
+        self._shown = self._core.state(self._messages.headers.form(0))
         self._map: Outbound | None = None
         self._link = self._connect(make_link)
 
@@ -184,8 +173,7 @@ class RobotAgent:
 
     def publish_map(self, found: RobotMap) -> None:
         """Have the broker keep what the robot's map looks like, now and after each connect."""
-        payload = found.model_dump_json(by_alias=True).encode()
-        self._map = Outbound(topic_of_map(self._topics, self.robot), payload, retain=True, keep=False)
+        self._map = self._messages.map(found)
         self._link.publish(self._map)
 
     def cut_link(self, seconds: float) -> None:
@@ -225,7 +213,7 @@ class RobotAgent:
         return self._recorder.has_synced(self._core.durable_version)
 
     async def _write_record(self) -> None:
-        self._core.header_ids = self._headers.reserve()
+        self._core.header_ids = self._messages.headers.reserve()
         await self._recorder.write(self._core.durable_version, self._core.memory)
 
     def _tell_journal(self, problem: str) -> None:
@@ -251,7 +239,7 @@ class RobotAgent:
             case SetPosition(pose):
                 self._driver.initialize_position(pose)
             case SendFactsheet():
-                self._link.publish(self._factsheet())
+                self._link.publish(self._messages.factsheet())
             case StartAction() | PauseAction() | ResumeAction() | CancelAction():
                 self._perform_action(effect)
 
@@ -295,46 +283,38 @@ class RobotAgent:
             self._states.sent(now)
         if self._visualizations.due <= now:
             if self._link.state.connected:
-                self._link.publish(self._outbound(Topic.VISUALIZATION, self._visualization(), qos=0))
+                self._link.publish(self._messages.visualization(self._visualization()))
             self._visualizations.sent(now)
 
     def _publish_state(self) -> None:
         """Send the state; the first one after a connect waits until the link lets it through."""
         if self._greeting or self._link.state.connected:
-            state = self._core.state(self._headers.make(Topic.STATE))
+            state = self._core.state(self._messages.header(Topic.STATE))
             state = self._shown = state if self._recorded else as_recorded(state, self._shown)
-            self._link.publish(
-                self._outbound(Topic.STATE, state, qos=self._settings.qos, keep=self._greeting)
-            )
+            self._link.publish(self._messages.state(state, keep=self._greeting))
             self._greeting = False
 
     def _visualization(self) -> Visualization:
-        header = self._headers.make(Topic.VISUALIZATION)
-        return self._core.visualization(header, self._headers.last_id(Topic.STATE))
-
-    def _outbound(
-        self, topic: Topic, message: Header, *, qos: int, retain: bool = False, keep: bool = False
-    ) -> Outbound:
-        payload = self._codec.encode(message)
-        return Outbound(self._topics.of(self.robot, topic), payload, qos=qos, retain=retain, keep=keep)
+        header = self._messages.header(Topic.VISUALIZATION)
+        return self._core.visualization(header, self._messages.headers.last_id(Topic.STATE))
 
     def _connect(self, make_link: Callable[..., MqttLink]) -> MqttLink:
         link = make_link(
             self._settings.mqtt,
             client_id=client_id_of(self.robot, self._settings.mqtt),
-            will=lambda: self._connection(ConnectionState.CONNECTION_BROKEN),
+            will=lambda: self._messages.connection(ConnectionState.CONNECTION_BROKEN),
             on_connected=self._greet,
             on_subscribed=self._on_subscribed,
             on_lost=lambda: self._mailbox.put(LinkReport(connected=False)),
         )
         for topic, handler in self._inbox.handlers(zones=bool(self._capabilities.zones)).items():
-            link.subscribe(self._topics.of(self.robot, topic), handler, qos=self._settings.qos)
+            link.subscribe(self._messages.topic(topic), handler, qos=self._settings.qos)
         return link
 
     def _greet(self) -> Iterator[Outbound]:
         """Give what is published first on each connection; the robot's task sends the full state."""
-        yield self._connection(ConnectionState.ONLINE)
-        yield self._factsheet()
+        yield self._messages.connection(ConnectionState.ONLINE)
+        yield self._messages.factsheet()
         if self._map:
             yield self._map
         self._greeting = True
@@ -344,53 +324,7 @@ class RobotAgent:
         self._mailbox.put(SubscriptionsReport(self._link.state.refused))
         self._mailbox.put(LinkReport(connected=True))
 
-    def _connection(self, state: ConnectionState) -> Outbound:
-        message = Connection(**self._headers.make(Topic.CONNECTION), connection_state=state)
-        return self._outbound(Topic.CONNECTION, message, qos=1, retain=True)
-
-    def _factsheet(self) -> Outbound:
-        message = make_factsheet(
-            self._headers.make(Topic.FACTSHEET),
-            self._settings,
-            self._capabilities,
-        )
-        return self._outbound(Topic.FACTSHEET, message, qos=self._settings.qos, retain=True)
-
     async def _say_farewell(self, state: ConnectionState) -> None:
-        self._link.publish(self._connection(state))
+        self._link.publish(self._messages.connection(state))
         if not await self._link.drain(FAREWELL):
             self._log.warning("the broker was not told that the robot leaves")
-
-
-def braking_distance(description: DescriptionSettings) -> float:
-    """Give the way in m in which the robot stops, with half a second to begin to."""
-    speed, deceleration = description.maximum_speed, description.maximum_deceleration
-    return speed * 0.5 + (speed * speed / (2 * deceleration) if deceleration else 0.0)
-
-
-def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> Capabilities:
-    """Give the core what it needs to know of the settings."""
-    drive = settings.drive
-    return Capabilities(
-        map_id=settings.map_id,
-        map_version=settings.map_version,
-        actions=spoken(registry.declarations, RULES[settings.version].standard),
-        maximum_speed=settings.description.maximum_speed,
-        limits_speed=settings.driver == "loopback",  # Nav2 takes no limit by its topics
-        default_deviation_xy=drive.deviation_xy,
-        default_deviation_theta=drive.deviation_theta,
-        strategy=drive.strategy,
-        pass_radius=drive.pass_radius,
-        drives_ahead=settings.drives_ahead,
-        base_request_distance=drive.base_request_distance,
-        external_goals=drive.external_goals,
-        link_loss=drive.link_loss,
-        link_loss_patience=drive.link_loss_patience,
-        drive_retries=drive.retries,
-        retry_wait=drive.retry_wait,
-        tolerated_parameters=frozenset(settings.tolerated_parameters),
-        footprint=Footprint(settings.description.length, settings.description.width),
-        braking_distance=braking_distance(settings.description),
-        frame=frame_of(settings),
-        rules=RULES[settings.version],
-    )

@@ -20,7 +20,17 @@ from nena_status_aggregator import panel
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.metrics.exposition import Exposition
 from nena_status_aggregator.metrics.fleet_collector import DISTRIBUTION
-from nena_status_aggregator.rest import control, events, health, history, problem, resources, session, sign_in
+from nena_status_aggregator.rest import (
+    control,
+    events,
+    health,
+    history,
+    problem,
+    resources,
+    robots,
+    session,
+    sign_in,
+)
 from nena_status_aggregator.rest.roles import make_rule
 from nena_status_aggregator.rest.security_headers import SecurityHeaders
 from nena_status_aggregator.settings import OrderServiceSettings
@@ -71,6 +81,7 @@ def make_app(
     app.include_router(session.make_router())
     app.include_router(sign_in.make_router(sign_in_of(tokens), SystemClock()))
     app.include_router(resources.make_router(aggregator))
+    app.include_router(robots.make_router(aggregator))
     app.include_router(history.make_router(aggregator.history))
     app.include_router(control.make_router(order_service or OrderServiceSettings()))
     app.include_router(events.make_router(aggregator.events))

@@ -1,33 +1,15 @@
-"""The resources under ``/api/v1``: fleet, robots, orders, plant."""
+"""The resources under ``/api/v1`` that are of all robots: fleet, orders, plant."""
 
 from __future__ import annotations
 
-from http import HTTPStatus
-from typing import Any, TypeVar
-
 from fastapi import APIRouter, Response
-from pydantic_core import to_json
 from typing_extensions import TypedDict
 
 from nena_shared.fleet_api.base import iso
-from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.aggregator import Aggregator
-from nena_status_aggregator.fleet_model.robot_view import view_known_actions
-from nena_status_aggregator.fleet_model.views import (
-    KnownActionView,
-    LinkView,
-    MalformedView,
-    OrderView,
-    PlantView,
-    RobotView,
-)
-from nena_status_aggregator.rest.problem import ProblemError
-
-
-class RobotResource(RobotView):
-    """A robot, and how old its last state is at the time of the answer, s; None before the first."""
-
-    stateAge: float | None  # noqa: N815 - the name on the wire
+from nena_status_aggregator.fleet_model.views import LinkView, MalformedView, OrderView, PlantView
+from nena_status_aggregator.rest.answers import as_json, found
+from nena_status_aggregator.rest.robots import RobotResource, with_age
 
 
 class FleetResource(TypedDict):
@@ -46,72 +28,30 @@ class FleetResource(TypedDict):
     malformed: MalformedView
 
 
-T = TypeVar("T")
-
-
 def make_router(aggregator: Aggregator) -> APIRouter:
     """Make the routes over ``aggregator``."""
     router = APIRouter(prefix="/api/v1", tags=["fleet"])
     model = aggregator.model
-
-    def with_age(view: RobotView) -> RobotResource:
-        robot = model.robots.get(RobotKey(view["manufacturer"], view["serialNumber"]))
-        age = robot.age(aggregator.now()) if robot else None
-        return {**view, "stateAge": None if age is None else round(age, 3)}
 
     @router.get("/fleet", responses={200: {"model": FleetResource}})
     async def fleet() -> Response:
         """Everything: robots, orders, whether there is a plant model, the link to the broker."""
         aggregator.publish_changes()
         view = model.snapshot()
-        robots = [with_age(each) for each in view["robots"]]
+        robots = [with_age(aggregator, each) for each in view["robots"]]
         time, share = iso(aggregator.now().utc), str(aggregator.share)
-        return _json({**view, "time": time, "share": share, "robots": robots})
-
-    @router.get("/robots/{manufacturer}/{serial}", responses={200: {"model": RobotResource}})
-    async def robot(manufacturer: str, serial: str) -> Response:
-        """One robot."""
-        aggregator.publish_changes()
-        view = model.robot_view(RobotKey(manufacturer, serial))
-        unheard = f"No robot {manufacturer}/{serial} has been heard of. /api/v1/fleet lists those that have."
-        return _json(with_age(_found(view, unheard)))
-
-    @router.get("/robots/{manufacturer}/{serial}/actions", responses={200: {"model": list[KnownActionView]}})
-    async def actions(manufacturer: str, serial: str) -> Response:
-        """The actions that one robot's factsheet lists, with their parameters."""
-        known = model.robots.get(RobotKey(manufacturer, serial))
-        missing = f"No factsheet of {manufacturer}/{serial} has come; the robot sends it when asked for it."
-        return _json(view_known_actions(_found(known.factsheet if known else None, missing)))
-
-    @router.get("/robots/{manufacturer}/{serial}/map", response_class=Response)
-    async def robot_map(manufacturer: str, serial: str) -> Response:
-        """What one robot's own map looks like: a PNG image; the robot's `grid` says where it lies."""
-        known = model.robots.get(RobotKey(manufacturer, serial))
-        missing = f"No map of {manufacturer}/{serial} has come; NeNa's edge agent sends that of its Nav2."
-        found = _found(known.map if known else None, missing)
-        return Response(found.png, media_type="image/png", headers={"cache-control": "no-cache"})
+        return as_json({**view, "time": time, "share": share, "robots": robots})
 
     @router.get("/orders", responses={200: {"model": list[OrderView]}})
     async def orders() -> Response:
         """All transport orders that are kept."""
         aggregator.publish_changes()
-        return _json(model.snapshot()["orders"])
+        return as_json(model.snapshot()["orders"])
 
     @router.get("/plant")
     async def plant() -> Response:
         """The plant model, as the order service publishes it."""
         missing = "There is no plant model. Start the order service with one, on the same broker and prefix."
-        return Response(_found(model.plant, missing).to_json(), media_type="application/json")
+        return Response(found(model.plant, missing).to_json(), media_type="application/json")
 
     return router
-
-
-def _found(thing: T | None, detail: str) -> T:
-    """Give ``thing``; where there is none, the answer is 404 with ``detail``."""
-    if thing is None:
-        raise ProblemError(HTTPStatus.NOT_FOUND, detail)
-    return thing
-
-
-def _json(content: Any) -> Response:  # noqa: ANN401 - any of the views
-    return Response(to_json(content), media_type="application/json")

@@ -1,0 +1,55 @@
+"""One robot at a time, below ``/api/v1/robots``."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter, Response
+
+from nena_shared.vda5050.topics import RobotKey
+from nena_status_aggregator.aggregator import Aggregator
+from nena_status_aggregator.fleet_model.robot_view import view_known_actions
+from nena_status_aggregator.fleet_model.views import KnownActionView, RobotView
+from nena_status_aggregator.rest.answers import as_json, found
+
+
+class RobotResource(RobotView):
+    """A robot, and how old its last state is at the time of the answer, s; None before the first."""
+
+    stateAge: float | None  # noqa: N815 - the name on the wire
+
+
+def with_age(aggregator: Aggregator, view: RobotView) -> RobotResource:
+    """Give a robot with the age of its last state."""
+    robot = aggregator.model.robots.get(RobotKey(view["manufacturer"], view["serialNumber"]))
+    age = robot.age(aggregator.now()) if robot else None
+    return {**view, "stateAge": None if age is None else round(age, 3)}
+
+
+def make_router(aggregator: Aggregator) -> APIRouter:
+    """Make the routes over ``aggregator``."""
+    router = APIRouter(prefix="/api/v1/robots/{manufacturer}/{serial}", tags=["fleet"])
+    model = aggregator.model
+
+    @router.get("", responses={200: {"model": RobotResource}})
+    async def robot(manufacturer: str, serial: str) -> Response:
+        """One robot."""
+        aggregator.publish_changes()
+        view = model.robot_view(RobotKey(manufacturer, serial))
+        unheard = f"No robot {manufacturer}/{serial} has been heard of. /api/v1/fleet lists those that have."
+        return as_json(with_age(aggregator, found(view, unheard)))
+
+    @router.get("/actions", responses={200: {"model": list[KnownActionView]}})
+    async def actions(manufacturer: str, serial: str) -> Response:
+        """The actions that one robot's factsheet lists, with their parameters."""
+        known = model.robots.get(RobotKey(manufacturer, serial))
+        missing = f"No factsheet of {manufacturer}/{serial} has come; the robot sends it when asked for it."
+        return as_json(view_known_actions(found(known.factsheet if known else None, missing)))
+
+    @router.get("/map", response_class=Response)
+    async def robot_map(manufacturer: str, serial: str) -> Response:
+        """What one robot's own map looks like: a PNG image; the robot's `grid` says where it lies."""
+        known = model.robots.get(RobotKey(manufacturer, serial))
+        missing = f"No map of {manufacturer}/{serial} has come; NeNa's edge agent sends that of its Nav2."
+        image = found(known.map if known else None, missing).png
+        return Response(image, media_type="image/png", headers={"cache-control": "no-cache"})
+
+    return router
