@@ -11,6 +11,7 @@ import structlog
 from hypothesis import HealthCheck, settings
 
 from support.broker import Broker
+from support.postgres import Postgres
 from support.published import Publications, watched
 
 # How long an example takes says something about the machine and its load, not about the code.
@@ -61,6 +62,29 @@ def own_broker() -> Iterator[Broker]:
     broker = Broker()
     yield broker
     broker.close()
+
+
+@pytest.fixture(scope="session")
+def postgres_server() -> Iterator[Postgres]:
+    """Give a PostgreSQL that many tests share; it holds what the test before has left, see ``postgres``."""
+    made = Postgres()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def postgres(postgres_server: Postgres) -> Postgres:
+    """Give an empty PostgreSQL."""
+    postgres_server.empty()
+    return postgres_server
+
+
+@pytest.fixture
+def own_postgres() -> Iterator[Postgres]:
+    """Give a PostgreSQL that the test may stop and start."""
+    made = Postgres()
+    yield made
+    made.close()
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -13,16 +13,9 @@ from support.postgres import Postgres
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(900)]
 
 
-@pytest.fixture
-def postgres() -> Iterator[Postgres]:
-    made = Postgres()
-    yield made
-    made.close()
-
-
-async def test_killed_and_started_again(trial: Callable[..., Any], postgres: Postgres) -> None:
-    async with trial(seed=7, store_url=postgres.url) as running:
+async def test_killed_and_started_again(trial: Callable[..., Any], own_postgres: Postgres) -> None:
+    async with trial(seed=7, store_url=own_postgres.url) as running:
         for _ in range(2 * TIMES):
-            postgres.stop()
-            postgres.start()
+            own_postgres.stop()
+            own_postgres.start()
             await running.recovers("database killed")

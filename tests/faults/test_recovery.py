@@ -5,7 +5,7 @@ Nor is any robot ever given a place that may be somebody else's, which the conve
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from random import Random
 from typing import Any
 
@@ -31,13 +31,6 @@ LONGEST_LIFE = 3.0
 AGREED_WITHIN = 30.0
 
 
-@pytest.fixture
-def postgres() -> Iterator[Postgres]:
-    made = Postgres()
-    yield made
-    made.close()
-
-
 async def test_order_service_killed_at_random_moments(trial: Callable[..., Any]) -> None:
     chance = Random(50)
     async with trial(seed=50, at_once=AT_ONCE, loopback=ROBOTS) as running:
@@ -51,10 +44,10 @@ async def test_order_service_killed_at_random_moments(trial: Callable[..., Any])
 
 @only_in_whole
 async def test_order_service_broker_and_database_killed_in_any_order(
-    trial: Callable[..., Any], postgres: Postgres
+    trial: Callable[..., Any], own_postgres: Postgres
 ) -> None:
     chance = Random(51)
-    async with trial(seed=51, at_once=AT_ONCE, loopback=ROBOTS, store_url=postgres.url) as running:
+    async with trial(seed=51, at_once=AT_ONCE, loopback=ROBOTS, store_url=own_postgres.url) as running:
         running.site.wire_broke = True
         for _ in range(ORDER_KILLS):
             await _life(chance)
@@ -66,8 +59,8 @@ async def test_order_service_broker_and_database_killed_in_any_order(
                 running.site.broker.restart()
                 begin = len(running.site.wire.history)
             else:
-                postgres.stop()
-                postgres.start()
+                own_postgres.stop()
+                own_postgres.start()
             await running.recovers(f"{fault} killed")
             await _agree(running)
             assert _clashes(running.site.wire.history[begin:]) == []

@@ -112,6 +112,12 @@ class Bench:
     def start(self, mission: Mission) -> Outputs:
         return self.take(self.fleet.start_mission(self.robot.key, mission, self.now))
 
+    def start_and_tell(self, mission: Mission) -> None:
+        """Start a mission, have the robot get it, and hear so."""
+        self.start(mission)
+        self.deliver()
+        self.report()
+
     def cancel(self) -> Outputs:
         return self.take(self.fleet.cancel_mission(self.robot.key, self.now))
 

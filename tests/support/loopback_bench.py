@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 from nena_shared.vda5050.action import Action, ActionState, BlockingType
 from nena_shared.vda5050.order import Order
@@ -17,6 +18,7 @@ from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.versions import codec_for
 from support.broker import Broker, MqttPeer
 from support.edge_agent import MANUFACTURER, SERIAL, AgentProcess, FleetControl
+from support.published import robots_problems
 from support.robot_core import order
 from support.waiting import until
 
@@ -131,6 +133,18 @@ def place(state: State) -> MobileRobotPosition:
 
 def action_state(state: State, action_id: str) -> ActionState | None:
     return next((each for each in state.action_states if each.action_id == action_id), None)
+
+
+@contextmanager
+def shared_robot(broker: Broker, folder: Path, version: str) -> Iterator[BenchRobot]:
+    """Run a robot that the tests of a module share; all that it says has to keep to its schemas."""
+    interface_name = f"test-{uuid4().hex[:12]}"
+    with (
+        MqttPeer(broker, f"{interface_name}/#") as peer,
+        bench_process(broker, interface_name, folder, version),
+    ):
+        yield BenchRobot(peer, interface_name, version=version)
+    assert robots_problems(peer.history) == []
 
 
 @contextmanager

@@ -114,7 +114,21 @@ class Fleet:
         version: str = "2.1.0",
     ) -> Program:
         """Start a loopback robot; it stands on the point `South 1` unless told otherwise."""
-        content = AGENT_FILE.format(
+        content = self.agent_file(serial, x=x, y=y, speed=speed, count=count, version=version)
+        return self.agent_of(content, serial)
+
+    def agent_file(
+        self,
+        serial: str = "robot-01",
+        *,
+        x: float = 3.0,
+        y: float = 2.0,
+        speed: float = 40.0,
+        count: int = 1,
+        version: str = "2.1.0",
+    ) -> str:
+        """Give the settings of such a robot, for a test that changes some of them."""
+        return AGENT_FILE.format(
             interface=self.interface,
             version=version,
             serial=serial,
@@ -125,7 +139,6 @@ class Fleet:
             y=y,
             speed=speed,
         )
-        return self.agent_of(content, serial)
 
     def agent_of(self, content: str, serial: str = "robot-01") -> Program:
         """Start a robot with these settings, in TOML."""

@@ -20,9 +20,8 @@ from nena_shared.vda5050.rules import RULES
 from nena_shared.vda5050.state import OperatingMode, State
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.versions import codec_for
-from support.broker import Broker, MqttPeer
-from support.loopback_bench import BenchRobot, bench_process, idle, place
-from support.published import robots_problems
+from support.broker import Broker
+from support.loopback_bench import BenchRobot, idle, place, shared_robot
 from support.robot_core import MAP, action, order, position
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
@@ -37,13 +36,8 @@ WITH_NODE_REPEATED = tuple(each for each in VERSIONS if RULES[each].stitching_no
 def process(
     request: pytest.FixtureRequest, broker: Broker, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[BenchRobot]:
-    interface_name, folder = f"test-{uuid4().hex[:12]}", tmp_path_factory.mktemp("journal")
-    with (
-        MqttPeer(broker, f"{interface_name}/#") as peer,
-        bench_process(broker, interface_name, folder, request.param),
-    ):
-        yield BenchRobot(peer, interface_name, version=request.param)
-    assert robots_problems(peer.history) == []
+    with shared_robot(broker, tmp_path_factory.mktemp("journal"), request.param) as made:
+        yield made
 
 
 @pytest.fixture

@@ -11,9 +11,8 @@ import pytest
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.error import ErrorLevel
 from nena_shared.vda5050.state import EmergencyStop, OperatingMode, State
-from support.broker import Broker, MqttPeer
-from support.loopback_bench import BenchRobot, action_state, bench_process, errors, idle, place
-from support.published import robots_problems
+from support.broker import Broker
+from support.loopback_bench import BenchRobot, action_state, errors, idle, place, shared_robot
 from support.robot_core import action, order
 from support.waiting import until
 
@@ -35,13 +34,8 @@ def robot(
     request: pytest.FixtureRequest, broker: Broker, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[BenchRobot]:
     """Give a robot that all tests of this module share: each leaves it in order."""
-    interface_name, folder = f"test-{uuid4().hex[:12]}", tmp_path_factory.mktemp("journal")
-    with (
-        MqttPeer(broker, f"{interface_name}/#") as peer,
-        bench_process(broker, interface_name, folder, request.param),
-    ):
-        yield BenchRobot(peer, interface_name, version=request.param)
-    assert robots_problems(peer.history) == []
+    with shared_robot(broker, tmp_path_factory.mktemp("journal"), request.param) as made:
+        yield made
 
 
 @pytest.mark.clause("6.6.6")

@@ -10,22 +10,7 @@ import pytest
 
 from support.broker import Broker
 from support.order_service_fleet import Fleet, running
-from support.postgres import Postgres
 from support.published import problems_in
-
-
-@pytest.fixture(scope="session")
-def server() -> Iterator[Postgres]:
-    made = Postgres()
-    yield made
-    made.close()
-
-
-@pytest.fixture
-def postgres(server: Postgres) -> Postgres:
-    """Give an empty PostgreSQL."""
-    server.empty()
-    return server
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from sqlalchemy import NullPool, create_engine, text
 
 from support.aggregator_process import AggregatorProcess
 from support.broker import free_port
-from support.order_service_fleet import AGENT_FILE, Fleet, actions_done, every_order_ended
+from support.order_service_fleet import Fleet, actions_done, every_order_ended
 from support.postgres import Postgres
 from support.programs import ENDED_WITHIN, OrderServiceProgram
 from support.waiting import PATIENCE, awaited
@@ -100,7 +100,7 @@ def keeper(request: pytest.FixtureRequest, fleet: Fleet, tmp_path: Path) -> Iter
     if request.param == "sqlite":
         made: Keeper = SqliteKeeper(tmp_path)
     else:
-        made = PostgresKeeper(request.getfixturevalue("server"), tmp_path)
+        made = PostgresKeeper(request.getfixturevalue("postgres_server"), tmp_path)
     fleet.store_url = made.url
     yield made
     fleet.stack.close()
@@ -111,17 +111,7 @@ def start_robots(fleet: Fleet) -> None:
     """Start two robots that do not mind what they carry, as if somebody had unloaded them where need be."""
     for number, (x, y) in enumerate([(3.0, 2.0), (15.0, 2.0)], start=1):
         serial = f"robot-0{number}"
-        text = AGENT_FILE.format(
-            interface=fleet.interface,
-            version="2.1.0",
-            serial=serial,
-            port=fleet.broker.port,
-            folder=fleet.folder / "journal",
-            count=1,
-            x=x,
-            y=y,
-            speed=40.0,
-        )
+        text = fleet.agent_file(serial, x=x, y=y)
         fleet.agent_of(text.replace('load = "take"\n', "").replace('load = "give"\n', ""), serial)
 
 

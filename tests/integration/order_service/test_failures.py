@@ -10,7 +10,7 @@ import httpx
 import pytest
 
 from support.broker import MqttPeer
-from support.order_service_fleet import AGENT_FILE, Fleet, order_in, vehicle_idle
+from support.order_service_fleet import Fleet, order_in, vehicle_idle
 from support.programs import Program
 from support.waiting import awaited
 
@@ -27,17 +27,7 @@ SLOW = 0.5
 
 def rehearsing(fleet: Fleet, version: str = "2.1.0") -> Program:
     """Start a robot whose actions fail on purpose."""
-    content = AGENT_FILE.format(
-        interface=fleet.interface,
-        version=version,
-        serial="robot-01",
-        port=fleet.broker.port,
-        folder=fleet.folder / "journal",
-        count=1,
-        x=3.0,
-        y=2.0,
-        speed=40.0,
-    )
+    content = fleet.agent_file(version=version)
     return fleet.agent_of(content.replace("[loopback]", "[loopback]\nrehearsal = true"))
 
 

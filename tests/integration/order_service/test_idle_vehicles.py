@@ -16,7 +16,7 @@ from nena_order_service.dispatch.settings import (
     RechargingSettings,
 )
 from nena_order_service.kernel import KernelSettings
-from support.order_service_fleet import AGENT_FILE, Fleet, order_in
+from support.order_service_fleet import Fleet, order_in
 from support.waiting import PATIENCE, awaited
 
 pytestmark = pytest.mark.broker
@@ -41,17 +41,7 @@ SETTINGS = KernelSettings(
 
 
 def robot(fleet: Fleet) -> None:
-    content = AGENT_FILE.format(
-        interface=fleet.interface,
-        version="2.1.0",
-        serial="robot-01",
-        port=fleet.broker.port,
-        folder=fleet.folder / "journal",
-        count=1,
-        x=3.0,
-        y=2.0,
-        speed=40.0,
-    )
+    content = fleet.agent_file()
     content = content.replace("[loopback]", "[loopback]\ncontrol = true\ncharge_rate = 0.01")
     fleet.agent_of(content.replace("[mqtt]", "[interval]\nstate_maximum = 0.5\n[mqtt]") + CHARGES)
 

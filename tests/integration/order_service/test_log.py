@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 import pytest
 
-from support.order_service_fleet import AGENT_FILE, Fleet, order_in
+from support.order_service_fleet import Fleet, order_in
 from support.programs import Program
 from support.waiting import PATIENCE, until
 
@@ -30,17 +30,7 @@ async def line(program: Program, event: str) -> dict[str, Any]:
 async def test_an_order_is_followed_through_the_logs(fleet: Fleet) -> None:
     service = fleet.order_service("--log.form", "json")
     url = (await service.logged(r'"url": "(http[^"]+)"')).group(1)
-    text = AGENT_FILE.format(
-        interface=fleet.interface,
-        version="3.0.0",
-        serial="robot-01",
-        port=fleet.broker.port,
-        folder=fleet.folder / "journal",
-        count=1,
-        x=3.0,
-        y=2.0,
-        speed=40.0,
-    )
+    text = fleet.agent_file(version="3.0.0")
     agent = fleet.agent_of(f'{text}[log]\nform = "json"\n')
     async with httpx.AsyncClient(base_url=url, timeout=PATIENCE) as client:
         assert (await client.post("/v1/transportOrders", json=ORDER)).is_success

@@ -6,7 +6,6 @@ import asyncio
 import json
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -26,7 +25,6 @@ from nena_edge_agent.ros.session import RosSession
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.topics import RobotKey, Topic
-from support.broker import Broker
 from support.edge_agent import FleetControl, ended, error_types, status_of
 from support.lift_process import lift_process
 from support.nav2_agent import Bench, ready
@@ -212,15 +210,6 @@ async def test_a_port_that_a_session_has_takes_more(domain_id: int, peer: RosPee
             port.publisher("tap", STRING).publish({"date": "x"})
         with pytest.raises(RosError, match="there is no type"):
             port.publisher("tap", "std_msgs/msg/Strin")
-
-
-@pytest.fixture
-def bench(
-    broker: Broker, interface_name: str, peer: RosPeer, domain_id: int, tmp_path: Path
-) -> Iterator[Bench]:
-    bench = Bench(broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path)
-    with bench.mqtt:
-        yield bench
 
 
 def hard(action_id: str, action_type: str, **parameters: Any) -> Action:

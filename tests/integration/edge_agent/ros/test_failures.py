@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped
 
 from support.action_types import needs_action_types
-from support.broker import Broker
 from support.edge_agent import ended, error_types
 from support.nav2_agent import ROS, Bench, failure_of, ready
 from support.nav2_driver import QUICK
 from support.robot_core import action, order
-from support.ros import RosPeer
 from support.simulator import goal, publisher_to
 from support.waiting import until
 
@@ -25,15 +21,6 @@ pytestmark = [pytest.mark.ros, pytest.mark.broker]
 BOTH_DOORS = pytest.mark.parametrize("door", ["topics", pytest.param("action", marks=needs_action_types)])
 """Goals given by topic, and by the action; the other tests take what there is."""
 BLOCKED_SOON = {**ROS["goals"], "blocked_after": 0.5}
-
-
-@pytest.fixture
-def bench(
-    broker: Broker, interface_name: str, peer: RosPeer, domain_id: int, tmp_path: Path
-) -> Iterator[Bench]:
-    bench = Bench(broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path)
-    with bench.mqtt:
-        yield bench
 
 
 @BOTH_DOORS

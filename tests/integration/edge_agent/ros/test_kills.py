@@ -9,9 +9,8 @@ from __future__ import annotations
 import asyncio
 import json
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import count
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -22,12 +21,11 @@ from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.versions import codec_for
-from support.broker import Broker
 from support.examples import KILLS
 from support.nav2_agent import Bench, ready
 from support.restarts.oracle import check_headers, check_states
 from support.robot_core import action, order
-from support.ros import LATCHED, RosPeer
+from support.ros import LATCHED
 from support.waiting import until
 
 pytestmark = [pytest.mark.ros, pytest.mark.broker]
@@ -105,15 +103,6 @@ class Witness:
         state = self.state
         over = all(each.action_status.ended for each in state.action_states)
         return state.order_id == message.order_id and not state.node_states and over and not state.driving
-
-
-@pytest.fixture
-def bench(
-    broker: Broker, interface_name: str, peer: RosPeer, domain_id: int, tmp_path: Path
-) -> Iterator[Bench]:
-    bench = Bench(broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path)
-    with bench.mqtt:
-        yield bench
 
 
 @pytest.mark.timeout(300 + 60 * KILLS)

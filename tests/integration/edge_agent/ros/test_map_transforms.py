@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from math import pi, remainder, tau
 from pathlib import Path
@@ -22,7 +22,7 @@ from support.edge_agent import ended, error_types, running_agent
 from support.nav2_agent import Bench, ready
 from support.order_service_fleet import Fleet, order_in, running, vehicle_idle
 from support.robot_core import action, order
-from support.ros import LATCHED, Inbox, RosPeer
+from support.ros import LATCHED, Inbox
 from support.waiting import PATIENCE, awaited, until
 
 pytestmark = [pytest.mark.ros, pytest.mark.broker]
@@ -33,12 +33,8 @@ HALL = "sample-hall"
 
 
 @pytest.fixture
-def bench(
-    broker: Broker, interface_name: str, peer: RosPeer, domain_id: int, tmp_path: Path
-) -> Iterator[Bench]:
-    bench = Bench(broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path, version="3.0.0")
-    with bench.mqtt:
-        yield bench
+def version() -> str:
+    return "3.0.0"
 
 
 def on_map(x: float, y: float) -> dict[str, float]:

@@ -3,30 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from nena_shared.vda5050.topics import Topic
-from support.broker import Broker
 from support.edge_agent import FleetControl, ended
 from support.nav2_agent import Bench
 from support.robot_core import order
-from support.ros import RosPeer
 from support.waiting import until
 
 pytestmark = [pytest.mark.ros, pytest.mark.broker]
 
 
 @pytest.fixture
-def bench(
-    broker: Broker, interface_name: str, peer: RosPeer, domain_id: int, tmp_path: Path
-) -> Iterator[Bench]:
-    bench = Bench(broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path, version="3.0.0")
-    with bench.mqtt:
-        yield bench
+def version() -> str:
+    return "3.0.0"
 
 
 def progress(state: dict[str, Any]) -> dict[str, float]:

@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 from action_msgs.msg import GoalStatusArray
 
-from support.broker import Broker
 from support.edge_agent import ended, error_types, status_of
 from support.nav2_agent import Bench, ready
 from support.robot_core import action, order
-from support.ros import LATCHED, RosPeer
+from support.ros import LATCHED
 from support.simulator import trace
 from support.waiting import until
 
 pytestmark = [pytest.mark.ros, pytest.mark.broker]
-
-
-@pytest.fixture
-def bench(
-    broker: Broker, interface_name: str, peer: RosPeer, domain_id: int, tmp_path: Path
-) -> Iterator[Bench]:
-    bench = Bench(broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path)
-    with bench.mqtt:
-        yield bench
 
 
 @pytest.mark.parametrize("arrives_meanwhile", [False, True])

@@ -5,8 +5,6 @@ from __future__ import annotations
 import asyncio
 import os
 import threading
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -23,7 +21,6 @@ from support.broker import Broker
 from support.edge_agent import ended, error_types, status_of
 from support.nav2_agent import Bench, ready
 from support.robot_core import action, order
-from support.ros import RosPeer
 from support.served_aggregator import serving
 from support.session_cycles import measured
 from support.simulator import simulated_robot
@@ -35,15 +32,6 @@ CYCLES = int(os.environ.get("NENA_SESSIONS", "20"))
 """Starts and stops in the test for leaks; `make soak` has more."""
 GROWTH = 5.0
 """MB of memory that so many may cost."""
-
-
-@pytest.fixture
-def bench(
-    broker: Broker, interface_name: str, peer: RosPeer, domain_id: int, tmp_path: Path
-) -> Iterator[Bench]:
-    bench = Bench(broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path)
-    with bench.mqtt:
-        yield bench
 
 
 def session_in(state: dict[str, Any]) -> dict[str, str]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,26 +10,16 @@ from nav_msgs.msg import Odometry
 
 from nena_edge_agent.ros.settings import Navigation
 from support.action_types import needs_action_types
-from support.broker import Broker
 from support.edge_agent import ended, error_types
 from support.nav2_agent import Bench, ready
 from support.robot_core import order, position
-from support.ros import BEST_EFFORT, LATCHED, RosPeer
+from support.ros import BEST_EFFORT, LATCHED
 from support.simulator import trace
 from support.smooth_drive import NODES, WAYS, drive, settings
 
 pytestmark = [pytest.mark.ros, pytest.mark.broker]
 
 ACTIONS = (Navigation.ACTION, Navigation.THROUGH_POSES)
-
-
-@pytest.fixture
-def bench(
-    broker: Broker, interface_name: str, peer: RosPeer, domain_id: int, tmp_path: Path
-) -> Iterator[Bench]:
-    bench = Bench(broker, interface_name, ros=peer, domain_id=domain_id, folder=tmp_path)
-    with bench.mqtt:
-        yield bench
 
 
 @pytest.mark.parametrize(

@@ -50,9 +50,7 @@ def test_a_mission_goes_its_whole_way() -> None:
 
 def test_a_mission_without_way_and_operation_is_done_when_it_is_taken() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A"))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_mission("m", "A"))
     assert bench.story() == ["MissionAccepted", "NodePassed", "MissionFinished"]
 
 
@@ -132,9 +130,7 @@ def test_an_order_that_comes_too_late_is_stopped() -> None:
 @pytest.mark.clause("6.1.4/fleet")
 def test_a_refusal_that_names_the_order_fails_the_mission_with_the_robots_words() -> None:
     bench = Bench(robot=HonestRobot(position=(9.0, 9.0, 0.0))).online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_mission("m", "A", "B"))
     assert failure(bench).reason == "the robot refuses the order"
     assert failure(bench).details == ("START_NODE_OUT_OF_RANGE: no",)
 
@@ -249,9 +245,7 @@ def test_a_node_that_cannot_be_reached_cancels_the_order_and_then_fails_it() -> 
 @pytest.mark.clause("6.6.5.1/fleet")
 def test_a_fatal_error_that_names_nothing_is_given_some_time() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_mission("m", "A", "B"))
     bench.robot.errors.append(ErrorEntry(error_type="lidarDirty", error_level=ErrorLevel.FATAL))
     bench.robot.paused = True  # so that it stands
     bench.wait(9, reporting=True)
@@ -266,9 +260,7 @@ def test_a_fatal_error_that_names_nothing_is_given_some_time() -> None:
 @pytest.mark.clause("6.6.5.1/fleet")
 def test_a_fatal_error_that_passes_does_not_fail_the_mission() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_mission("m", "A", "B"))
     bench.robot.paused = True
     for _ in range(3):
         bench.robot.errors.append(ErrorEntry(error_type="lidarDirty", error_level=ErrorLevel.FATAL))
@@ -292,9 +284,7 @@ def test_a_warning_does_not_touch_the_mission() -> None:
 @pytest.mark.clause("6.1.3/fleet")
 def test_a_cancelled_mission_ends_when_the_robot_has_confirmed_it() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B", operation="pick"))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_mission("m", "A", "B", operation="pick"))
     bench.cancel()
     bench.report()
     assert bench.ends() == {}
@@ -308,9 +298,7 @@ def test_a_cancelled_mission_ends_when_the_robot_has_confirmed_it() -> None:
 @pytest.mark.clause("6.1.3/fleet")
 def test_a_cancel_is_asked_for_once_however_often_somebody_wants_it() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_mission("m", "A", "B"))
     bench.cancel()
     bench.cancel()
     assert bench.instants_sent() == ["cancelOrder"]
@@ -319,9 +307,7 @@ def test_a_cancel_is_asked_for_once_however_often_somebody_wants_it() -> None:
 @pytest.mark.clause("6.1.3/fleet", "6.2.1/fleet")
 def test_a_cancel_that_is_lost_is_sent_again_under_the_same_id() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_mission("m", "A", "B"))
     bench.cancel()
     bench.lose()
     bench.wait(2, reporting=True)
@@ -370,9 +356,7 @@ def test_a_cancel_that_finds_no_order_ends_a_mission_that_never_came() -> None:
 @pytest.mark.clause("6.1.3/fleet")
 def test_a_mission_that_is_done_before_the_cancel_comes_is_finished() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_mission("m", "A", "B"))
     bench.cancel()
     bench.robot.step()
     bench.report()
@@ -383,9 +367,7 @@ def test_a_mission_that_is_done_before_the_cancel_comes_is_finished() -> None:
 @pytest.mark.clause("6.1.3/fleet")
 def test_no_order_is_sent_while_a_cancel_may_still_hit_it() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_mission("m", "A", "B"))
     bench.cancel()
     bench.robot.step()
     bench.report()
@@ -399,9 +381,7 @@ def test_no_order_is_sent_while_a_cancel_may_still_hit_it() -> None:
 @pytest.mark.clause("6.1.3/fleet")
 def test_a_cancel_that_is_never_confirmed_fails_the_mission() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_mission("m", "A", "B"))
     bench.cancel()
     bench.wait(60, reporting=True)
     assert "does not confirm cancelOrder: sent 6 times" in failure(bench).reason
@@ -410,9 +390,7 @@ def test_a_cancel_that_is_never_confirmed_fails_the_mission() -> None:
 @pytest.mark.clause("6.6.6/fleet")
 def test_a_robot_that_went_to_manual_has_given_the_order_up() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_mission("m", "A", "B"))
     bench.robot.set_mode(OperatingMode.MANUAL)
     bench.report()
     assert failure(bench).reason == "the robot gave the order up when it went to operating mode MANUAL"
@@ -423,9 +401,7 @@ def test_a_robot_that_went_to_manual_has_given_the_order_up() -> None:
 @pytest.mark.clause("6.6/restart")
 def test_a_robot_that_forgot_its_order_has_lost_the_mission() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_mission("m", "A", "B"))
     bench.robot.restart(journal=False)
     bench.now += 1
     bench.report()
@@ -449,9 +425,7 @@ def test_a_robot_that_remembers_its_order_goes_on_after_a_restart() -> None:
 @pytest.mark.clause("6.6.2/fleet")
 def test_somebody_elses_cancel_fails_the_mission() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_mission("m", "A", "B"))
     bench.robot._clear()
     bench.report()
     assert failure(bench).reason == "the robot gave the order up before its end"
@@ -524,9 +498,7 @@ def test_an_order_to_a_robot_that_is_silent_without_a_will_fails_in_the_end() ->
 @pytest.mark.clause("4.1/offline")
 def test_a_running_mission_outlives_the_loss_of_the_link() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B", "C"))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_mission("m", "A", "B", "C"))
     bench.connection(ConnectionState.CONNECTION_BROKEN)
     bench.wait(600)
     assert bench.ends() == {}

@@ -67,9 +67,7 @@ def test_a_robot_that_never_takes_it_up() -> None:
 
 def test_a_robot_that_refuses_it() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "X", "B", x=50.0))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_mission("m", "X", "B", x=50.0))
     assert kind(bench) is FailureKind.REFUSED
 
 

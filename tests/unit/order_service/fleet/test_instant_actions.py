@@ -129,9 +129,7 @@ def test_an_action_that_was_perhaps_lost_is_not_sent_to_a_robot_that_comes_back(
 @pytest.mark.clause("6.6.6/fleet")
 def test_a_cancel_is_not_sent_again_in_manual_mode_but_afterwards() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_mission("m", "A", "B"))
     bench.cancel()
     bench.lose()
     bench.robot.mode = OperatingMode.MANUAL  # and it takes its time to clear the order
@@ -177,9 +175,7 @@ def test_there_is_a_limit_to_what_is_under_way() -> None:
 
 def test_somebodys_own_cancel_ends_the_mission_and_is_told() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_mission("m", "A", "B"))
     bench.instruct(action("cancelOrder"))
     bench.deliver()
     bench.report()
@@ -328,9 +324,7 @@ def test_a_robot_that_cannot_tell_a_factsheet_is_asked_once_for_each_connection(
 @pytest.mark.parametrize(("version", "named"), [("2.1.0", []), ("3.0.0", ["m1"])])
 def test_a_cancel_names_the_order_where_it_may(version: str, named: list[str]) -> None:
     bench = Bench(robot=HonestRobot(version=version)).online()
-    bench.start(make_mission("m1", "A", "B", "C"))
-    bench.deliver()
-    bench.report()
+    bench.start_and_tell(make_mission("m1", "A", "B", "C"))
 
     bench.cancel()
 

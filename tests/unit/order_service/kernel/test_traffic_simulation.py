@@ -23,9 +23,14 @@ ADVERSITY = (
 )
 
 
-@pytest.mark.parametrize("seed", range(KERNEL_PLANTS))
-def test_every_order_ends_without_a_collision_or_a_standstill(seed: int) -> None:
-    random, robots = Random(seed), ROBOTS[seed % len(ROBOTS)]
+IDLE_ROBOTS = (6, 8, 30, 14, 60, 3)
+IDLE_ONES_MOVE = DispatchSettings(
+    recharging=RechargingSettings(enabled=True), parking=ParkingSettings(enabled=True, delay=0.0)
+)
+
+
+def simulated(seed: int, random: Random, robots: int, dispatch: DispatchSettings) -> KernelSimulation:
+    """Give a simulation that has run."""
     plant, stations = random_plant(random, robots)
     simulation = KernelSimulation(
         plant,
@@ -35,36 +40,24 @@ def test_every_order_ends_without_a_collision_or_a_standstill(seed: int) -> None
         ahead=AHEAD[seed % len(AHEAD)],
         length_mm=LENGTHS_MM[seed % len(LENGTHS_MM)],
         adversity=ADVERSITY[seed % len(ADVERSITY)],
+        dispatch=dispatch,
     )
-
     simulation.run()
+    return simulation
+
+
+@pytest.mark.parametrize("seed", range(KERNEL_PLANTS))
+def test_every_order_ends_without_a_collision_or_a_standstill(seed: int) -> None:
+    simulation = simulated(seed, Random(seed), ROBOTS[seed % len(ROBOTS)], DispatchSettings())
 
     assert simulation.finished + len(simulation.withdrawn) >= ORDERS
     assert simulation.driven_nodes > ORDERS
 
 
-IDLE_ROBOTS = (6, 8, 30, 14, 60, 3)
-
-
 @pytest.mark.parametrize("seed", range(max(2, KERNEL_PLANTS // 10)))
 def test_vehicles_that_park_and_recharge_keep_nobody_from_anything(seed: int) -> None:
-    random, robots = Random(1000 + seed), IDLE_ROBOTS[seed % len(IDLE_ROBOTS)]
-    plant, stations = random_plant(random, robots)
-    simulation = KernelSimulation(
-        plant,
-        stations,
-        random,
-        orders=ORDERS,
-        ahead=AHEAD[seed % len(AHEAD)],
-        length_mm=LENGTHS_MM[seed % len(LENGTHS_MM)],
-        adversity=ADVERSITY[seed % len(ADVERSITY)],
-        dispatch=DispatchSettings(
-            recharging=RechargingSettings(enabled=True),
-            parking=ParkingSettings(enabled=True, delay=0.0),
-        ),
-    )
-
-    simulation.run()
+    robots = IDLE_ROBOTS[seed % len(IDLE_ROBOTS)]
+    simulation = simulated(seed, Random(1000 + seed), robots, IDLE_ONES_MOVE)
 
     assert simulation.finished + len(simulation.withdrawn) >= ORDERS
     assert simulation.automatic["Park"] > 0

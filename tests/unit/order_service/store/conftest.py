@@ -12,20 +12,6 @@ from nena_order_service.store.store import Store
 from support.postgres import Postgres
 
 
-@pytest.fixture(scope="session")
-def server() -> Iterator[Postgres]:
-    made = Postgres()
-    yield made
-    made.close()
-
-
-@pytest.fixture
-def postgres(server: Postgres) -> Postgres:
-    """Give an empty PostgreSQL."""
-    server.empty()
-    return server
-
-
 @pytest.fixture
 def sqlite_url(tmp_path: Path) -> str:
     return f"sqlite:///{tmp_path}/orders.db"
