@@ -16,7 +16,7 @@ from faults.extent import WHOLE
 from faults.footprint import Footprint, grown
 from faults.host import Host
 from faults.recovery import FILE, Fault, Record
-from faults.site import Site
+from faults.site import Layout, Site
 from support.waiting import awaited
 
 STATUS = re.compile("nena/v1/transportOrders/[^/]+/status")
@@ -103,7 +103,7 @@ def trial(tmp_path: Path, request: pytest.FixtureRequest) -> Callable[..., Any]:
 
     @asynccontextmanager
     async def run(*, at_once: int = 8, seed: int = 1, **site: Any) -> AsyncIterator[Trial]:
-        made = Site(tmp_path, **site)
+        made = Site(tmp_path, Layout(**site))
         try:
             await made.start()
             host = Host(made, at_once=at_once, seed=seed)

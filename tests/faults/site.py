@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
@@ -78,60 +79,60 @@ start = {{ x = {b[0]}, y = {b[1]}, yaw = 0.0 }}
 """
 
 
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """What a site is made of."""
+
+    loopback: int = LOOPBACK
+    """Robots without ROS."""
+    on_ros: bool = False
+    """Whether the two robots on ROS are there."""
+    store_url: str = ""
+    """Of the orders, if not a file in ``data``."""
+    persistence: bool = True
+    """Whether the broker keeps what it had over a kill."""
+    singles: int = 0
+    """So many more robots are in the plant model; :meth:`Site.start_single` starts them."""
+    line: Line | None = None
+    """Behind which all robots are."""
+    data: Path | None = None
+    """Folder of stores and journals, if it is another one."""
+    robots_in: Mapping[str, str] = NOTHING
+    """Environment of the robots' programs."""
+    services_in: Mapping[str, str] = NOTHING
+    """Environment of order service and aggregator."""
+
+    @property
+    def serials(self) -> tuple[str, ...]:
+        """Robots that are there."""
+        loopback = (f"loop-{number}" for number in range(1, self.loopback + 1))
+        return (*loopback, *(f"ros-{number}" for number in range(1, ON_ROS + 1) if self.on_ros))
+
+    @property
+    def singles_planned(self) -> tuple[str, ...]:
+        """Robots that may come later: "single-1" and so on."""
+        return tuple(f"single-{number}" for number in range(1, self.singles + 1))
+
+
 class Site:
     """What the faults happen to. Each part can be killed and started again; its data stays."""
 
-    def __init__(
-        self,
-        folder: Path,
-        *,
-        loopback: int = LOOPBACK,
-        on_ros: bool = False,
-        store_url: str = "",
-        persistence: bool = True,
-        singles: int = 0,
-        line: Line | None = None,
-        data: Path | None = None,
-        robots_in: Mapping[str, str] = NOTHING,
-        services_in: Mapping[str, str] = NOTHING,
-    ) -> None:
-        """Prepare it; nothing but the broker runs yet.
-
-        Args:
-            folder: of configurations and logs.
-            on_ros: whether the two robots on ROS are there.
-            store_url: of the orders, if not a file in ``data``.
-            persistence: whether the broker keeps what it had over a kill.
-            singles: so many more robots, "single-1" and so on, are in the plant model; :meth:`start_single`
-                starts them.
-            line: behind which all robots are.
-            data: folder of stores and journals, if it is another one.
-            robots_in: environment of the robots' programs.
-            services_in: environment of order service and aggregator.
-
-        """
+    def __init__(self, folder: Path, layout: Layout) -> None:
+        """Prepare it, with configurations and logs in ``folder``; nothing but the broker runs yet."""
         self.folder = folder
-        self._data = data or folder
-        self._line = line
-        self._robots_in, self._services_in = robots_in, services_in
+        self._layout = layout
+        self._data = layout.data or folder
+        self._line = layout.line
         self.interface = "uagv"
         self.stack = ExitStack()
-        kept = folder / "broker"
-        kept.mkdir()
-        keeping = f"persistence true\npersistence_location {kept}/\nautosave_interval 1\n"
-        self.broker = Broker(more=keeping if persistence else "", addresses=(line.near,) if line else ())
-        self.stack.callback(self.broker.close)
+        self.broker = self._make_broker()
         self.wire = self.stack.enter_context(MqttPeer(self.broker, f"{self.interface}/#", "nena/v1/#"))
-        self._domain = self.stack.enter_context(own_domain_id()) if on_ros else 0
-        self._loopback = loopback
-        self._on_ros = on_ros
+        self._domain = self.stack.enter_context(own_domain_id()) if layout.on_ros else 0
         self._ports = {"order-service": free_port(), "aggregator": free_port()}
-        self._store = store_url or f"sqlite:///{self._data}/orders.db"
-        serials = [f"loop-{number}" for number in range(1, loopback + 1)]
-        serials += [f"ros-{number}" for number in range(1, ON_ROS + 1)] if on_ros else []
-        self.serials = tuple(serials)
+        self._store = layout.store_url or f"sqlite:///{self._data}/orders.db"
+        self.serials = layout.serials
         """Robots that are there."""
-        self.vehicles = (*serials, *(f"single-{number}" for number in range(1, singles + 1)))
+        self.vehicles = (*self.serials, *layout.singles_planned)
         """Those of the plant model."""
         self.plant = write_hall(folder, dict.fromkeys(self.vehicles, "2.1.0"))
         self.orders = httpx.AsyncClient(
@@ -145,12 +146,21 @@ class Site:
         self.suspects: set[str] = set()
         """Vehicles all of whose orders may end so."""
 
+    def _make_broker(self) -> Broker:
+        kept = self.folder / "broker"
+        kept.mkdir()
+        keeping = f"persistence true\npersistence_location {kept}/\nautosave_interval 1\n"
+        more = keeping if self._layout.persistence else ""
+        broker = Broker(more=more, addresses=(self._line.near,) if self._line else ())
+        self.stack.callback(broker.close)
+        return broker
+
     async def start(self) -> None:
         """Start everything, and wait until every robot could take an order."""
         self.start_order_service()
         self.start_aggregator()
         self.start_loopback()
-        if self._on_ros:
+        if self._layout.on_ros:
             self._start_ros()
         await self.all_robots_ready()
 
@@ -205,10 +215,10 @@ class Site:
     def start_loopback(self) -> Program:
         """Start the robots without ROS, all in one program."""
         starts = "".join(
-            f"[[loopback.starts]]\nx = {x}\ny = {y}\n" for x, y in map(start_of, range(self._loopback))
+            f"[[loopback.starts]]\nx = {x}\ny = {y}\n" for x, y in map(start_of, range(self._layout.loopback))
         )
         more = f'driver = "loopback"\n{self._agent("loop")}{LOOPBACK_PART.format(speed=SPEED, starts=starts)}'
-        more = more.replace("[loopback]\n", f"[loopback]\ncount = {self._loopback}\n")
+        more = more.replace("[loopback]\n", f"[loopback]\ncount = {self._layout.loopback}\n")
         return self._robot("loopback", more)
 
     def start_single(self, serial: str, *, at: tuple[float, float], machine: str) -> Program:
@@ -219,7 +229,7 @@ class Site:
         return self._robot(machine, text)
 
     def _start_ros(self) -> None:
-        a, b = start_of(self._loopback), start_of(self._loopback + 1)
+        a, b = start_of(self._layout.loopback), start_of(self._layout.loopback + 1)
         text = SIMULATOR.format(factor=TIME_FACTOR, domain=self._domain, a=a, b=b)
         self._robot("simulator", text, script="nena-robot-simulator")
         for number in range(1, ON_ROS + 1):
@@ -256,7 +266,9 @@ class Site:
         """Start a program where the robots are."""
         before = self._line.command if self._line else ()
         config = self._file(f"{name}.toml", text)
-        return self._program(name, script, "--config", config, before=before, environment=self._robots_in)
+        return self._program(
+            name, script, "--config", config, before=before, environment=self._layout.robots_in
+        )
 
     def _file(self, name: str, text: str) -> Path:
         (self.folder / name).write_text(text)
@@ -271,7 +283,7 @@ class Site:
         environment: Mapping[str, str] | None = None,
     ) -> Program:
         log = self.folder / f"{name}.log"
-        environment = self._services_in if environment is None else environment
+        environment = self._layout.services_in if environment is None else environment
         program = Program(script, *arguments, log=log, before=before, environment=environment)
         self.programs[name] = self.stack.enter_context(program)
         return program

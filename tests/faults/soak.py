@@ -20,7 +20,7 @@ from faults.checker import Account, settled
 from faults.drift import Window, drift
 from faults.footprint import Footprint
 from faults.host import Answer, Host
-from faults.site import Site
+from faults.site import Layout, Site
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from support.pausing import time_passes
 
@@ -44,7 +44,7 @@ async def soak(minutes: float, folder: Path) -> tuple[list[Window], int]:
         AssertionError: an order was lost, done twice or told otherwise than it was, or a program has ended.
 
     """
-    site = Site(folder, on_ros=True)
+    site = Site(folder, Layout(on_ros=True))
     try:
         await site.start()
         host = Host(site, at_once=AT_ONCE, seed=1)

@@ -107,6 +107,59 @@ async def ways_and_zones_are_changed(host: Host) -> None:
     assert (await host.ask("deleteZoneSet", zoneSetId="night"))["zoneSet"]["deleted"] is True
 
 
+async def paths_are_locked_and_vehicles_told(client: httpx.AsyncClient, host: Host) -> None:
+    path = (await client.get("/v1/paths")).json()["paths"][0]["name"]
+    assert (await host.ask("lockPath", path=path, locked=True))["path"]["locked"] is True
+    assert (await host.ask("lockPath", path=path, locked=False))["path"]["locked"] is False
+    level = await host.ask("integrationLevel", vehicle="Robot-02", integrationLevel="TO_BE_IGNORED")
+    assert (level["status"], level["vehicle"]["integrationLevel"]) == (200, "TO_BE_IGNORED")
+    types = await host.ask(
+        "acceptableOrderTypes", vehicle="Robot-02", acceptableOrderTypes=[{"name": "Park"}]
+    )
+    assert types["vehicle"]["acceptableOrderTypes"] == [{"name": "Park", "priority": 0}]
+
+
+async def sequences_are_made_and_completed(host: Host) -> None:
+    made = await host.ask("createOrderSequence", name="S", failureFatal=True)
+    assert (made["status"], made["orderSequence"]["failureFatal"]) == (201, True)
+    assert (await host.ask("createOrderSequence", name="S"))["status"] == 409
+    assert (await host.ask("orderSequence", orderSequence="S"))["orderSequence"] == made["orderSequence"]
+    listed = await host.ask("orderSequences", finished=False)
+    assert listed["orderSequences"]["orderSequences"] == [made["orderSequence"]]
+    stale = await host.ask("completeOrderSequence", orderSequence="S", version=99)
+    assert stale["status"] == 412
+    complete = await host.ask("completeOrderSequence", orderSequence="S")
+    assert (complete["status"], complete["orderSequence"]["finished"]) == (200, True)
+
+
+async def orders_are_held_and_withdrawn(host: Host) -> None:
+    sent = await host.ask("dispatch", vehicle="Robot-01", point="South 2")
+    assert (sent["status"], sent["transportOrder"]["intendedVehicle"]) == (201, "Robot-01")
+    name = sent["transportOrder"]["name"]
+    held = await host.ask("hold", transportOrder=name, by="Ann", reason="tea")
+    assert (held["status"], held["transportOrder"]["held"]["by"]) == (200, "Ann")
+    resumed = await host.ask("resume", transportOrder=name, version=held["transportOrder"]["version"])
+    assert (resumed["status"], resumed["transportOrder"].get("held")) == (200, None)
+    stale = await host.ask("withdraw", transportOrder=name, version=99)
+    assert (stale["status"], "has changed" in stale["problem"]["detail"]) == (412, True)
+    withdrawn = await host.ask("withdraw", transportOrder=name, reason="not needed")
+    assert (withdrawn["status"], withdrawn["transportOrder"]["state"]) == (200, "FAILED")
+
+
+async def everything_is_as_documented(client: httpx.AsyncClient, host: Host) -> None:
+    """Wait for a message on each channel that the service describes, and look at all of them."""
+    document = (await client.get("/asyncapi.json")).json()
+    channels = set(document["channels"])
+
+    async def unheard() -> set[str]:
+        return channels - misfits(document, host.heard())[1]
+
+    await awaited(unheard, lambda left: not left, seconds=PATIENCE, what="a message on each channel")
+    wrong, used = misfits(document, host.heard())
+    assert wrong == []
+    assert used == channels
+
+
 async def test_every_command_does_its_work_as_the_document_says(
     fleet: Fleet, service: Start, host: Host
 ) -> None:
@@ -129,49 +182,13 @@ async def test_every_command_does_its_work_as_the_document_says(
     paused = await host.ask("instantAction", vehicle="Robot-01", actionType="pause")
     assert (paused["status"], paused["instantAction"]["status"]) == (200, "FINISHED")
     await ways_and_zones_are_changed(host)
-    path = (await client.get("/v1/paths")).json()["paths"][0]["name"]
-    assert (await host.ask("lockPath", path=path, locked=True))["path"]["locked"] is True
-    assert (await host.ask("lockPath", path=path, locked=False))["path"]["locked"] is False
-    level = await host.ask("integrationLevel", vehicle="Robot-02", integrationLevel="TO_BE_IGNORED")
-    assert (level["status"], level["vehicle"]["integrationLevel"]) == (200, "TO_BE_IGNORED")
-    types = await host.ask(
-        "acceptableOrderTypes", vehicle="Robot-02", acceptableOrderTypes=[{"name": "Park"}]
-    )
-    assert types["vehicle"]["acceptableOrderTypes"] == [{"name": "Park", "priority": 0}]
-    made = await host.ask("createOrderSequence", name="S", failureFatal=True)
-    assert (made["status"], made["orderSequence"]["failureFatal"]) == (201, True)
-    assert (await host.ask("createOrderSequence", name="S"))["status"] == 409
-    assert (await host.ask("orderSequence", orderSequence="S"))["orderSequence"] == made["orderSequence"]
-    listed = await host.ask("orderSequences", finished=False)
-    assert listed["orderSequences"]["orderSequences"] == [made["orderSequence"]]
-    stale = await host.ask("completeOrderSequence", orderSequence="S", version=99)
-    assert stale["status"] == 412
-    complete = await host.ask("completeOrderSequence", orderSequence="S")
-    assert (complete["status"], complete["orderSequence"]["finished"]) == (200, True)
-    sent = await host.ask("dispatch", vehicle="Robot-01", point="South 2")
-    assert (sent["status"], sent["transportOrder"]["intendedVehicle"]) == (201, "Robot-01")
-    name = sent["transportOrder"]["name"]
-    held = await host.ask("hold", transportOrder=name, by="Ann", reason="tea")
-    assert (held["status"], held["transportOrder"]["held"]["by"]) == (200, "Ann")
-    resumed = await host.ask("resume", transportOrder=name, version=held["transportOrder"]["version"])
-    assert (resumed["status"], resumed["transportOrder"].get("held")) == (200, None)
-    stale = await host.ask("withdraw", transportOrder=name, version=99)
-    assert (stale["status"], "has changed" in stale["problem"]["detail"]) == (412, True)
-    withdrawn = await host.ask("withdraw", transportOrder=name, reason="not needed")
-    assert (withdrawn["status"], withdrawn["transportOrder"]["state"]) == (200, "FAILED")
+    await paths_are_locked_and_vehicles_told(client, host)
+    await sequences_are_made_and_completed(host)
+    await orders_are_held_and_withdrawn(host)
     assert (await host.ask("instantAction", vehicle="Robot-01", actionType="resume"))["status"] == 200
     await order_in(client, "T-1", "FINISHED")
 
-    document = (await client.get("/asyncapi.json")).json()
-    channels = set(document["channels"])
-
-    async def unheard() -> set[str]:
-        return channels - misfits(document, host.heard())[1]
-
-    await awaited(unheard, lambda left: not left, seconds=PATIENCE, what="a message on each channel")
-    wrong, used = misfits(document, host.heard())
-    assert wrong == []
-    assert used == channels
+    await everything_is_as_documented(client, host)
 
 
 @pytest.mark.parametrize(

@@ -53,31 +53,32 @@ PLACE: dict[str, JsonValue] = {"x": 0.0, "y": 0.0, "theta": 0.0, "mapId": MAP, "
 EDGE_ACTIONS = {"n1-n2": [action("lamp", "NONE", "lamp")]}
 
 
-def _scenarios() -> tuple[Scenario, ...]:
-    way = order("n0", "n1", "n2", "n3")
-    work = order("n0", "n1", "n2", "n3", node_actions=ACTIONS, edge_actions=EDGE_ACTIONS)
+WAY = order("n0", "n1", "n2", "n3")
+WORK = order("n0", "n1", "n2", "n3", node_actions=ACTIONS, edge_actions=EDGE_ACTIONS)
+BACK = order("n3", "n2", order_id="o2", node_actions={"n2": [action("drop", "SOFT")]})
+CANCEL = action("cancel", "NONE", "cancelOrder")
+
+
+def _orders() -> tuple[Scenario, ...]:
     two = order("n0", "n1", "n2", "n3", released=2)
     more = order("n1", "n2", "n3", "n4", update=1, first=2, released=2, node_actions={"n2": ACTIONS["n2"]})
     rest = order("n2", "n3", "n4", update=2, first=4, node_actions={"n4": [action("end", "HARD")]})
-    back = order("n3", "n2", order_id="o2", node_actions={"n2": [action("drop", "SOFT")]})
-    pause, go_on = action("pause", "NONE", "startPause"), action("go on", "NONE", "stopPause")
-    wait = action("wait", "HARD", "waitForTrigger", triggerType=["FLEET_CONTROL"])
-    held = order("n0", "n1", "n2", node_actions={"n1": [wait]})
-    slow, release = (
-        zone("slow", "SPEED_LIMIT", 5.0, 8.0, maximum_speed=0.5),
-        zone("ask", "RELEASE", 14.0, 16.0),
-    )
-    cancel = action("cancel", "NONE", "cancelOrder")
     return (
-        Scenario("stop at nodes", [Step(way), Step(back, ended("o1"))], settings=STOP),
-        Scenario("pass through", [Step(way), Step(back, ended("o1"))], settings=PASS),
-        Scenario("actions", [Step(work)], settings=PASS),
-        Scenario("actions of 3.0", [Step(work), Step(back, ended("o1"))], version="3.0.0", settings=STOP),
+        Scenario("stop at nodes", [Step(WAY), Step(BACK, ended("o1"))], settings=STOP),
+        Scenario("pass through", [Step(WAY), Step(BACK, ended("o1"))], settings=PASS),
+        Scenario("actions", [Step(WORK)], settings=PASS),
+        Scenario("actions of 3.0", [Step(WORK), Step(BACK, ended("o1"))], version="3.0.0", settings=STOP),
         Scenario("updates", [Step(two), Step(more, reached(0)), Step(rest, reached(2))], settings=PASS),
+    )
+
+
+def _interventions() -> tuple[Scenario, ...]:
+    pause, go_on = action("pause", "NONE", "startPause"), action("go on", "NONE", "stopPause")
+    return (
         Scenario(
             "pause",
             [
-                Step(work),
+                Step(WORK),
                 Step(instants(pause), reached(4)),
                 Step(instants(go_on), shown("pause", "FINISHED", "FAILED")),
             ],
@@ -87,8 +88,8 @@ def _scenarios() -> tuple[Scenario, ...]:
         Scenario(
             "cancel",
             [
-                Step(work),
-                Step(instants(cancel), reached(2)),
+                Step(WORK),
+                Step(instants(CANCEL), reached(2)),
                 Step(instants(action("i", "NONE")), ended("o1")),
             ],
             settings=STOP,
@@ -97,19 +98,28 @@ def _scenarios() -> tuple[Scenario, ...]:
         Scenario(
             "instant actions",
             [
-                Step(way),
+                Step(WAY),
                 Step(instants(action("i1", "NONE"), action("i2", "NONE", "press")), reached(0)),
                 Step(instants(action("i3", "NONE", "stateRequest")), reached(2)),
             ],
             settings=PASS,
         ),
+    )
+
+
+def _only_in_3_0() -> tuple[Scenario, ...]:
+    slow = zone("slow", "SPEED_LIMIT", 5.0, 8.0, maximum_speed=0.5)
+    release = zone("ask", "RELEASE", 14.0, 16.0)
+    wait = action("wait", "HARD", "waitForTrigger", triggerType=["FLEET_CONTROL"])
+    held = order("n0", "n1", "n2", node_actions={"n1": [wait]})
+    return (
         Scenario(
             "zones",
             [
                 Step(transfer(slow, release)),
                 Step(instants(action("enable", "NONE", "enableZoneSet", zoneSetId="s1"))),
-                Step(way, shown("enable", "FINISHED")),
-                Step(back, ended("o1")),
+                Step(WAY, shown("enable", "FINISHED")),
+                Step(BACK, ended("o1")),
             ],
             version="3.0.0",
             settings=PASS,
@@ -118,7 +128,7 @@ def _scenarios() -> tuple[Scenario, ...]:
             "a cancel at a node, and another order",
             [
                 Step(held),
-                Step(instants(cancel), shown("wait", "RUNNING")),
+                Step(instants(CANCEL), shown("wait", "RUNNING")),
                 Step(order("n1", "n0", order_id="o2"), shown("cancel", "FINISHED")),
             ],
             version="3.0.0",
@@ -138,4 +148,4 @@ def _scenarios() -> tuple[Scenario, ...]:
     )
 
 
-SCENARIOS = {each.name: each for each in _scenarios()}
+SCENARIOS = {each.name: each for each in (*_orders(), *_interventions(), *_only_in_3_0())}

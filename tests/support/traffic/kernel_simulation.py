@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from random import Random
 from typing import NoReturn
@@ -23,14 +23,14 @@ from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.rerouting import ReroutingOutcome, ReroutingType
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
-from nena_shared.plant import Link, Location, LocationType, PlantModel
-from nena_shared.plant.geometry import BoundingBox
+from nena_shared.plant import PlantModel
 from nena_shared.plant.point import PointType
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey
 from support.order_service import request
 from support.scripted_fleet import MemoryStore, key, make_kernel
 from support.traffic.driving_robot import DrivingRobot
+from support.traffic.fitted_plant import with_docks, with_stations
 from support.traffic.simulation import CollisionError, StandstillError
 from support.traffic.wire import CoreFleet, Timeline, Wire
 
@@ -65,39 +65,6 @@ class Adversity:
     reroute: float = 0.0
 
 
-def with_docks(plant: PlantModel) -> PlantModel:
-    """Let vehicles recharge at each third of the parking positions."""
-    parking = [each.name for each in plant.points if each.type is PointType.PARK_POSITION]
-    docks = (Location(name=f"dock {each}", type="Dock", links=(Link(point=each),)) for each in parking[::3])
-    dock = LocationType(name="Dock", allowed_operations=("Charge",))
-    return plant.model_copy(
-        update={
-            "locations": (*plant.locations, *docks),
-            "location_types": (*plant.location_types, dock),
-        }
-    )
-
-
-def with_stations(plant: PlantModel, stations: tuple[str, ...], length_mm: int) -> PlantModel:
-    """Give each station a location, each point a place of its own, and the vehicles a length."""
-    points = tuple(
-        point.model_copy(update={"x_mm": 20_000 * (index % 40), "y_mm": 20_000 * (index // 40)})
-        for index, point in enumerate(plant.points)
-    )
-    locations = tuple(
-        Location(name=f"at {station}", type="Station", links=(Link(point=station),)) for station in stations
-    )
-    box = BoundingBox(length_mm=max(length_mm, 1))
-    return plant.model_copy(
-        update={
-            "points": points,
-            "locations": locations,
-            "location_types": (LocationType(name="Station", allowed_operations=("Load",)),),
-            "vehicles": tuple(each.model_copy(update={"bounding_box": box}) for each in plant.vehicles),
-        }
-    )
-
-
 class KernelSimulation:
     """Transport orders of two stations each for a fleet, from first to last."""
 
@@ -128,17 +95,7 @@ class KernelSimulation:
         self.timeline = Timeline()
         self.wire = Wire(self.timeline, random)
         self.orders = [random.sample(stations, 2) for _ in range(orders)]
-        self.robots: dict[RobotKey, DrivingRobot] = {}
-        outside = [
-            each.name for each in plant.points if not any(each.name in one.members for one in plant.blocks)
-        ]
-        starts = random.sample(outside, len(plant.vehicles))
-        for vehicle, start in zip(plant.vehicles, starts, strict=True):
-            robot = DrivingRobot(key=key(vehicle.name), plant=self.plant, length_mm=length_mm)
-            robot.put_on(start)
-            if self.recharging:
-                robot.drain, robot.charge = DRAIN, random.uniform(25, 100)
-            self.robots[robot.key] = robot
+        self.robots = {each.key: each for each in self._make_robots(length_mm)}
         self.fleet = CoreFleet(self.timeline, self.wire, self.robots)
         self.ends: dict[str, TransportOrderStatus] = {}
         self.withdrawn: set[str] = set()
@@ -157,6 +114,18 @@ class KernelSimulation:
         self._working: set[RobotKey] = set()
         self._left_to_create = orders
         self._next_look_for_trouble = 5.0
+
+    def _make_robots(self, length_mm: int) -> Iterator[DrivingRobot]:
+        """Put each vehicle's robot on a point outside of all blocks."""
+        points, blocks = self.plant.points, self.plant.blocks
+        outside = [each.name for each in points if not any(each.name in one.members for one in blocks)]
+        starts = self.random.sample(outside, len(self.plant.vehicles))
+        for vehicle, start in zip(self.plant.vehicles, starts, strict=True):
+            robot = DrivingRobot(key=key(vehicle.name), plant=self.plant, length_mm=length_mm)
+            robot.put_on(start)
+            if self.recharging:
+                robot.drain, robot.charge = DRAIN, self.random.uniform(25, 100)
+            yield robot
 
     def run(self) -> None:
         """Run until every order is at its end; raises CollisionError or StandstillError."""
