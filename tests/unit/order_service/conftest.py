@@ -7,7 +7,7 @@ import httpx
 import pytest
 
 from nena_demo.plants import sample_plant_path
-from nena_order_service.app import OrderService, build
+from nena_order_service.parts import OrderService, build
 from nena_order_service.plant_file import load_plant
 from nena_order_service.settings import OrderServiceSettings, StoreSettings
 from nena_order_service.store.database import open_database
@@ -31,7 +31,7 @@ async def service(settings: OrderServiceSettings) -> AsyncIterator[OrderService]
     made = build(settings, load_plant(settings.plant).model, store)
     async with Supervisor() as supervisor:
         supervisor.start("store", made.store.run())
-        await made.locks.load()
+        await made.hosts.locks.load()
         await made.kernel.start(made.fleet)
         yield made
     made.store.close()

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from nena_order_service import event_stream
-from nena_order_service.app import OrderService
 from nena_order_service.errors import StoreNotReadyError, TooManyClientsError
 from nena_order_service.event_stream import EventKind, EventStream, Interest
+from nena_order_service.parts import OrderService
 from nena_order_service.settings import EventSettings
 from nena_shared.fleet_api.order_sequence import OrderSequenceRequest
 from nena_shared.fleet_api.transport_order import TransportOrderRequest

@@ -8,8 +8,8 @@ from hashlib import sha256
 import pytest
 
 from nena_demo.plants import sample_plant_path
-from nena_order_service.app import OrderService, build
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
+from nena_order_service.parts import OrderService, build
 from nena_order_service.plant_file import PlantFile, load_plant
 from nena_order_service.serving import CHANGING, KIND, Serving
 from nena_order_service.settings import OrderServiceSettings

@@ -8,11 +8,8 @@ from http import HTTPStatus
 from typing import Any
 
 from nena_order_service import vehicle_commands
+from nena_order_service.host_services import HostServices
 from nena_order_service.kernel.etag import ETag
-from nena_order_service.kernel.host_requests import HostRequests
-from nena_order_service.kernel.path_locks import PathLocks
-from nena_order_service.kernel.sequence_requests import SequenceRequests
-from nena_order_service.kernel.zone_sets import ZoneSets
 from nena_order_service.mqtt_command_bodies import (
     COMMANDS,
     AssignmentCommand,
@@ -55,13 +52,11 @@ Verb = Callable[[Any], Awaitable[CommandAnswer]]
 class Verbs:
     """Does what commands ask for; each gives what REST would answer, and raises the same errors."""
 
-    def __init__(
-        self, requests: HostRequests, sequences: SequenceRequests, locks: PathLocks, zones: ZoneSets
-    ) -> None:
-        self._requests = requests
-        self._sequences = sequences
-        self._locks = locks
-        self._zones = zones
+    def __init__(self, hosts: HostServices) -> None:
+        self._requests = hosts.requests
+        self._sequences = hosts.sequences
+        self._locks = hosts.locks
+        self._zones = hosts.zones
         self.by_name: dict[str, Verb] = {
             "withdraw": self.withdraw,
             "hold": self.hold,

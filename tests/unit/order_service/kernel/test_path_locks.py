@@ -4,8 +4,8 @@ import asyncio
 
 import pytest
 
-from nena_order_service.app import OrderService
 from nena_order_service.errors import UnknownPathError
+from nena_order_service.parts import OrderService
 from nena_order_service.store.changes import Changes
 
 
@@ -15,15 +15,15 @@ async def test_lock_of_a_path_that_is_gone_is_passed_over(service: OrderService)
     changes.path_locks.update({"gone": True, known: True})
     service.store.commit(changes, lambda: None)
     assert await service.store.drain(30)
-    await service.locks.load()
-    assert [path.name for path in service.locks.all() if path.locked] == [known]
+    await service.hosts.locks.load()
+    assert [path.name for path in service.hosts.locks.all() if path.locked] == [known]
     with pytest.raises(UnknownPathError, match="gone"):
-        service.locks.get("gone")
+        service.hosts.locks.get("gone")
 
 
 async def test_lock_holds_only_when_it_is_committed(service: OrderService) -> None:
     name = service.kernel.plant.paths[0].name
-    locked = await service.locks.set(name, locked=True)
+    locked = await service.hosts.locks.set(name, locked=True)
     assert locked.locked
     assert await service.store.path_locks() == {name: True}
 

@@ -8,7 +8,7 @@ import httpx
 import pytest
 from structlog.testing import capture_logs
 
-from nena_order_service.app import OrderService
+from nena_order_service.parts import OrderService
 from nena_shared.fleet_api.transport_order import Problem, TransportOrderStatus
 
 ORDERS = "/v1/transportOrders"

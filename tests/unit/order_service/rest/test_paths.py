@@ -5,7 +5,7 @@ from __future__ import annotations
 import httpx
 import pytest
 
-from nena_order_service.app import OrderService, build
+from nena_order_service.parts import OrderService, build
 from nena_order_service.routing import NoRouteError
 from nena_order_service.settings import OrderServiceSettings
 from nena_shared.fleet_api.transport_order import Destination
@@ -63,8 +63,8 @@ async def test_locks_stand_over_a_restart(
     name = (await client.get("/v1/paths")).json()["paths"][0]["name"]
     await lock(client, name, locked=True)
     again = build(settings, service.kernel.plant, service.store)
-    await again.locks.load()
-    assert again.locks.get(name).locked
+    await again.hosts.locks.load()
+    assert again.hosts.locks.get(name).locked
 
 
 async def test_store_that_takes_nothing_promises_nothing(
@@ -74,4 +74,4 @@ async def test_store_that_takes_nothing_promises_nothing(
     service.store.problem = "disk full"
     assert (await lock(client, name, locked=True)).status_code == 503
     service.store.problem = ""
-    assert not service.locks.get(name).locked
+    assert not service.hosts.locks.get(name).locked

@@ -5,7 +5,7 @@ from typing import Any
 import httpx
 import pytest
 
-from nena_order_service.app import OrderService
+from nena_order_service.parts import OrderService
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant import PlantModel
 

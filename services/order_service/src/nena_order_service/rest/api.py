@@ -10,10 +10,7 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp
 
 from nena_order_service.event_stream import EventStream
-from nena_order_service.kernel.host_requests import HostRequests
-from nena_order_service.kernel.path_locks import PathLocks
-from nena_order_service.kernel.sequence_requests import SequenceRequests
-from nena_order_service.kernel.zone_sets import ZoneSets
+from nena_order_service.host_services import HostServices
 from nena_order_service.rest import (
     events,
     order_sequences,
@@ -21,6 +18,7 @@ from nena_order_service.rest import (
     plant_model,
     problems,
     transport_orders,
+    vehicle_commands,
     vehicles,
     zone_sets,
 )
@@ -36,14 +34,11 @@ NOT_READY: dict[int | str, dict[str, object]] = {
 
 
 def make_app(
-    requests: HostRequests,
-    sequences: SequenceRequests,
-    locks: PathLocks,
+    hosts: HostServices,
     stream: EventStream,
     *,
     plant_json: bytes,
     change_plant: ChangePlant | None,
-    zones: ZoneSets,
     asyncapi: bytes,
     readiness: Callable[[], Readiness],
     max_body: int,
@@ -59,13 +54,14 @@ def make_app(
     )
     app.add_middleware(BodyLimit, limit=max_body, larger={plant_model.PATH: plant_model.MAX_BYTES})
     problems.install(app)
-    app.include_router(transport_orders.make_router(requests))
-    app.include_router(order_sequences.make_router(sequences))
-    app.include_router(vehicles.make_router(requests))
-    app.include_router(paths.make_router(locks))
+    app.include_router(transport_orders.make_router(hosts.requests))
+    app.include_router(order_sequences.make_router(hosts.sequences))
+    app.include_router(vehicles.make_router(hosts.requests))
+    app.include_router(vehicle_commands.make_router(hosts.requests))
+    app.include_router(paths.make_router(hosts.locks))
     app.include_router(events.make_router(stream))
     app.include_router(plant_model.make_router(plant_json, change_plant))
-    app.include_router(zone_sets.make_router(zones))
+    app.include_router(zone_sets.make_router(hosts.zones))
     app.include_router(_service(asyncapi, readiness))
     for path, other in mounted.items():
         app.mount(path, other)

@@ -1,30 +1,21 @@
-"""Vehicles at ``/v1/vehicles``."""
+"""Vehicles at ``/v1/vehicles``: how they stand, and what counts of them."""
 
 from __future__ import annotations
 
-from http import HTTPStatus
 from itertools import islice
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
 
-from nena_order_service import vehicle_commands
 from nena_order_service.errors import UnknownVehicleError
 from nena_order_service.kernel.host_requests import HostRequests
-from nena_order_service.rest import responses
 from nena_order_service.rest.bodies import (
-    DispatchRequest,
-    InstantActionAnswer,
-    InstantActionRequest,
     IntegrationLevelRequest,
     OrderTypesRequest,
-    ReroutingRequest,
     VehicleList,
 )
 from nena_order_service.rest.responses import as_json
 from nena_shared.fleet_api.base import ObjectName
-from nena_shared.fleet_api.rerouting import ReroutingAnswer
-from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 
 
@@ -50,27 +41,6 @@ def make_router(requests: HostRequests) -> APIRouter:
     async def show(name: str) -> Response:
         """Show a vehicle."""
         return as_json(requests.vehicle(name))
-
-    @router.post("/{name}/dispatch", status_code=HTTPStatus.CREATED, response_model=TransportOrderStatus)
-    async def dispatch(name: str, request: DispatchRequest) -> Response:
-        """Send a vehicle to a point, location or coordinate, by a transport order that is only for it."""
-        order, new = await vehicle_commands.dispatch(requests, name, request)
-        return responses.created(order, new=new)
-
-    @router.post(
-        "/{name}/instantActions",
-        response_model=InstantActionAnswer,
-        responses={HTTPStatus.ACCEPTED: {"model": InstantActionAnswer, "description": "It goes on."}},
-    )
-    async def instant_action(name: str, request: InstantActionRequest) -> Response:
-        """Let a vehicle do something at once; waits a while for the end of it."""
-        answer = await vehicle_commands.instant_action(requests, name, request)
-        return as_json(answer, HTTPStatus.ACCEPTED if answer.status == "PENDING" else HTTPStatus.OK)
-
-    @router.post("/{name}/rerouting", response_model=ReroutingAnswer)
-    async def reroute(name: str, request: ReroutingRequest) -> Response:
-        """Plan the way of the order that a vehicle works on anew; what its robot was told to drive stays."""
-        return as_json(await requests.reroute(name, request.type))
 
     @router.put("/{name}/integrationLevel", response_model=VehicleStatus)
     async def integration_level(name: str, request: IntegrationLevelRequest) -> Response:

@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from nena_demo.plants import sample_plant_path
-from nena_order_service.app import OrderService
+from nena_order_service.parts import OrderService
 from nena_order_service.rest.opentcs.app import AccessKey
 from nena_order_service.settings import OrderServiceSettings
 
@@ -105,7 +105,7 @@ async def test_paths_are_locked_and_the_dispatcher_is_triggered(
     for value in (True, False):
         url = f"{API}/paths/{path}/locked"
         assert (await client.put(url, params={"newValue": str(value).lower()})).status_code == 200
-        assert service.locks.get(path).locked is value
+        assert service.hosts.locks.get(path).locked is value
     assert (await client.put(f"{API}/paths/{path}/locked")).status_code == 400
     for url in (f"{API}/dispatcher/trigger", f"{API}/transportOrders/dispatcher/trigger"):
         assert (await client.post(url)).status_code == 200

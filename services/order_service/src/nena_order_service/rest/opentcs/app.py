@@ -13,9 +13,9 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from nena_order_service import vehicle_commands
 from nena_order_service.errors import NameTakenError
+from nena_order_service.host_services import HostServices
 from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.kernel.path_locks import PathLocks
-from nena_order_service.kernel.sequence_requests import SequenceRequests
 from nena_order_service.rest.bodies import InstantActionRequest
 from nena_order_service.rest.opentcs import errors, order_sequences
 from nena_order_service.rest.opentcs.bodies import (
@@ -60,9 +60,7 @@ class AccessKey:
 
 
 def make_app(
-    requests: HostRequests,
-    sequences: SequenceRequests,
-    locks: PathLocks,
+    hosts: HostServices,
     *,
     plant: PlantModel,
     dispatch: Callable[[], None],
@@ -70,10 +68,10 @@ def make_app(
     """Make the ASGI application; ``dispatch`` has the dispatcher look again."""
     app = FastAPI(title="openTCS web API, version 1, as NeNa serves it", docs_url=None, redoc_url=None)
     errors.install(app)
-    app.include_router(_orders(requests, dispatch), prefix="/v1/transportOrders")
-    app.include_router(order_sequences.make_router(sequences), prefix="/v1/orderSequences")
-    app.include_router(_vehicles(requests, plant), prefix="/v1/vehicles")
-    app.include_router(_plant(locks, dispatch), prefix="/v1")
+    app.include_router(_orders(hosts.requests, dispatch), prefix="/v1/transportOrders")
+    app.include_router(order_sequences.make_router(hosts.sequences), prefix="/v1/orderSequences")
+    app.include_router(_vehicles(hosts.requests, plant), prefix="/v1/vehicles")
+    app.include_router(_plant(hosts.locks, dispatch), prefix="/v1")
     return app
 
 

@@ -1,0 +1,242 @@
+"""The parts of the order service, and how they are joined."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from secrets import token_hex
+
+from fastapi import FastAPI
+from starlette.types import ASGIApp
+
+from nena_order_service.asyncapi import document
+from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.event_stream import EventStream
+from nena_order_service.fleet import FleetLink, OperationMap, RobotAddresses
+from nena_order_service.host_services import HostServices
+from nena_order_service.kernel import Kernel
+from nena_order_service.kernel.host_requests import HostRequests
+from nena_order_service.kernel.missions import MissionPlanner
+from nena_order_service.kernel.path_locks import PathLocks
+from nena_order_service.kernel.sequence_requests import SequenceRequests
+from nena_order_service.kernel.vehicles import VehicleRegistry
+from nena_order_service.kernel.zone_sets import ZoneSets
+from nena_order_service.mqtt_commands import MqttCommands, Verbs
+from nena_order_service.mqtt_door import MqttDoor
+from nena_order_service.rest.api import make_app
+from nena_order_service.rest.bodies import Readiness
+from nena_order_service.rest.opentcs import app as opentcs
+from nena_order_service.retained_sweep import RetainedSweep
+from nena_order_service.routing import Router, evaluators
+from nena_order_service.serving import ChangePlant
+from nena_order_service.settings import OrderServiceSettings
+from nena_order_service.store.store import Store
+from nena_shared.clock import Clock, SystemClock
+from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.mqtt import MqttLink
+from nena_shared.plant import PlantModel
+from nena_shared.vda5050.topics import TopicScheme
+
+
+@dataclass(slots=True)
+class OrderService:
+    """All parts of the order service, wired up; nothing runs yet."""
+
+    store: Store
+    kernel: Kernel
+    fleet: FleetLink
+    door: MqttDoor
+    sweep: RetainedSweep
+    mqtt: MqttLink
+    app: FastAPI
+    commands: MqttCommands
+    stream: EventStream
+    hosts: HostServices
+
+    async def begin(self, start: Callable[..., asyncio.Task[None]]) -> None:
+        """Take up what is in the store, then let all parts run; ``start`` starts their tasks."""
+        await self.hosts.load()
+        await self.kernel.start(self.fleet)
+        start("mqtt", self.mqtt.run())
+        start("fleet control", self.fleet.run())
+        start("kernel", self.kernel.run())
+        start("zone sets", self.hosts.zones.run())
+        start("retained sweep", self.sweep.run(), vital=False)
+
+    async def end(self) -> None:
+        """End all that clients wait for."""
+        self.stream.close()
+        await self.door.close()
+        await self.commands.close()
+
+
+def build(
+    settings: OrderServiceSettings,
+    plant: PlantModel,
+    store: Store,
+    *,
+    epoch: int = 0,
+    change_plant: ChangePlant | None = None,
+) -> OrderService:
+    """Wire up the order service; ``epoch`` counts the takeovers of a store that others share.
+
+    Raises:
+        ConfigurationError: the plant model names a version that is not spoken here.
+
+    """
+    clock = SystemClock()
+    finder = _make_finder(settings, plant)
+    kernel = _make_kernel(settings, plant, finder, store, clock)
+    client_id = _client_id(settings, epoch)
+    mqtt = MqttLink(
+        settings.mqtt,
+        client_id=client_id,
+        on_connected=lambda: door.greeting(),  # noqa: PLW0108 - the door is made below, of this link
+    )
+    fleet = _make_fleet(settings, mqtt, kernel, clock)
+    hosts = _make_host_services(settings, plant, finder, kernel, fleet)
+    topics = FleetTopics(settings.topic_prefix)
+    plant_json = plant.to_json().encode()
+    door = _make_door(settings, mqtt, kernel, hosts, plant_json)
+    stream = EventStream(kernel, settings.events)
+    kernel.steps.listeners += [door, stream]
+    sweep = RetainedSweep(
+        settings.mqtt, topics, client_id=f"{client_id}-sweep", mqtt=mqtt, kernel=kernel, door=door
+    )
+    commands = MqttCommands(mqtt, topics, Verbs(hosts), max_body=settings.max_body)
+    app = make_app(
+        hosts,
+        stream,
+        plant_json=plant_json,
+        change_plant=change_plant,
+        asyncapi=json.dumps(document(topics)).encode(),
+        readiness=lambda: readiness(mqtt, store),
+        max_body=settings.max_body,
+        mounted=_mounted(settings, plant, kernel, hosts),
+    )
+    return OrderService(store, kernel, fleet, door, sweep, mqtt, app, commands, stream, hosts)
+
+
+def _make_fleet(settings: OrderServiceSettings, mqtt: MqttLink, kernel: Kernel, clock: Clock) -> FleetLink:
+    return FleetLink(
+        mqtt,
+        addresses=_make_addresses(settings, kernel.registry),
+        settings=settings.fleet,
+        clock=clock,
+        on_news=kernel.on_news,
+    )
+
+
+def _make_door(
+    settings: OrderServiceSettings, mqtt: MqttLink, kernel: Kernel, hosts: HostServices, plant_json: bytes
+) -> MqttDoor:
+    return MqttDoor(
+        mqtt,
+        FleetTopics(settings.topic_prefix),
+        kernel,
+        hosts.requests,
+        plant_json=plant_json,
+        max_body=settings.max_body,
+        end_kept=settings.end_kept,
+    )
+
+
+def _make_host_services(
+    settings: OrderServiceSettings,
+    plant: PlantModel,
+    finder: WayFinder,
+    kernel: Kernel,
+    fleet: FleetLink,
+) -> HostServices:
+    patience = settings.kernel.commit_timeout
+    locks = PathLocks(
+        plant,
+        kernel.store,
+        apply=finder.set_locks,
+        changed=kernel.plant_changed,
+        closed=lambda: kernel.steps.closed,
+        commit_timeout=patience,
+    )
+    return HostServices(
+        HostRequests(kernel, settings.kernel),
+        SequenceRequests(kernel, settings.kernel),
+        locks,
+        ZoneSets(kernel, fleet.send_zone_set, commit_timeout=patience),
+    )
+
+
+def _mounted(
+    settings: OrderServiceSettings, plant: PlantModel, kernel: Kernel, hosts: HostServices
+) -> dict[str, ASGIApp]:
+    """Give other applications by the paths below which they answer."""
+    if not settings.opentcs_prefix:
+        return {}
+    return {settings.opentcs_prefix: opentcs.make_app(hosts, plant=plant, dispatch=kernel.look)}
+
+
+def _client_id(settings: OrderServiceSettings, epoch: int) -> str:
+    """Name the program to the broker; of one name, an old and a new one would push each other out.
+
+    Nor can anybody else push it out, who does not know the name.
+    """
+    name = f"nena-order-service-{settings.interface_name.replace('/', '-')}-{token_hex(4)}"
+    return f"{name}-{epoch}" if epoch else name
+
+
+def readiness(mqtt: MqttLink, store: Store) -> Readiness:
+    """Tell whether broker and store are there."""
+    problems = []
+    if not mqtt.state.connected:
+        why = mqtt.state.last_error or "not yet"
+        problems.append(f"The MQTT broker is not connected ({why}). Orders are taken and wait.")
+    elif mqtt.state.refused:
+        topics = ", ".join(mqtt.state.refused)
+        problems.append(f"The MQTT broker refuses to tell of {topics}: look at its access list.")
+    if not store.ready:
+        problems.append(f"The store takes nothing ({store.why_not_ready}). Orders are refused.")
+    return Readiness(
+        ready=not problems,
+        broker_connected=mqtt.state.connected,
+        store_ready=store.ready,
+        problems=tuple(problems),
+    )
+
+
+def _make_addresses(settings: OrderServiceSettings, registry: VehicleRegistry) -> RobotAddresses:
+    """Know the robots' topics, as far as settings and plant model tell.
+
+    Raises:
+        ConfigurationError: the plant model names a version that is not spoken here.
+
+    """
+    addresses = RobotAddresses(
+        [TopicScheme(settings.interface_name, "v2"), TopicScheme(settings.interface_name_v3, "v3")]
+    )
+    addresses.expect((each.key, each.model) for each in registry if each.model)
+    return addresses
+
+
+def _make_finder(settings: OrderServiceSettings, plant: PlantModel) -> WayFinder:
+    costs = evaluators(settings.routing.costs, plant)
+    return WayFinder(plant, Router(plant, costs), any_day=Router(plant, costs))
+
+
+def _make_kernel(
+    settings: OrderServiceSettings, plant: PlantModel, finder: WayFinder, store: Store, clock: Clock
+) -> Kernel:
+    return Kernel(
+        plant,
+        store=store,
+        registry=VehicleRegistry(
+            plant,
+            default_map_id=settings.kernel.default_map_id,
+            adopt_unknown=settings.kernel.adopt_unknown,
+        ),
+        finder=finder,
+        planner=MissionPlanner(plant, finder, OperationMap(settings.kernel.action_types)),
+        clock=clock,
+        settings=settings.kernel,
+        on_failure=settings.orders.on_failure,
+    )
