@@ -9,11 +9,7 @@ from contextlib import contextmanager
 from nena_order_service.dispatch.explanation import VehicleFit
 from nena_order_service.dispatch.settings import DispatchSettings
 from nena_order_service.dispatch.way import WayFinder
-from nena_order_service.fleet import (
-    FleetOutput,
-    InstantActionEnded,
-    RobotView,
-)
+from nena_order_service.fleet import FleetOutput, InstantActionEnded, RobotView
 from nena_order_service.kernel.conditions import Conditions
 from nena_order_service.kernel.dispatching import Dispatching
 from nena_order_service.kernel.driving import Driving
@@ -86,11 +82,7 @@ class Kernel:
         self.registry = registry
         self.book = OrderBook()
         self.instant_actions = PendingInstantActions()
-        self.steps = Steps(
-            self.book,
-            store,
-            lambda name: self._outlook.status_of(name),  # noqa: PLW0108 - made later
-        )
+        self.steps = Steps(self.book, store, lambda name: self._outlook.status_of(name))  # noqa: PLW0108 - made later
         self.clock = clock
         self._fleet: FleetControl | None = None
         self.sequence_book = SequenceBook(self.book, self.steps)
@@ -101,15 +93,7 @@ class Kernel:
         self._ways = VehicleWays(finder, registry)
         self.desk = TrafficDesk(plant, self._ways, exclusive=settings.traffic)
         self._gate = RestartGate(settings.restart_patience, clock, fleet=lambda: self.fleet, view=self.view)
-        self._places = Places(
-            plant,
-            self.desk,
-            book=self._vehicles,
-            registry=registry,
-            planner=planner,
-            view=self.view,
-            clock=clock,
-        )
+        self._places = self._make_places(planner)
         self._pauses = Pauses(self.book, planner, self.view, clock)
         self._driving = self._make_driving(planner, settings.release_ahead)
         self._fit = OrderFit(self._vehicles, self.sequences)
@@ -118,14 +102,17 @@ class Kernel:
         self._idle = self._make_idle_vehicles(planner, settings.dispatch)
         self._rerouting = self._make_rerouting(planner)
         self._outlook = self._make_outlook()
-        self._news = FleetNews(
-            self._orders,
-            driving=self._driving,
-            places=self._places,
+        self._news = self._make_news()
+
+    def _make_places(self, planner: MissionPlanner) -> Places:
+        return Places(
+            self.plant,
+            self.desk,
+            book=self._vehicles,
             registry=self.registry,
-            instant_actions=self.instant_actions,
-            steps=self.steps,
-            fleet=lambda: self.fleet,
+            planner=planner,
+            view=self.view,
+            clock=self.clock,
         )
 
     def _make_driving(self, planner: MissionPlanner, ahead: int) -> Driving:
@@ -223,6 +210,17 @@ class Kernel:
             registry=self.registry,
             clock=self.clock,
             view=self.view,
+        )
+
+    def _make_news(self) -> FleetNews:
+        return FleetNews(
+            self._orders,
+            driving=self._driving,
+            places=self._places,
+            registry=self.registry,
+            instant_actions=self.instant_actions,
+            steps=self.steps,
+            fleet=lambda: self.fleet,
         )
 
     @property

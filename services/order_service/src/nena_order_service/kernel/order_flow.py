@@ -85,18 +85,21 @@ class OrderFlow:
         self._failures = FailureFlow(
             self, policy=policy, registry=registry, planner=planner, clock=clock, view=view
         )
-        self.news = MissionFlow(
-            self,
-            book=book,
-            missions=missions,
-            driving=driving,
-            failures=self._failures,
-            registry=registry,
-            steps=steps,
-            clock=clock,
-        )
+        self.news = self._make_news()
         self.holding = Holding(
             self, book=book, missions=missions, driving=driving, pauses=pauses, registry=registry, clock=clock
+        )
+
+    def _make_news(self) -> MissionFlow:
+        return MissionFlow(
+            self,
+            book=self._book,
+            missions=self._missions,
+            driving=self._driving,
+            failures=self._failures,
+            registry=self._registry,
+            steps=self._steps,
+            clock=self._clock,
         )
 
     def create(
