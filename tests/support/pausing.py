@@ -2,7 +2,7 @@
 
 What is sure to come is waited for by its condition (``support.waiting``). Time itself is let pass only
 where no condition tells the end: a fault that lasts, a life that is cut short at some moment, a span in which
-nothing may happen, the pace of a load. ``tests/conformance/test_form.py`` sees to it that nobody else sleeps.
+nothing may happen, the pace of a load. ``tests/unit/test_form.py`` sees to it that nobody else sleeps.
 """
 
 from __future__ import annotations

@@ -12,7 +12,6 @@ costs more than its connection, and none slows the others.
 
 from __future__ import annotations
 
-import asyncio
 from collections import deque
 from collections.abc import AsyncGenerator, Iterator
 from dataclasses import dataclass
@@ -25,9 +24,7 @@ from nena_order_service.settings import EventSettings
 from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
-
-HEARTBEAT = 5.0
-"""Seconds without an event after which a heartbeat is sent, so that both ends notice a dead line."""
+from nena_shared.web.event_source import HEARTBEAT, HEARTBEAT_FRAME, News, nothing_within
 
 PAGE = 200
 """Orders that are read from the store at a time."""
@@ -35,7 +32,6 @@ PAGE = 200
 ID_LENGTH = 18
 """Digits of the greatest id that the store can hold, with room."""
 
-_HEARTBEAT_FRAME = b"event: heartbeat\ndata: {}\n\n"
 _GAP_FRAME = b"event: gap\ndata: {}\n\n"
 
 
@@ -107,7 +103,7 @@ class EventStream:
         self._settings = settings
         self._ring: deque[_Event] = deque(maxlen=settings.backlog)
         self._made = 0
-        self._news = asyncio.Event()
+        self._news = News()
         self._closed = False
         self.clients = 0
         self.overflows = 0
@@ -133,7 +129,7 @@ class EventStream:
     def close(self) -> None:
         """End the streams of all clients."""
         self._closed = True
-        self._wake()
+        self._news.came()
 
     async def follow(self, last_id: str | None, interest: Interest) -> AsyncGenerator[bytes, None]:
         """Yield what a client is told that knows everything up to ``last_id``; None: that knows nothing.
@@ -159,7 +155,7 @@ class EventStream:
     async def _live(self, place: int, known: int, interest: Interest) -> AsyncGenerator[bytes, None]:
         """Yield the events behind ``place``, but for changes that are ``known``."""
         while not self._closed:
-            news = self._news
+            news = self._news.next
             if self._made - place > len(self._ring):
                 self.overflows += 1
                 place = self._made
@@ -175,8 +171,8 @@ class EventStream:
             known = max((each.number for each in events if each.is_last), default=known)
             if frames:
                 yield frames
-            elif not events and await _nothing_within(news, HEARTBEAT):
-                yield _HEARTBEAT_FRAME
+            elif not events and await nothing_within(news, HEARTBEAT):
+                yield HEARTBEAT_FRAME
 
     async def _catch_up(self, known: int | None, interest: Interest) -> tuple[bytes, int]:
         """Give what brings a client up to date, and the number of the last change that it knows then."""
@@ -217,11 +213,7 @@ class EventStream:
     def _add(self, event: _Event) -> None:
         self._ring.append(event)
         self._made += 1
-        self._wake()
-
-    def _wake(self) -> None:
-        self._news.set()
-        self._news = asyncio.Event()
+        self._news.came()
 
 
 def _order_frame(status: TransportOrderStatus, number: int) -> bytes:
@@ -240,12 +232,3 @@ def _vehicle_frame(status: VehicleStatus) -> bytes:
 def _synced(number: int) -> bytes:
     """Say that all before is known now; what follows is new."""
     return b"id: %d\nevent: synced\ndata: {}\n\n" % number
-
-
-async def _nothing_within(news: asyncio.Event, seconds: float) -> bool:
-    try:
-        async with asyncio.timeout(seconds):
-            await news.wait()
-    except TimeoutError:
-        return True
-    return False

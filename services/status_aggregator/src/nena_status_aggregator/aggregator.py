@@ -8,7 +8,7 @@ from secrets import token_hex
 from pydantic_core import to_json
 
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.base import iso
+from nena_shared.utc import iso
 from nena_status_aggregator.event_stream import EventStream
 from nena_status_aggregator.fleet_model.instant import Instant
 from nena_status_aggregator.fleet_model.model import FleetModel, ModelLimits

@@ -8,15 +8,12 @@ program, gets a snapshot and goes on from there. No client can slow the others o
 
 from __future__ import annotations
 
-import asyncio
 from collections import deque
 from collections.abc import AsyncGenerator, Callable
 from itertools import islice
 
+from nena_shared.web.event_source import HEARTBEAT, HEARTBEAT_FRAME, News, nothing_within
 from nena_status_aggregator.settings import EventSettings
-
-HEARTBEAT = 5.0
-"""Seconds without an event after which a heartbeat is sent, so that both ends notice a dead line."""
 
 
 class EventStream:
@@ -38,7 +35,7 @@ class EventStream:
         self._snapshot = snapshot
         self._ring: deque[bytes] = deque(maxlen=settings.history)
         self._last = 0
-        self._news = asyncio.Event()
+        self._news = News()
         self._closed = False
         self.clients = 0
         self.snapshots = 0
@@ -57,12 +54,12 @@ class EventStream:
         """Give an event to all clients; numbers rise by one."""
         self._ring.append(self._frame("delta", number, data))
         self._last = number
-        self._wake()
+        self._news.came()
 
     def close(self) -> None:
         """End the streams of all clients."""
         self._closed = True
-        self._wake()
+        self._news.came()
 
     async def follow(self, last_id: str | None) -> AsyncGenerator[bytes, None]:
         """Yield what a client gets that knows everything up to ``last_id``; None: that knows nothing."""
@@ -70,12 +67,12 @@ class EventStream:
         try:
             place = self._place_of(last_id)
             while not self._closed:
-                news = self._news
+                news = self._news.next
                 frames, place = self._next(place)
                 if frames:
                     yield frames
-                elif await _nothing_within(news, HEARTBEAT):
-                    yield b"event: heartbeat\ndata: {}\n\n"
+                elif await nothing_within(news, HEARTBEAT):
+                    yield HEARTBEAT_FRAME
         finally:
             self.clients -= 1
 
@@ -96,16 +93,3 @@ class EventStream:
 
     def _frame(self, event: str, number: int, data: bytes) -> bytes:
         return b"id: %b-%d\nevent: %b\ndata: %b\n\n" % (self._epoch.encode(), number, event.encode(), data)
-
-    def _wake(self) -> None:
-        self._news.set()
-        self._news = asyncio.Event()
-
-
-async def _nothing_within(news: asyncio.Event, seconds: float) -> bool:
-    try:
-        async with asyncio.timeout(seconds):
-            await news.wait()
-    except TimeoutError:
-        return True
-    return False

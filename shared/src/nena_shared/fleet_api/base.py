@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer
 from pydantic.alias_generators import to_camel
 
+from nena_shared.utc import in_utc, iso
 
-class Resource(BaseModel):
-    """A JSON object that NeNa sends; immutable; readers pass over fields that they do not know."""
+
+class CamelCase(BaseModel):
+    """A JSON object whose names are in camel case on the wire; immutable."""
 
     model_config = ConfigDict(
         frozen=True,
-        extra="ignore",
         alias_generator=to_camel,
         validate_by_name=True,
         validate_by_alias=True,
@@ -22,33 +23,19 @@ class Resource(BaseModel):
     )
 
 
-class Request(BaseModel):
+class Resource(CamelCase):
+    """A JSON object that NeNa sends; readers pass over fields that they do not know."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+class Request(CamelCase):
     """A JSON object that NeNa is sent; a field that nobody knows is an error, not a wish ignored."""
 
-    model_config = ConfigDict(
-        frozen=True,
-        extra="forbid",
-        alias_generator=to_camel,
-        validate_by_name=True,
-        validate_by_alias=True,
-        allow_inf_nan=False,
-    )
+    model_config = ConfigDict(extra="forbid")
 
 
-def iso(moment: datetime) -> str:
-    """Write a UTC time as ISO 8601 with milliseconds; the year has four digits, else nobody can read it."""
-    return f"{moment.isoformat(timespec='milliseconds')[:23]}Z"
-
-
-def _in_utc(value: datetime) -> datetime:
-    try:
-        return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
-    except OverflowError as error:
-        message = "lies before the year 1 or after the year 9999 in UTC"
-        raise ValueError(message) from error
-
-
-Moment = Annotated[datetime, AfterValidator(_in_utc), PlainSerializer(iso, return_type=str, when_used="json")]
+Moment = Annotated[datetime, AfterValidator(in_utc), PlainSerializer(iso, return_type=str, when_used="json")]
 """ISO 8601 in UTC with milliseconds."""
 
 ObjectName = Annotated[str, Field(min_length=1, max_length=200)]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import datetime
 from math import isfinite, pi
 from typing import Annotated, Self, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, JsonValue, PlainSerializer, WithJsonSchema
 from pydantic.alias_generators import to_camel
+
+from nena_shared.utc import in_utc, iso
 
 J = TypeVar("J", bound=JsonValue)
 
@@ -33,28 +35,10 @@ class WireObject(BaseModel):
         return cls.model_validate(neutral, by_name=True, by_alias=False)
 
 
-def in_utc(value: datetime) -> datetime:
-    """Give the same moment in UTC; a time without a zone is taken as UTC.
-
-    Raises:
-        ValueError: in UTC the moment would be before the year 1 or after the year 9999.
-
-    """
-    try:
-        return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
-    except OverflowError as error:
-        message = "the time lies outside the years 1 to 9999 in UTC"
-        raise ValueError(message) from error
-
-
-def _milliseconds(value: datetime) -> str:
-    return value.replace(tzinfo=None).isoformat(timespec="milliseconds") + "Z"
-
-
 Timestamp = Annotated[
     datetime,
     AfterValidator(in_utc),
-    PlainSerializer(_milliseconds, return_type=str, when_used="json"),
+    PlainSerializer(iso, return_type=str, when_used="json"),
     WithJsonSchema({"type": "string", "format": "date-time"}),
 ]
 """ISO 8601 in UTC with milliseconds; read with 0 to 9 decimals, and as UTC where no zone is given."""

@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from nena_shared.fleet_api.base import Moment, OrderName, iso
+from nena_shared.fleet_api.base import Moment, OrderName
+from nena_shared.utc import iso
 
 MOMENT: TypeAdapter[datetime] = TypeAdapter(Moment)
 NAME: TypeAdapter[str] = TypeAdapter(OrderName)

@@ -4,7 +4,7 @@ from datetime import timedelta
 
 import pytest
 
-from nena_shared.fleet_api.base import iso
+from nena_shared.utc import iso
 from nena_status_aggregator.fleet_model.condition import Condition
 from nena_status_aggregator.fleet_model.instant import Instant
 from nena_status_aggregator.fleet_model.robot import Robot

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
-from nena_shared.fleet_api.base import iso
 from nena_shared.fleet_api.robot_map import RobotMap
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant.model import PlantModel
+from nena_shared.utc import iso
 from nena_shared.vda5050.brief.state import StateBrief, VisualizationBrief
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from nena_shared.fleet_api.base import iso
 from nena_shared.fleet_api.failure_policy import Hold
 from nena_shared.fleet_api.transport_order import Destination
+from nena_shared.utc import iso
 from nena_status_aggregator.fleet_model.order_book import TrackedOrder, progress
 from nena_status_aggregator.fleet_model.robot_view import short
 from nena_status_aggregator.fleet_model.views import HoldView, OrderView

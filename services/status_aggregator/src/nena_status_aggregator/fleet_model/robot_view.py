@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nena_shared.fleet_api.base import iso
+from nena_shared.utc import iso
 from nena_shared.vda5050.brief.state import (
     ActionBrief,
     ErrorBrief,

@@ -13,8 +13,8 @@ from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.exc import ArgumentError
 from sqlalchemy.pool import ConnectionPoolEntry
 
-from nena_shared.fleet_api.base import iso
 from nena_shared.program import StartError
+from nena_shared.utc import iso
 from nena_status_aggregator.fleet_model.happening import Code, Happening
 from nena_status_aggregator.history import schema
 from nena_status_aggregator.history.entry import HistoryEntry, HistoryFilter

@@ -8,11 +8,9 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Query
 from starlette.responses import StreamingResponse
 
+from nena_shared.web.event_source import HEADERS
 from nena_status_aggregator.event_stream import EventStream
 from nena_status_aggregator.rest.problem import ProblemError
-
-HEADERS = {"cache-control": "no-store", "x-accel-buffering": "no"}
-"""Neither caches nor proxies may hold events back."""
 
 
 def make_router(stream: EventStream) -> APIRouter:

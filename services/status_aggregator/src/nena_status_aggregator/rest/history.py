@@ -12,7 +12,7 @@ from pydantic import AfterValidator
 from starlette.responses import StreamingResponse
 from typing_extensions import TypedDict
 
-from nena_shared.vda5050.base import in_utc
+from nena_shared.utc import in_utc
 from nena_status_aggregator.fleet_model.happening import Code
 from nena_status_aggregator.history.entry import HistoryEntry, HistoryFilter
 from nena_status_aggregator.history.export import Form, as_csv, as_json_lines, csv_head

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter, Response
 from typing_extensions import TypedDict
 
-from nena_shared.fleet_api.base import iso
+from nena_shared.utc import iso
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.fleet_model.views import LinkView, MalformedView, OrderView, PlantView
 from nena_status_aggregator.rest.answers import as_json, found

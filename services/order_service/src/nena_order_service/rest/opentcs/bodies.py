@@ -6,10 +6,9 @@ from datetime import UTC, datetime
 from math import degrees
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field
-from pydantic.alias_generators import to_camel
+from pydantic import ConfigDict, Field
 
-from nena_shared.fleet_api.base import Moment
+from nena_shared.fleet_api.base import CamelCase, Moment
 from nena_shared.fleet_api.order_types import AcceptableOrderType, OrderType
 from nena_shared.fleet_api.transport_order import (
     Destination,
@@ -27,17 +26,10 @@ END_OF_TIME = datetime(9999, 12, 31, 23, 59, 59, tzinfo=UTC)
 """What openTCS says of an order without a deadline, as near as it can be written."""
 
 
-class Body(BaseModel):
+class Body(CamelCase):
     """A JSON object; fields that openTCS has and NeNa has not are passed over."""
 
-    model_config = ConfigDict(
-        frozen=True,
-        extra="ignore",
-        alias_generator=to_camel,
-        validate_by_name=True,
-        validate_by_alias=True,
-        allow_inf_nan=False,
-    )
+    model_config = ConfigDict(extra="ignore")
 
 
 class DestinationRequest(Body):

@@ -1,0 +1,76 @@
+"""The form of the code that no linter knows: short functions, short modules, tests that do not sleep."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from itertools import chain
+from pathlib import Path
+
+import pytest
+
+from support.reference import PROJECT
+
+LONGEST_FUNCTION = 50
+"""Lines, from ``def`` to the end."""
+LONGEST_MODULE = 400
+"""Lines; of a module of tests, which may show many cases of one thing, nothing is said."""
+MAY_SLEEP = PROJECT / "tests/support/pausing.py"
+
+SOURCES = tuple(
+    chain.from_iterable(PROJECT.glob(each) for each in ("*/src", "services/*/src", "deploy/*/src"))
+)
+TESTS = PROJECT / "tests"
+
+
+def modules(*folders: Path) -> Iterator[Path]:
+    return chain.from_iterable(sorted(each.rglob("*.py")) for each in folders)
+
+
+def nodes(module: Path) -> Iterator[ast.AST]:
+    return ast.walk(ast.parse(module.read_text(encoding="utf-8"), module))
+
+
+def too_long(module: Path) -> Iterator[str]:
+    for node in nodes(module):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            lines = (node.end_lineno or node.lineno) - node.lineno + 1
+            if lines > LONGEST_FUNCTION:
+                yield f"{module}:{node.lineno} {node.name} has {lines} lines"
+
+
+def sleeps(module: Path) -> Iterator[str]:
+    for node in nodes(module):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "sleep":
+            yield f"{module}:{node.lineno}"
+
+
+def test_there_is_something_to_look_at() -> None:
+    assert len(SOURCES) >= 8
+    assert MAY_SLEEP.exists()
+    assert list(sleeps(MAY_SLEEP))
+
+
+def test_functions_are_short() -> None:
+    assert [each for module in modules(*SOURCES, TESTS) for each in too_long(module)] == []
+
+
+def test_modules_are_short() -> None:
+    lines = {
+        module: len(module.read_text(encoding="utf-8").splitlines())
+        for module in modules(*SOURCES, TESTS)
+        if not module.name.startswith("test_")
+    }
+    assert {module: count for module, count in lines.items() if count >= LONGEST_MODULE} == {}
+
+
+def test_tests_wait_for_conditions_and_sleep_nowhere() -> None:
+    found = [each for module in modules(TESTS) if module != MAY_SLEEP for each in sleeps(module)]
+    assert found == [], "use support.waiting, or where time itself is what is tried support.pausing"
+
+
+@pytest.mark.parametrize(("lines", "found"), [(LONGEST_FUNCTION, 0), (LONGEST_FUNCTION + 1, 1)])
+def test_a_function_of_one_line_too_many_is_found(tmp_path: Path, lines: int, found: int) -> None:
+    module = tmp_path / "module.py"
+    module.write_text("class A:\n    async def f(self):\n" + "        pass\n" * (lines - 1))
+    assert len(list(too_long(module))) == found
