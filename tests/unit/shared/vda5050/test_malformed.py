@@ -1,0 +1,63 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+from pydantic import BaseModel, ValidationError
+
+from nena_shared.vda5050.malformed import (
+    PROBLEMS_SHOWN,
+    REFERENCE_LENGTH,
+    MalformedMessageError,
+    problems_of,
+)
+
+
+class Node(BaseModel):
+    sequence: int
+
+
+class Way(BaseModel):
+    nodes: list[Node]
+
+
+def test_what_can_still_be_read_names_the_message() -> None:
+    payload = json.dumps({"headerId": 7, "orderId": "o1", "orderUpdateId": 0, "nodes": 3}).encode()
+
+    error = MalformedMessageError("order", ["nodes: no list"], payload)
+
+    assert error.references == {"headerId": "7", "orderId": "o1", "orderUpdateId": "0"}
+    assert str(error) == "not a valid order: nodes: no list"
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"",
+        b"{",
+        b"[1]",
+        b'{"orderId": true, "headerId": null}',
+        json.dumps({"orderId": "x" * (REFERENCE_LENGTH + 1)}).encode(),
+    ],
+)
+def test_what_cannot_be_read_or_names_nothing_is_left_out(payload: bytes) -> None:
+    assert MalformedMessageError("order", [], payload).references == {}
+
+
+def test_only_the_first_problems_are_told() -> None:
+    error = MalformedMessageError("order", [str(number) for number in range(PROBLEMS_SHOWN + 3)])
+    assert error.problems == tuple(map(str, range(PROBLEMS_SHOWN)))
+
+
+def test_findings_name_the_path_of_the_field() -> None:
+    with pytest.raises(ValidationError) as caught:
+        Way.model_validate({"nodes": [{"sequence": 1}, {"sequence": "x"}]})
+    (problem,) = problems_of(caught.value)
+    assert problem.startswith("nodes.1.sequence: ")
+
+
+def test_a_finding_about_the_whole_says_so() -> None:
+    with pytest.raises(ValidationError) as caught:
+        Way.model_validate(3)
+    (problem,) = problems_of(caught.value)
+    assert problem.startswith("message: ")
