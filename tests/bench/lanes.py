@@ -106,7 +106,7 @@ class Hall:
         def all_there() -> bool:
             vehicles = httpx.get(f"{self.url}/v1/vehicles", timeout=READY_SECONDS).json()["vehicles"]
             there = sum(each["state"] == "IDLE" and each["currentPosition"] is not None for each in vehicles)
-            return there == self.robots
+            return bool(there == self.robots)
 
         wait_until(all_there, timeout=READY_SECONDS, what="every robot is there", every=LOOK_EVERY)
 

@@ -185,7 +185,7 @@ def resume(
 
 def _change(service: Service, name: str, what: str, body: dict[str, JsonValue], version: int | None) -> None:
     """Have an order changed, only if it has that version still, and tell of it; what is None is left out."""
-    given = {field: value for field, value in body.items() if value is not None}
+    given: dict[str, JsonValue] = {key: value for key, value in body.items() if value is not None}
     headers = {} if version is None else {"If-Match": f'"{version}"'}
     with service.connected() as connection:
         _put(service, connection.post(TransportOrderStatus, f"{_path(name)}/{what}", given, headers))

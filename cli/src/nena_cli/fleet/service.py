@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
-from inspect import signature
+from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import Annotated, Any, Concatenate, Final, ParamSpec, TypeVar
 
@@ -86,24 +86,28 @@ class Service:
         return self.token_file.read_text(encoding="utf-8").strip() if self.token_file else self.token
 
 
+_OPTIONS: Final = tuple(
+    Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+    for name, default, annotation in (
+        ("url", None, Urls),
+        ("token", None, Token),
+        ("token_file", None, TokenFile),
+        ("as_json", False, AsJson),
+    )
+)
+
+
 def of_service(command: Callable[Concatenate[Service, P], None]) -> Callable[..., None]:
     """Make a command of what is done with a service: behind its own options it has those that name one."""
 
     @wraps(command)
-    def run(
-        *arguments: Any,  # noqa: ANN401 - the command's own
-        url: Urls = None,
-        token: Token = None,
-        token_file: TokenFile = None,
-        as_json: AsJson = False,
-        **options: Any,  # noqa: ANN401
-    ) -> None:
-        command(Service(url or [DEFAULT_URL], token, token_file, as_json), *arguments, **options)
+    def run(**given: Any) -> None:  # noqa: ANN401 - the command's own, and those of the service
+        url, token, token_file, as_json = (given.pop(each.name) for each in _OPTIONS)
+        done: Callable[..., None] = command
+        done(Service(url or [DEFAULT_URL], token, token_file, as_json), **given)
 
     own = [*signature(command, eval_str=True).parameters.values()][1:]
-    naming = signature(run, follow_wrapped=False, eval_str=True).parameters
-    shared = [naming[name] for name in ("url", "token", "token_file", "as_json")]
     # What the command line is made of: typer reads it here.
-    run.__signature__ = signature(run).replace(parameters=[*own, *shared])  # type: ignore[attr-defined]
-    run.__annotations__ = {each.name: each.annotation for each in (*own, *shared)}
+    run.__signature__ = Signature([*own, *_OPTIONS])  # type: ignore[attr-defined]
+    run.__annotations__ = {each.name: each.annotation for each in (*own, *_OPTIONS)}
     return run
