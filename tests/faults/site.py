@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 
 import httpx
 
@@ -26,8 +25,6 @@ TIME_FACTOR = 6.0
 READY_WITHIN = 180.0
 KEEP_ALIVE, SHORT_KEEP_ALIVE = 15, 4
 """Seconds; the shorter one behind a line that is cut."""
-
-NOTHING: Mapping[str, str] = MappingProxyType({})
 
 AGENT = """
 version = "2.1.0"
@@ -97,9 +94,9 @@ class Layout:
     """Behind which all robots are."""
     data: Path | None = None
     """Folder of stores and journals, if it is another one."""
-    robots_in: Mapping[str, str] = NOTHING
+    robots_in: Mapping[str, str] = field(default_factory=dict)
     """Environment of the robots' programs."""
-    services_in: Mapping[str, str] = NOTHING
+    services_in: Mapping[str, str] = field(default_factory=dict)
     """Environment of order service and aggregator."""
 
     @property
