@@ -120,7 +120,7 @@ async def test_path_is_not_locked_while_the_plant_is_changed(settings: OrderServ
         with pytest.raises(StoreNotReadyError, match=CHANGING):
             await before.locks.set(path, locked=True)
         assert await store.path_locks() == {}
-        assert (await serving.parts.locks.set(path, locked=True)).locked
+        assert (await serving.parts.hosts.locks.set(path, locked=True)).locked
     store.close()
 
 

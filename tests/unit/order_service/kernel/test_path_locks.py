@@ -34,6 +34,6 @@ async def test_lock_that_is_under_way_when_the_kernel_closes_is_answered(service
     async def close() -> None:
         service.kernel.close("the plant model is being changed")
 
-    locked, _ = await asyncio.gather(service.locks.set(name, locked=True), close())
+    locked, _ = await asyncio.gather(service.hosts.locks.set(name, locked=True), close())
     assert locked.locked
     assert await service.store.path_locks() == {name: True}
