@@ -118,7 +118,7 @@ async def test_path_is_not_locked_while_the_plant_is_changed(settings: OrderServ
         before = serving.parts
         await serving.change_plant(without("South 3"))
         with pytest.raises(StoreNotReadyError, match=CHANGING):
-            await before.locks.set(path, locked=True)
+            await before.hosts.locks.set(path, locked=True)
         assert await store.path_locks() == {}
         assert (await serving.parts.hosts.locks.set(path, locked=True)).locked
     store.close()
