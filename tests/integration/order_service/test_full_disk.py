@@ -9,10 +9,10 @@ from pathlib import Path
 import httpx
 import pytest
 
-from support.order_service_fleet import Fleet, awaited, order_in, vehicle_idle
+from support.order_service_fleet import Fleet, order_in, vehicle_idle
 from support.programs import ENDED_WITHIN
 from support.small_disk import SmallDisk, small_disk
-from support.waiting import PATIENCE
+from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
 
