@@ -12,12 +12,14 @@ import pytest
 from nena_demo.plants import sample_plant_path
 from nena_shared.web.users import Role, User, hash_of, write_users
 from support.broker import Broker, free_port
+from support.oidc_issuer import AUDIENCE, oidc_issuer
 from support.programs import Program
 from support.waiting import PATIENCE
 
 pytestmark = pytest.mark.broker
 
 PASSWORD, DATABASE_PASSWORD, TOKEN, WRONG_TOKEN = (f"secret-of-{each}" for each in ("a", "b", "c", "d"))
+CLIENT_SECRET = "secret-of-the-panel"
 SECRETS = (PASSWORD, DATABASE_PASSWORD, TOKEN, WRONG_TOKEN, hash_of(TOKEN))
 
 
@@ -68,6 +70,25 @@ async def test_an_order_service_at_work_tells_none(files: Path, broker: Broker) 
         await program.logged("a token that nobody has")
         assert (files / "orders.db").exists()
         assert_silent(program)
+
+
+async def test_tokens_of_an_issuer_are_told_to_nobody(files: Path, broker: Broker) -> None:
+    (files / "client").write_text(CLIENT_SECRET)
+    given = [*arguments(files, broker), "--history.url", "none", "--http.port", 0]
+    with oidc_issuer() as issuer:
+        oidc = {"issuer": issuer.address, "audience": AUDIENCE, "client_id": "panel"}
+        oidc |= {"panel_url": "https://fleet.example/", "client_secret_file": str(files / "client")}
+        given += [part for name, value in oidc.items() for part in (f"--http.oidc.{name}", value)]
+        with Program("nena-status-aggregator", *given, log=files / "log") as program:
+            url = (await program.logged(r"http listening.* url=(\S+)")).group(1)
+            good, ended = issuer.token("vic"), issuer.token("vic", exp=1)
+            async with httpx.AsyncClient(base_url=url, timeout=PATIENCE) as client:
+                for token, status in ((good, 200), (ended, 401)):
+                    headers = {"authorization": f"Bearer {token}"}
+                    assert (await client.get("/api/v1/fleet", headers=headers)).status_code == status
+            await program.logged("it has expired")
+            assert_silent(program)
+            assert [each for each in (good, ended, CLIENT_SECRET) if each in program.log] == []
 
 
 @pytest.mark.parametrize(

@@ -87,7 +87,8 @@ class Issuer:
 
     async def _current(self, serves: Callable[[_Known], bool]) -> _Known:
         known = self._known
-        if known and serves(known) and (self._is_younger(known, FRESH) or self._lock.locked()):
+        limit = KEPT if self._lock.locked() else FRESH
+        if known and serves(known) and self._is_younger(known, limit):
             return known
         async with self._lock:
             known = self._known

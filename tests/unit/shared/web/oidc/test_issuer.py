@@ -112,9 +112,13 @@ async def test_while_it_is_silent_known_keys_are_not_waited_for(watched: Watched
     await until(lambda: issuer.asked[DISCOVERY] > before, what="the issuer is asked")
 
     assert (await watched.issuer.key(KNOWN)).key_id == "rsa-1"
+    watched.clock.advance(KEPT - FRESH)
+    too_late = asyncio.create_task(watched.issuer.key(KNOWN))
     assert not waiting.done()
     issuer.closing.set()
-    assert (await waiting).key_id == "rsa-1"
+    for each in (waiting, too_late):
+        with pytest.raises(IssuerAwayError):
+            await each
 
 
 @pytest.mark.parametrize("path", [DISCOVERY, KEYS])

@@ -49,6 +49,17 @@ def test_a_good_token_counts(key: SigningKey) -> None:
     assert judged(signed(claims(), key))["sub"] == "17"
 
 
+def test_another_kind_of_signature_counts_where_it_is_allowed() -> None:
+    token = signed(claims(), SigningKey(RSA.kid, "PS256", RSA.private))
+    with pytest.raises(TokenRefusedError, match="only RS256, ES256"):
+        header_of(token, ALLOWED)
+
+    header = header_of(token, (*ALLOWED, "PS256"))
+    key = KeySet.of({"keys": [{**RSA.public, "alg": "PS256"}]}).find(header.kid, header.algorithm)
+    assert key is not None
+    assert verified(token, key, header, issuer=ISSUER, audience=AUDIENCE, leeway=LEEWAY)["sub"] == "17"
+
+
 def test_one_of_several_audiences_is_enough() -> None:
     assert judged(signed(claims(aud=["other", AUDIENCE]), RSA))
 
