@@ -4,6 +4,7 @@ import httpx
 from fastapi import FastAPI
 
 from nena_demo.plants import sample_plant_path
+from nena_order_service.parts import OrderService
 from nena_order_service.rest import problems
 from nena_order_service.rest.plant_model import make_router
 from nena_shared.plant import PlantModel
@@ -28,3 +29,8 @@ async def test_model_of_any_format_is_handed_on_or_refused() -> None:
         wrong = await client.put("/v1/plantModel", content=b"<model/>")
         assert (wrong.status_code, bool(wrong.json()["errors"])) == (422, True)
     assert asked == [("Sample hall", False), ("Sample hall", True)]
+
+
+async def test_plant_model_is_told_as_it_is(client: httpx.AsyncClient, service: OrderService) -> None:
+    answer = await client.get("/v1/plantModel")
+    assert PlantModel.from_json(answer.content) == service.kernel.plant

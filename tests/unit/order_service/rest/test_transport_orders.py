@@ -1,27 +1,17 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
 from typing import Any
 
 import httpx
 import pytest
-from structlog.testing import capture_logs
 
 from nena_order_service.parts import OrderService
-from nena_shared.fleet_api.transport_order import Problem, TransportOrderStatus
+from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from support.problems import problem
 
 ORDERS = "/v1/transportOrders"
 BODY: dict[str, Any] = {"destinations": [{"locationName": "Goods in", "operation": "Load cargo"}]}
-
-
-def problem(answer: httpx.Response, status: int) -> Problem:
-    assert answer.status_code == status, answer.text
-    assert answer.headers["content-type"] == "application/problem+json"
-    found = Problem.model_validate_json(answer.content)
-    assert found.status == status
-    assert found.detail.endswith(".")
-    return found
 
 
 async def test_created_order_is_answered_where_it_is_and_is_in_the_store(
@@ -145,26 +135,10 @@ async def test_bad_requests_are_told_what_to_do_and_make_nothing(
     assert (await client.get(ORDERS)).json()["transportOrders"] == []
 
 
-async def test_body_of_another_content_type_is_refused(client: httpx.AsyncClient) -> None:
-    for headers in ({}, {"content-type": "application/x-www-form-urlencoded"}):
-        answer = await client.post(ORDERS, content=b'{"destinations": []}', headers=headers)
-        assert "Content-Type: application/json" in problem(answer, 415).detail
-
-
 async def test_all_problems_are_told_at_once(client: httpx.AsyncClient) -> None:
     body = {"destinations": [{"locationName": "Nowhere"}, {"locationName": "Goods in", "operation": "Fly"}]}
     found = problem(await client.post(ORDERS, json=body), 422)
     assert [error.split(":")[0] for error in found.errors] == ["Destination 1", "Destination 2"]
-
-
-async def test_body_that_is_too_long_is_refused(client: httpx.AsyncClient) -> None:
-    async def in_pieces() -> AsyncIterator[bytes]:
-        for _ in range(100):
-            yield b" " * 100
-
-    for content in (b" " * 5000, in_pieces()):
-        answer = await client.post(ORDERS, content=content, headers={"content-type": "application/json"})
-        assert "4096 bytes" in problem(answer, 413).detail
 
 
 async def test_list_is_filtered_and_paged(client: httpx.AsyncClient) -> None:
@@ -192,26 +166,6 @@ async def test_withdrawal_of_a_waiting_order_ends_it(client: httpx.AsyncClient) 
     assert answer.status_code == 200
     assert (answer.json()["state"], answer.json()["reason"]) == ("FAILED", "customer cancelled")
     assert "FAILED already" in problem(await client.post(f"{ORDERS}/T-1/withdrawal"), 409).detail
-
-
-async def test_what_is_not_there_is_a_problem(client: httpx.AsyncClient) -> None:
-    assert "'T-9'" in problem(await client.get(f"{ORDERS}/T-9"), 404).detail
-    problem(await client.post(f"{ORDERS}/T-9/withdrawal"), 404)
-    problem(await client.get("/v2/everything"), 404)
-    problem(await client.delete(ORDERS), 405)
-
-
-async def test_fault_of_the_service_gives_no_inside_view(
-    client: httpx.AsyncClient, service: OrderService, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*_: object) -> None:
-        message = "secret"
-        raise KeyError(message)
-
-    monkeypatch.setattr(service.kernel, "create", fail)
-    with capture_logs() as logged:
-        assert "secret" not in problem(await client.post(ORDERS, json=BODY), 500).model_dump_json()
-    assert [(line["event"], line["path"]) for line in logged] == [("request failed", ORDERS)]
 
 
 async def test_store_that_takes_nothing_promises_nothing(

@@ -1,0 +1,39 @@
+from __future__ import annotations
+
+from typing import Any
+
+import httpx
+import pytest
+from structlog.testing import capture_logs
+
+from nena_order_service.parts import OrderService
+from support.problems import problem
+
+ORDERS = "/v1/transportOrders"
+BODY: dict[str, Any] = {"destinations": [{"locationName": "Goods in", "operation": "Load cargo"}]}
+
+
+async def test_body_of_another_content_type_is_refused(client: httpx.AsyncClient) -> None:
+    for headers in ({}, {"content-type": "application/x-www-form-urlencoded"}):
+        answer = await client.post(ORDERS, content=b'{"destinations": []}', headers=headers)
+        assert "Content-Type: application/json" in problem(answer, 415).detail
+
+
+async def test_what_is_not_there_is_a_problem(client: httpx.AsyncClient) -> None:
+    assert "'T-9'" in problem(await client.get(f"{ORDERS}/T-9"), 404).detail
+    problem(await client.post(f"{ORDERS}/T-9/withdrawal"), 404)
+    problem(await client.get("/v2/everything"), 404)
+    problem(await client.delete(ORDERS), 405)
+
+
+async def test_fault_of_the_service_gives_no_inside_view(
+    client: httpx.AsyncClient, service: OrderService, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        message = "secret"
+        raise KeyError(message)
+
+    monkeypatch.setattr(service.kernel, "create", fail)
+    with capture_logs() as logged:
+        assert "secret" not in problem(await client.post(ORDERS, json=BODY), 500).model_dump_json()
+    assert [(line["event"], line["path"]) for line in logged] == [("request failed", ORDERS)]
