@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from itertools import chain
 from typing import Final
 
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.operations import fresh_id
-from nena_order_service.fleet.outputs import Outputs
+from nena_order_service.fleet.outputs import FleetOutput, Outputs
 from nena_order_service.fleet.release_desk import ReleaseDesk
 from nena_order_service.fleet.reported import State
 from nena_order_service.fleet.robot_control import RobotControl
 from nena_order_service.fleet.settings import FleetSettings
+from nena_order_service.fleet.silences import Silences
 from nena_order_service.fleet.view import RobotView
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.connection import Connection
@@ -47,16 +48,20 @@ class FleetController:
         self._broker = False
         self._broker_since = 0.0
         self._robots: dict[RobotKey, RobotControl] = {}
+        self._busy: dict[RobotKey, RobotControl] = {}
+        """Those who may have something to do as time goes by; most do what they were sent."""
+        self._silences = Silences()
         self._desk = ReleaseDesk(settings, utc_now)
 
     def on_connection(self, robot: RobotKey, message: Connection, now: float) -> Outputs:
         """Take in a connection message."""
-        return tuple(self._control(robot).on_connection(message, now))
+        control = self._control(robot)
+        return self._told(control, control.on_connection(message, now))
 
     def on_state(self, robot: RobotKey, message: State, now: float) -> Outputs:
         """Take in a state message; one that is repeated or out of order changes nothing."""
         control = self._control(robot)
-        outputs = tuple(control.on_state(message, now))
+        outputs = self._told(control, control.on_state(message, now))
         if message.zone_requests or message.edge_requests or self._desk.busy:
             self._desk.on_state(robot, control.robot.state or message)
             outputs += self._answers(now)
@@ -64,7 +69,8 @@ class FleetController:
 
     def on_factsheet(self, robot: RobotKey, message: Factsheet, now: float) -> Outputs:
         """Take in a factsheet."""
-        return tuple(self._control(robot).on_factsheet(message, now))
+        control = self._control(robot)
+        return self._told(control, control.on_factsheet(message, now))
 
     def on_malformed(self, robot: RobotKey) -> int:
         """Count a message that could not be read, which changes nothing else; give the robot's count."""
@@ -76,8 +82,10 @@ class FleetController:
         """Take notice that our own link to the broker stands or has gone; at first it counts as gone."""
         self._broker = connected
         self._broker_since = now
-        controls = self._robots.values()
-        return tuple(chain.from_iterable(each.on_broker(connected=connected, now=now) for each in controls))
+        told = (
+            self._told(each, each.on_broker(connected=connected, now=now)) for each in self._robots.values()
+        )
+        return tuple(chain.from_iterable(told))
 
     def start_mission(self, robot: RobotKey, mission: Mission, now: float) -> Outputs:
         """Send a mission, now or as soon as the robot can be sent one; the view tells what it waits for.
@@ -87,7 +95,7 @@ class FleetController:
 
         """
         control = self._control(robot)
-        return tuple(control.start(control.new_run(mission), now))
+        return self._told(control, control.start(control.new_run(mission), now))
 
     def adopt_mission(
         self, robot: RobotKey, mission: Mission, now: float, *, accepted: bool, update_id: int = 0
@@ -103,9 +111,8 @@ class FleetController:
 
         """
         control = self._control(robot)
-        return tuple(
-            control.start(control.new_run(mission, adopted=True, accepted=accepted, update_id=update_id), now)
-        )
+        run = control.new_run(mission, adopted=True, accepted=accepted, update_id=update_id)
+        return self._told(control, control.start(run, now))
 
     def extend_mission(self, robot: RobotKey, mission: Mission, now: float) -> Outputs:
         """Give the robot's mission a newer plan: more of it released, or another way behind the base.
@@ -117,19 +124,22 @@ class FleetController:
             BaseChangedError: the plan does not go on from the base that the robot was given.
 
         """
-        return tuple(self._control(robot).extend(mission, now))
+        control = self._control(robot)
+        return self._told(control, control.extend(mission, now))
 
     def cancel_mission(self, robot: RobotKey, now: float) -> Outputs:
         """End the robot's mission early: cancelOrder, awaited to its end. Without one nothing happens."""
-        return tuple(self._control(robot).cancel(now))
+        control = self._control(robot)
+        return self._told(control, control.cancel(now))
 
     def instant_action(self, robot: RobotKey, action: Action, now: float) -> Outputs:
         """Send an instant action and follow it to InstantActionEnded; it waits for no absent robot."""
-        return tuple(self._control(robot).instruct(action, now))
+        control = self._control(robot)
+        return self._told(control, control.instruct(action, now))
 
     def tick(self, now: float) -> Outputs:
         """Do what is overdue: send again, give up, notice silence. Call it a few times each second."""
-        ticks = chain.from_iterable(control.tick(now) for control in self._robots.values())
+        ticks = chain.from_iterable(self._told(each, each.tick(now)) for each in self._due(now))
         return (*ticks, *(self._answers(now) if self._desk.busy else ()))
 
     def view(self, robot: RobotKey, now: float) -> RobotView:
@@ -163,6 +173,22 @@ class FleetController:
 
     def _reachable(self, robot: RobotKey) -> bool:
         return self._robots[robot].robot.reachable
+
+    def _told(self, control: RobotControl, outputs: Iterator[FleetOutput]) -> Outputs:
+        """Take all that comes of it, and note when the robot is to be looked at without news of it."""
+        told, robot = tuple(outputs), control.robot
+        if not control.quiet:
+            self._busy[robot.key] = control
+        else:
+            self._busy.pop(robot.key, None)
+        if robot.silent_from is not None:
+            self._silences.expect(robot.key, robot.silent_from)
+        return told
+
+    def _due(self, now: float) -> Iterator[RobotControl]:
+        """Give those for whom it makes a difference that time has gone by."""
+        yield from tuple(self._busy.values())
+        yield from (self._robots[robot] for robot in self._silences.passed(now))
 
     def _control(self, robot: RobotKey) -> RobotControl:
         known = self._robots.get(robot)

@@ -79,8 +79,12 @@ class Robot:
             return LinkStatus.UNKNOWN
         if self.connection in AWAY:
             return AWAY[self.connection]
-        silent = now - self._heard_at > self._silent_after
-        return LinkStatus.SILENT if silent else LinkStatus.ONLINE
+        return LinkStatus.SILENT if now > self._heard_at + self._silent_after else LinkStatus.ONLINE
+
+    @property
+    def silent_from(self) -> float | None:
+        """After which moment it counts as silent if nothing more is heard of it; None: it is not there."""
+        return self._heard_at + self._silent_after if self.reachable and self._heard_at is not None else None
 
     @property
     def rules(self) -> Rules | None:

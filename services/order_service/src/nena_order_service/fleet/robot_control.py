@@ -120,9 +120,8 @@ class RobotControl:
         yield from self._advance(now)
 
     def tick(self, now: float) -> Iterator[FleetOutput]:
-        """Do what is overdue; most robots have nothing, so that is found out first."""
-        quiet = (self._run is None or self._run.quiet) and not self._desk.busy
-        if quiet and self.robot.link(now) is self._told_link:
+        """Do what is overdue; who is quiet has nothing, unless it has fallen silent."""
+        if self.quiet and self.robot.link(now) is self._told_link:
             return
         yield from self._desk.on_tick(now)
         if self._run:
@@ -130,6 +129,11 @@ class RobotControl:
                 self._run.hold()
             yield from self._run.on_tick(self.robot.state, now)
         yield from self._advance(now)
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing is to be done before the robot tells something new."""
+        return (self._run is None or self._run.quiet) and not self._desk.busy
 
     def view(self, now: float) -> RobotView:
         """Tell what is known; made anew only where that may have changed."""

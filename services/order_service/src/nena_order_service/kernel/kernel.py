@@ -281,7 +281,7 @@ class Kernel:
                 self._idle.attend()
         with self.step():
             for vehicle in self.registry:
-                if not self.steps.vehicle_as_told(self.status(vehicle)):
+                if not self.steps.vehicle_as_told(vehicle.name, self._outlook.essentials(vehicle)):
                     self.steps.vehicle_changed(vehicle.name)
 
     def plant_changed(self) -> None:

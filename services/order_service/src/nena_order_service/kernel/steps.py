@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.kernel.ports import Listener
+from nena_order_service.kernel.vehicle_status import Essentials
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store.store import Store
 from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
@@ -38,7 +39,7 @@ class Steps:
         self._vehicles: set[str] = set()
         self._untold: Counter[str] = Counter()
         """How many steps that wait for their commit change each vehicle."""
-        self._told: dict[str, VehicleStatus] = {}
+        self._told: dict[str, Essentials] = {}
         self.listeners: list[Listener] = []
         self.closed = ""
         """Why no step is made any more; empty while there are some."""
@@ -52,10 +53,9 @@ class Steps:
         if name is not None:
             self._vehicles.add(name)
 
-    def vehicle_as_told(self, status: VehicleStatus) -> bool:
-        """Whether this is what was told of a vehicle last, but for what changes all the time."""
-        told = self._told.get(status.name)
-        return told is not None and told.model_copy(update=_volatile(status)) == status
+    def vehicle_as_told(self, name: str, now: Essentials) -> bool:
+        """Whether this is what was told of a vehicle last."""
+        return self._told.get(name) == now
 
     def tell_sequence(self, status: OrderSequenceStatus) -> None:
         """Tell of an order sequence, whose change is committed."""
@@ -98,7 +98,7 @@ class Steps:
                 log.exception("an effect of a committed change failed")
         due = self._no_longer_untold(vehicles)
         statuses = [status for name in sorted(due) if (status := self._vehicle_status(name))]
-        self._told.update({status.name: status for status in statuses})
+        self._told.update({status.name: Essentials.of(status) for status in statuses})
         for listener in self.listeners:
             for order in told:
                 listener.order_changed(order.status)
@@ -112,12 +112,3 @@ class Steps:
         for name in due:
             del self._untold[name]
         return due
-
-
-def _volatile(status: VehicleStatus) -> dict[str, object]:
-    """Give what changes all the time while a robot does nothing but drive."""
-    return {
-        "last_state": status.last_state,
-        "precise_position": status.precise_position,
-        "energy_level": status.energy_level,
-    }

@@ -13,7 +13,7 @@ from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.kernel.order_fit import OrderFit
 from nena_order_service.kernel.places import Places
 from nena_order_service.kernel.sequences import Sequences
-from nena_order_service.kernel.vehicle_status import vehicle_status
+from nena_order_service.kernel.vehicle_status import Essentials, essentials, vehicle_status
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
 from nena_order_service.traffic.desk import TrafficDesk
 from nena_shared.clock import Clock
@@ -61,10 +61,18 @@ class VehicleOutlook:
     def status(self, vehicle: FleetVehicle) -> VehicleStatus:
         """Tell how a vehicle stands."""
         view = self._view(vehicle)
+        age = None if view.state_at is None else timedelta(seconds=self._clock.monotonic() - view.state_at)
+        last_state = None if age is None else self._clock.now() - age
+        return vehicle_status(vehicle, view, self._essentials(vehicle, view), last_state)
+
+    def essentials(self, vehicle: FleetVehicle) -> Essentials:
+        """Tell what matters of how a vehicle stands; a tenth of the work of telling all."""
+        return self._essentials(vehicle, self._view(vehicle))
+
+    def _essentials(self, vehicle: FleetVehicle, view: RobotView) -> Essentials:
         order = self._book.visible(self._missions.order_number(vehicle.key))
         order = order if order and order.vehicle == vehicle.name else None
-        age = None if view.state_at is None else timedelta(seconds=self._clock.monotonic() - view.state_at)
-        return vehicle_status(
+        return essentials(
             vehicle,
             view,
             plant=self._plant,
@@ -73,7 +81,6 @@ class VehicleOutlook:
             transport_order=order.name if order else None,
             order_sequence=self._sequences.bound_to(vehicle.name),
             reason=order.status.reason if order else self._idle_reason(vehicle),
-            last_state=None if age is None else self._clock.now() - age,
         )
 
     def _idle_reason(self, vehicle: FleetVehicle) -> str:

@@ -3,17 +3,47 @@
 from __future__ import annotations
 
 from datetime import datetime
+from typing import NamedTuple, Self
 
 from nena_order_service.fleet import NotLocatedError, RobotView, locate
 from nena_order_service.fleet.reported import ErrorEntry, State
 from nena_order_service.kernel.robot_maps import robot_maps
 from nena_order_service.kernel.vehicles import FleetVehicle
 from nena_shared.fleet_api.order_types import AcceptableOrderType
-from nena_shared.fleet_api.vehicle import IntegrationLevel, PrecisePosition, ProcessingState, VehicleStatus
+from nena_shared.fleet_api.vehicle import (
+    IntegrationLevel,
+    PrecisePosition,
+    ProcessingState,
+    RobotMap,
+    VehicleState,
+    VehicleStatus,
+)
 from nena_shared.plant import MapPose, PlantModel
 
 
-def vehicle_status(
+class Essentials(NamedTuple):
+    """What is told of a vehicle when it changes; all else changes all the time while a robot drives."""
+
+    state: VehicleState
+    processing_state: ProcessingState
+    integration_level: IntegrationLevel
+    acceptable_order_types: tuple[AcceptableOrderType, ...]
+    reason: str
+    connection: str
+    operating_mode: str | None
+    current_position: str | None
+    maps: tuple[RobotMap, ...] | None
+    transport_order: str | None
+    order_sequence: str | None
+    errors: tuple[str, ...]
+
+    @classmethod
+    def of(cls, status: VehicleStatus) -> Self:
+        """Give those of a status."""
+        return cls(*(getattr(status, name) for name in cls._fields))
+
+
+def essentials(
     vehicle: FleetVehicle,
     view: RobotView,
     *,
@@ -23,14 +53,10 @@ def vehicle_status(
     transport_order: str | None,
     order_sequence: str | None,
     reason: str,
-    last_state: datetime | None,
-) -> VehicleStatus:
-    """Tell how a vehicle stands; positions are in m and rad of the plant's frame."""
+) -> Essentials:
+    """Tell what matters of how a vehicle stands."""
     state = view.state
-    return VehicleStatus(
-        name=vehicle.name,
-        manufacturer=vehicle.key.manufacturer,
-        serial_number=vehicle.key.serial_number,
+    return Essentials(
         state=view.vehicle_state,
         processing_state=_processing_state(transport_order, order_sequence),
         integration_level=level,
@@ -39,13 +65,26 @@ def vehicle_status(
         connection=view.link,
         operating_mode=state.operating_mode if state else None,
         current_position=_current_position(vehicle, state, plant) if state else None,
-        precise_position=_precise_position(vehicle, state) if state else None,
         maps=robot_maps(state) if state else None,
-        energy_level=state.power_supply.state_of_charge if state else None,
         transport_order=transport_order,
         order_sequence=order_sequence,
         errors=tuple(_in_words(error) for error in state.errors) if state else (),
+    )
+
+
+def vehicle_status(
+    vehicle: FleetVehicle, view: RobotView, told: Essentials, last_state: datetime | None
+) -> VehicleStatus:
+    """Tell how a vehicle stands; positions are in m and rad of the plant's frame."""
+    state = view.state
+    return VehicleStatus(
+        name=vehicle.name,
+        manufacturer=vehicle.key.manufacturer,
+        serial_number=vehicle.key.serial_number,
+        precise_position=_precise_position(vehicle, state) if state else None,
+        energy_level=state.power_supply.state_of_charge if state else None,
         last_state=last_state,
+        **told._asdict(),
     )
 
 

@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from nena_order_service.fleet import LinkStatus
+from nena_order_service.kernel import Kernel
+from nena_order_service.kernel.vehicle_status import Essentials
+from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
+from nena_shared.plant import PlantModel, Vehicle
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
+from nena_shared.vda5050.state import PowerSupply
+from support.order_service import request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+
+PLANT = PlantModel(
+    name="line",
+    points=(point("A"), point("B", 2000)),
+    paths=(path("A B"), path("B A")),
+    vehicles=(Vehicle(name="V1"), Vehicle(name="V2")),
+)
+BROKEN = ErrorEntry(error_type="wheel", error_level=ErrorLevel.FATAL, error_description="lost")
+
+
+class Ear:
+    """Notes what is told of vehicles."""
+
+    def __init__(self) -> None:
+        self.vehicles: list[VehicleStatus] = []
+
+    def order_changed(self, status: object) -> None:
+        """Pass over it."""
+
+    def sequence_changed(self, status: object) -> None:
+        """Pass over it."""
+
+    def vehicle_changed(self, status: VehicleStatus) -> None:
+        self.vehicles.append(status)
+
+
+async def looked_at() -> tuple[Kernel, ScriptedFleet, Ear]:
+    """Give a kernel that has told how its two vehicles stand; one works, of the other nothing is heard."""
+    fleet, ear = ScriptedFleet({"V1": "A"}), Ear()
+    kernel = await make_kernel(PLANT, MemoryStore(), fleet)
+    kernel.create(request("B", intendedVehicle="V1"), "T")
+    kernel.steps.listeners.append(ear)
+    kernel.look()
+    return kernel, fleet, ear
+
+
+async def test_status_says_how_a_vehicle_stands() -> None:
+    kernel, _, _ = await looked_at()
+    working, unheard = (kernel.status(vehicle) for vehicle in kernel.registry)
+    assert (working.processing_state, working.transport_order) == (ProcessingState.PROCESSING_ORDER, "T")
+    assert (working.current_position, working.last_state is None) == ("A", False)
+    assert (unheard.state, unheard.connection) == (VehicleState.UNKNOWN, LinkStatus.OFFLINE)
+    assert (unheard.current_position, unheard.last_state) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("at", "fields", "told"),
+    [
+        ("A", {}, []),
+        ("A", {"power_supply": PowerSupply(state_of_charge=41.5, charging=False)}, []),
+        ("A", {"errors": (BROKEN,)}, ["V1"]),
+        ("B", {}, ["V1"]),
+    ],
+)
+async def test_a_look_tells_of_what_matters_alone(at: str, fields: dict[str, Any], told: list[str]) -> None:
+    kernel, fleet, ear = await looked_at()
+    ear.vehicles.clear()
+    fleet.at["V1"], fleet.fields["V1"] = at, fields
+    kernel.look()
+    assert [status.name for status in ear.vehicles] == told
+
+
+async def test_essentials_of_a_status_are_its_own() -> None:
+    kernel, _, _ = await looked_at()
+    for vehicle in kernel.registry:
+        status = kernel.status(vehicle)
+        assert status.model_copy(update=Essentials.of(status)._asdict()) == status
