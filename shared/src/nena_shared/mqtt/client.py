@@ -21,6 +21,7 @@ from paho.mqtt.client import MQTTMessage
 from paho.mqtt.enums import MQTTErrorCode
 
 from nena_shared.mqtt.message import Inbound, Outbound
+from nena_shared.mqtt.packets import PUBACK, Packets, Published, acknowledgements
 
 READ_AT_ONCE = 10
 """Messages that are read before the event loop has its turn again."""
@@ -41,7 +42,6 @@ class Client(aiomqtt.Client):
     """
 
     _take: Take | None = None
-    _taken = 0
 
     def __init__(self, *arguments: Any, **settings: Any) -> None:  # noqa: ANN401 - aiomqtt's
         super().__init__(*arguments, **settings)
@@ -50,6 +50,8 @@ class Client(aiomqtt.Client):
         """Whether paho reads or writes now, and may not be asked to do so again."""
         self._sending = False
         """Whether what is published now is written at once, by whom it is published."""
+        self._packets = Packets(self._client._sock_recv)  # noqa: SLF001 - paho has no other place for it
+        self._client._sock_recv = self._packets.read  # type: ignore[method-assign] # noqa: SLF001 - the same
 
     async def __aenter__(self) -> Self:
         """Connect to the broker.
@@ -113,10 +115,9 @@ class Client(aiomqtt.Client):
                 sock.shutdown(socket.SHUT_RDWR)
 
     def _on_message(self, client: PahoClient, userdata: object, message: MQTTMessage) -> None:
-        self._taken += 1
         if self._take is None:
             super()._on_message(client, userdata, message)
-        else:
+        else:  # one that only paho knows what to do with
             self._take(Inbound(message.topic, bytes(message.payload), message.retain, message.qos))
 
     def _on_publish(self, _client: PahoClient, _userdata: object, mid: int, *_: object) -> None:
@@ -137,17 +138,29 @@ class Client(aiomqtt.Client):
             super()._on_socket_register_write(client, userdata, sock)
 
     def _read(self) -> None:
-        """Read what has come; a packet that is no message ends the round."""
+        """Read what has come, some packets for each turn of the event loop."""
+        if not self._packets.ready:
+            self._packets.fill()
+        received = []
         for _ in range(READ_AT_ONCE):
-            before = self._taken
-            self._client.loop_read()
-            if self._taken == before:
+            message = self._packets.take() if self._take else None
+            if message and self._take:
+                self._take(Inbound(message.topic, message.payload, message.retained, message.qos))
+                received.append(message)
+            elif self._packets.offer():
+                self._client.loop_read()
+            else:
                 break
+        self._acknowledge(received)
         sock: Any = self._client.socket()
-        if sock is not None and hasattr(sock, "pending") and sock.pending():
-            self._loop.call_soon(
-                self._guarded, self._read
-            )  # decrypted already: the socket itself stays quiet
+        decrypted = sock is not None and hasattr(sock, "pending") and sock.pending()
+        if decrypted or (sock is not None and self._packets.ready):
+            self._loop.call_soon(self._guarded, self._read)  # the socket itself stays quiet
+
+    def _acknowledge(self, received: list[Published]) -> None:
+        """Tell the broker of all at once; paho would call the socket for each."""
+        if mids := [each.mid for each in received if each.qos]:
+            self._client._packet_queue(PUBACK, acknowledgements(mids), 0, 1)  # noqa: SLF001 - it has no other
 
     def _write(self) -> None:
         """Write what waits, at once; what the socket does not take goes when it is ready again."""

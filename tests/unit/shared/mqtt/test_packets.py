@@ -1,0 +1,178 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_shared.mqtt.packets import Packets, Published, acknowledgements
+
+PINGRESP = b"\xd0\x00"
+
+
+def length(number: int) -> bytes:
+    """Write a packet's remaining length (section 2.2.3)."""
+    written = bytearray()
+    while True:
+        number, digit = divmod(number, 128)
+        written.append(digit | (0x80 if number else 0))
+        if not number:
+            return bytes(written)
+
+
+def publish(topic: bytes, payload: bytes, *, qos: int = 0, retained: bool = False, mid: int = 7) -> bytes:
+    content = len(topic).to_bytes(2) + topic + (mid.to_bytes(2) if qos else b"") + payload
+    return bytes([0x30 | qos << 1 | retained]) + length(len(content)) + content
+
+
+def wire(*came: bytes | OSError) -> Packets:
+    """Give what stands before a socket on which this comes, piece by piece, and then nothing."""
+    left = list(came)
+
+    def receive(_: int) -> bytes:
+        if not left:
+            raise BlockingIOError
+        piece = left.pop(0)
+        if isinstance(piece, OSError):
+            raise piece
+        return piece
+
+    return Packets(receive)
+
+
+def read_all(packets: Packets) -> bytes:
+    """Read as paho does what is offered: byte by byte."""
+    found = b""
+    while True:
+        try:
+            byte = packets.read(1)
+        except BlockingIOError:
+            return found
+        if not byte:
+            return found
+        found += byte
+
+
+def test_messages_are_taken_out_and_all_else_is_offered() -> None:
+    packets = wire(publish(b"a/b", b"one") + PINGRESP + publish(b"c", b"two", qos=1, retained=True, mid=300))
+    packets.fill()
+    assert packets.take() == Published("a/b", b"one", 0, retained=False, mid=0)
+    assert packets.take() is None
+    assert packets.offer()
+    assert read_all(packets) == PINGRESP
+    assert packets.take() == Published("c", b"two", 1, retained=True, mid=300)
+    assert not packets.ready
+    assert not packets.offer()
+
+
+def test_nothing_of_a_packet_is_given_before_all_of_it_is_here() -> None:
+    whole = publish(b"a", bytes(300))
+    packets = wire(whole[:1], whole[1:2], whole[2:200], whole[200:] + PINGRESP[:1], PINGRESP[1:])
+    for _ in range(3):
+        packets.fill()
+        assert not packets.ready
+        assert packets.take() is None
+        assert not packets.offer()
+    packets.fill()
+    assert packets.take() == Published("a", bytes(300), 0, retained=False, mid=0)
+    assert not packets.ready
+    packets.fill()
+    assert packets.offer()
+    assert read_all(packets) == PINGRESP
+
+
+@pytest.mark.parametrize(
+    "packet",
+    [
+        publish(b"a", b"x", qos=2),
+        publish(b"a", b"x", qos=3),
+        publish(b"\xff\xfe", b"x"),
+        publish(b"", b"x"),
+        b"\x30\x03\x00\x09a",
+        b"\x32\x03\x00\x01a",
+        b"\x30\x00",
+        b"\x30\x01\x00",
+        b"\x30\xff\xff\xff\xff\x01",
+    ],
+    ids=[
+        "qos 2",
+        "qos 3",
+        "not UTF-8",
+        "no topic",
+        "short topic",
+        "no number",
+        "empty",
+        "cut",
+        "endless length",
+    ],
+)
+def test_what_is_unusual_or_wrong_is_left_as_it_came(packet: bytes) -> None:
+    packets = wire(packet)
+    packets.fill()
+    assert packets.take() is None
+    assert packets.offer()
+    assert read_all(packets) == packet
+
+
+@pytest.mark.parametrize("end", [b"", ConnectionResetError()])
+def test_the_end_is_told_behind_what_came_before(end: bytes | OSError) -> None:
+    packets = wire(PINGRESP, end)
+    packets.fill()
+    packets.fill()
+    assert packets.offer()
+    assert packets.read(2) == PINGRESP
+    assert packets.ready
+    assert packets.offer()
+    ends: Callable[[], bytes] = lambda: packets.read(1)  # noqa: E731 - asked twice
+    for _ in range(2):
+        if isinstance(end, OSError):
+            with pytest.raises(ConnectionResetError):
+                ends()
+        else:
+            assert ends() == b""
+
+
+def test_acknowledgements_follow_each_other() -> None:
+    assert acknowledgements([1, 300]) == b"\x40\x02\x00\x01\x40\x02\x01\x2c"
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.text(st.characters(codec="utf-8"), min_size=1, max_size=20),
+            st.binary(max_size=400),
+            st.integers(0, 1),
+            st.booleans(),
+        ),
+        max_size=8,
+    ),
+    st.lists(st.integers(1, 300), min_size=1, max_size=10),
+)
+def test_messages_come_whole_however_they_are_cut(
+    messages: list[tuple[str, bytes, int, bool]], cuts: list[int]
+) -> None:
+    stream = b"".join(
+        publish(topic.encode(), payload, qos=qos, retained=retained) + PINGRESP
+        for topic, payload, qos, retained in messages
+    )
+    pieces, number = [], 0
+    while stream:
+        size = cuts[number % len(cuts)]
+        number += 1
+        pieces.append(stream[:size])
+        stream = stream[size:]
+    packets, found, others = wire(*pieces), [], b""
+    for _ in pieces:
+        packets.fill()
+        while packets.ready:
+            if message := packets.take():
+                found.append(message)
+            else:
+                assert packets.offer()
+                others += read_all(packets)
+    assert found == [
+        Published(topic, payload, qos, retained, 7 if qos else 0)
+        for topic, payload, qos, retained in messages
+    ]
+    assert others == PINGRESP * len(messages)
