@@ -11,6 +11,7 @@ from nena_order_service.fleet.errors import RobotBusyError
 from nena_order_service.fleet.fitness import order_problem
 from nena_order_service.fleet.fitting import fitted
 from nena_order_service.fleet.instant_desk import InstantDesk
+from nena_order_service.fleet.matters import matters
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.mission_run import MissionRun
 from nena_order_service.fleet.outputs import FleetOutput, RobotChanged
@@ -48,6 +49,10 @@ class RobotControl:
         self._told_link = LinkStatus.UNKNOWN
         self._changes = 0
         """How often anything may have changed."""
+        self._mattered: tuple[object, ...] = ()
+        """What mattered of the last state."""
+        self._left_at = -1
+        """The changes when that had been taken in."""
         self._seen: tuple[tuple[object, ...], RobotView] | None = None
 
     def on_broker(self, *, connected: bool, now: float) -> Iterator[FleetOutput]:
@@ -70,6 +75,25 @@ class RobotControl:
         """Take in a state; instant actions first, for a mission may end by one."""
         if not self.robot.take_state(message, now):
             return
+        if self._says_nothing_new(message):
+            self._changes += 1
+        else:
+            yield from self._take_state(message, now)
+        self._left_at = self._changes
+
+    def _says_nothing_new(self, message: State) -> bool:
+        """Tell whether all is as the last state left it, and nothing would come of the same again.
+
+        Strays are stopped, actions cleared away and factsheets asked for by time, while states say the same.
+        """
+        before, self._mattered = self._mattered, matters(message)
+        if self._mattered != before or self._changes != self._left_at or not self.quiet:
+            return False
+        if message.instant_action_states or self.robot.abilities is None:
+            return False
+        return self._run is not None or is_idle(message, self._desk.ids)
+
+    def _take_state(self, message: State, now: float) -> Iterator[FleetOutput]:
         for news in self._desk.on_state(message, now):
             if self._run:
                 self._run.on_news(news)
