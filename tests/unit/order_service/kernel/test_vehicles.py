@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from nena_order_service.fleet import Availability, LinkStatus, RobotProfile, RobotView
-from nena_order_service.kernel.vehicle_status import vehicle_status
+from nena_order_service.kernel.vehicle_status import essentials, vehicle_status
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
 from nena_shared.fleet_api.order_types import ANY_ORDER_TYPE
 from nena_shared.fleet_api.vehicle import IntegrationLevel, ProcessingState, VehicleState, VehicleStatus
@@ -116,7 +116,7 @@ TURNED = RobotProfile(
 
 def status(robot: RobotView, *, order: str | None = None, profile: RobotProfile = TURNED) -> VehicleStatus:
     vehicle = FleetVehicle("Tug", robot.key, profile, PLANT.vehicle("Tug"))
-    return vehicle_status(
+    told = essentials(
         vehicle,
         robot,
         plant=PLANT,
@@ -125,8 +125,8 @@ def status(robot: RobotView, *, order: str | None = None, profile: RobotProfile 
         transport_order=order,
         order_sequence=None,
         reason="because",
-        last_state=None,
     )
+    return vehicle_status(vehicle, robot, told, last_state=None)
 
 
 def pose(x: float, *, localized: bool = True) -> dict[str, Any]:
