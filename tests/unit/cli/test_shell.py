@@ -1,0 +1,33 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+from rich.table import Table
+
+from nena_cli.shell import put_json, say, show
+from nena_shared.fleet_api.transport_order import Problem
+
+
+def test_people_are_told_on_standard_error_to_the_letter(capsys: pytest.CaptureFixture[str]) -> None:
+    say("nena: [red]no[/] 'x'" + " y" * 100, style="red")
+
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err == "nena: [red]no[/] 'x'" + " y" * 100 + "\n"
+
+
+def test_scripts_get_one_line_in_the_names_on_the_wire(capsys: pytest.CaptureFixture[str]) -> None:
+    put_json(Problem(title="A\nB", status=404, detail="c"))
+
+    told = capsys.readouterr().out
+    assert told.count("\n") == 1
+    assert json.loads(told)["title"] == "A\nB"
+
+
+def test_a_table_that_nobody_sees_on_a_screen_is_wide(capsys: pytest.CaptureFixture[str]) -> None:
+    table = Table("name", "why")
+    table.add_row("T-1", "w" * 150)
+    show(table)
+
+    assert "w" * 150 in capsys.readouterr().out
