@@ -10,7 +10,7 @@ def test_nothing_is_nothing_and_anything_is_something() -> None:
     assert not Changes()
     for change in (
         Changes(missions={1: None}),
-        Changes(vehicles={"r": "{}"}),
+        Changes(vehicles={"r": lambda: "{}"}),
         Changes(path_locks={"p": False}),
         Changes(documents={("zoneSet", "z"): None}),
     ):
@@ -46,7 +46,10 @@ def test_later_changes_take_the_place_of_earlier_ones() -> None:
     stored = dispatchable_order()
     one = stored.deferred("no vehicle", NOW)
     two = one.deferred("no way", NOW)
-    changes, later = Changes(missions={1: "sent"}, path_locks={"p": True}), Changes(missions={1: None})
+    changes, later = (
+        Changes(missions={1: lambda: "sent"}, path_locks={"p": True}),
+        Changes(missions={1: None}),
+    )
     changes.put_order(one, stored)
     later.put_order(two, one)
 

@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+import pytest
+from pydantic import JsonValue
+
+from nena_edge_agent.protocol.declaration import ActionDeclaration, LoadChange, Parameter
+from nena_shared.vda5050.action import BlockingType
+from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
+from support.robot_core import action
+
+HEIGHT = Parameter("height", ValueDataType.NUMBER, minimum=0.0, maximum=2.0, description="m")
+SIDE = Parameter("side", ValueDataType.STRING, required=False, choices=("left", "right"))
+LIFT = ActionDeclaration(
+    "lift",
+    (ActionScope.NODE, ActionScope.INSTANT),
+    parameters=(HEIGHT, SIDE),
+    blocking_types=(BlockingType.HARD,),
+    load=LoadChange.TAKE,
+)
+
+
+@pytest.mark.parametrize(
+    ("value", "problem"),
+    [
+        (1, None),
+        (2.0, None),
+        (None, "is missing"),
+        ("1", "must be of type NUMBER"),
+        (True, "must be of type NUMBER"),
+        (10**400, "must be of type NUMBER"),
+        (-0.1, "must be at least 0 and at most 2"),
+        (2.1, "must be at least 0 and at most 2"),
+    ],
+)
+def test_a_value_is_judged_by_type_and_range(value: JsonValue, problem: str | None) -> None:
+    found = HEIGHT.problem(value)
+    assert found is None if problem is None else found is not None and problem in found
+
+
+def test_of_a_choice_only_the_listed_values_are_taken() -> None:
+    assert SIDE.problem("left") is None
+    assert SIDE.problem(None) is None
+    assert SIDE.problem("up") == "parameter 'side' must be one of left, right"
+
+
+def test_an_empty_list_is_none() -> None:
+    listed = Parameter("zones", ValueDataType.ARRAY)
+    assert listed.problem([]) == "parameter 'zones' is missing"
+    assert listed.problem(["z"]) is None
+
+
+def test_people_are_told_what_is_allowed() -> None:
+    assert HEIGHT.words == "m, at least 0 and at most 2"
+    assert SIDE.words == "one of left, right"
+
+
+@pytest.mark.parametrize(
+    ("blocking", "scope", "height", "problem"),
+    [
+        ("HARD", ActionScope.NODE, 1, None),
+        ("SOFT", ActionScope.NODE, 1, "cannot have the blocking type SOFT"),
+        ("SOFT", ActionScope.INSTANT, 1, None),
+        ("HARD", ActionScope.EDGE, 1, "not possible with scope EDGE, only NODE, INSTANT"),
+        ("HARD", ActionScope.NODE, 3, "action 'lift': parameter 'height' must be"),
+    ],
+)
+def test_an_action_is_judged_by_scope_blocking_and_parameters(
+    blocking: str, scope: ActionScope, height: float, problem: str | None
+) -> None:
+    found = LIFT.problem(action("a", blocking, "lift", height=height), scope)
+    assert found is None if problem is None else found is not None and problem in found
+
+
+def test_what_the_robot_never_does_says_why() -> None:
+    broken = ActionDeclaration("lift", (ActionScope.NODE,), unavailable="no lift is installed")
+    found = broken.problem(action("a", "HARD", "lift"), ActionScope.NODE)
+    assert found == "action 'lift' is not possible: no lift is installed"
+
+
+def test_a_check_of_its_own_is_asked_last() -> None:
+    checked = ActionDeclaration(
+        "lift", (ActionScope.NODE,), parameters=(HEIGHT,), check=lambda _: "the belt slips"
+    )
+    assert (
+        checked.problem(action("a", "HARD", "lift", height=1), ActionScope.NODE)
+        == "action 'lift': the belt slips"
+    )
+    assert "height" in str(checked.problem(action("a", "HARD", "lift"), ActionScope.NODE))
+
+
+@pytest.mark.parametrize(
+    ("load", "loaded", "possible"),
+    [
+        (LoadChange.TAKE, False, True),
+        (LoadChange.TAKE, True, False),
+        (LoadChange.GIVE, True, True),
+        (LoadChange.GIVE, False, False),
+        (None, True, True),
+    ],
+)
+def test_who_takes_must_be_empty_and_who_gives_must_carry(
+    load: LoadChange | None, *, loaded: bool, possible: bool
+) -> None:
+    declared = ActionDeclaration("move", (ActionScope.NODE,), load=load)
+    assert (declared.load_problem(loaded=loaded) is None) is possible
