@@ -50,6 +50,8 @@ class Client(aiomqtt.Client):
         """Whether paho reads or writes now, and may not be asked to do so again."""
         self._sending = False
         """Whether what is published now is written at once, by whom it is published."""
+        self._waits_to_write = False
+        """Whether the socket did not take all, and the event loop tells when it takes more."""
         self._packets = Packets(self._client._sock_recv)  # noqa: SLF001 - paho has no other place for it
         self._client._sock_recv = self._packets.read  # type: ignore[method-assign] # noqa: SLF001 - the same
 
@@ -135,7 +137,13 @@ class Client(aiomqtt.Client):
         if self._in_loop():
             self._loop.call_soon(self._guarded, self._write)
         else:
+            self._waits_to_write = True
             super()._on_socket_register_write(client, userdata, sock)
+
+    def _on_socket_unregister_write(self, client: PahoClient, userdata: object, sock: Any) -> None:  # noqa: ANN401 - paho's
+        if self._waits_to_write:
+            self._waits_to_write = False
+            super()._on_socket_unregister_write(client, userdata, sock)
 
     def _read(self) -> None:
         """Read what has come, some packets for each turn of the event loop."""
@@ -167,6 +175,7 @@ class Client(aiomqtt.Client):
         self._client.loop_write()
         sock = self._client.socket()
         if sock is not None and self._client.want_write():
+            self._waits_to_write = True
             self._loop.add_writer(sock.fileno(), partial(self._guarded, self._client.loop_write))
 
     def _guarded(self, work: Callable[[], object]) -> None:

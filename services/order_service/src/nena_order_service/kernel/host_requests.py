@@ -40,8 +40,11 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderStatus,
 )
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
+from nena_shared.log import get_logger
 from nena_shared.plant import MapPose, PlantPose, Point
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
+
+log = get_logger(__name__)
 
 NAME_PREFIX = "TOrder"
 
@@ -89,7 +92,10 @@ class HostRequests:
         if known is None:
             self._require_store()
             known = self._kernel.create(request, name, ended)
-            await self._committed()
+            try:
+                await self._committed()
+            finally:  # so that no robot waits for its order while a line is written
+                log.info("order created", order=name, state=known.state.value)
             return self._visible(known), True
         if known.idempotency_key != request.idempotency_key:
             raise NameTakenError(name)

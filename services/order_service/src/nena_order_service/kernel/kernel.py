@@ -318,9 +318,7 @@ class Kernel:
         """Make an order from a request that was checked; see :meth:`OrderFlow.create`."""
         with self.step():
             order = self._orders.create(request, name, ended)
-        order = self.book.get(order.number)
-        log.info("order created", order=name, state=order.state.value)
-        return order
+        return self.book.get(order.number)
 
     def withdraw(self, number: int, reason: str, *, immediate: bool = True) -> None:
         """Withdraw an order that is not at its end; see :meth:`OrderFlow.withdraw`."""
