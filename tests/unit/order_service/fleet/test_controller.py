@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from nena_order_service.fleet import (
+    FailureKind,
     FleetSettings,
     LinkStatus,
     MissionAccepted,
@@ -338,6 +339,23 @@ def test_an_order_that_may_be_on_its_way_is_cancelled_at_the_robot() -> None:
     bench.deliver()
     bench.report()
     assert bench.told(MissionCancelled)
+    assert bench.robot.idle
+
+
+def test_a_copy_of_an_order_that_may_be_on_its_way_leaves_a_cancel_unconfirmed_open() -> None:
+    bench = Bench(FleetSettings(sendings=2)).online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.deliver()
+    bench.wait(1)
+    assert bench.orders_sent() == ["m", "m"]
+    bench.cancel()
+    bench.robot.set_mode(OperatingMode.MANUAL)
+    bench.report()
+    bench.robot.set_mode(OperatingMode.AUTOMATIC)
+    bench.wait(10, reporting=True)
+    assert bench.told(MissionCancelled) == []
+    assert failure(bench).kind is FailureKind.UNCLEAR
+    bench.deliver()
     assert bench.robot.idle
 
 

@@ -45,7 +45,7 @@ def test_after_a_time_out_of_reach_all_begins_anew_and_at_once(settings: FleetSe
     delivery.hold()
 
     assert delivery.due(0.0)
-    assert delivery.ever_sent
+    assert delivery.in_all == settings.sendings
     assert len(sendings(delivery)) == settings.sendings
 
 

@@ -14,7 +14,8 @@ class Delivery:
     settings: FleetSettings
     sendings: int = 0
     """How often it has been sent since the robot could last be reached."""
-    ever_sent: bool = False
+    in_all: int = 0
+    """How often it has been sent at all."""
     _due_at: float = 0.0
 
     def due(self, now: float) -> bool:
@@ -30,7 +31,7 @@ class Delivery:
         pause = self.settings.resend_after * 2.0**self.sendings
         self._due_at = now + min(pause, self.settings.resend_at_most_after)
         self.sendings += 1
-        self.ever_sent = True
+        self.in_all += 1
 
     def again(self) -> None:
         """Let the next sending be due at once."""

@@ -350,11 +350,11 @@ class MissionRun:
             yield self._fail(Failure(FailureKind.UNCLEAR, reason, _words(state.errors)))
 
     def _may_be_unseen(self, cancelled: ActionStatus | None) -> bool:
-        """Tell whether the order may yet come to the robot, though no state knows it."""
-        return cancelled is None and not self._accepted
+        """Tell whether the order, or a copy of it, may yet come to the robot, though no state shows it."""
+        return cancelled is None and (not self._accepted or self._delivery.in_all > 1)
 
     def _may_be_at_robot(self, state: State) -> bool:
-        sent_unseen = (self._delivery.ever_sent or self._adopted) and not self._accepted
+        sent_unseen = (self._delivery.in_all or self._adopted) and not self._accepted
         return sent_unseen or self._active_at_robot(state)
 
     def _active_at_robot(self, state: State) -> bool:
