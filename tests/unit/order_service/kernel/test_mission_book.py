@@ -15,7 +15,7 @@ ROBOT = key("V-1")
 
 def make() -> tuple[OrderBook, VehicleBook, MissionBook]:
     orders = OrderBook()
-    vehicles = VehicleBook(orders)
+    vehicles = VehicleBook(orders, str)
     return orders, vehicles, MissionBook(orders, vehicles)
 
 

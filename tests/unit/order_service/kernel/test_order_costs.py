@@ -35,7 +35,7 @@ def knowledge() -> tuple[OrderKnowledge, KnownCosts, OrderFit, VehicleRegistry]:
     costs = KnownCosts(PLANT, finder, registry)
     book, clock = OrderBook(), ManualClock()
     steps = Steps(book, MemoryStore(), lambda _: None)
-    fit = OrderFit(VehicleBook(book), Sequences(SequenceBook(book, steps), book, steps, clock))
+    fit = OrderFit(VehicleBook(book, str), Sequences(SequenceBook(book, steps), book, steps, clock))
     starts = {"V1": "A", "V2": "C"}
     places = {each.name: (each, starts[each.name]) for each in registry}
     planner = MissionPlanner(PLANT, finder, OperationMap())

@@ -7,6 +7,8 @@ from dataclasses import replace
 import pytest
 
 from nena_order_service.kernel import Kernel
+from nena_order_service.kernel.vehicle_book import VehicleRecord
+from nena_shared.fleet_api.order_sequence import OrderSequenceRequest
 from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
@@ -39,6 +41,15 @@ def told(kernel: Kernel, name: str) -> TransportOrderStatus:
 
 def held(kernel: Kernel, name: str) -> list[str]:
     return [each.point for each in kernel.desk.held(name)]
+
+
+def of_an_older_release(store: MemoryStore) -> None:
+    """Let the store know nothing of what vehicles were called."""
+    documents = {
+        robot: VehicleRecord.model_validate_json(document).model_copy(update={"name": ""}).model_dump_json()
+        for robot, document in store.found.vehicles.items()
+    }
+    store.found = replace(store.found, vehicles=documents)
 
 
 async def before(store: MemoryStore, ahead: int = 1) -> None:
@@ -216,12 +227,75 @@ async def test_an_order_of_which_nothing_was_sent_is_not_done_by_a_robot_that_wo
     kernel.hold(order.number, "Ann", "tea")
     fleet.confirm_cancel("V1")
     kernel.create(request("D", intendedVehicle="V2"), "T-2")
+    of_an_older_release(store)
 
     again = await make_kernel(with_vehicles(V2="V1"), store, ScriptedFleet({"V2": "E"}))
 
     assert told(again, "T-1").state is S.FAILED
     assert "'V1' is another robot now" in told(again, "T-1").reason
     assert (told(again, "T-2").state, told(again, "T-2").processing_vehicle) == (S.BEING_PROCESSED, "V1")
+
+
+@pytest.mark.parametrize(
+    ("plant", "robot"),
+    [
+        (with_vehicles(V1="Truck", V2="V2"), "V1"),
+        (with_vehicles(V1="V2", V2="V1"), "V1"),
+        (with_vehicles(V1="Truck", V2="V1"), "V1"),
+    ],
+    ids=["new", "swapped", "its name is another's"],
+)
+async def test_a_held_order_goes_on_with_the_robot_that_began_it(plant: PlantModel, robot: str) -> None:
+    store = MemoryStore()
+    fleet = ScriptedFleet({"V1": "A", "V2": "E"})
+    kernel = await make_kernel(PLANT, store, fleet)
+    for name, at in tuple(fleet.at.items()):
+        fleet.appear(name, at)
+    kernel.create(request("B", "C", intendedVehicle="V1"), "T-1")
+    fleet.finish("V1")
+    fleet.accept("V1")
+    order = kernel.book.named("T-1")
+    assert order
+    kernel.hold(order.number, "Ann", "tea")
+    fleet.confirm_cancel("V1")
+
+    after = ScriptedFleet(dict(fleet.at))
+    again = await make_kernel(plant, store, after)
+    for name, at in tuple(after.at.items()):
+        after.appear(name, at)
+    again.resume(order.number, "Ann", "go")
+
+    assert told(again, "T-1").processing_vehicle == plant.vehicles[0].name
+    assert [sent for sent, _ in after.sent] == [robot]
+
+
+@pytest.mark.parametrize(
+    "plant", [with_vehicles(V1="Truck", V2="V2"), with_vehicles(V1="V2", V2="V1")], ids=["new", "swapped"]
+)
+async def test_a_sequence_stays_with_its_robot_that_is_called_otherwise_since(plant: PlantModel) -> None:
+    store, fleet = MemoryStore(), ScriptedFleet({"V1": "A", "V2": "E"})
+    kernel = await make_kernel(PLANT, store, fleet)
+    for name, at in tuple(fleet.at.items()):
+        fleet.appear(name, at)
+    with kernel.step():
+        kernel.sequences.create(OrderSequenceRequest(), "S")
+    kernel.create(request("C", wrappingSequence="S"), "S-1")
+    kernel.create(request("A", wrappingSequence="S"), "S-2")
+    first = fleet.sent[0][0]
+    fleet.accept(first)
+
+    after = ScriptedFleet({"V1": "A", "V2": "E"})
+    again = await make_kernel(plant, store, after)
+    for name, at in tuple(after.at.items()):
+        after.appear(name, at)
+    after.finish(first)
+    again.look()
+
+    assert [robot for robot, _ in after.sent] == [first]
+    sequence = again.sequence_book.visible("S")
+    assert sequence
+    assert sequence.status.processing_vehicle == told(again, "S-2").processing_vehicle
+    assert told(again, "S-2").state is S.BEING_PROCESSED
 
 
 async def test_what_depends_on_an_order_that_is_lost_fails_with_it() -> None:

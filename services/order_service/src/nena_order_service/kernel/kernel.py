@@ -87,7 +87,7 @@ class Kernel:
         self._fleet: FleetControl | None = None
         self.sequence_book = SequenceBook(self.book, self.steps)
         self.sequences = Sequences(self.sequence_book, self.book, self.steps, clock)
-        self._vehicles = VehicleBook(self.book)
+        self._vehicles = VehicleBook(self.book, lambda robot: self.registry.discover(robot).name)
         self._missions = MissionBook(self.book, self._vehicles)
         self.finder = finder
         self._ways = VehicleWays(finder, registry)
@@ -253,6 +253,7 @@ class Kernel:
         )
         with self.step():
             recovery.take_up_vehicles()
+            self.sequence_book.rebind(recovery.present_name)
             self._orders.take_up(found.orders, found.missions, recovery)
             self._rerouting.keep_off_locked_paths()
         await self.steps.committed()

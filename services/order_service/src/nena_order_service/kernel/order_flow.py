@@ -280,7 +280,7 @@ class OrderFlow:
             else:
                 unsent.append(order)
         for order in unsent:
-            self._take_up_unsent(order.adopted(self._clock.now()))
+            self._take_up_unsent(order, recovery)
 
     def _take_up_sent(self, order: TransportOrder, document: str, recovery: Recovery) -> None:
         now = self._clock.now()
@@ -292,9 +292,10 @@ class OrderFlow:
         else:
             self._book.put(order.adopted(now, vehicle.name))
 
-    def _take_up_unsent(self, order: TransportOrder) -> None:
+    def _take_up_unsent(self, order: TransportOrder, recovery: Recovery) -> None:
         """Let an order go on whose vehicle was not sent the next mission yet."""
-        vehicle = self._registry.employed(order.vehicle)
+        vehicle = recovery.present_vehicle(order.vehicle or "")
+        order = order.adopted(self._clock.now(), vehicle.name if vehicle else None)
         if order.state is TransportOrderState.WITHDRAWN:
             words = f"withdrawn, and the vehicle was at nothing for it: {why_withdrawn(order.status)}"
             self.end(order.failed(words, self._clock.now()))

@@ -50,6 +50,25 @@ class Recovery:
                 self.desk.restore(vehicle.name, held, box_of(vehicle).length_mm, beside=record.beside)
             if record.evasion:
                 self._resume(record.evasion)
+            self.vehicles.change(vehicle.key)
+
+    def present_vehicle(self, name: str) -> FleetVehicle | None:
+        """Give the vehicle that is now the robot that had this name; None: it has no orders any more.
+
+        Where nobody has noted which robot that was, it is the vehicle of this name, unless that one is known
+        to have been called otherwise.
+        """
+        robot = self.vehicles.robot_before(name)
+        if robot is not None:
+            vehicle = self.registry.discover(robot)
+            return None if vehicle.obstacle else vehicle
+        named = self.registry.employed(name)
+        return named if named and self.vehicles.name_before(named.key) in (None, name) else None
+
+    def present_name(self, name: str) -> str:
+        """Give what the vehicle is called now that had this name; the same where it is none any more."""
+        vehicle = self.present_vehicle(name)
+        return vehicle.name if vehicle else name
 
     def take_up_mission(self, order: TransportOrder, document: str) -> FleetVehicle:
         """Take up an order's mission; gives the vehicle that its robot is now. Raises LostMissionError."""

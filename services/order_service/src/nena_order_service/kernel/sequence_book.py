@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 
 from nena_order_service.kernel.order_book import OrderBook
@@ -32,6 +32,15 @@ class SequenceBook:
         for sequence in sequences:
             self._index(sequence)
             self._visible[sequence.name] = sequence
+
+    def rebind(self, present_name: Callable[[str], str]) -> None:
+        """Let sequences stay with their robots, whose vehicles may be called otherwise since the restart."""
+        bound = [(each, each.bound_vehicle) for each in self._visible.values() if each.bound_vehicle]
+        moved = [(each, name, now) for each, name in bound if (now := present_name(name)) != name]
+        for _, name, _ in moved:
+            del self._bound[name]
+        for sequence, _, now in moved:
+            self.put(sequence.rebound(now))
 
     def next_number(self) -> int:
         """Give the number of a new sequence."""

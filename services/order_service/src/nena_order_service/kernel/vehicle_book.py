@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -25,6 +25,8 @@ class VehicleRecord(BaseModel):
 
     manufacturer: str
     serial_number: str
+    name: str = ""
+    """What the vehicle was called at last; empty: nobody has noted it."""
     integration_level: IntegrationLevel = IntegrationLevel.TO_BE_UTILIZED
     acceptable_order_types: tuple[AcceptableOrderType, ...] | None = None
     """What hosts have said; None: what the plant model says holds."""
@@ -42,11 +44,17 @@ class VehicleRecord(BaseModel):
 
 
 class VehicleBook:
-    """Holds the records; notes in the order book what to store."""
+    """Holds the records; notes in the order book what to store.
 
-    def __init__(self, orders: OrderBook) -> None:
+    ``name_of`` gives what the vehicle is called that a robot is.
+    """
+
+    def __init__(self, orders: OrderBook, name_of: Callable[[RobotKey], str]) -> None:
         self._orders = orders
+        self._name_of = name_of
         self._records: dict[RobotKey, VehicleRecord] = {}
+        self._names_before: dict[RobotKey, str] = {}
+        """What vehicles were called before the restart, where that was noted."""
 
     def load(self, documents: Mapping[str, str]) -> None:
         """Take in what is in the store; a robot whose document cannot be read has to be heard first."""
@@ -59,6 +67,16 @@ class VehicleBook:
                 )
             else:
                 self._records[record.robot] = record
+                if record.name:
+                    self._names_before[record.robot] = record.name
+
+    def name_before(self, robot: RobotKey) -> str | None:
+        """Give what a robot's vehicle was called before the restart; None: nobody has noted it."""
+        return self._names_before.get(robot)
+
+    def robot_before(self, name: str) -> RobotKey | None:
+        """Give the robot that had this name before the restart; None: nobody has noted one."""
+        return next((robot for robot, had in self._names_before.items() if had == name), None)
 
     def __iter__(self) -> Iterator[VehicleRecord]:
         """Yield all records."""
@@ -72,7 +90,7 @@ class VehicleBook:
     def change(self, robot: RobotKey, **changes: object) -> None:
         """Change fields of a robot's record."""
         before = self.of(robot)
-        record = before.model_copy(update=changes)
+        record = before.model_copy(update={"name": self._name_of(robot), **changes})
         if record != before:
             self._records[robot] = record
             self._orders.put_vehicle(str(robot), record.model_dump_json)

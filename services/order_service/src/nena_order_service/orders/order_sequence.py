@@ -111,6 +111,15 @@ class OrderSequence:
         event = SequenceEvent.PROCESSING_VEHICLE_CHANGED
         return self._changed(now, event, vehicle, processing_vehicle=vehicle)
 
+    def rebound(self, vehicle: str) -> Self:
+        """Call the vehicle that does it by its present name."""
+        status = self.status.model_copy(
+            update={"processing_vehicle": vehicle, "version": self.status.version + 1}
+        )
+        return type(self)(
+            self.number, status.model_copy(update={"reason": _in_words(status)}), self.idempotency_key
+        )
+
     def completed(self, why: str, now: datetime) -> Self:
         """Let no more orders be added; that it is complete already changes nothing."""
         if self.status.complete:
