@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from hashlib import sha256
 from typing import Any, Generic, Protocol, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -54,10 +53,8 @@ class StoredPlant(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    file: str = ""
-    """The digest of the file; empty where a release that did not know it has stored this."""
-    replaces: str = ""
-    """What such a release has stored instead: a digest of the file's model, as it had read it."""
+    file: str
+    """The digest of the file in place of which it counts."""
     model: str
 
 
@@ -74,9 +71,9 @@ P = TypeVar("P", bound=Parts)
 class Serving(Generic[P]):
     """Runs an order service; its plant model is that of the file until a host puts another one.
 
-    What a host has put counts until the file changes. A change is checked and committed between two steps of
-    the kernel; then everything is made anew over the same store, as after a restart: robots go on with what
-    they have, and orders where these are.
+    What a host has put counts until the file changes, and is forgotten then. A change is checked and
+    committed between two steps of the kernel; then everything is made anew over the same store, as after a
+    restart: robots go on with what they have, and orders where these are.
     """
 
     def __init__(
@@ -173,8 +170,11 @@ class Serving(Generic[P]):
     async def _keep(self, model: PlantModel) -> None:
         """Commit the model, however long the store takes."""
         stored = StoredPlant(file=self._file.digest, model=model.to_json())
+        await self._commit(stored.model_dump_json())
+
+    async def _commit(self, document: str | None) -> None:
         changes = Changes()
-        changes.documents[KIND, ""] = stored.model_dump_json(exclude_defaults=True)
+        changes.documents[KIND, ""] = document
         done = asyncio.Event()
         self._store.commit(changes, done.set)
         await done.wait()
@@ -190,25 +190,11 @@ class Serving(Generic[P]):
         except ValidationError:
             log.exception("the plant model in the store cannot be read; that of the file is taken")
             return self._file.model
-        if not stored.file:
-            await self._keep_from_before(stored, model)
-        elif stored.file != self._file.digest:
-            log.warning("the file of the plant model has changed: it counts, and not what a host had put")
+        if stored.file != self._file.digest:
+            log.warning("the file of the plant model has changed: it counts, and what a host had put is gone")
+            await self._commit(None)
             return self._file.model
         return model
-
-    async def _keep_from_before(self, stored: StoredPlant, model: PlantModel) -> None:
-        """Let a model count that an older release has stored, from now on until the file changes.
-
-        Where the digest is another one, the file has changed, or this release only reads it otherwise than
-        the one before. Nobody can tell, and an upgrade alone must not take away what a host has put.
-        """
-        if stored.replaces != sha256(self._file.model.to_json().encode()).hexdigest():
-            log.warning(
-                "an older release has stored the plant model that a host had put; it counts. If the file was "
-                "changed since and is to count, put it: nena plant put FILE"
-            )
-        await self._keep(model)
 
     def _start(self, name: str, work: Any, *, vital: bool = True) -> asyncio.Task[None]:  # noqa: ANN401 - a coroutine
         task = self._supervisor.start(name, work, vital=vital)

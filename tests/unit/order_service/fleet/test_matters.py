@@ -34,6 +34,7 @@ def to_come(*sequence_ids: int) -> dict[str, Any]:
     [
         ({}, {"header_id": 9}),
         (place(1.0), place(2.0)),
+        ({"loads": ({"weight": 10.0},)}, {"loads": ({"weight": 10.1},)}),
         (
             {"power_supply": PowerSupply(state_of_charge=80.9, charging=False)},
             {"power_supply": PowerSupply(state_of_charge=80.1, charging=False)},
@@ -48,6 +49,8 @@ def test_what_changes_all_the_time_does_not_matter(before: dict[str, Any], after
     "fields",
     [
         {"order_id": "other"},
+        {"loads": ({"load_position": "fork"},)},
+        {"maps": ({"map_id": "hall", "map_version": "1", "map_status": "ENABLED"},)},
         {"order_update_id": 7},
         {"last_node_id": "elsewhere"},
         {"last_node_sequence_id": 8},

@@ -11,6 +11,7 @@ from nena_order_service.dispatch.settings import DispatchSettings
 from nena_order_service.kernel import Kernel, KernelSettings
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing import graph
+from nena_shared.fleet_api.order_sequence import OrderSequenceRequest
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
@@ -87,6 +88,44 @@ async def test_a_vehicle_gets_no_order_before_its_map_is_enabled() -> None:
     fleet.fields["V1"] = {"maps": ({**told, "map_status": "DISABLED"},)}
     kernel.create(request("B", intendedVehicle="V1"), "T")
     assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
+
+
+@pytest.mark.parametrize("at", ["A", "C"])
+async def test_the_map_that_counts_is_that_of_the_point_where_a_vehicle_stands(at: str) -> None:
+    floors = {"A": "floor 1", "B": "floor 2", "C": "floor 2"}
+    points = tuple(
+        each.model_copy(update={"properties": {"vda5050:mapId": floors[each.name]}}) for each in PLANT.points
+    )
+    fleet = ScriptedFleet({"V1": at})
+    fleet.fields["V1"] = {
+        "maps": tuple(
+            {
+                "map_id": each,
+                "map_version": "1",
+                "map_status": "ENABLED" if each == floors[at] else "DISABLED",
+            }
+            for each in ("floor 1", "floor 2")
+        ),
+        "mobile_robot_position": {"x": 0.0, "y": 0.0, "theta": 0.0, "map_id": floors[at], "localized": True},
+    }
+    settings = KernelSettings(default_map_id="site", traffic=False)
+    plant = PlantModel(name="floors", points=points, paths=PLANT.paths, vehicles=PLANT.vehicles)
+    kernel = await make_kernel(plant, MemoryStore(), fleet, settings=settings)
+    fleet.appear("V1", at)
+    kernel.create(request("B", intendedVehicle="V1"), "T")
+    assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
+
+
+async def test_loads_of_a_vehicle_that_does_a_sequence_are_those_that_its_host_has_planned() -> None:
+    kernel, fleet = await make(energy={"respected": False})
+    with kernel.step():
+        kernel.sequences.create(OrderSequenceRequest(intended_vehicle="V1"), "S")
+    for name, destination in (("S-1", "B:Load"), ("S-2", "C:Load")):
+        kernel.create(request(destination, wrappingSequence="S"), name)
+    fleet.accept("V1")
+    fleet.fields["V1"] = {"loads": ({"load_id": "first"},)}
+    fleet.finish("V1")
+    assert [mission.mission_id for _, mission in fleet.sent] == ["S-1-0", "S-2-0"]
 
 
 async def test_the_end_of_a_load_starts_a_decision_and_the_setting_switches_all_off() -> None:

@@ -4,7 +4,7 @@ import pytest
 from structlog.testing import capture_logs
 
 from nena_order_service.kernel.order_book import OrderBook
-from nena_order_service.kernel.steps import Steps
+from nena_order_service.kernel.steps import UNTOLD_AT_MOST, Steps
 from support.order_service import dispatchable_order
 from support.scripted_fleet import MemoryStore
 
@@ -73,6 +73,20 @@ def test_of_steps_that_wait_together_the_last_tells_how_a_vehicle_stands(store: 
     with steps.step():
         steps.vehicle_changed("V1")
     assert asked == ["V2", "V1", "V1"]
+
+
+def test_a_vehicle_that_changes_without_end_is_told_now_and_then(store: MemoryStore) -> None:
+    asked: list[str] = []
+    steps = Steps(OrderBook(), store, asked.append)
+    store.held = True
+    for number in range(3 * UNTOLD_AT_MOST):
+        with steps.step():
+            steps.vehicle_changed("V1")
+        if number:
+            store.release_one()
+    assert asked == ["V1", "V1"]
+    store.release()
+    assert asked == ["V1", "V1", "V1"]
 
 
 def test_a_step_that_an_effect_makes_tells_instead_of_the_one_before(store: MemoryStore) -> None:

@@ -29,4 +29,10 @@ def matters(state: State) -> tuple[object, ...]:
         int(power.state_of_charge),
         power.charging,
         position and (position.map_id, position.localized),
+        equipment(state),
     )
+
+
+def equipment(state: State) -> tuple[object, ...]:
+    """Give where a robot has loads, and its maps, for the dispatcher; not what changes all the time."""
+    return state.loads and tuple(each.load_position for each in state.loads), state.maps

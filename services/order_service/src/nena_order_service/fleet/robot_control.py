@@ -11,7 +11,7 @@ from nena_order_service.fleet.errors import RobotBusyError
 from nena_order_service.fleet.fitness import order_problem
 from nena_order_service.fleet.fitting import fitted
 from nena_order_service.fleet.instant_desk import InstantDesk
-from nena_order_service.fleet.matters import matters
+from nena_order_service.fleet.matters import equipment, matters
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.mission_run import MissionRun
 from nena_order_service.fleet.outputs import FleetOutput, RobotChanged
@@ -316,4 +316,5 @@ class RobotControl:
             power.charging,
             is_idle(state, self._desk.ids),
             availability.hindered(state),
+            equipment(state),
         )

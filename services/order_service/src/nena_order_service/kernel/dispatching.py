@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from nena_order_service.dispatch.dispatcher import BUSY, Assignment, Dispatcher
 from nena_order_service.dispatch.energy import Energy
 from nena_order_service.dispatch.explanation import VehicleFit, explain
-from nena_order_service.dispatch.load_room import carried
+from nena_order_service.dispatch.load_room import Carried, carried
 from nena_order_service.dispatch.settings import DispatchSettings
 from nena_order_service.dispatch.vehicle import DispatchedVehicle
 from nena_order_service.dispatch.way import Way, WayFinder
@@ -171,6 +171,8 @@ class Dispatching:
             standing = self._planner.standing(vehicle, view)
         except NotLocatedError as error:
             return _hindered(vehicle, f"cannot be sent anywhere: {error.reason}")
+        if obstacle := self._lacks_map(vehicle, view, standing):
+            return _hindered(vehicle, obstacle)
         energy = self.energy(vehicle, view)
         seen = DispatchedVehicle(
             vehicle.name,
@@ -180,7 +182,7 @@ class Dispatching:
             gives_up=order.name if order else "",
             kept_for=next((number for number, name in self._kept.items() if name == vehicle.name), None),
             order_types=self._fit.order_types(vehicle),
-            carried=carried(view.state, view.factsheet) if view.state and self._loads_respected else None,
+            carried=self._carried(vehicle, view),
         )
         return Candidate(vehicle, seen, standing)
 
@@ -197,16 +199,22 @@ class Dispatching:
         if order is None:
             obstacle = self._driving.obstacle(vehicle)
             free = view.availability.can_take_order
-            return obstacle or ("" if free else view.availability.reason) or self._lacks_map(vehicle, view)
+            return obstacle or ("" if free else view.availability.reason)
         if view.link is not LinkStatus.ONLINE or view.vehicle_state in STANDS_STILL:
             return BUSY
         return self._driving.obstacle_at(vehicle)
 
-    def _lacks_map(self, vehicle: FleetVehicle, view: RobotView) -> str:
-        """Say that a robot cannot drive on the vehicle's own map; others it refuses itself."""
+    def _lacks_map(self, vehicle: FleetVehicle, view: RobotView, standing: Standing) -> str:
+        """Say that a robot cannot drive on the map of the point where it begins; others it refuses itself."""
         if view.state is None or not self._maps_respected:
             return ""
-        return why_not_on(vehicle.profile.map_id, view.state)
+        return why_not_on(self._planner.map_id(standing.point, vehicle), view.state)
+
+    def _carried(self, vehicle: FleetVehicle, view: RobotView) -> Carried | None:
+        """Give the loads that count: not those of a vehicle whose host has planned all that it is to do."""
+        if view.state is None or not self._loads_respected or self.is_bound(vehicle):
+            return None
+        return carried(view.state, view.factsheet)
 
     def _order_of(self, vehicle: FleetVehicle) -> TransportOrder | None:
         number = self._missions.order_number(vehicle.key)

@@ -45,6 +45,10 @@ class MissionPlanner:
             raise NotLocatedError("it has not told its state yet")
         return locate(self._plant, view.state, vehicle.profile)
 
+    def map_id(self, point: str, vehicle: FleetVehicle) -> str:
+        """Give the map on which a vehicle is sent to a point."""
+        return self._plant.point(point).map_id or vehicle.profile.map_id
+
     def action_type(self, operation: str) -> str:
         """Give the VDA 5050 action that an operation stands for; empty for none."""
         return self._operations.action_type(operation)

@@ -21,12 +21,15 @@ log = get_logger(__name__)
 
 Effect = Callable[[], None]
 
+UNTOLD_AT_MOST = 20
+"""Steps after which a vehicle is told though another step that changes it waits."""
+
 
 class Steps:
     """Gathers the changes of one step at a time; steps are never nested.
 
     Of vehicles only the present is told: where several steps that wait for their commit change one, the last
-    of them tells how it stands.
+    of them tells how it stands, or one of them where there is no end of them.
     """
 
     def __init__(
@@ -39,6 +42,8 @@ class Steps:
         self._vehicles: set[str] = set()
         self._untold: Counter[str] = Counter()
         """How many steps that wait for their commit change each vehicle."""
+        self._passed_over: Counter[str] = Counter()
+        """How many committed steps have told nothing of each vehicle, for there were later ones."""
         self._told: dict[str, Essentials] = {}
         self.listeners: list[Listener] = []
         self.closed = ""
@@ -106,9 +111,14 @@ class Steps:
                 listener.vehicle_changed(status)
 
     def _no_longer_untold(self, vehicles: Iterable[str]) -> list[str]:
-        """Give those of a step's vehicles that no later step is to tell of."""
+        """Give those of a step's vehicles that are told now, and not by a later step."""
         self._untold.subtract(vehicles)
-        due = [name for name in vehicles if not self._untold[name]]
+        self._passed_over.update(vehicles)
+        due = [
+            name for name in vehicles if not self._untold[name] or self._passed_over[name] >= UNTOLD_AT_MOST
+        ]
         for name in due:
-            del self._untold[name]
+            del self._passed_over[name]
+            if not self._untold[name]:
+                del self._untold[name]
         return due
