@@ -12,6 +12,7 @@ import httpx
 import pytest
 
 from nena_shared.clock import SystemClock
+from nena_shared.web.event_source import HEARTBEAT
 from nena_shared.web.users import Role, User, hash_of, write_users
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.rest.app import make_app
@@ -118,9 +119,17 @@ async def test_without_its_issuer_it_starts_and_serves_its_own_users(
     assert (await client.get(ORDERS, headers=as_(issuer.token("ann")))).status_code == 200
 
 
+async def test_what_a_person_holds_is_held_in_their_name(service: Start, issuer: OidcIssuer) -> None:
+    client = await service(http=http_of(issuer))
+    await client.post(ORDERS, json=ORDER, headers=as_(issuer.token("ann")))
+    held = await client.post(f"{ORDERS}/TO-1/hold", headers=as_(issuer.token("ann")))
+
+    assert held.json()["held"]["by"] == "ann (subject id-of-ann)"
+
+
 async def test_an_event_stream_ends_with_the_token(service: Start, issuer: OidcIssuer) -> None:
-    """The token has just ended: as clocks may differ it is let in still, but is told nothing that lasts."""
-    client = await service(http=http_of(issuer, leeway=300))
+    """The token has just ended: as clocks may differ it counts for a little while still."""
+    client = await service(http=http_of(issuer, leeway=HEARTBEAT))
     ended = issuer.token("vic", exp=int(time.time()))
     async with client.stream("GET", "/v1/events", headers=as_(ended)) as answer:
         assert answer.status_code == 200

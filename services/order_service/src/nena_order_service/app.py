@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import asyncio
 
-from starlette.types import ASGIApp
-
 from nena_order_service.beginning import has_begun
 from nena_order_service.parts import OrderService, build
 from nena_order_service.plant_file import PlantFile, load_plant
-from nena_order_service.rest.opentcs import app as opentcs
-from nena_order_service.rest.roles import role_needed
+from nena_order_service.rest.door import RestDoor
 from nena_order_service.rest.standby import make_standby_app
 from nena_order_service.rest.starting import make_starting_app
 from nena_order_service.serving import Serving
@@ -23,8 +20,6 @@ from nena_order_service.store.store import Store
 from nena_shared.log import get_logger
 from nena_shared.plant import PlantModel
 from nena_shared.tasks import Supervisor
-from nena_shared.web.access import protect
-from nena_shared.web.server import SHUTDOWN_PATIENCE, HttpServer
 
 log = get_logger(__name__)
 
@@ -51,53 +46,58 @@ async def _serve_alone(settings: OrderServiceSettings, plant: PlantFile, stop: a
     url = settings.store.location()
     lock = InstanceLock.take(url)
     store = Store(open_database(url), lock)
-    http = HttpServer(_guarded(make_starting_app(lambda: store.why_not_ready), settings), settings.http)
-    begun = False
-    answering: asyncio.Task[None] | None = None
+    door = RestDoor(make_starting_app(lambda: store.why_not_ready), settings.http)
     async with Supervisor() as supervisor:
         serving = _serving(settings, plant, store, supervisor)
-        serving.show = lambda app: setattr(http, "app", _guarded(app, settings))
-
-        def answer() -> None:
-            nonlocal answering
-            answering = answering or supervisor.start("http", http.run())
-
-        try:
-            begun = await has_begun(
-                serving.begin(), supervisor, stop, waits=lambda: not store.ready, tell=answer
-            )
-            if begun:
-                serving.show(serving.parts.app)
-                answer()
-                await supervisor.wait(stop)
-        finally:
-            await _end_answering(http, answering, serving if begun else None)
-            if begun:
-                await _shut_down(serving.parts)
+        await _begin_and_serve(serving, store, door, supervisor, stop)
     store.close()
 
 
 async def _serve_shared(settings: OrderServiceSettings, plant: PlantFile, stop: asyncio.Event) -> None:
     lead = Lead(settings.store.location())
-    standby = make_standby_app(lambda: lead.active_url, lambda: lead.problem)
-    http = HttpServer(_guarded(standby, settings), settings.http)
-    serving = None
+    door = RestDoor(make_standby_app(lambda: lead.active_url, lambda: lead.problem), settings.http)
+    store = None
     async with Supervisor() as supervisor:
-        answering = supervisor.start("http", http.run())
+        door.open(supervisor)
         try:
             if await lead.take(stop):
-                own_url = str(settings.public_url or http.url).rstrip("/")
-                serving = await _take_over(settings, plant, lead, supervisor, own_url)
-                serving.show = lambda app: setattr(http, "app", _guarded(app, settings))
-                serving.show(serving.parts.app)
-                await supervisor.wait(stop)
+                store, epoch = await _take_over(settings, lead, supervisor, door.url)
+                serving = _serving(settings, plant, store, supervisor, epoch=epoch)
+                await _begin_and_serve(serving, store, door, supervisor, stop)
         finally:
-            await _end_answering(http, answering, serving)
-            if serving:
-                await _shut_down(serving.parts)
-    if serving:
-        serving.parts.store.close()
+            await door.close()
+    if store:
+        store.close()
     await lead.close()
+
+
+async def _begin_and_serve(
+    serving: Serving[OrderService],
+    store: Store,
+    door: RestDoor,
+    supervisor: Supervisor,
+    stop: asyncio.Event,
+) -> None:
+    """Serve until ``stop``; where the store takes nothing at first, the door says so meanwhile."""
+
+    def tell() -> None:
+        door.show(make_starting_app(lambda: store.why_not_ready))
+        door.open(supervisor)
+
+    begun = False
+    try:
+        begun = await has_begun(serving.begin(), supervisor, stop, waits=lambda: not store.ready, tell=tell)
+        if begun:
+            serving.show = door.show
+            door.show(serving.parts.app)
+            door.open(supervisor)
+            await supervisor.wait(stop)
+    finally:
+        if begun:
+            serving.parts.stream.close()
+        await door.close()
+        if begun:
+            await _shut_down(serving.parts)
 
 
 def _serving(
@@ -115,33 +115,16 @@ def _serving(
     return serving
 
 
-def _guarded(app: ASGIApp, settings: OrderServiceSettings) -> ASGIApp:
-    return opentcs.AccessKey(protect(app, settings.http, role_needed))
-
-
 async def _take_over(
-    settings: OrderServiceSettings, plant: PlantFile, lead: Lead, supervisor: Supervisor, own_url: str
-) -> Serving[OrderService]:
-    """Become the active one: the other one commits nothing any more, and what it has is taken up."""
+    settings: OrderServiceSettings, lead: Lead, supervisor: Supervisor, url: str
+) -> tuple[Store, int]:
+    """Become the active one: the other one commits nothing any more. Gives the store and its epoch."""
+    own_url = str(settings.public_url or url).rstrip("/")
     engine, fence = await lead.raise_fence(settings.store.location(), own_url)
     store = Store(engine, fence=fence)
     supervisor.start("lead", lead.keep(store, engine, fence))
-    serving = _serving(settings, plant, store, supervisor, epoch=fence.epoch)
-    await serving.begin()
-    log.info("active on the shared store", epoch=fence.epoch)
-    return serving
-
-
-async def _end_answering(
-    http: HttpServer, answering: asyncio.Task[None] | None, serving: Serving[OrderService] | None
-) -> None:
-    if serving:
-        serving.parts.stream.close()
-    if answering is None:
-        http.close()
-        return
-    http.stop()
-    await asyncio.wait({answering}, timeout=SHUTDOWN_PATIENCE + 1)
+    log.info("the shared store is taken over", epoch=fence.epoch)
+    return store, fence.epoch
 
 
 async def _shut_down(service: OrderService) -> None:

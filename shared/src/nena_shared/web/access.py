@@ -38,7 +38,7 @@ ISSUER_RETRY = 10
 
 WRONG_TOKENS_PER_SECOND = 0.2
 WRONG_TOKENS_AT_ONCE = 10
-"""How often an address may show a token that nobody has."""
+"""How often an address may show a token that lets nobody in."""
 
 KnownUser = User | OidcUser
 
@@ -110,7 +110,7 @@ class AccessControl:
         role = self.role_needed(scope["method"], scope["path"])
         token = token_of(headers, cookies=self.cookies)
         user = await self._who(token, address) if token and role else None
-        self._check_rate(self._requests, f"user {user.known_as}" if user else address, self.clock.monotonic())
+        self._check_rate(self._requests, f"user {user.known_as}" if user else address)
         if not self._asks or role is None:
             return user
         if user is None:
@@ -142,8 +142,8 @@ class AccessControl:
     async def _who(self, token: str, address: str) -> KnownUser | None:
         user = self._own(token) or await self._of_issuer(token, address)
         if user is None and self._asks:
+            self._count_wrong(address)
             log.warning("a token that nobody has", address=address)
-            self._check_rate(self._wrong_tokens, address, self.clock.monotonic())
         return user
 
     def _own(self, token: str) -> User | None:
@@ -160,14 +160,17 @@ class AccessControl:
         try:
             return await self.oidc.who(token)
         except TokenRefusedError as error:
+            self._count_wrong(address)
             log.warning("a token of the OIDC issuer that does not count", address=address, reason=str(error))
-            self._check_rate(self._wrong_tokens, address, self.clock.monotonic())
             detail = f"The token is not accepted: {error}. Sign in again."
             raise _unknown(detail, "invalid_token") from error
         except NoRoleError as error:
+            self._count_wrong(address)
             log.warning("somebody without a role", address=address, reason=str(error))
             raise Refused(HTTPStatus.FORBIDDEN, str(error)) from error
         except IssuerAwayError as error:
+            self._count_wrong(address)
+            log.warning("a token that cannot be checked", address=address, reason=str(error))
             detail = (
                 "The token cannot be checked, since the OIDC issuer cannot be asked; the service's log says "
                 "why. Tokens of NeNa's own count meanwhile."
@@ -175,8 +178,12 @@ class AccessControl:
             wait = {"retry-after": str(ISSUER_RETRY)}
             raise Refused(HTTPStatus.SERVICE_UNAVAILABLE, detail, **wait) from error
 
-    def _check_rate(self, limit: RateLimit, asker: str, now: float, *, cost: float = 1.0) -> None:
-        if seconds := limit.wait(asker, now, cost=cost):
+    def _count_wrong(self, address: str) -> None:
+        """Count a token that lets nobody in; beyond the limit not even a line of the log comes of it."""
+        self._check_rate(self._wrong_tokens, address)
+
+    def _check_rate(self, limit: RateLimit, asker: str) -> None:
+        if seconds := limit.wait(asker, self.clock.monotonic()):
             detail = f"Too many requests. Ask again in {seconds:.1f} s."
             raise Refused(HTTPStatus.TOO_MANY_REQUESTS, detail, **{"retry-after": str(ceil(seconds))})
 

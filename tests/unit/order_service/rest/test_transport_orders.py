@@ -1,13 +1,19 @@
 from __future__ import annotations
 
 import asyncio
+from datetime import UTC, datetime
 from typing import Any
 
 import httpx
 import pytest
+from starlette.types import Receive, Scope, Send
 
 from nena_order_service.parts import OrderService
+from nena_order_service.rest.bodies import BY_LIMIT
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from nena_shared.web.access import KnownUser
+from nena_shared.web.oidc.person import OidcUser
+from nena_shared.web.users import Role, User, hash_of
 from support.problems import problem
 
 ORDERS = "/v1/transportOrders"
@@ -229,6 +235,35 @@ async def test_a_waiting_order_is_held_and_resumed(client: httpx.AsyncClient) ->
     assert resumed["held"] is None
     codes = [entry["eventCode"] for entry in resumed["history"]]
     assert codes[-3:-1] == ["nena:held", "nena:resumed"]
+
+
+def ann(subject: str) -> OidcUser:
+    return OidcUser("ann", Role.OPERATOR, subject, datetime.max.replace(tzinfo=UTC))
+
+
+@pytest.mark.parametrize(
+    ("user", "by"),
+    [
+        (User(name="ann", role=Role.OPERATOR, token_sha256=hash_of("ann's")), "ann"),
+        (ann("17"), "ann (subject 17)"),
+        (ann("7" * 255), f"ann (subject {'7' * 255})"[:BY_LIMIT]),
+        (None, "somebody"),
+    ],
+)
+async def test_who_asks_is_written_down(service: OrderService, user: KnownUser | None, by: str) -> None:
+    async def door(scope: Scope, receive: Receive, send: Send) -> None:
+        scope["state"] = {"user": user}
+        await service.app(scope, receive, send)
+
+    transport = httpx.ASGITransport(door)
+    async with httpx.AsyncClient(transport=transport, base_url="http://order-service") as client:
+        await client.post(ORDERS, json={**BODY, "name": "T-1"})
+        held = (await client.post(f"{ORDERS}/T-1/hold")).json()
+        resumed = (await client.post(f"{ORDERS}/T-1/resume")).json()
+
+    assert held["held"]["by"] == by
+    told = {entry["eventCode"]: entry["supplements"] for entry in resumed["history"]}
+    assert told["nena:resumed"][0] == by
 
 
 async def test_what_has_ended_is_neither_held_nor_resumed(client: httpx.AsyncClient) -> None:

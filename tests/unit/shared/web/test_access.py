@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import time
 from collections.abc import AsyncIterator, Iterator
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -10,17 +11,20 @@ from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
+from structlog.testing import capture_logs
 
 from nena_shared.clock import ManualClock, SystemClock
 from nena_shared.web.access import COOKIE, WRONG_TOKENS_AT_ONCE, AccessControl, protect, reading_or
 from nena_shared.web.oidc.enabled import access_tokens_of
+from nena_shared.web.oidc.issuer import LOOKS_AT_ONCE
 from nena_shared.web.oidc.settings import OidcSettings
 from nena_shared.web.settings import HttpSettings
 from nena_shared.web.users import Role, User, UserBook, hash_of, write_users
-from support.oidc_issuer import AUDIENCE, DISCOVERY, LIFE, OidcIssuer, oidc_issuer
+from support.oidc_issuer import AUDIENCE, DISCOVERY, LIFE, OidcIssuer, ec_key, oidc_issuer
 
 RULE = reading_or(Role.OPERATOR, everybody=frozenset({"/healthz"}))
 REQUESTS = 30
+LEEWAY = OidcSettings.model_fields["leeway"].default
 
 
 async def who(request: Request) -> Response:
@@ -235,23 +239,65 @@ class LaterClock(SystemClock):
         return super().now() + self.ahead
 
 
-async def test_an_answer_that_lasts_ends_with_its_token(issuer: OidcIssuer) -> None:
-    clock = LaterClock()
+def telling(issuer: OidcIssuer, clock: LaterClock, *seconds: float) -> httpx.AsyncClient:
+    """Give a client of an answer with a part at each of these ``seconds``."""
 
     async def lasting(_: Request) -> Response:
         async def parts() -> AsyncIterator[bytes]:
-            yield b"first "
-            clock.ahead = timedelta(seconds=2)
-            yield b"second "
-            clock.ahead = timedelta(seconds=LIFE)
-            yield b"third"
+            for each in seconds:
+                clock.ahead = timedelta(seconds=each)
+                yield f"{each:g} ".encode()
 
         return StreamingResponse(parts())
 
     settings = HttpSettings(port=0, oidc=OidcSettings(issuer=issuer.address, audience=AUDIENCE))
     app = Starlette(routes=[Route("/events", lasting)])
     access = AccessControl(app, settings, RULE, None, clock, oidc=access_tokens_of(settings))
-    async with httpx.AsyncClient(transport=httpx.ASGITransport(access), base_url="http://door") as client:
+    return httpx.AsyncClient(transport=httpx.ASGITransport(access), base_url="http://door")
+
+
+async def test_an_answer_that_lasts_ends_with_its_token(issuer: OidcIssuer) -> None:
+    async with telling(issuer, LaterClock(), 0, 2, LIFE + LEEWAY) as client:
         answer = await client.get("/events", headers=showing(issuer.token("vic")))
 
-    assert answer.text == "first second "
+    assert answer.text == "0 2 "
+
+
+async def test_a_token_that_counts_by_the_leeway_gets_whole_answers(issuer: OidcIssuer) -> None:
+    over = issuer.token("vic", exp=int(time.time()) - 1)
+    async with telling(issuer, LaterClock(), 0, 2) as client:
+        answer = await client.get("/events", headers=showing(over))
+
+    assert (answer.status_code, answer.text) == (200, "0 2 ")
+
+
+async def test_who_has_no_role_is_not_told_so_without_end(issuer: OidcIssuer) -> None:
+    bob = showing(issuer.token("bob"))
+    with capture_logs() as logged:
+        async with guarded(issuer) as client:
+            for _ in range(WRONG_TOKENS_AT_ONCE):
+                assert (await client.get("/orders", headers=bob)).status_code == 403
+            assert (await client.get("/orders", headers=bob)).status_code == 429
+            assert (await client.get("/orders", headers=showing(issuer.token("vic")))).status_code == 200
+    assert [each["event"] for each in logged].count("somebody without a role") == WRONG_TOKENS_AT_ONCE
+
+
+async def test_tokens_that_cannot_be_checked_are_not_shown_without_end(issuer: OidcIssuer) -> None:
+    issuer.broken[DISCOVERY] = b"gone"
+    with capture_logs() as logged:
+        async with guarded(issuer) as client:
+            for _ in range(WRONG_TOKENS_AT_ONCE):
+                assert (await client.get("/orders", headers=showing(issuer.token()))).status_code == 503
+            assert (await client.get("/orders", headers=showing(issuer.token()))).status_code == 429
+    assert [each["event"] for each in logged].count("a token that cannot be checked") == WRONG_TOKENS_AT_ONCE
+
+
+async def test_a_key_that_may_not_be_looked_up_now_is_no_reason_to_refuse(issuer: OidcIssuer) -> None:
+    async with guarded(issuer) as client:
+        for number in range(LOOKS_AT_ONCE):
+            made_up = issuer.token(key=ec_key(f"made-up-{number}"))
+            assert (await client.get("/orders", headers=showing(made_up))).status_code == 401
+        issuer.keys = [ec_key("next")]
+        answer = await client.get("/orders", headers=showing(issuer.token()))
+
+    assert (answer.status_code, answer.headers["retry-after"]) == (503, "10")

@@ -73,11 +73,14 @@ class WithdrawalRequest(Request):
 SOMEBODY = "somebody"
 """Who asks where nobody says who it is."""
 
+BY_LIMIT = 100
+"""Characters of who asks."""
+
 
 class HoldRequest(Request):
     """Lets a transport order wait until it is resumed."""
 
-    by: Annotated[str, Field(min_length=1, max_length=100)] | None = None
+    by: Annotated[str, Field(min_length=1, max_length=BY_LIMIT)] | None = None
     """Who asks: a person or a program, by name; None: the user whose token comes with the request."""
     reason: Annotated[str, Field(min_length=1, max_length=500)] = "no reason given"
     immediate: bool = True
@@ -87,7 +90,7 @@ class HoldRequest(Request):
 class ResumeRequest(Request):
     """Lets a held transport order go on."""
 
-    by: Annotated[str, Field(min_length=1, max_length=100)] | None = None
+    by: Annotated[str, Field(min_length=1, max_length=BY_LIMIT)] | None = None
     """Who asks: a person or a program, by name; None: the user whose token comes with the request."""
     reason: Annotated[str, Field(min_length=1, max_length=500)] = "no reason given"
 

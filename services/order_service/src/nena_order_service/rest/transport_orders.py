@@ -10,6 +10,7 @@ from fastapi import APIRouter, Header, Query, Request, Response
 from nena_order_service.kernel.host_requests import VEHICLES_EXPLAINED, HostRequests
 from nena_order_service.rest import responses
 from nena_order_service.rest.bodies import (
+    BY_LIMIT,
     SOMEBODY,
     HoldRequest,
     ResumeRequest,
@@ -25,7 +26,7 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderState,
     TransportOrderStatus,
 )
-from nena_shared.web.users import User
+from nena_shared.web.access import KnownUser
 
 IdempotencyKey = Annotated[str | None, Header(alias="Idempotency-Key", min_length=1, max_length=200)]
 
@@ -103,9 +104,9 @@ def _add_holding(router: APIRouter, requests: HostRequests) -> None:
 
 
 def _who(http: Request, by: str | None) -> str:
-    """Name who asks, as far as anybody says."""
-    user = getattr(http.state, "user", None)
-    return by or (user.name if isinstance(user, User) else SOMEBODY)
+    """Name who asks, as far as anybody says; a long subject of an issuer is cut."""
+    user: KnownUser | None = getattr(http.state, "user", None)
+    return by or (user.known_as[:BY_LIMIT] if user else SOMEBODY)
 
 
 def _add_creation(router: APIRouter, requests: HostRequests) -> None:

@@ -6,16 +6,12 @@ from then on. Nothing of it is kept here: the token alone says who comes.
 
 from __future__ import annotations
 
-from datetime import datetime
 from http import HTTPStatus
-from math import floor
 
 from fastapi import APIRouter, Request, Response
 from typing_extensions import TypedDict
 
-from nena_shared.clock import Clock, SystemClock
 from nena_shared.web.access import COOKIE, KnownUser, token_of
-from nena_shared.web.oidc.person import OidcUser
 from nena_status_aggregator.rest.problem import ProblemError
 from nena_status_aggregator.rest.roles import SESSION
 
@@ -46,7 +42,7 @@ def make_router() -> APIRouter:
         if len(token) > TOKEN_LIMIT:
             detail = f"Browsers keep no token of {len(token)} characters, only up to {TOKEN_LIMIT}."
             raise ProblemError(HTTPStatus.BAD_REQUEST, detail)
-        keep(response, token, request.state.user, secure=request.url.scheme == "https")
+        keep(response, token, secure=request.url.scheme == "https")
         return _of(request)
 
     @router.delete("", status_code=HTTPStatus.NO_CONTENT)
@@ -57,22 +53,9 @@ def make_router() -> APIRouter:
     return router
 
 
-def keep(
-    response: Response, token: str, user: KnownUser | None, *, secure: bool, clock: Clock | None = None
-) -> None:
-    """Have the browser keep a token until it is closed, and one of an issuer no longer than it counts."""
-    response.set_cookie(
-        COOKIE,
-        token,
-        max_age=_seconds_left(user.expires, clock or SystemClock()) if isinstance(user, OidcUser) else None,
-        httponly=True,
-        samesite="strict",
-        secure=secure,
-    )
-
-
-def _seconds_left(end: datetime, clock: Clock) -> int:
-    return max(0, floor((end - clock.now()).total_seconds()))
+def keep(response: Response, token: str, *, secure: bool) -> None:
+    """Have the browser keep a token until it is closed; how long the token counts is looked at here."""
+    response.set_cookie(COOKIE, token, httponly=True, samesite="strict", secure=secure)
 
 
 def _of(request: Request) -> Session:

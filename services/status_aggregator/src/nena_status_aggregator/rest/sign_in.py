@@ -79,19 +79,19 @@ def _add_steps(router: APIRouter, sign_in: SignIn, clock: Clock) -> None:
         attempt = Attempt.read(request.cookies.get(COOKIE, ""))
         try:
             done = await sign_in.finish(attempt, request.query_params)
-            answer = _welcomed(sign_in, done, clock, secure=secure)
+            answer = _welcomed(sign_in, done, secure=secure)
         except SignInError as error:
             answer = _failed(sign_in, error)
         answer.delete_cookie(COOKIE, path=path, httponly=True, samesite="lax", secure=secure)
         return answer
 
 
-def _welcomed(sign_in: SignIn, done: SignedIn, clock: Clock, *, secure: bool) -> Response:
+def _welcomed(sign_in: SignIn, done: SignedIn, *, secure: bool) -> Response:
     if len(done.token) > TOKEN_LIMIT:
         message = f"the access token has {len(done.token)} characters: browsers keep {TOKEN_LIMIT}"
         raise SignInError("unfit", f"{message}. Have the issuer put fewer claims into it")
     answer = _sent(sign_in.panel)
-    keep(answer, done.token, done.user, secure=secure, clock=clock)
+    keep(answer, done.token, secure=secure)
     log.info("signed in", user=done.user.known_as, role=done.user.role.name.lower())
     return answer
 

@@ -21,9 +21,9 @@ from nena_shared.web.rate_limit import RateLimit
 log = get_logger(__name__)
 
 FRESH = 3600.0
-"""Seconds after which the issuer is asked anew; a key that it has taken back counts no longer than that."""
+"""Seconds after which the first request has the issuer asked anew, which ends keys that it has taken back."""
 KEPT = 24 * 3600.0
-"""Seconds for which its keys count while it cannot be asked."""
+"""Seconds for which its keys count where it was not, or cannot be, asked anew."""
 LOOKS_PER_SECOND = 0.1
 LOOKS_AT_ONCE = 3
 """How often it is asked at most, whatever keys tokens name."""
@@ -37,10 +37,14 @@ class _Known:
     """Seconds of the monotonic clock."""
 
 
+_Serves = Callable[[_Known], bool]
+"""Tells whether what is known is enough for a request."""
+
+
 class Issuer:
     """Gives the issuer's keys and description.
 
-    One request at a time asks it; others go on with what is known.
+    It is asked once at a time. Nobody waits for that whom what is known serves.
     """
 
     def __init__(self, settings: OidcSettings, clock: Clock | None = None) -> None:
@@ -58,6 +62,7 @@ class Issuer:
         self._looks = RateLimit(LOOKS_PER_SECOND, LOOKS_AT_ONCE)
         self._lock = asyncio.Lock()
         self._known: _Known | None = None
+        self._renewing: asyncio.Task[None] | None = None
 
     async def metadata(self) -> Metadata:
         """Give what it says of itself.
@@ -73,10 +78,10 @@ class Issuer:
 
         Raises:
             TokenRefusedError: the issuer has no such key.
-            IssuerAwayError: it cannot be asked.
+            IssuerAwayError: it cannot be asked, or was asked too often to be asked for this key too.
 
         """
-        known = await self._current(lambda known: known.keys.has(header.kid))
+        known = await self._current(lambda known: known.keys.has(header.kid, header.algorithm))
         key = known.keys.find(header.kid, header.algorithm)
         if key is None and self.problem:
             raise IssuerAwayError(self.problem)
@@ -85,19 +90,40 @@ class Issuer:
             raise TokenRefusedError(message)
         return key
 
-    async def _current(self, serves: Callable[[_Known], bool]) -> _Known:
+    async def _current(self, serves: _Serves) -> _Known:
+        """Give what is known at once where it serves, else what the issuer says now."""
         known = self._known
-        limit = KEPT if self._lock.locked() else FRESH
-        if known and serves(known) and self._is_younger(known, limit):
+        if known and serves(known) and self._is_younger(known, KEPT):
+            if not self._is_younger(known, FRESH):
+                self._begin_to_renew()
             return known
+        answered = await self._renew(serves)
+        known = self._known
+        if known and (answered or serves(known)) and self._is_younger(known, KEPT):
+            return known
+        raise IssuerAwayError(self.problem or "it was asked too often")
+
+    def _begin_to_renew(self) -> None:
+        """Have the issuer asked while requests go on; nothing happens where it is asked already."""
+        if self._renewing is None or self._renewing.done():
+            self._renewing = asyncio.create_task(self._renew_aside(), name="ask the OIDC issuer")
+
+    async def _renew_aside(self) -> None:
+        try:
+            await self._renew(lambda _: True)
+        except Exception:
+            log.exception("the OIDC issuer was not asked; what is known counts for now")
+
+    async def _renew(self, serves: _Serves) -> bool:
+        """Ask the issuer, unless what it has just said serves; False: it was asked too often."""
         async with self._lock:
             known = self._known
-            done = known and serves(known) and self._is_younger(known, FRESH)
-            if not done and not self._looks.wait("", self._clock.monotonic()):
-                await self._look()
-        if self._known is None or not self._is_younger(self._known, KEPT):
-            raise IssuerAwayError(self.problem or "it was asked too often")
-        return self._known
+            if known and serves(known) and self._is_younger(known, FRESH):
+                return True
+            if self._looks.wait("", self._clock.monotonic()):
+                return False
+            await self._look()
+            return True
 
     async def _look(self) -> None:
         try:

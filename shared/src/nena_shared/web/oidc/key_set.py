@@ -39,12 +39,12 @@ class KeySet:
             raise ValueError(message)
         return cls(usable)
 
-    def has(self, kid: str | None) -> bool:
-        """Tell whether a key goes by this id; without an id: whether there is no choice."""
-        return any(each.get("kid") == kid for each in self._keys) if kid else len(self._keys) == 1
+    def has(self, kid: str | None, algorithm: str) -> bool:
+        """Tell whether :meth:`find` gives a key."""
+        return self.find(kid, algorithm) is not None
 
     def find(self, kid: str | None, algorithm: str) -> PyJWK | None:
-        """Give the one key of this id for signatures of this kind."""
+        """Give the one key of this id for signatures of this kind; without an id there must be no choice."""
         if (made := self._made.get((kid, algorithm))) is not None:
             return made
         fitting = [each for each in self._keys if _fits(each, kid, algorithm)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from nena_shared.web.oidc.errors import NoRoleError, TokenRefusedError
@@ -25,7 +25,7 @@ class OidcUser:
     subject: str
     """What the issuer knows them by; never given to somebody else."""
     expires: datetime
-    """When the token ends, and with it whatever was begun by it."""
+    """When the token counts no longer, leeway included, and with it whatever was begun by it."""
 
     @property
     def known_as(self) -> str:
@@ -46,7 +46,7 @@ def user_of(claims: Mapping[str, Any], settings: OidcSettings) -> OidcUser:
         message = "it does not say whose it is (sub)"
         raise TokenRefusedError(message)
     name = _name(claims.get(settings.user_claim)) or subject[:NAME_LIMIT]
-    return OidcUser(name, _role(name, claims, settings), subject, _end(claims))
+    return OidcUser(name, _role(name, claims, settings), subject, _end(claims, settings.leeway))
 
 
 def values_of(claims: Mapping[str, Any], path: str) -> frozenset[str]:
@@ -80,9 +80,9 @@ def _name(claim: object) -> str:
     return claim if isinstance(claim, str) and claim.isprintable() and len(claim) <= NAME_LIMIT else ""
 
 
-def _end(claims: Mapping[str, Any]) -> datetime:
+def _end(claims: Mapping[str, Any], leeway: float) -> datetime:
     try:
-        return datetime.fromtimestamp(int(claims["exp"]), UTC)
+        return datetime.fromtimestamp(int(claims["exp"]), UTC) + timedelta(seconds=leeway)
     except (ValueError, TypeError, OverflowError, OSError) as error:
         message = "its end (exp) is no time"
         raise TokenRefusedError(message) from error

@@ -19,8 +19,8 @@ def without(key: dict[str, Any], *names: str) -> dict[str, Any]:
 def test_a_key_is_found_by_its_id() -> None:
     keys = KeySet.of({"keys": [RSA, EC]})
 
-    assert keys.has("rsa-1")
-    assert not keys.has("rsa-2")
+    assert keys.has("rsa-1", "RS256")
+    assert not keys.has("rsa-2", "RS256")
     found = keys.find("rsa-1", "RS256")
     assert found is not None
     assert found.key_id == "rsa-1"
@@ -39,11 +39,13 @@ def test_a_key_is_for_signatures_of_its_kind_only() -> None:
 
 def test_without_an_id_there_must_be_no_choice() -> None:
     alone = KeySet.of({"keys": [RSA]})
-    assert alone.has(None)
-    assert alone.find(None, "RS256") is not None
+    assert alone.has(None, "RS256")
+    assert not alone.has(None, "ES256")
 
     both = KeySet.of({"keys": [RSA, EC]})
-    assert not both.has(None)
+    assert both.has(None, "RS256")
+    assert both.has(None, "ES256")
+    assert not KeySet.of({"keys": [RSA, RSA]}).has(None, "RS256")
     twins = KeySet.of({"keys": [EC, {**ec_key().public, "kid": EC["kid"]}]})
     assert twins.find("ec-1", "ES256") is None
 
@@ -51,9 +53,9 @@ def test_without_an_id_there_must_be_no_choice() -> None:
 def test_what_is_no_public_key_for_signatures_is_passed_over() -> None:
     keys = KeySet.of({"keys": [SECRET, {**EC, "use": "enc"}, 5, {}, RSA]})
 
-    assert not keys.has("secret")
-    assert not keys.has("ec-1")
-    assert keys.has("rsa-1")
+    assert not keys.has("secret", "RS256")
+    assert not keys.has("ec-1", "ES256")
+    assert keys.has("rsa-1", "RS256")
 
 
 def test_a_damaged_key_is_none() -> None:

@@ -24,7 +24,12 @@ def test_a_user_has_what_the_claims_say() -> None:
     ann = user_of(CLAIMS, settings())
 
     assert (ann.name, ann.role, ann.subject) == ("ann", Role.OPERATOR, "17")
-    assert ann.expires == datetime.fromtimestamp(END, UTC)
+
+
+def test_a_user_is_in_as_long_as_the_token_counts() -> None:
+    ann = user_of(CLAIMS, settings(leeway=20))
+
+    assert ann.expires == datetime.fromtimestamp(END + 20, UTC)
 
 
 @pytest.mark.parametrize(

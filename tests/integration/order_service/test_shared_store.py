@@ -1,0 +1,112 @@
+"""An order service that has the lead, but whose shared store takes nothing of what its beginning writes."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+
+import httpx
+import pytest
+from sqlalchemy import Engine, text
+
+from nena_demo.plants import sample_plant_path
+from nena_order_service.app import serve
+from nena_order_service.plant_file import load_plant
+from nena_order_service.serving import KIND, StoredPlant
+from nena_order_service.store.changes import Changes
+from nena_order_service.store.database import open_database, write
+from nena_order_service.store.leadership import Fence
+from nena_shared.tasks import TaskFailedError
+from support.order_service_fleet import Fleet
+from support.postgres import Postgres
+from support.waiting import PATIENCE, awaited
+
+pytestmark = pytest.mark.broker
+
+FULL = (
+    """CREATE FUNCTION full_disk() RETURNS trigger LANGUAGE plpgsql AS
+    $$ BEGIN RAISE EXCEPTION 'no room is left' USING ERRCODE = 'disk_full'; END $$""",
+    "CREATE TRIGGER full_disk BEFORE INSERT OR UPDATE ON documents EXECUTE FUNCTION full_disk()",
+)
+ROOM = "DROP TRIGGER full_disk ON documents"
+
+
+@pytest.fixture
+def full(fleet: Fleet, postgres: Postgres) -> Engine:
+    """Give a store with a plant model of an older release, which a beginning writes anew and cannot."""
+    fleet.store_url = postgres.url
+    engine = open_database(postgres.url)
+    stored = StoredPlant(replaces="older", model=load_plant(sample_plant_path()).model.to_json())
+    changes = Changes()
+    changes.documents[KIND, ""] = stored.model_dump_json(exclude_defaults=True)
+    write(engine, changes)
+    told(engine, *FULL)
+    return engine
+
+
+def told(engine: Engine, *statements: str) -> None:
+    with engine.begin() as connection:
+        for each in statements:
+            connection.execute(text(each))
+
+
+class Started:
+    """An order service in this process."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        settings = fleet.settings()
+        self.stop = asyncio.Event()
+        self.serving = asyncio.create_task(serve(settings, self.stop))
+        self.client = httpx.AsyncClient(base_url=f"http://127.0.0.1:{settings.http.port}", timeout=PATIENCE)
+
+    async def is_in(self, role: str) -> httpx.Response:
+        async def ready() -> httpx.Response | None:
+            try:
+                return await self.client.get("/readyz")
+            except httpx.TransportError:
+                return None
+
+        found = await awaited(
+            ready, lambda told: told is not None and told.json()["role"] == role, seconds=PATIENCE, what=role
+        )
+        assert found is not None
+        return found
+
+    async def end(self) -> None:
+        async with asyncio.timeout(PATIENCE):
+            await self.serving
+
+
+@pytest.fixture
+async def started(fleet: Fleet, full: Engine) -> AsyncIterator[Started]:
+    made = Started(fleet)
+    yield made
+    made.serving.cancel()
+    await asyncio.gather(made.serving, return_exceptions=True)
+    await made.client.aclose()
+    full.dispose()
+
+
+async def test_it_says_so_and_goes_on_when_there_is_room(started: Started, full: Engine) -> None:
+    ready = await started.is_in("starting")
+    assert (ready.status_code, "no room is left" in ready.text) == (503, True)
+    told(full, ROOM)
+
+    await started.is_in("active")
+    started.stop.set()
+    await started.end()
+
+
+async def test_it_ends_when_it_is_told_to(started: Started) -> None:
+    await started.is_in("starting")
+    started.stop.set()
+
+    await started.end()
+
+
+async def test_it_ends_when_another_one_has_the_store(started: Started, full: Engine) -> None:
+    await started.is_in("starting")
+    Fence.raise_for(full, "http://other:55200")
+
+    with pytest.raises(TaskFailedError):
+        await started.end()
