@@ -9,6 +9,7 @@ from urllib.parse import parse_qsl, urlsplit
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from structlog.testing import capture_logs
 
 from nena_shared.web.oidc.access_tokens import AccessTokens
 from nena_shared.web.oidc.enabled import access_tokens_of
@@ -108,6 +109,7 @@ async def refusal(issuer: OidcIssuer, **settings: Any) -> SignInError:
     [
         ({"nonce": "of another sign-in"}, "nonce"),
         ({"nonce": None}, "nonce"),
+        ({"nonce": "\ud800"}, "nonce"),
         ({"aud": "another-client"}, "somebody else"),
         ({"aud": [CLIENT, "other"], "azp": "other"}, "azp"),
         ({"iss": "https://evil.example"}, "another issuer"),
@@ -173,7 +175,7 @@ async def test_a_code_of_somebody_else_is_of_no_use(issuer: OidcIssuer) -> None:
         await signing.finish(own, {**stolen, "state": own.state})
 
 
-@pytest.mark.parametrize("state", [None, "", "wrong", "ä"])
+@pytest.mark.parametrize("state", [None, "", "wrong", "ä", "\ud800"])
 async def test_a_wrong_state_asks_the_issuer_nothing(issuer: OidcIssuer, state: str | None) -> None:
     came = {"code": "x"} if state is None else {"code": "x", "state": state}
     for attempt in (Attempt.new(), None):
@@ -218,6 +220,16 @@ def test_an_attempt_is_read_as_it_was_made_and_nothing_else_is(text: str) -> Non
     assert Attempt.read(made.text()) == made
     read = Attempt.read(text)
     assert read is None or read.text() == text
+
+
+@pytest.mark.parametrize(("audience", "warnings"), [(AUDIENCE, 0), (CLIENT, 1)])
+def test_an_audience_for_which_id_tokens_count_is_warned_of(
+    issuer: OidcIssuer, audience: str, warnings: int
+) -> None:
+    with capture_logs() as logged:
+        sign_in(issuer, audience=audience)
+
+    assert [each["audience"] for each in logged if each["log_level"] == "warning"] == warnings * [CLIENT]
 
 
 def test_without_a_client_nobody_signs_in_at_the_panel(issuer: OidcIssuer) -> None:

@@ -16,6 +16,7 @@ from http import HTTPStatus
 from typing import TYPE_CHECKING, Literal, Self
 from urllib.parse import quote, urlencode
 
+from nena_shared.log import get_logger
 from nena_shared.web.oidc.errors import IssuerAwayError, NoRoleError, TokenRefusedError
 from nena_shared.web.oidc.metadata import Metadata
 from nena_shared.web.oidc.person import OidcUser
@@ -24,6 +25,8 @@ from nena_status_aggregator.settings import PanelOidcSettings
 
 if TYPE_CHECKING:  # its libraries are an extra
     from nena_shared.web.oidc.access_tokens import AccessTokens
+
+log = get_logger(__name__)
 
 CALLBACK = "api/v1/session/oidc/callback"
 """Where the issuer sends browsers back to, below the panel."""
@@ -129,7 +132,7 @@ class SignIn:
             SignInError: nobody is signed in.
 
         """
-        if attempt is None or not compare_digest(attempt.state.encode(), came.get("state", "").encode()):
+        if attempt is None or not _is_same(came.get("state", ""), attempt.state):
             raise SignInError("expired", "the browser does not bring the state of its sign-in")
         if "code" not in came:
             raise SignInError("refused", f"the issuer says {came.get('error', 'nothing')[:SHOWN]!r}")
@@ -158,7 +161,7 @@ class SignIn:
         if not isinstance(access, str) or not isinstance(identity, str):
             raise SignInError("unfit", "the issuer gives no access_token or no id_token")
         claims = await self._tokens.claims(identity, self._client)
-        if not compare_digest(str(claims.get("nonce")).encode(), attempt.nonce.encode()):
+        if not _is_same(str(claims.get("nonce")), attempt.nonce):
             raise SignInError("unfit", "the ID token is of another sign-in (nonce)")
         if claims.get("azp", self._client) != self._client:
             raise SignInError("unfit", "the ID token was made for another client (azp)")
@@ -192,7 +195,18 @@ def sign_in_of(tokens: AccessTokens | None) -> SignIn | None:
     settings = tokens.issuer.settings if tokens else None
     if tokens is None or not isinstance(settings, PanelOidcSettings) or settings.client_id is None:
         return None
+    if settings.client_id == settings.audience:
+        log.warning(
+            "ID tokens count as access tokens: http.oidc.audience is the panel's client_id; choose another",
+            audience=settings.audience,
+        )
     return SignIn(tokens, settings)
+
+
+def _is_same(shown: str, kept: str) -> bool:
+    """Compare in a time that tells nothing; JSON may hold halves of characters (surrogates)."""
+    one, other = (text.encode("utf-8", "surrogatepass") for text in (shown, kept))
+    return compare_digest(one, other)
 
 
 def _protected(place: str) -> str:

@@ -5,7 +5,7 @@ from sqlalchemy import text
 from sqlalchemy.exc import DBAPIError
 
 from nena_order_service.store.database import open_database
-from nena_order_service.store.engine import is_shared, make_engine, reason_of
+from nena_order_service.store.engine import is_shared, make_engine, reason_of, unusable
 from nena_order_service.store.errors import StoreError
 
 
@@ -39,6 +39,20 @@ def test_store_that_cannot_be_opened_is_one_line_without_secrets(bad: str) -> No
         open_database(bad)
     assert "secret" not in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "reason",
+    [
+        "database or disk is full",
+        "disk I/O error",
+        'could not extend file "base/1": No space left on device',
+    ],
+)
+def test_a_disk_that_takes_nothing_is_looked_at(reason: str) -> None:
+    assert str(unusable(reason)) == (
+        f"store.url cannot be used: {reason}. Look at the room on its disk, and at the disk itself"
+    )
 
 
 def test_any_name_of_postgresql_means_the_one_driver() -> None:

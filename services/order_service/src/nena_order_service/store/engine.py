@@ -13,6 +13,14 @@ from nena_order_service.store.errors import StoreError
 PASSING = (OperationalError, InterfaceError, InternalError)
 """Errors of a database that is away, busy or full; anything else is a fault of the statement."""
 
+SIGNS_OF_NO_ROOM = ("disk is full", "disk I/O error", "No space left on device")
+"""What SQLite and PostgreSQL say of a disk that takes nothing."""
+ROOM = "Look at the room on its disk, and at the disk itself"
+PLACE = (
+    "Name a file that can be written, sqlite:///orders.db, or a database of PostgreSQL, "
+    "postgresql://USER@HOST/DATABASE"
+)
+
 STUCK_SECONDS = 3
 """How long PostgreSQL waits for a program that hangs within a transaction, before it ends the transaction."""
 
@@ -52,11 +60,9 @@ def parse_url(url: str) -> URL:
 
 
 def unusable(reason: str) -> StoreError:
-    """Make the error that says why the store cannot be used."""
-    return StoreError(
-        f"store.url cannot be used: {reason}. Name a file that can be written, sqlite:///orders.db, "
-        "or a database of PostgreSQL, postgresql://USER@HOST/DATABASE"
-    )
+    """Make the error that says why the store cannot be used, and what to do."""
+    advice = ROOM if any(sign in reason for sign in SIGNS_OF_NO_ROOM) else PLACE
+    return StoreError(f"store.url cannot be used: {reason}. {advice}")
 
 
 def is_shared(url: str) -> bool:
