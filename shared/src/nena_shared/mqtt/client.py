@@ -13,6 +13,7 @@ import socket
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+from time import monotonic
 from typing import Any, Self
 
 import aiomqtt
@@ -52,6 +53,8 @@ class Client(aiomqtt.Client):
         """Whether what is published now is written at once, by whom it is published."""
         self._waits_to_write = False
         """Whether the socket did not take all, and the event loop tells when it takes more."""
+        self._reads_on = False
+        """Whether more is read in the next turn of the event loop, whatever the socket says."""
         self._packets = Packets(self._client._sock_recv)  # noqa: SLF001 - paho has no other place for it
         self._client._sock_recv = self._packets.read  # type: ignore[method-assign] # noqa: SLF001 - the same
 
@@ -128,8 +131,7 @@ class Client(aiomqtt.Client):
 
     def _on_socket_open(self, client: PahoClient, userdata: object, sock: Any) -> None:  # noqa: ANN401 - paho's
         super()._on_socket_open(client, userdata, sock)
-        read = partial(self._guarded, self._read)
-        self._loop.call_soon_threadsafe(self._loop.add_reader, sock.fileno(), read)
+        self._loop.call_soon_threadsafe(self._loop.add_reader, sock.fileno(), self._on_readable)
 
     def _on_socket_register_write(self, client: PahoClient, userdata: object, sock: Any) -> None:  # noqa: ANN401 - paho's
         if self._sending:
@@ -145,10 +147,15 @@ class Client(aiomqtt.Client):
             self._waits_to_write = False
             super()._on_socket_unregister_write(client, userdata, sock)
 
+    def _on_readable(self) -> None:
+        if not self._reads_on:
+            self._guarded(self._read)
+
     def _read(self) -> None:
         """Read what has come, some packets for each turn of the event loop."""
-        if not self._packets.ready:
-            self._packets.fill()
+        self._reads_on = False
+        if not self._packets.ready and self._packets.fill():
+            self._client._last_bytes_received = monotonic()  # noqa: SLF001 - else it takes a busy broker for dead
         received = []
         for _ in range(READ_AT_ONCE):
             message = self._packets.take() if self._take else None
@@ -163,7 +170,8 @@ class Client(aiomqtt.Client):
         sock: Any = self._client.socket()
         decrypted = sock is not None and hasattr(sock, "pending") and sock.pending()
         if decrypted or (sock is not None and self._packets.ready):
-            self._loop.call_soon(self._guarded, self._read)  # the socket itself stays quiet
+            self._reads_on = True  # the socket itself may stay quiet
+            self._loop.call_soon(self._guarded, self._read)
 
     def _acknowledge(self, received: list[Published]) -> None:
         """Tell the broker of all at once; paho would call the socket for each."""
@@ -179,13 +187,15 @@ class Client(aiomqtt.Client):
             self._loop.add_writer(sock.fileno(), partial(self._guarded, self._client.loop_write))
 
     def _guarded(self, work: Callable[[], object]) -> None:
-        """Do ``work``; what breaks it has broken the connection."""
+        """Do ``work``; what breaks it breaks the connection: paho would stumble over it again and again."""
         self._at_work = True
         try:
             work()
         except Exception as error:  # noqa: BLE001 - whatever paho or the socket raise
             if not self._disconnected.done():
                 self._disconnected.set_exception(error)
+            self.cut()
+            self._client.disconnect()
         finally:
             self._at_work = False
 

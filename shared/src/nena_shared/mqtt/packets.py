@@ -54,20 +54,24 @@ class Packets:
         """Whether there is a packet, or the end."""
         return self._bounds() is not None or self._ended is not None
 
-    def fill(self) -> None:
-        """Read what has come; to be called where nothing is ready, so that no more than that is kept here."""
+    def fill(self) -> bool:
+        """Read what has come, and tell whether that is anything.
+
+        To be called where nothing is ready, so that no more than that is kept here.
+        """
         try:
             came = self._receive(CHUNK)
         except BlockingIOError:
-            return
+            return False
         except OSError as error:
             self._ended = error
-            return
+            return False
         if not came:
             self._ended = came
         del self._data[: self._at]
         self._at = self._offered = 0
         self._data += came
+        return bool(came)
 
     def take(self) -> Published | None:
         """Take out the next packet, if all of it is here and it is a message."""

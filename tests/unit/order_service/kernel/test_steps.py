@@ -5,6 +5,7 @@ from structlog.testing import capture_logs
 
 from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.kernel.steps import UNTOLD_AT_MOST, Steps
+from nena_order_service.kernel.vehicle_status import Essentials
 from support.order_service import dispatchable_order
 from support.scripted_fleet import MemoryStore
 
@@ -73,6 +74,18 @@ def test_of_steps_that_wait_together_the_last_tells_how_a_vehicle_stands(store: 
     with steps.step():
         steps.vehicle_changed("V1")
     assert asked == ["V2", "V1", "V1"]
+
+
+def test_what_waits_to_be_told_needs_no_look(store: MemoryStore) -> None:
+    steps = Steps(OrderBook(), store, lambda _: None)
+    store.held = True
+    now = Essentials(*(None,) * len(Essentials._fields))  # type: ignore[arg-type] # any will do
+    assert not steps.vehicle_as_told("V1", now)
+    with steps.step():
+        steps.vehicle_changed("V1")
+    assert steps.vehicle_as_told("V1", now)
+    store.release()
+    assert not steps.vehicle_as_told("V1", now)
 
 
 def test_a_vehicle_that_changes_without_end_is_told_now_and_then(store: MemoryStore) -> None:

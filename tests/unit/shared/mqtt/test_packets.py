@@ -56,7 +56,7 @@ def read_all(packets: Packets) -> bytes:
 
 def test_messages_are_taken_out_and_all_else_is_offered() -> None:
     packets = wire(publish(b"a/b", b"one") + PINGRESP + publish(b"c", b"two", qos=1, retained=True, mid=300))
-    packets.fill()
+    assert packets.fill()
     assert packets.take() == Published("a/b", b"one", 0, retained=False, mid=0)
     assert packets.take() is None
     assert packets.offer()

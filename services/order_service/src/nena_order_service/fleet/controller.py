@@ -187,8 +187,9 @@ class FleetController:
 
     def _due(self, now: float) -> Iterator[RobotControl]:
         """Give those for whom it makes a difference that time has gone by."""
-        yield from tuple(self._busy.values())
-        yield from (self._robots[robot] for robot in self._silences.passed(now))
+        busy = dict(self._busy)
+        yield from busy.values()
+        yield from (self._robots[robot] for robot in self._silences.passed(now) if robot not in busy)
 
     def _control(self, robot: RobotKey) -> RobotControl:
         known = self._robots.get(robot)

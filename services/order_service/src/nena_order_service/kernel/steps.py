@@ -59,8 +59,8 @@ class Steps:
             self._vehicles.add(name)
 
     def vehicle_as_told(self, name: str, now: Essentials) -> bool:
-        """Whether this is what was told of a vehicle last."""
-        return self._told.get(name) == now
+        """Whether this is what was told of a vehicle last, or what is about to be told."""
+        return name in self._untold or self._told.get(name) == now
 
     def tell_sequence(self, status: OrderSequenceStatus) -> None:
         """Tell of an order sequence, whose change is committed."""

@@ -1,0 +1,118 @@
+"""The client at a broker that does what Mosquitto would not: a few bytes on a socket stand in for it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from time import monotonic
+
+import aiomqtt
+import pytest
+
+from nena_shared.mqtt.client import READ_AT_ONCE, Client
+from nena_shared.mqtt.message import Inbound
+from support.pausing import turn_passes
+from support.waiting import PATIENCE
+
+CONNACK = b"\x20\x02\x00\x00"
+PINGREQ = b"\xc0\x00"
+PINGRESP = b"\xd0\x00"
+
+
+def published(topic: bytes, payload: bytes) -> bytes:
+    """Write a PUBLISH packet with quality of service 0."""
+    content = len(topic).to_bytes(2) + topic + payload
+    assert len(content) < 0x80 * 0x80
+    return bytes([0x30, len(content) & 0x7F | 0x80, len(content) >> 7]) + content
+
+
+@dataclass
+class OddBroker:
+    """Takes one client, answers CONNECT and PINGREQ, and sends what a test gives it."""
+
+    port: int = 0
+    pings: int = 0
+    ended: asyncio.Event = field(default_factory=asyncio.Event)
+    writer: asyncio.StreamWriter | None = None
+
+    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Go on until the client has gone."""
+        self.writer = writer
+        await reader.read(1000)
+        writer.write(CONNACK)
+        while data := await reader.read(1000):
+            if PINGREQ in data:
+                self.pings += 1
+                writer.write(PINGRESP)
+        writer.close()
+        self.ended.set()
+
+    def send(self, data: bytes) -> None:
+        """Send bytes as they are."""
+        assert self.writer
+        self.writer.write(data)
+
+
+@asynccontextmanager
+async def odd_broker() -> AsyncIterator[OddBroker]:
+    broker = OddBroker()
+    server = await asyncio.start_server(broker.serve, "127.0.0.1", 0)
+    broker.port = server.sockets[0].getsockname()[1]
+    async with server:
+        yield broker
+
+
+async def test_a_backlog_leaves_the_event_loop_its_turns() -> None:
+    number = 20 * READ_AT_ONCE
+    taken: list[Inbound] = []
+    turns: list[int] = []
+    async with odd_broker() as broker, Client("127.0.0.1", broker.port, timeout=PATIENCE) as client:
+        handing = asyncio.create_task(client.hand_over(taken.append), name="hand over")
+        await turn_passes()
+        broker.send(published(b"a/b", b"x" * 1400) * number)
+        async with asyncio.timeout(PATIENCE):
+            while len(taken) < number:
+                before = len(taken)
+                await turn_passes()
+                turns.append(len(taken) - before)
+        handing.cancel()
+    assert max(turns) <= 2 * READ_AT_ONCE
+
+
+async def test_a_link_full_of_messages_is_not_taken_for_dead() -> None:
+    number, taken = 2000, 0
+
+    def take(_: Inbound) -> None:
+        nonlocal taken
+        taken += 1
+        busy = monotonic() + 0.002
+        while monotonic() < busy:
+            pass
+
+    async with (
+        odd_broker() as broker,
+        Client("127.0.0.1", broker.port, timeout=PATIENCE, keepalive=1) as client,
+    ):
+        handing = asyncio.create_task(client.hand_over(take), name="hand over")
+        await turn_passes()
+        broker.send(published(b"a/b", b"x" * 1400) * number)
+        async with asyncio.timeout(PATIENCE):
+            while taken < number and not handing.done():
+                await turn_passes()
+        assert taken == number, "four times keep_alive have passed"
+        handing.cancel()
+
+
+async def test_a_message_that_cannot_be_read_ends_the_connection_for_good() -> None:
+    async with odd_broker() as broker:
+        client = Client("127.0.0.1", broker.port, timeout=PATIENCE)
+        await client.__aenter__()
+        handing = asyncio.create_task(client.hand_over(lambda _: None), name="hand over")
+        await turn_passes()
+        broker.send(published(b"a/\xff", b"{}"))
+        with pytest.raises(aiomqtt.MqttError):
+            await asyncio.wait_for(handing, PATIENCE)
+        await asyncio.wait_for(broker.ended.wait(), PATIENCE)
+        assert client._client.socket() is None
