@@ -26,17 +26,17 @@ pytestmark = pytest.mark.broker
 FULL = (
     """CREATE FUNCTION full_disk() RETURNS trigger LANGUAGE plpgsql AS
     $$ BEGIN RAISE EXCEPTION 'no room is left' USING ERRCODE = 'disk_full'; END $$""",
-    "CREATE TRIGGER full_disk BEFORE INSERT OR UPDATE ON documents EXECUTE FUNCTION full_disk()",
+    "CREATE TRIGGER full_disk BEFORE INSERT OR UPDATE OR DELETE ON documents EXECUTE FUNCTION full_disk()",
 )
 ROOM = "DROP TRIGGER full_disk ON documents"
 
 
 @pytest.fixture
 def full(fleet: Fleet, postgres: Postgres) -> Engine:
-    """Give a store with a plant model of an older release, which a beginning writes anew and cannot."""
+    """Give a store with a plant model for another file, which a beginning takes out and cannot."""
     fleet.store_url = postgres.url
     engine = open_database(postgres.url)
-    stored = StoredPlant(replaces="older", model=load_plant(sample_plant_path()).model.to_json())
+    stored = StoredPlant(file="another", model=load_plant(sample_plant_path()).model.to_json())
     changes = Changes()
     changes.documents[KIND, ""] = stored.model_dump_json(exclude_defaults=True)
     write(engine, changes)
