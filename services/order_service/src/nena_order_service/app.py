@@ -84,11 +84,11 @@ async def _begin_and_serve(
         door.show(make_starting_app(lambda: store.why_not_ready))
         door.open(supervisor)
 
+    serving.show = door.show
     begun = False
     try:
         begun = await has_begun(serving.begin(), supervisor, stop, waits=lambda: not store.ready, tell=tell)
         if begun:
-            serving.show = door.show
             door.show(serving.parts.app)
             door.open(supervisor)
             await supervisor.wait(stop)
