@@ -229,6 +229,31 @@ async def test_orders_of_one_kind_are_not_made_all_the_time() -> None:
     assert len(made(kernel, "Park")) == 1
 
 
+async def test_who_parks_again_and_again_does_so_ever_more_seldom_until_a_host_has_work_for_it() -> None:
+    kernel, fleet = await make({"V1": "A"})
+    later(kernel, 1)
+    waited = []
+    for _ in range(9):
+        fleet.finish("V1")
+        fleet.appear("V1", "B")
+        parkings, since = len(fleet.sent), kernel.clock.monotonic()
+        while len(fleet.sent) == parkings:
+            later(kernel, 1)
+        waited.append(kernel.clock.monotonic() - since)
+    assert waited == [10, 20, 40, 80, 160, 320, 600, 600, 600]
+
+    fleet.finish("V1")
+    kernel.create(request("B"), "of a host")
+    later(kernel, 1)
+    fleet.finish("V1")
+    later(kernel, 600)
+    fleet.finish("V1")
+    fleet.appear("V1", "B")
+    parkings = len(fleet.sent)
+    later(kernel, 10)
+    assert len(fleet.sent) == parkings + 1
+
+
 async def test_each_vehicle_has_a_reason_for_an_order() -> None:
     kernel, _ = await make({"V1": "A"}, charge=20, parking={"enabled": False})
     order = kernel.create(request("C"), "T")

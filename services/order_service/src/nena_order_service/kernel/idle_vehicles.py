@@ -14,7 +14,7 @@ from nena_order_service.kernel.dispatching import Candidate, Dispatching
 from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
-from nena_order_service.orders.automatic import park_request, recharge_request
+from nena_order_service.orders.automatic import PARK_TYPE, park_request, recharge_request
 from nena_order_service.traffic.desk import TrafficDesk
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
@@ -22,6 +22,12 @@ from nena_shared.plant import PlantModel
 
 PAUSE = 10.0
 """Seconds before a vehicle is sent to do the same once more, so that nobody tries all the time."""
+
+PARKS_AT_LEAST_EACH = 600.0
+"""Seconds to which the pause grows, twice as long each time, of one that parks again and again.
+
+It has to make room for others, and they perhaps for it: somebody who recharges would never come to the end.
+"""
 
 
 @dataclass(slots=True)
@@ -32,6 +38,8 @@ class _Idle:
     """When it was first seen with nothing to do; None: it has something."""
     not_before: dict[str, float] = field(default_factory=dict)
     """When it may be sent again, by the type of the order."""
+    parked: int = 0
+    """How often it was sent to park since it worked for a host."""
     note: str = ""
     """Why it neither recharges nor parks though it should; empty where it need not."""
 
@@ -98,6 +106,8 @@ class IdleVehicles:
             known = self._idle.setdefault(vehicle.name, _Idle())
             if not _has_nothing_to_do(candidate):
                 known.since, known.note = None, ""
+                if self._works_for_a_host(vehicle):
+                    known.parked = 0
                 continue
             if known.since is None:
                 known.since = round_.now
@@ -120,10 +130,22 @@ class IdleVehicles:
         if request is None and not bound and self._is_to_park(candidate, known, round_):
             request = self._parking(candidate, known, round_)
         if request and round_.now >= known.not_before.get(request.type, 0.0):
-            known.not_before[request.type] = round_.now + PAUSE
+            known.not_before[request.type] = round_.now + self._pause(request, known)
             if self._order(request):
                 known.since = None
                 round_.goals.update(self._goals())
+
+    def _works_for_a_host(self, vehicle: FleetVehicle) -> bool:
+        number = self._missions.order_number(vehicle.key)
+        order = None if number is None else self._book.at_hand(number)
+        return order is not None and not order.status.automatic
+
+    def _pause(self, request: TransportOrderRequest, known: _Idle) -> float:
+        """Give the seconds until a vehicle may be sent to do the same again, and count that it parks."""
+        if request.type != PARK_TYPE:
+            return PAUSE
+        known.parked += 1
+        return min(PAUSE * 2.0 ** (known.parked - 1), PARKS_AT_LEAST_EACH)
 
     def _recharging(
         self, candidate: Candidate, known: _Idle, round_: _Round, *, urgent: bool
