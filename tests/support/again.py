@@ -27,7 +27,7 @@ def main(options: Sequence[str]) -> int:
     status = _pytest(*options)
     failed = still = _failed() if status else frozenset[str]()
     for number in range(1, TRIES + 1):
-        if not still or len(failed) > MOST:
+        if not still or len(failed) > MOST or not all(map(_can_be_tried, still)):
             break
         _say(f"== try {number} of {TRIES} once more, alone: {len(still)} that failed above")
         status = _pytest(*ALONE)
@@ -48,6 +48,11 @@ def _pytest(*options: str) -> int:
 def _failed() -> frozenset[str]:
     """Give the tests that have failed and not passed since."""
     return frozenset(json.loads(FAILED.read_text())) if FAILED.exists() else frozenset()
+
+
+def _can_be_tried(failed: str) -> bool:
+    """Tell whether this is a test or a module, and not the name of a worker that has collected others."""
+    return Path(failed.partition("::")[0]).exists()
 
 
 def _enough_covered(options: Sequence[str]) -> int:

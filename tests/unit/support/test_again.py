@@ -28,10 +28,15 @@ def test_shaky(passes_at):
 
 def again(folder: Path, *passes_at: int) -> subprocess.CompletedProcess[str]:
     """Run tests, each of which passes at the try with its number, until no further try is left."""
-    (folder / "test_it.py").write_text(TESTS.format(passes_at=passes_at))
+    return run(folder, TESTS.format(passes_at=passes_at))
+
+
+def run(folder: Path, tests: str, *options: str) -> subprocess.CompletedProcess[str]:
+    """Run tests until none fails, or no further try is left."""
+    (folder / "test_it.py").write_text(tests)
     (folder / "pytest.ini").touch()
     return subprocess.run(
-        [sys.executable, "-m", "support.again", "-q"],
+        [sys.executable, "-m", "support.again", "-q", *options],
         cwd=folder,
         env={
             **os.environ,
@@ -68,3 +73,15 @@ def test_where_nearly_everything_fails_nothing_is_tried_again(tmp_path: Path) ->
 
     assert done.returncode == 1
     assert len((tmp_path / "tries-100").read_text()) == 1
+
+
+def test_workers_that_have_collected_other_tests_are_no_reason_to_run_all_again(tmp_path: Path) -> None:
+    tests = (
+        "import os\nimport pytest\n\n@pytest.mark.parametrize('pid', [os.getpid()])\ndef test_it(pid): pass\n"
+    )
+
+    done = run(tmp_path, tests, "-p", "xdist.plugin", "-n", "2")
+
+    assert "Different tests were collected" in done.stdout
+    assert "== try" not in done.stdout
+    assert done.returncode != 0

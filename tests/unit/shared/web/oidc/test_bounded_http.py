@@ -26,7 +26,7 @@ async def test_it_gives_the_object_that_is_there(issuer: OidcIssuer, settings: O
         (b"[]", "no object"),
         (b"[" * 100_000, "no JSON"),
         (b"\xff", "no JSON"),
-        (gzip.compress(b"{}"), "no JSON"),
+        (gzip.compress(b"{}", mtime=0), "no JSON"),
         (b" " * (ANSWER_LIMIT + 1), "more than"),
     ],
 )
