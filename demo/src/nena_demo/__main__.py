@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import contextlib
 import shutil
 import sys
 import tempfile
@@ -23,6 +22,8 @@ from nena_shared.settings import LogSettings
 from nena_shared.tasks import stop_on_signals
 
 EXIT_STOPPED = 130
+STOP_PATIENCE = 20.0
+"""Seconds that an orderly end may take."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -52,11 +53,21 @@ async def _until_stopped(arguments: argparse.Namespace, folder: Path, teller: Te
     stopping.cancel()
     if not work.done():
         teller.say("stopping everything")
-        work.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await work
+        await _ended(work)
         return EXIT_STOPPED
     return work.result()
+
+
+async def _ended(work: asyncio.Task[int]) -> None:
+    """Cancel the demo, again where that was lost on its way through the libraries, until it has ended.
+
+    Raises what has broken it meanwhile.
+    """
+    while not work.done():
+        work.cancel()
+        await asyncio.wait({work}, timeout=STOP_PATIENCE)
+    if not work.cancelled():
+        work.result()
 
 
 async def _work(arguments: argparse.Namespace, folder: Path, teller: Teller) -> int:

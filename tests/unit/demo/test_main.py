@@ -1,0 +1,41 @@
+"""What a signal to the demo means."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import os
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+
+from nena_demo import __main__ as demo
+from nena_demo.teller import Teller
+from support.waiting import PATIENCE
+
+
+async def test_a_stop_that_is_lost_on_its_way_is_said_again(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stops = 0
+
+    async def deaf(*arguments: object) -> int:
+        nonlocal stops
+        assert arguments
+        for _ in range(2):
+            os.kill(os.getpid(), signal.SIGINT)
+            try:
+                await asyncio.Event().wait()
+            except asyncio.CancelledError:
+                stops += 1
+        return 0
+
+    monkeypatch.setattr(demo, "_work", deaf)
+    monkeypatch.setattr(demo, "STOP_PATIENCE", 0.1)
+    async with asyncio.timeout(PATIENCE):
+        status = await demo._until_stopped(argparse.Namespace(), tmp_path, Teller(sys.stdout))
+
+    assert (status, stops) == (demo.EXIT_STOPPED, 2)
+    assert capsys.readouterr().out.count("stopping everything") == 1
