@@ -90,6 +90,10 @@ def order_of(number: int, robots: int) -> dict[str, Any]:
     }
 
 
+WELL = {"IDLE", "EXECUTING"}
+"""States of robots that are there, without an order and with one."""
+
+
 @dataclass(frozen=True, slots=True)
 class Hall:
     """A broker and an order service over lanes."""
@@ -101,11 +105,11 @@ class Hall:
     robots: int
 
     def wait_for_robots(self) -> None:
-        """Wait until every robot could take an order."""
+        """Wait until every robot could take an order, or has one that was stored."""
 
         def all_there() -> bool:
             vehicles = httpx.get(f"{self.url}/v1/vehicles", timeout=READY_SECONDS).json()["vehicles"]
-            there = sum(each["state"] == "IDLE" and each["currentPosition"] is not None for each in vehicles)
+            there = sum(each["state"] in WELL and each["currentPosition"] is not None for each in vehicles)
             return bool(there == self.robots)
 
         wait_until(all_there, timeout=READY_SECONDS, what="every robot is there", every=LOOK_EVERY)
