@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
-from typing import Final
+from typing import Final, NoReturn
 
+import typer
 from pydantic import BaseModel
 from rich.console import Console
 from rich.table import Table
@@ -18,6 +19,12 @@ WRONG: Final = 2
 def say(text: str, style: str | None = None) -> None:
     """Tell people something, on standard error."""
     Console(stderr=True, soft_wrap=True).print(text, markup=False, highlight=False, style=style)
+
+
+def give_up(why: object, status: int = WRONG) -> NoReturn:
+    """End the command, and tell people in one clear line why its work is not done."""
+    say(f"nena: {why}", style="red")
+    raise typer.Exit(status)
 
 
 def put_json(body: BaseModel) -> None:

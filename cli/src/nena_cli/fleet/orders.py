@@ -18,7 +18,7 @@ from nena_cli.fleet.measures import parse_measure
 from nena_cli.fleet.service import Service, of_service
 from nena_cli.fleet.stops import parse_property, parse_stop
 from nena_cli.fleet.watch import Board, watch
-from nena_cli.shell import REFUSED, say
+from nena_cli.shell import REFUSED, give_up
 from nena_shared.fleet_api.delivery import DeliveryStatus
 from nena_shared.fleet_api.transport_order import (
     DependencyFailure,
@@ -225,8 +225,7 @@ def _watch_one(service: Service, connection: Connection, name: str) -> None:
         order = next(each for each in changes if each.state.final)
         changes.close()
     if order.state is not TransportOrderState.FINISHED:
-        say(f"nena: {order.name} is {order.state}: {order.reason}", style="red")
-        raise typer.Exit(REFUSED)
+        give_up(f"{order.name} is {order.state}: {order.reason}", REFUSED)
 
 
 def _orders(

@@ -15,7 +15,7 @@ from pydantic import BaseModel
 from rich.table import Table
 
 from nena_cli.fleet.connection import Connection, NotReachedError, RefusedError
-from nena_cli.shell import REFUSED, WRONG, put_json, say, show
+from nena_cli.shell import REFUSED, give_up, put_json, show
 
 M = TypeVar("M", bound=BaseModel)
 P = ParamSpec("P")
@@ -58,11 +58,9 @@ class Service:
             finally:
                 connection.close()
         except RefusedError as error:
-            say(f"nena: {error}", style="red")
-            raise typer.Exit(REFUSED) from error
+            give_up(error, REFUSED)
         except (NotReachedError, OSError) as error:
-            say(f"nena: no order service is reached\n{error}", style="red")
-            raise typer.Exit(WRONG) from error
+            give_up(f"no order service is reached\n{error}")
         except KeyboardInterrupt as error:
             raise typer.Exit(0) from error
 

@@ -11,7 +11,7 @@ from pydantic_core import from_json
 
 from nena_cli.fleet import tables
 from nena_cli.fleet.service import Service, of_service
-from nena_cli.shell import WRONG, say
+from nena_cli.shell import give_up
 from nena_shared.fleet_api.zone_set import ZoneSetList, ZoneSetStatus
 
 app = typer.Typer(help="Zone sets of a running order service.", no_args_is_help=True)
@@ -40,8 +40,7 @@ def put(
     try:
         body = from_json(file.read_bytes())
     except (OSError, ValueError) as error:
-        say(f"nena: {file}: {error}", style="red")
-        raise typer.Exit(WRONG) from error
+        give_up(f"{file}: {error}")
     with service.connected() as connection:
         _put(service, connection.post(ZoneSetStatus, ZONE_SETS, body))
 

@@ -15,7 +15,7 @@ from rich.console import Console
 from nena_cli.fleet.service import Service, of_service
 from nena_cli.plant import plant_file, show
 from nena_cli.plant.plant_file import Finding, LifChoices, PlantFile
-from nena_cli.shell import WRONG, put_json, say
+from nena_cli.shell import give_up, put_json, say
 from nena_shared.fleet_api.plant_model import PlantModelChange
 from nena_shared.plant import PlantModel, PlantModelError
 from nena_shared.plant.files import PlantFormat
@@ -152,8 +152,6 @@ def _faults_told() -> Iterator[None]:
     try:
         yield
     except FileExistsError as error:
-        say(f"nena: {error.filename} is there already; --replace writes over it", style="red")
-        raise typer.Exit(WRONG) from error
+        give_up(f"{error.filename} is there already; --replace writes over it")
     except (OSError, PlantModelError) as error:
-        say(f"nena: {error}", style="red")
-        raise typer.Exit(WRONG) from error
+        give_up(error)

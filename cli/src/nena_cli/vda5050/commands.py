@@ -15,7 +15,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from nena_cli.shell import WRONG, say
+from nena_cli.shell import give_up, say
 from nena_cli.vda5050 import broker
 from nena_cli.vda5050.checker import Checker
 from nena_cli.vda5050.finding import Finding, Severity
@@ -240,5 +240,4 @@ def _faults_told() -> Iterator[None]:
     try:
         yield
     except (RecordingError, broker.BrokerError, ConfigurationError, TaskFailedError, OSError) as error:
-        say(f"nena: {error}", style="red")
-        raise typer.Exit(WRONG) from error
+        give_up(error)
