@@ -38,6 +38,7 @@ from nena_order_service.store.database import Unfinished
 from nena_order_service.store.store import Store
 from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.failure_policy import FailurePolicy
+from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.plant import PlantModel
 from nena_shared.vda5050.action import Action, ActionStatus
@@ -292,6 +293,13 @@ async def make_kernel(
     fleet.kernel = kernel
     await kernel.start(fleet)
     return kernel
+
+
+def status_of(kernel: Kernel, name: str = "T") -> TransportOrderStatus:
+    """Tell how the order of a name stands, which has to be there."""
+    order = kernel.book.visible_named(name)
+    assert order
+    return order.status
 
 
 def _vehicle_state(*, free: bool, busy: bool) -> VehicleState:

@@ -6,12 +6,12 @@ import pytest
 
 from nena_order_service.fleet import FailureKind
 from nena_order_service.kernel import Kernel
-from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from nena_shared.vda5050.action import ActionStatus
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel, status_of
 
 pytestmark = pytest.mark.clause("6.2.3/retryAsked")
 
@@ -37,12 +37,6 @@ async def failing(*steps: dict[str, object]) -> tuple[Kernel, ScriptedFleet]:
     return kernel, fleet
 
 
-def status(kernel: Kernel) -> TransportOrderStatus:
-    order = kernel.book.visible_named("T")
-    assert order
-    return order.status
-
-
 def answers(fleet: ScriptedFleet) -> list[tuple[str, str]]:
     retries = [each for each in fleet.instants if each.action_type in ("retry", "skipRetry")]
     return [(each.action_type, str(each.parameter("actionId"))) for each in retries]
@@ -56,8 +50,8 @@ async def test_an_action_is_tried_again_by_the_robot_itself() -> None:
     fleet.answer_instant("V1", ActionStatus.FINISHED)
     fleet.finish("V1")
 
-    assert (status(kernel).state, len(fleet.sent)) == (S.FINISHED, 1)
-    assert [entry.event_code for entry in status(kernel).history].count("nena:retried") == 1
+    assert (status_of(kernel).state, len(fleet.sent)) == (S.FINISHED, 1)
+    assert [entry.event_code for entry in status_of(kernel).history].count("nena:retried") == 1
 
 
 async def test_when_no_try_is_left_the_action_has_failed() -> None:
@@ -67,8 +61,8 @@ async def test_when_no_try_is_left_the_action_has_failed() -> None:
     assert [kind for kind, _ in answers(fleet)] == ["retry", "skipRetry"]
     fleet.fail("V1", "the action has failed", FailureKind.ACTION)
 
-    assert status(kernel).state is S.FINISHED
-    assert status(kernel).reason.endswith("operations left out: 1")
+    assert status_of(kernel).state is S.FINISHED
+    assert status_of(kernel).reason.endswith("operations left out: 1")
 
 
 async def test_a_pause_before_the_next_try_takes_another_order() -> None:
@@ -87,8 +81,8 @@ async def test_a_robot_that_takes_no_answer_is_told_to_cancel() -> None:
     assert fleet.cancelled == ["V1"]
     fleet.confirm_cancel("V1")
 
-    assert "the action has failed" in status(kernel).reason
-    assert status(kernel).held
+    assert "the action has failed" in status_of(kernel).reason
+    assert status_of(kernel).held
 
 
 async def test_without_a_policy_nothing_is_retriable() -> None:

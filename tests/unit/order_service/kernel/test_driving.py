@@ -10,7 +10,7 @@ from nena_order_service.kernel.mobility import EVASION_PAUSE
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_kernel
+from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_kernel, status_of
 
 pytestmark = pytest.mark.clause("6.1.2/fleet", "6.6.3/fleet")
 
@@ -110,9 +110,7 @@ async def two(store: MemoryStore, fleet: ScriptedFleet, ahead: int = 0) -> Kerne
 
 
 def reason(kernel: Kernel, name: str) -> str:
-    order = kernel.book.visible_named(name)
-    assert order
-    return order.status.reason
+    return status_of(kernel, name).reason
 
 
 async def test_what_one_robot_holds_another_one_waits_for_and_says_so() -> None:
@@ -149,7 +147,7 @@ async def test_a_robot_that_rests_in_the_way_makes_room_without_an_order() -> No
     again.accept("V2")
     assert again.finish("V2")
     assert again.finish("V1")
-    assert restarted.book.visible_named("T-1").state.final  # type: ignore[union-attr] # it is there
+    assert status_of(restarted, "T-1").state.final
 
 
 async def test_an_evasion_that_fails_is_tried_again_later() -> None:
@@ -177,7 +175,7 @@ async def test_a_regular_withdrawal_lets_the_robot_drive_to_the_end_of_its_base(
     assert kernel.desk.journey("V1").all_allocated  # type: ignore[union-attr] # it is there
 
     assert fleet.finish("V1")
-    assert kernel.book.visible_named("T-1").status.reason.startswith("withdrawn")  # type: ignore[union-attr]
+    assert reason(kernel, "T-1").startswith("withdrawn")
 
 
 async def test_what_was_not_sent_is_withdrawn_at_once() -> None:

@@ -8,11 +8,11 @@ import pytest
 
 from nena_order_service.fleet import FailureKind, Mission
 from nena_order_service.kernel import Kernel
-from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel, status_of
 
 S = TransportOrderState
 
@@ -40,14 +40,8 @@ async def make(store: MemoryStore, **places: str) -> tuple[Kernel, ScriptedFleet
     return kernel, fleet
 
 
-def status(kernel: Kernel, name: str = "T") -> TransportOrderStatus:
-    order = kernel.book.visible_named(name)
-    assert order
-    return order.status
-
-
 def codes(kernel: Kernel) -> list[str]:
-    return [entry.event_code.removeprefix("nena:") for entry in status(kernel).history]
+    return [entry.event_code.removeprefix("nena:") for entry in status_of(kernel).history]
 
 
 def sent(fleet: ScriptedFleet) -> list[tuple[str, str]]:
@@ -72,11 +66,11 @@ async def test_a_drive_is_tried_again_and_then_another_way() -> None:
         ["A", "D", "E", "C"],
     ]
     assert codes(kernel)[2:] == ["retried", "replanned"]
-    assert status(kernel).history[-1].supplements == ("wheel lost. FATAL wheel; avoids A --- B, B",)
+    assert status_of(kernel).history[-1].supplements == ("wheel lost. FATAL wheel; avoids A --- B, B",)
 
     fleet.fail("V1")
-    assert status(kernel).state is S.FAILED
-    assert status(kernel).reason == "wheel lost. FATAL wheel (no REPLAN: there is no other way)"
+    assert status_of(kernel).state is S.FAILED
+    assert status_of(kernel).reason == "wheel lost. FATAL wheel (no REPLAN: there is no other way)"
 
 
 async def test_a_pause_before_the_next_try_is_told_and_outlives_a_restart() -> None:
@@ -84,20 +78,20 @@ async def test_a_pause_before_the_next_try_is_told_and_outlives_a_restart() -> N
     kernel, fleet = await make(store)
     kernel.create(request("C", onFailure=[{"do": "RETRY", "after": 60}]), "T")
     fleet.fail("V1")
-    assert "but it is tried again at" in status(kernel).reason
+    assert "but it is tried again at" in status_of(kernel).reason
     now = kernel.clock.now()
 
     again, fleet = await make(store)
     again.clock.advance(59)  # type: ignore[attr-defined] # the clock of make_kernel
     again.look()
     assert fleet.sent == []
-    assert status(again).next_try == now + timedelta(seconds=60)
+    assert status_of(again).next_try == now + timedelta(seconds=60)
 
     again.clock.advance(1)  # type: ignore[attr-defined] # the clock of make_kernel
     again.look()
     assert sent(fleet) == [("V1", "T-0~1")]
     assert fleet.finish("V1")
-    assert status(again).state is S.FINISHED
+    assert status_of(again).state is S.FINISHED
 
 
 async def test_another_vehicle_goes_on_and_the_first_one_never_gets_it_again() -> None:
@@ -106,17 +100,17 @@ async def test_another_vehicle_goes_on_and_the_first_one_never_gets_it_again() -
     fleet.finish("V1")
     fleet.out_of_order.add("V2")
     fleet.fail("V1")
-    assert (status(kernel).state, status(kernel).processing_vehicle) == (S.DISPATCHABLE, None)
+    assert (status_of(kernel).state, status_of(kernel).processing_vehicle) == (S.DISPATCHABLE, None)
     kernel.look()
-    assert status(kernel).state is S.DISPATCHABLE
+    assert status_of(kernel).state is S.DISPATCHABLE
 
     fleet.out_of_order.clear()
     fleet.appear("V2", "H")
     assert sent(fleet)[-1] == ("V2", "T-1")
-    assert status(kernel).current_drive_order_index == 1
+    assert status_of(kernel).current_drive_order_index == 1
     fleet.fail("V2")
-    assert status(kernel).state is S.FAILED
-    assert "no other vehicle" in status(kernel).reason
+    assert status_of(kernel).state is S.FAILED
+    assert "no other vehicle" in status_of(kernel).reason
 
 
 async def test_a_loaded_vehicle_keeps_its_order() -> None:
@@ -127,9 +121,9 @@ async def test_a_loaded_vehicle_keeps_its_order() -> None:
     fleet.finish(loader)
     fleet.fail(loader)
 
-    assert status(kernel).processing_vehicle == loader
-    assert status(kernel).held
-    assert "no other one can go on with it" in status(kernel).reason
+    assert status_of(kernel).processing_vehicle == loader
+    assert status_of(kernel).held
+    assert "no other one can go on with it" in status_of(kernel).reason
 
 
 async def test_a_pick_that_an_earlier_try_has_begun_keeps_the_order_at_its_vehicle() -> None:
@@ -146,8 +140,8 @@ async def test_a_pick_that_an_earlier_try_has_begun_keeps_the_order_at_its_vehic
     fleet.fail_operation(loader)
     fleet.fail(loader)
 
-    assert status(kernel).processing_vehicle == loader
-    assert "no other one can go on with it" in status(kernel).reason
+    assert status_of(kernel).processing_vehicle == loader
+    assert "no other one can go on with it" in status_of(kernel).reason
 
 
 async def test_an_operation_is_left_out_where_the_destination_says_so() -> None:
@@ -162,15 +156,15 @@ async def test_an_operation_is_left_out_where_the_destination_says_so() -> None:
     assert codes(kernel)[-1] == "skipped"
 
     fleet.fail_operation("V1")
-    assert status(kernel).state is S.FAILED
-    assert [each.state for each in status(kernel).drive_orders] == ["FAILED", "FAILED"]
+    assert status_of(kernel).state is S.FAILED
+    assert [each.state for each in status_of(kernel).drive_orders] == ["FAILED", "FAILED"]
 
 
 async def test_the_last_operation_is_left_out_and_the_order_is_done() -> None:
     kernel, fleet = await make(MemoryStore())
     kernel.create(request("L:Wash", onFailure=[{"do": "SKIP"}]), "T")
     fleet.fail_operation("V1")
-    assert (status(kernel).state, fleet.missions) == (S.FINISHED, {})
+    assert (status_of(kernel).state, fleet.missions) == (S.FINISHED, {})
 
 
 async def test_after_a_failure_a_person_lets_it_go_on() -> None:
@@ -178,11 +172,11 @@ async def test_after_a_failure_a_person_lets_it_go_on() -> None:
     kernel, fleet = await make(store)
     order = kernel.create(request("C", onFailure=[{"do": "HOLD"}]), "T")
     fleet.fail("V1", at="B")
-    assert status(kernel).state is S.BEING_PROCESSED
-    assert status(kernel).reason.startswith("held by failure policy since")
+    assert status_of(kernel).state is S.BEING_PROCESSED
+    assert status_of(kernel).reason.startswith("held by failure policy since")
     vehicle = kernel.registry.named("V1")
     assert vehicle
-    assert kernel.status(vehicle).reason == status(kernel).reason
+    assert kernel.status(vehicle).reason == status_of(kernel).reason
 
     again, fleet = await make(store, V1="B", V2="H")
     again.look()
@@ -191,7 +185,7 @@ async def test_after_a_failure_a_person_lets_it_go_on() -> None:
     assert sent(fleet) == [("V1", "T-0~1")]
     assert codes(again)[-2:] == ["adoptedAfterRestart", "resumed"]
     fleet.fail("V1")
-    assert status(again).held
+    assert status_of(again).held
 
 
 async def test_the_setting_counts_where_the_order_says_nothing() -> None:
@@ -201,12 +195,12 @@ async def test_the_setting_counts_where_the_order_says_nothing() -> None:
     kernel = await make_kernel(PLANT, MemoryStore(), fleet, on_failure=policy)
     kernel.create(request("C"), "T")
     fleet.fail("V1")
-    assert status(kernel).held
+    assert status_of(kernel).held
 
     kernel.withdraw(kernel.book.get(1).number, "not wanted")
     kernel.create(request("C", onFailure=[]), "T2")
     fleet.fail("V1")
-    assert status(kernel, "T2").state is S.FAILED
+    assert status_of(kernel, "T2").state is S.FAILED
 
 
 @pytest.mark.parametrize("kind", list(FailureKind))
@@ -218,7 +212,7 @@ async def test_an_order_ends_whatever_fails_and_however_often(kind: FailureKind)
         for robot in tuple(fleet.missions):
             fleet.fail(robot.serial_number, "no", kind)
 
-    assert status(kernel).state.final
+    assert status_of(kernel).state.final
     ids = [(robot, mission.mission_id) for robot, mission in fleet.sent]
     assert len(ids) == len(set(ids))
 
@@ -229,7 +223,7 @@ async def test_a_way_that_is_locked_in_between_is_waited_for() -> None:
     kernel.finder.set_locks({"G --- H": True})
     kernel.plant_changed()
     fleet.finish("V1")
-    assert "waits until a path is unlocked" in status(kernel).reason
+    assert "waits until a path is unlocked" in status_of(kernel).reason
 
     kernel.finder.set_locks({"G --- H": False})
     kernel.plant_changed()

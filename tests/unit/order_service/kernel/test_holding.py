@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from nena_order_service.kernel import Kernel
-from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_kernel
+from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_kernel, status_of
 
 S = TransportOrderState
 
@@ -27,26 +27,20 @@ async def make(store: MemoryStore, ahead: int = 0, **places: str) -> tuple[Kerne
     return kernel, fleet
 
 
-def status(kernel: Kernel, name: str = "T") -> TransportOrderStatus:
-    order = kernel.book.visible_named(name)
-    assert order
-    return order.status
-
-
 async def test_an_order_that_waits_is_given_to_nobody_while_it_is_held() -> None:
     store = MemoryStore()
     kernel, fleet = await make(store)
     order = kernel.create(request("C"), "T")
     kernel.hold(order.number, "Ann", "tea")
     fleet.appear("V1", "A")
-    assert (status(kernel).state, fleet.sent) == (S.DISPATCHABLE, [])
-    assert status(kernel).reason.startswith("held by Ann")
+    assert (status_of(kernel).state, fleet.sent) == (S.DISPATCHABLE, [])
+    assert status_of(kernel).reason.startswith("held by Ann")
 
     again, fleet = await make(store, V1="A")
     again.look()
     assert fleet.sent == []
     again.resume(order.number, "Ann", "go")
-    assert status(again).processing_vehicle == "V1"
+    assert status_of(again).processing_vehicle == "V1"
 
 
 async def test_a_robot_under_way_is_told_to_cancel_and_goes_on_when_the_order_is_resumed() -> None:
@@ -58,15 +52,15 @@ async def test_a_robot_under_way_is_told_to_cancel_and_goes_on_when_the_order_is
     assert fleet.cancelled == ["V1"]
     fleet.at["V1"] = "B"
     fleet.confirm_cancel("V1")
-    assert status(kernel).state is S.BEING_PROCESSED
-    assert status(kernel).reason.startswith("held by Ann since 1970") or "Ann" in status(kernel).reason
+    assert status_of(kernel).state is S.BEING_PROCESSED
+    assert status_of(kernel).reason.startswith("held by Ann since 1970") or "Ann" in status_of(kernel).reason
 
     again, fleet = await make(store, V1="B")
     again.resume(order.number, "Bob", "go")
     ((_, mission),) = fleet.sent
     assert (mission.mission_id, mission.nodes[0].node_id) == ("T-0~1", "B")
     assert fleet.finish("V1")
-    assert status(again).state is S.FINISHED
+    assert status_of(again).state is S.FINISHED
 
 
 async def test_a_restart_between_the_hold_and_the_cancel_cancels_again() -> None:
@@ -91,8 +85,8 @@ async def test_an_operation_that_was_broken_off_is_told_and_not_done_again_by_it
     kernel.resume(order.number, "Ann", "go")
     fleet.confirm_cancel("V1")
     assert len(fleet.sent) == 1
-    assert status(kernel).state is S.FAILED
-    assert "look what is done" in status(kernel).reason
+    assert status_of(kernel).state is S.FAILED
+    assert "look what is done" in status_of(kernel).reason
 
 
 async def test_who_resumes_hears_that_an_operation_was_broken_off() -> None:
@@ -101,7 +95,7 @@ async def test_who_resumes_hears_that_an_operation_was_broken_off() -> None:
     kernel.hold(order.number, "Ann", "tea")
     fleet.operate("V1")
     fleet.confirm_cancel("V1")
-    held = status(kernel).held
+    held = status_of(kernel).held
     assert held
     assert "since then: the vehicle had begun its operation" in held.reason
 
@@ -112,7 +106,7 @@ async def test_a_gentle_hold_ends_where_the_base_does() -> None:
     kernel.hold(order.number, "Ann", "tea", immediate=False)
     assert fleet.finish("V1")
     assert fleet.at["V1"] == "B"
-    assert (status(kernel).held is not None, fleet.cancelled) == (True, [])
+    assert (status_of(kernel).held is not None, fleet.cancelled) == (True, [])
 
     kernel.resume(order.number, "Ann", "go")
     assert fleet.sent[-1][1].mission_id == "T-0~1"
@@ -134,7 +128,7 @@ async def test_an_operation_is_done_to_its_end_and_the_next_destination_waits() 
     assert fleet.cancelled == []
     fleet.finish("V1")
 
-    assert (status(kernel).current_drive_order_index, len(fleet.sent)) == (1, 1)
+    assert (status_of(kernel).current_drive_order_index, len(fleet.sent)) == (1, 1)
     kernel.resume(order.number, "Ann", "go")
     assert fleet.sent[-1][1].mission_id == "T-1"
 
@@ -144,10 +138,10 @@ async def test_what_fails_while_it_is_held_is_said_and_waits() -> None:
     order = kernel.create(request("D"), "T")
     kernel.hold(order.number, "Ann", "tea")
     fleet.fail("V1")
-    assert status(kernel).state is S.BEING_PROCESSED
-    assert status(kernel).reason.endswith("tea; since then: wheel lost. FATAL wheel")
+    assert status_of(kernel).state is S.BEING_PROCESSED
+    assert status_of(kernel).reason.endswith("tea; since then: wheel lost. FATAL wheel")
     kernel.withdraw(order.number, "not wanted")
-    assert status(kernel).reason == "withdrawn, and the vehicle was at nothing for it: not wanted"
+    assert status_of(kernel).reason == "withdrawn, and the vehicle was at nothing for it: not wanted"
 
 
 async def test_a_held_robot_keeps_its_place_and_others_say_why_they_wait() -> None:
@@ -159,7 +153,7 @@ async def test_a_held_robot_keeps_its_place_and_others_say_why_they_wait() -> No
     kernel.look()
 
     assert [robot for robot, _ in fleet.sent] == ["V1"]
-    assert status(kernel, "T2").reason.endswith("but it waits for 'B', where V1 rests")
+    assert status_of(kernel, "T2").reason.endswith("but it waits for 'B', where V1 rests")
     assert not kernel.desk.journey("V1")
 
     kernel.resume(order.number, "Ann", "go")
@@ -186,6 +180,6 @@ async def test_what_is_not_sent_yet_is_not_sent_while_it_is_held() -> None:
 async def test_nothing_is_resumed_that_nobody_holds() -> None:
     kernel, fleet = await make(MemoryStore(), V1="A")
     order = kernel.create(request("D"), "T")
-    version = status(kernel).version
+    version = status_of(kernel).version
     kernel.resume(order.number, "Ann", "go")
-    assert (status(kernel).version, len(fleet.sent)) == (version, 1)
+    assert (status_of(kernel).version, len(fleet.sent)) == (version, 1)

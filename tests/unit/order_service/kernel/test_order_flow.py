@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from nena_order_service.kernel import Kernel
-from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel, status_of
 
 PLANT = PlantModel(
     name="row",
@@ -25,20 +25,14 @@ async def make(store: MemoryStore, **places: str) -> tuple[Kernel, ScriptedFleet
     return kernel, fleet
 
 
-def status(kernel: Kernel, name: str) -> TransportOrderStatus:
-    order = kernel.book.visible_named(name)
-    assert order
-    return order.status
-
-
 async def test_the_next_drive_order_waits_for_traffic_and_says_so() -> None:
     kernel, fleet = await make(MemoryStore(), V1="A", V2="C")
     fleet.out_of_order.add("V2")
     kernel.create(request("B", "C", intendedVehicle="V1"), "T")
     assert fleet.finish("V1")
 
-    assert status(kernel, "T").current_drive_order_index == 1
-    assert status(kernel, "T").reason.endswith("but it waits for 'C', where V2 rests")
+    assert status_of(kernel, "T").current_drive_order_index == 1
+    assert status_of(kernel, "T").reason.endswith("but it waits for 'C', where V2 rests")
     fleet.out_of_order.clear()
     fleet.appear("V2", "P")
     assert [mission.mission_id for _, mission in fleet.sent] == ["T-0", "T-1"]
@@ -50,8 +44,8 @@ async def test_a_robot_that_is_gone_before_its_order_is_sent_is_named() -> None:
     del fleet.at["V1"]
     kernel.look()
 
-    assert status(kernel, "T").reason.endswith("but the robot is offline")
-    assert status(kernel, "T").state is TransportOrderState.BEING_PROCESSED
+    assert status_of(kernel, "T").reason.endswith("but the robot is offline")
+    assert status_of(kernel, "T").state is TransportOrderState.BEING_PROCESSED
 
 
 async def test_an_order_between_two_drive_orders_goes_on_after_a_restart() -> None:
@@ -65,4 +59,4 @@ async def test_an_order_between_two_drive_orders_goes_on_after_a_restart() -> No
 
     assert [mission.mission_id for _, mission in fleet.sent] == ["T-1"]
     assert fleet.finish("V1")
-    assert status(again, "T").state is TransportOrderState.FINISHED
+    assert status_of(again, "T").state is TransportOrderState.FINISHED

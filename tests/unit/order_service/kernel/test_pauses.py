@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from nena_order_service.kernel import Kernel
-from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel, status_of
 
 PLANT = PlantModel(
     name="row",
@@ -27,22 +27,16 @@ async def restarted(**places: str) -> tuple[Kernel, ScriptedFleet]:
     return await make_kernel(PLANT, store, fleet), fleet
 
 
-def status(kernel: Kernel) -> TransportOrderStatus:
-    order = kernel.book.visible_named("T")
-    assert order
-    return order.status
-
-
 async def test_a_robot_whose_first_state_does_not_locate_it_is_waited_for() -> None:
     kernel, fleet = await restarted()
     kernel.look()
-    assert status(kernel).reason.endswith("but the robot is offline")
+    assert status_of(kernel).reason.endswith("but the robot is offline")
 
     fleet.appear("V1", "nowhere")
-    assert status(kernel).state is TransportOrderState.BEING_PROCESSED
-    assert "set its initial pose" in status(kernel).reason
+    assert status_of(kernel).state is TransportOrderState.BEING_PROCESSED
+    assert "set its initial pose" in status_of(kernel).reason
     assert fleet.sent == []
 
     fleet.appear("V1", "A")
     assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
-    assert status(kernel).reason == "vehicle V1 travels to destination 1 of 1"
+    assert status_of(kernel).reason == "vehicle V1 travels to destination 1 of 1"

@@ -10,7 +10,7 @@ from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_kernel
+from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_kernel, status_of
 
 PLANT = PlantModel(
     name="row",
@@ -131,9 +131,7 @@ async def test_an_operator_frees_what_a_lost_robot_holds() -> None:
 
     assert "V1" not in kernel.desk
     assert fleet.cancelled == ["V1"]
-    order = kernel.book.visible_named("T-1")
-    assert order
-    assert "TO_BE_IGNORED" in order.status.reason
+    assert "TO_BE_IGNORED" in status_of(kernel, "T-1").reason
     assert fleet.finish("V2")
     assert kernel.status(vehicle).integration_level is IntegrationLevel.TO_BE_IGNORED
 

@@ -9,11 +9,11 @@ import pytest
 from nena_order_service.kernel import Kernel
 from nena_order_service.kernel.vehicle_book import VehicleRecord
 from nena_shared.fleet_api.order_sequence import OrderSequenceRequest
-from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel, status_of
 
 PLANT = PlantModel(
     name="row",
@@ -31,12 +31,6 @@ def with_vehicles(**robots: str) -> PlantModel:
         Vehicle(name=name, properties={"vda5050:serialNumber": robot}) for robot, name in robots.items()
     )
     return PLANT.model_copy(update={"vehicles": named})
-
-
-def told(kernel: Kernel, name: str) -> TransportOrderStatus:
-    order = kernel.book.visible_named(name)
-    assert order
-    return order.status
 
 
 def held(kernel: Kernel, name: str) -> list[str]:
@@ -83,9 +77,8 @@ async def test_nothing_is_given_before_each_robot_was_heard() -> None:
     fleet.pass_node("V1", 1)
     kernel.create(request("D", intendedVehicle="V1"), "T-2")
     assert fleet.extended == []
-    order = kernel.book.visible_named("T-1")
-    assert order
-    assert order.status.reason.endswith("but it waits after the start until V2 has told its state")
+    reason = status_of(kernel, "T-1").reason
+    assert reason.endswith("but it waits after the start until V2 has told its state")
 
     fleet.mute.clear()
     fleet.appear("V2", "D")
@@ -152,9 +145,7 @@ async def test_a_path_locked_before_each_robot_was_heard_gives_nobody_anything()
 
     assert (fleet.sent, fleet.extended) == ([], [])
     assert held(kernel, "V1") == ["A", "B"]
-    order = kernel.book.visible_named("T-1")
-    assert order
-    assert order.state.value == "BEING_PROCESSED"
+    assert status_of(kernel, "T-1").state is S.BEING_PROCESSED
     fleet.mute.clear()
     for name in ("V1", "V2"):
         fleet.appear(name, fleet.at[name])
@@ -188,7 +179,7 @@ async def test_an_order_stays_with_its_robot_that_is_called_otherwise_since(plan
         fleet.appear(name, at)
     order = kernel.book.named("T-1")
     assert order
-    assert told(kernel, "T-1").processing_vehicle == now_called
+    assert status_of(kernel, "T-1").processing_vehicle == now_called
 
     kernel.hold(order.number, "Ann", "tea")
     assert fleet.cancelled == ["V1"]
@@ -196,8 +187,8 @@ async def test_an_order_stays_with_its_robot_that_is_called_otherwise_since(plan
     kernel.resume(order.number, "Ann", "go")
     assert [robot for robot, _ in fleet.sent] == ["V1"]
     fleet.finish("V1")
-    assert told(kernel, "T-1").state is S.FINISHED
-    assert told(kernel, "T-1").reason == f"done by vehicle {now_called}"
+    assert status_of(kernel, "T-1").state is S.FINISHED
+    assert status_of(kernel, "T-1").reason == f"done by vehicle {now_called}"
 
 
 async def test_an_order_of_a_robot_that_is_no_vehicle_any_more_is_held_and_ends() -> None:
@@ -211,8 +202,8 @@ async def test_an_order_of_a_robot_that_is_no_vehicle_any_more_is_held_and_ends(
     kernel.hold(order.number, "Ann", "tea")
     assert fleet.cancelled == ["V1"]
     fleet.confirm_cancel("V1")
-    assert told(kernel, "T-1").state is S.FAILED
-    assert told(kernel, "T-1").reason == "there is no vehicle 'V1' any more"
+    assert status_of(kernel, "T-1").state is S.FAILED
+    assert status_of(kernel, "T-1").reason == "there is no vehicle 'V1' any more"
 
 
 async def test_an_order_of_which_nothing_was_sent_is_not_done_by_a_robot_that_works_on_another() -> None:
@@ -231,9 +222,10 @@ async def test_an_order_of_which_nothing_was_sent_is_not_done_by_a_robot_that_wo
 
     again = await make_kernel(with_vehicles(V2="V1"), store, ScriptedFleet({"V2": "E"}))
 
-    assert told(again, "T-1").state is S.FAILED
-    assert "'V1' is another robot now" in told(again, "T-1").reason
-    assert (told(again, "T-2").state, told(again, "T-2").processing_vehicle) == (S.BEING_PROCESSED, "V1")
+    assert status_of(again, "T-1").state is S.FAILED
+    assert "'V1' is another robot now" in status_of(again, "T-1").reason
+    other = status_of(again, "T-2")
+    assert (other.state, other.processing_vehicle) == (S.BEING_PROCESSED, "V1")
 
 
 @pytest.mark.parametrize(
@@ -265,7 +257,7 @@ async def test_a_held_order_goes_on_with_the_robot_that_began_it(plant: PlantMod
         after.appear(name, at)
     again.resume(order.number, "Ann", "go")
 
-    assert told(again, "T-1").processing_vehicle == plant.vehicles[0].name
+    assert status_of(again, "T-1").processing_vehicle == plant.vehicles[0].name
     assert [sent for sent, _ in after.sent] == [robot]
 
 
@@ -294,8 +286,8 @@ async def test_a_sequence_stays_with_its_robot_that_is_called_otherwise_since(pl
     assert [robot for robot, _ in after.sent] == [first]
     sequence = again.sequence_book.visible("S")
     assert sequence
-    assert sequence.status.processing_vehicle == told(again, "S-2").processing_vehicle
-    assert told(again, "S-2").state is S.BEING_PROCESSED
+    assert sequence.status.processing_vehicle == status_of(again, "S-2").processing_vehicle
+    assert status_of(again, "S-2").state is S.BEING_PROCESSED
 
 
 async def test_what_depends_on_an_order_that_is_lost_fails_with_it() -> None:
@@ -307,5 +299,5 @@ async def test_what_depends_on_an_order_that_is_lost_fails_with_it() -> None:
 
     again = await make_kernel(PLANT, store, ScriptedFleet({}))
 
-    assert told(again, "T-1").reason == "what had been sent to the vehicle cannot be read"
-    assert told(again, "T-2").state is S.FAILED
+    assert status_of(again, "T-1").reason == "what had been sent to the vehicle cannot be read"
+    assert status_of(again, "T-2").state is S.FAILED
