@@ -7,7 +7,7 @@ from contextlib import suppress
 from itertools import count
 from typing import Any
 
-from playwright.async_api import CDPSession, Page
+from playwright.async_api import Page
 
 from bench.browser import chromium
 from bench.figures import Figures
@@ -17,6 +17,7 @@ from bench.wire import Wire
 from nena_demo.plants import sample_plant_path
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.plant.opentcs_xml import read
+from support.frames import busy_clock, busy_seconds, frames_per_second
 from support.waiting import awaited
 
 ROBOTS = 200
@@ -27,21 +28,6 @@ LOOK_EVERY = 0.1
 """Seconds."""
 
 _ROBOTS_SHOWN = "(wanted) => document.querySelector('nena-fleet-map').store?.robots.size >= wanted"
-_FRAMES = """({ seconds, move }) => new Promise((done) => {
-  const map = document.querySelector("nena-fleet-map");
-  const begin = performance.now();
-  let frames = 0;
-  const next = (now) => {
-    if (now - begin > seconds * 1000) return done(frames / seconds);
-    frames += 1;
-    if (move) {
-      map.view.pan(frames % 2 ? 1 : -1, 0);
-      map.follow(false);
-    }
-    requestAnimationFrame(next);
-  };
-  requestAnimationFrame(next);
-})"""
 
 
 async def measure(port: int, url: str, seconds: float) -> dict[str, Any]:
@@ -64,11 +50,10 @@ async def measure(port: int, url: str, seconds: float) -> dict[str, Any]:
             what="all robots on the panel",
             every=LOOK_EVERY,
         )
-        session = await page.context.new_cdp_session(page)
-        await session.send("Performance.enable", {"timeDomain": "threadTicks"})
-        before = await _busy_seconds(session)
+        clock = await busy_clock(page)
+        before = await busy_seconds(clock)
         moved = await _frames(page, seconds, move=True)
-        busy = await _busy_seconds(session) - before
+        busy = await busy_seconds(clock) - before
         figures: Figures = {
             "moved": moved,
             "moved_per_busy_second": round(moved * seconds / busy, 1),
@@ -84,14 +69,8 @@ async def measure(port: int, url: str, seconds: float) -> dict[str, Any]:
 
 async def _frames(page: Page, seconds: float, *, move: bool) -> float:
     """Give the median of some runs."""
-    runs = [await page.evaluate(_FRAMES, {"seconds": seconds / RUNS, "move": move}) for _ in range(RUNS)]
-    return round(float(sorted(runs)[RUNS // 2]), 1)
-
-
-async def _busy_seconds(session: CDPSession) -> float:
-    """Give the processor time that the page's main thread has used."""
-    metrics = (await session.send("Performance.getMetrics"))["metrics"]
-    return float(next(each["value"] for each in metrics if each["name"] == "TaskDuration"))
+    runs = [await frames_per_second(page, seconds / RUNS, move=move) for _ in range(RUNS)]
+    return round(sorted(runs)[RUNS // 2], 1)
 
 
 async def _send(wire: Wire) -> None:

@@ -8,12 +8,13 @@ from itertools import count
 from math import pi, sin
 
 import pytest
-from playwright.async_api import Browser, CDPSession, Page, expect
+from playwright.async_api import Browser, Page, expect
 
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.topics import RobotKey, Topic
 from support.fleet_examples import ROBOT, connection, factsheet, position, state, way
+from support.frames import busy_clock, busy_seconds, frames_per_second
 from support.panel import Hall, becomes, opened, picture, seconds_now
 from support.pausing import time_passes
 
@@ -37,21 +38,6 @@ COLOUR_NEAR = """([x, y, colour]) => {
   return count;
 }"""
 """How many pixels about a place of the plane have a colour of the style sheet."""
-
-FRAMES = """(seconds) => new Promise((done) => {
-  const map = document.querySelector("nena-fleet-map");
-  const begin = performance.now();
-  let frames = 0;
-  const next = (now) => {
-    if (now - begin > seconds * 1000) return done(frames / seconds);
-    frames += 1;
-    map.view.pan(frames % 2 ? 1 : -1, 0);
-    map.follow(false);
-    requestAnimationFrame(next);
-  };
-  requestAnimationFrame(next);
-})"""
-"""Frames per second while the map is being moved, so that nothing of it can be kept from the frame before."""
 
 
 def busy_robot(hall: Hall) -> None:
@@ -175,12 +161,6 @@ def remainder(angle: float) -> float:
     return (angle + pi) % (2 * pi) - pi
 
 
-async def busy_seconds(session: CDPSession) -> float:
-    """Give the processor time that the page's main thread has used."""
-    metrics = (await session.send("Performance.getMetrics"))["metrics"]
-    return float(next(each["value"] for each in metrics if each["name"] == "TaskDuration"))
-
-
 async def test_two_hundred_robots_at_two_hertz_are_drawn_smoothly(hall: Hall, browser: Browser) -> None:
     """Counted per second of the page's own processor time, so that others on the machine change nothing."""
     with hall.aggregator() as aggregator:
@@ -191,13 +171,12 @@ async def test_two_hundred_robots_at_two_hertz_are_drawn_smoothly(hall: Hall, br
         sending = asyncio.create_task(many_robots(hall), name="many robots")
         async with opened(browser, hall.url) as page:
             await expect(page.locator("tr[data-robot]")).to_have_count(ROBOTS)
-            session = await page.context.new_cdp_session(page)
-            await session.send("Performance.enable", {"timeDomain": "threadTicks"})
+            clock = await busy_clock(page)
             rates = []
             for _ in range(3):
-                before = await busy_seconds(session)
-                frames = SECONDS * await page.evaluate(FRAMES, SECONDS)
-                rates.append(frames / (await busy_seconds(session) - before))
+                before = await busy_seconds(clock)
+                frames = SECONDS * await frames_per_second(page, SECONDS, move=True)
+                rates.append(frames / (await busy_seconds(clock) - before))
             assert max(rates) >= FRAMES_WANTED, f"frames per second in three runs: {rates}"
         sending.cancel()
         with suppress(asyncio.CancelledError):
