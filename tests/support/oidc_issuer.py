@@ -104,6 +104,14 @@ class OidcIssuer:
     """What was asked for, by codes that have not been used."""
     closing: Event = field(default_factory=Event)
 
+    def register(self, panel: str) -> None:
+        """Know the panel at this address, and no other client."""
+        self.redirect_uri = f"{panel}api/v1/session/oidc/callback"
+
+    def settings_of(self, panel: str) -> dict[str, str]:
+        """Give the settings ``http.oidc`` of the aggregator of this panel."""
+        return {"issuer": self.address, "audience": AUDIENCE, "client_id": CLIENT, "panel_url": panel}
+
     def token(self, name: str = "ann", key: SigningKey | None = None, **claims: Any) -> str:
         """Make an access token; a claim that is None is left out."""
         now = int(time.time())

@@ -16,7 +16,7 @@ from nena_shared.vda5050.topics import Topic
 from nena_shared.web.access import COOKIE
 from support.broker import free_port
 from support.fleet_examples import connection, position, state
-from support.oidc_issuer import AUDIENCE, CLIENT, DISCOVERY, OidcIssuer, oidc_issuer
+from support.oidc_issuer import DISCOVERY, OidcIssuer, oidc_issuer
 from support.panel import Hall, findings, opened, picture, seconds_now
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker]
@@ -28,14 +28,14 @@ BUTTON = "Sign in with your organisation's account"
 @pytest.fixture
 def issuer(hall: Hall) -> Iterator[OidcIssuer]:
     with oidc_issuer() as made:
-        made.redirect_uri = f"{hall.url}api/v1/session/oidc/callback"
+        made.register(hall.url)
         yield made
 
 
 @asynccontextmanager
 async def aggregator(hall: Hall, issuer: OidcIssuer) -> AsyncIterator[None]:
     """Run the aggregator, with a robot in the hall."""
-    oidc = {"issuer": issuer.address, "audience": AUDIENCE, "client_id": CLIENT, "panel_url": hall.url}
+    oidc = issuer.settings_of(hall.url)
     options = [part for name, value in oidc.items() for part in (f"--http.oidc.{name}", value)]
     with hall.aggregator(*options, "--order_service.url", f"http://127.0.0.1:{free_port()}") as program:
         await program.logged("broker connected")

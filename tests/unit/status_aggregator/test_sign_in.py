@@ -14,7 +14,7 @@ from structlog.testing import capture_logs
 from nena_shared.web.oidc.access_tokens import AccessTokens
 from nena_shared.web.oidc.enabled import access_tokens_of
 from nena_status_aggregator.settings import AggregatorHttpSettings, PanelOidcSettings
-from nena_status_aggregator.sign_in import CALLBACK, Attempt, SignIn, SignInError, sign_in_of
+from nena_status_aggregator.sign_in import Attempt, SignIn, SignInError, sign_in_of
 from support.oidc_issuer import AUDIENCE, CLIENT, DISCOVERY, TOKEN, OidcIssuer, oidc_issuer
 
 PANEL = "https://fleet.example/panel/"
@@ -25,13 +25,13 @@ SECRET = "s3cr3t&:%/+"
 def issuer() -> Iterator[OidcIssuer]:
     """Give an issuer on loopback, which stands in for Keycloak and its like."""
     with oidc_issuer() as made:
-        made.redirect_uri = f"{PANEL}{CALLBACK}"
+        made.register(PANEL)
         yield made
 
 
 def tokens(issuer: OidcIssuer, **more: Any) -> AccessTokens:
-    chosen = {"issuer": issuer.address, "audience": AUDIENCE, "client_id": CLIENT, "panel_url": PANEL, **more}
-    http = AggregatorHttpSettings(oidc=PanelOidcSettings.model_validate(chosen))
+    chosen = PanelOidcSettings.model_validate({**issuer.settings_of(PANEL), **more})
+    http = AggregatorHttpSettings(oidc=chosen)
     made = access_tokens_of(http)
     assert made is not None
     return made

@@ -22,7 +22,7 @@ from nena_status_aggregator.settings import (
     PanelOidcSettings,
 )
 from support.fleet_examples import START
-from support.oidc_issuer import AUDIENCE, CLIENT, DISCOVERY, OidcIssuer, oidc_issuer
+from support.oidc_issuer import DISCOVERY, OidcIssuer, oidc_issuer
 
 PANEL = "http://127.0.0.1:8080/"
 SESSION = "/api/v1/session"
@@ -32,12 +32,12 @@ FLEET = "/api/v1/fleet"
 @pytest.fixture
 def issuer() -> Iterator[OidcIssuer]:
     with oidc_issuer() as made:
-        made.redirect_uri = f"{PANEL}api/v1/session/oidc/callback"
+        made.register(PANEL)
         yield made
 
 
 def panel_of(issuer: OidcIssuer, url: str = PANEL, **more: Any) -> httpx.AsyncClient:
-    chosen = {"issuer": issuer.address, "audience": AUDIENCE, "client_id": CLIENT, "panel_url": url, **more}
+    chosen = {**issuer.settings_of(url), **more}
     settings = AggregatorSettings(
         history=HistorySettings(url=None),
         http=AggregatorHttpSettings(port=0, oidc=PanelOidcSettings.model_validate(chosen)),
@@ -106,7 +106,7 @@ async def test_what_the_browser_brings_back_is_kept_from_others(panel: httpx.Asy
 
 async def test_over_tls_both_cookies_go_over_tls_only(issuer: OidcIssuer) -> None:
     url = "https://fleet.example/panel/"
-    issuer.redirect_uri = f"{url}api/v1/session/oidc/callback"
+    issuer.register(url)
     async with panel_of(issuer, url) as panel:
         # a proxy in front takes the path before the panel's own away
         start = await panel.get(f"https://fleet.example{SESSION}/oidc/start")
