@@ -13,20 +13,10 @@ from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.order import NodePosition, Order
-from nena_shared.vda5050.state import (
-    EdgeState,
-    EmergencyStop,
-    MobileRobotPosition,
-    NodeState,
-    OperatingMode,
-    PowerSupply,
-    SafetyState,
-    State,
-    Velocity,
-)
+from nena_shared.vda5050.state import EdgeState, MobileRobotPosition, NodeState, State, Velocity
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.v2_1 import CODEC
-from support.fleet_examples import factsheet
+from support.fleet_examples import factsheet, position, state
 
 SCHEME = TopicScheme("uagv")
 WAY_LENGTH = 20
@@ -62,9 +52,9 @@ class InstantRobots:
 
     def say_state(self, serial: str) -> None:
         """Publish the robot's state."""
-        state = self._states[serial]
-        self._states[serial] = state.model_copy(
-            update={"header_id": state.header_id + 1, "timestamp": datetime.now(UTC)}
+        before = self._states[serial]
+        self._states[serial] = before.model_copy(
+            update={"header_id": before.header_id + 1, "timestamp": datetime.now(UTC)}
         )
         self._publish(serial, Topic.STATE, self._states[serial])
 
@@ -118,28 +108,11 @@ class InstantRobots:
         self._wire.publish(name, CODEC.encode(message), retain=retain)
 
     def _first_state(self, start: Start) -> State:
-        return State(
-            header_id=0,
-            timestamp=datetime.now(UTC),
-            version="2.1.0",
-            manufacturer=self._manufacturer,
-            serial_number=start.serial_number,
-            order_id="",
-            order_update_id=0,
+        return state(
+            0,
+            robot=RobotKey(self._manufacturer, start.serial_number),
             last_node_id=start.node_id,
-            last_node_sequence_id=0,
-            node_states=(),
-            edge_states=(),
-            driving=False,
-            action_states=(),
-            instant_action_states=(),
-            power_supply=PowerSupply(state_of_charge=80.0, charging=False),
-            operating_mode=OperatingMode.AUTOMATIC,
-            errors=(),
-            safety_state=SafetyState(active_emergency_stop=EmergencyStop.NONE, field_violation=False),
-            mobile_robot_position=MobileRobotPosition(
-                x=start.x, y=start.y, theta=0.0, map_id=start.map_id, localized=True
-            ),
+            mobile_robot_position={**position(start.x, start.y), "map_id": start.map_id},
         )
 
 

@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator
 from contextlib import ExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypedDict, TypeVar, Unpack
 
 import httpx
 
@@ -54,6 +54,19 @@ action_type = "drop"
 seconds = 0.1
 load = "give"
 """
+
+
+class RobotOptions(TypedDict, total=False):
+    """What tests choose of a loopback robot: place in m, speed in m/s, number of robots, version."""
+
+    x: float
+    y: float
+    speed: float
+    count: int
+    version: str
+
+
+AT_SOUTH_1 = RobotOptions(x=3.0, y=2.0, speed=40.0, count=1, version="2.1.0")
 
 
 @dataclass
@@ -103,41 +116,18 @@ class Fleet:
             }
         )
 
-    def agent(
-        self,
-        serial: str = "robot-01",
-        *,
-        x: float = 3.0,
-        y: float = 2.0,
-        speed: float = 40.0,
-        count: int = 1,
-        version: str = "2.1.0",
-    ) -> Program:
+    def agent(self, serial: str = "robot-01", **options: Unpack[RobotOptions]) -> Program:
         """Start a loopback robot; it stands on the point `South 1` unless told otherwise."""
-        content = self.agent_file(serial, x=x, y=y, speed=speed, count=count, version=version)
-        return self.agent_of(content, serial)
+        return self.agent_of(self.agent_file(serial, **options), serial)
 
-    def agent_file(
-        self,
-        serial: str = "robot-01",
-        *,
-        x: float = 3.0,
-        y: float = 2.0,
-        speed: float = 40.0,
-        count: int = 1,
-        version: str = "2.1.0",
-    ) -> str:
+    def agent_file(self, serial: str = "robot-01", **options: Unpack[RobotOptions]) -> str:
         """Give the settings of such a robot, for a test that changes some of them."""
         return AGENT_FILE.format(
             interface=self.interface,
-            version=version,
             serial=serial,
             port=self.broker.port,
             folder=self.folder / "journal",
-            count=count,
-            x=x,
-            y=y,
-            speed=speed,
+            **{**AT_SOUTH_1, **options},
         )
 
     def agent_of(self, content: str, serial: str = "robot-01") -> Program:

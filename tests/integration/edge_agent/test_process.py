@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
@@ -21,17 +23,25 @@ SLOW = ("--loopback.speed", "10", "--loopback.turn_rate", "50", "--loopback.pose
 WAY = ("n0", "n1", "n2", "n3")
 
 
+@asynccontextmanager
+async def started(
+    broker: Broker, interface_name: str, folder: Path, *options: str
+) -> AsyncIterator[tuple[FleetControl, AgentProcess]]:
+    """Start the program, and wait for its first state."""
+    with (
+        MqttPeer(broker, f"{interface_name}/#") as peer,
+        AgentProcess(broker, interface_name, folder, *options) as agent,
+    ):
+        fleet = FleetControl(peer, interface_name)
+        await fleet.state()
+        yield fleet, agent
+
+
 @pytest.mark.clause("4.1/will", "6.5")
 async def test_the_last_will_tells_of_a_killed_agent(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
-    with (
-        MqttPeer(broker, f"{interface_name}/#") as peer,
-        AgentProcess(broker, interface_name, tmp_path) as agent,
-    ):
-        fleet = FleetControl(peer, interface_name)
-        await fleet.state()
-
+    async with started(broker, interface_name, tmp_path) as (fleet, agent):
         agent.kill()
 
         await until(lambda: len(fleet.connections) > 1)
@@ -46,13 +56,7 @@ async def test_the_last_will_tells_of_a_killed_agent(
 async def test_an_agent_that_is_told_to_end_says_so(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
-    with (
-        MqttPeer(broker, f"{interface_name}/#") as peer,
-        AgentProcess(broker, interface_name, tmp_path) as agent,
-    ):
-        fleet = FleetControl(peer, interface_name)
-        await fleet.state()
-
+    async with started(broker, interface_name, tmp_path) as (fleet, agent):
         assert agent.terminate() == 0
 
         await until(lambda: len(fleet.connections) > 1)
@@ -72,12 +76,7 @@ async def test_an_order_goes_on_after_kill_9(broker: Broker, interface_name: str
         lambda state: status_of(state, "a") == "FINISHED",
         lambda state: state["lastNodeId"] == "n2",
     )
-    with (
-        MqttPeer(broker, f"{interface_name}/#") as peer,
-        AgentProcess(broker, interface_name, tmp_path, *SLOW) as agent,
-    ):
-        fleet = FleetControl(peer, interface_name)
-        await fleet.state()
+    async with started(broker, interface_name, tmp_path, *SLOW) as (fleet, agent):
         fleet.send(order(*WAY, node_actions=work))
         for moment in moments:
             await fleet.state(moment)
@@ -99,18 +98,13 @@ async def test_an_order_goes_on_after_kill_9(broker: Broker, interface_name: str
 async def test_a_paused_robot_is_still_paused_after_kill_9(
     broker: Broker, interface_name: str, tmp_path: Path
 ) -> None:
-    with (
-        MqttPeer(broker, f"{interface_name}/#") as peer,
-        AgentProcess(broker, interface_name, tmp_path, *SLOW) as agent,
-    ):
-        fleet = FleetControl(peer, interface_name)
-        await fleet.state()
+    async with started(broker, interface_name, tmp_path, *SLOW) as (fleet, agent):
         fleet.send(order(*WAY))
         fleet.instant(action("p", "NONE", "startPause"))
         await fleet.state(lambda state: status_of(state, "p") == "FINISHED")
 
         agent.kill()
-        peer.clear()
+        fleet.peer.clear()
         agent.restart()
 
         state = await fleet.state()

@@ -38,6 +38,18 @@ async def service(settings: OrderServiceSettings) -> AsyncIterator[OrderService]
 
 
 @pytest.fixture
+def failing_create(service: OrderService, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Have a fault of the program in the creation of orders; gives what its error says."""
+    inside = "secret"
+
+    def fail(*_: object) -> None:
+        raise KeyError(inside)
+
+    monkeypatch.setattr(service.kernel, "create", fail)
+    return inside
+
+
+@pytest.fixture
 async def client(service: OrderService) -> AsyncIterator[httpx.AsyncClient]:
     transport = httpx.ASGITransport(service.app, raise_app_exceptions=False)
     async with httpx.AsyncClient(transport=transport, base_url="http://order-service") as made:

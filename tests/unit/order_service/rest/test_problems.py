@@ -3,10 +3,8 @@ from __future__ import annotations
 from typing import Any
 
 import httpx
-import pytest
 from structlog.testing import capture_logs
 
-from nena_order_service.parts import OrderService
 from support.problems import problem
 
 ORDERS = "/v1/transportOrders"
@@ -27,13 +25,8 @@ async def test_what_is_not_there_is_a_problem(client: httpx.AsyncClient) -> None
 
 
 async def test_fault_of_the_service_gives_no_inside_view(
-    client: httpx.AsyncClient, service: OrderService, monkeypatch: pytest.MonkeyPatch
+    client: httpx.AsyncClient, failing_create: str
 ) -> None:
-    def fail(*_: object) -> None:
-        message = "secret"
-        raise KeyError(message)
-
-    monkeypatch.setattr(service.kernel, "create", fail)
     with capture_logs() as logged:
-        assert "secret" not in problem(await client.post(ORDERS, json=BODY), 500).model_dump_json()
+        assert failing_create not in problem(await client.post(ORDERS, json=BODY), 500).model_dump_json()
     assert [(line["event"], line["path"]) for line in logged] == [("request failed", ORDERS)]

@@ -122,17 +122,10 @@ async def test_unknown_routes_are_told_in_the_same_form(client: httpx.AsyncClien
     assert (answer.status_code, answer.json()) == (404, ["Not Found"])
 
 
-async def test_fault_gives_no_inside_view(
-    client: httpx.AsyncClient, service: OrderService, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*_: object) -> None:
-        message = "secret"
-        raise KeyError(message)
-
-    monkeypatch.setattr(service.kernel, "create", fail)
+async def test_fault_gives_no_inside_view(client: httpx.AsyncClient, failing_create: str) -> None:
     answer = await client.post(f"{API}/transportOrders/T-1", json=BODY)
     assert answer.status_code == 500
-    assert "secret" not in answer.text
+    assert failing_create not in answer.text
 
 
 @pytest.mark.parametrize("prefix", ["/v1", "/v1/x", "opentcs", "/a//b"])
