@@ -22,7 +22,14 @@ from paho.mqtt.client import MQTTMessage
 from paho.mqtt.enums import MQTTErrorCode
 
 from nena_shared.mqtt.message import Inbound, Outbound
-from nena_shared.mqtt.packets import PUBACK, Packets, Published, acknowledgements
+from nena_shared.mqtt.packets import (
+    PUBACK,
+    PUBLISH,
+    Packets,
+    Published,
+    acknowledgements,
+    publication,
+)
 
 READ_AT_ONCE = 10
 """Messages that are read before the event loop has its turn again."""
@@ -101,16 +108,28 @@ class Client(aiomqtt.Client):
             ValueError: nobody can be sent such a message, its topic is none.
 
         """
+        if self._client.socket() is None:
+            raise aiomqtt.MqttCodeError(MQTTErrorCode.MQTT_ERR_NO_CONN, NOT_SENT)
         self._sending = not self._at_work
         try:
-            sent = self._client.publish(message.topic, message.payload, message.qos, message.retain)
+            mid = self._put_in_line(message)
         finally:
             write_now, self._sending = self._sending, False
-        if sent.rc != MQTTErrorCode.MQTT_ERR_SUCCESS:
-            raise aiomqtt.MqttCodeError(sent.rc, NOT_SENT)
-        self._unconfirmed[sent.mid] = confirmed
+        self._unconfirmed[mid] = confirmed
         if write_now:
             self._guarded(self._write)
+
+    def _put_in_line(self, message: Outbound) -> int:
+        """Have a message written by paho; gives its number.
+
+        paho need not know one with quality of service 1: the link sends again what is not acknowledged.
+        """
+        if message.qos != 1:
+            return self._client.publish(message.topic, message.payload, message.qos, message.retain).mid
+        mid = self._client._mid_generate()  # noqa: SLF001 - subscriptions are numbered in the same row
+        packet = publication(message.topic, message.payload, mid, retained=message.retain)
+        self._client._packet_queue(PUBLISH, packet, mid, 1)  # noqa: SLF001 - it has no other
+        return mid
 
     def cut(self) -> None:
         """Break the connection without DISCONNECT: the broker sends the will."""
@@ -126,6 +145,9 @@ class Client(aiomqtt.Client):
             self._take(Inbound(message.topic, bytes(message.payload), message.retain, message.qos))
 
     def _on_publish(self, _client: PahoClient, _userdata: object, mid: int, *_: object) -> None:
+        self._confirm(mid)
+
+    def _confirm(self, mid: int) -> None:
         if confirmed := self._unconfirmed.pop(mid, None):
             confirmed()
 
@@ -162,6 +184,8 @@ class Client(aiomqtt.Client):
             if message and self._take:
                 self._take(Inbound(message.topic, message.payload, message.retained, message.qos))
                 received.append(message)
+            elif mid := self._packets.take_acknowledgement(self._unconfirmed):
+                self._confirm(mid)
             elif self._packets.offer():
                 self._client.loop_read()
             else:

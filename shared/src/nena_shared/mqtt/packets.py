@@ -1,13 +1,14 @@
-"""What comes from the broker, cut into packets (MQTT 3.1.1 sections 2.2 and 3.3), with messages taken out.
+"""What comes from the broker, cut into packets (MQTT 3.1.1 sections 2.2 to 3.4), with messages taken out.
 
-paho calls the socket four times for each packet, and makes of each message objects with locks and lines for a
-log that nobody keeps. Here the socket is read once for all that has come. All that is no plain message, and
-all that is wrong, is left to paho, as it came.
+paho calls the socket four times for each packet, and makes of each message, and of each acknowledgement,
+objects with locks and lines for a log that nobody keeps. Here the socket is read once for all that has come.
+All that is neither a plain message nor an acknowledgement that is waited for, and all that is wrong, is left
+to paho, as it came. Messages to the broker with quality of service 1 are written here as well.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable
 from struct import Struct
 from typing import Final, NamedTuple
 
@@ -16,11 +17,16 @@ CHUNK: Final = 65_536
 
 PUBLISH: Final = 0x30
 PUBACK: Final = 0x40
+MID_BYTES: Final = 2
 _ACKNOWLEDGEMENT: Final = Struct("!BBH")
 MORE: Final = 0x80
 """In a byte of a packet's length: another one follows."""
 LENGTH_BYTES: Final = 4
 """That a packet's length has at the most."""
+LONGEST: Final = (1 << 7 * LENGTH_BYTES) - 1
+LONGEST_TOPIC: Final = 65_535
+AT_LEAST_ONCE: Final = 1 << 1
+"""Quality of service 1 in the first byte of a message."""
 
 
 class Published(NamedTuple):
@@ -83,6 +89,17 @@ class Packets:
             self._at = bounds[1]
         return message
 
+    def take_acknowledgement(self, awaited: Container[int]) -> int | None:
+        """Take out the next packet, if it acknowledges one of these messages; gives the message's number."""
+        bounds = self._bounds()
+        if bounds is None or self._data[self._at] != PUBACK or bounds[1] - bounds[0] != MID_BYTES:
+            return None
+        mid = int.from_bytes(self._data[bounds[0] : bounds[1]])
+        if mid not in awaited:
+            return None
+        self._at = bounds[1]
+        return mid
+
     def offer(self) -> bool:
         """Let paho read the next packet, or that the connection has ended; False: there is nothing."""
         bounds = self._bounds()
@@ -123,6 +140,35 @@ class Packets:
 def acknowledgements(mids: Iterable[int]) -> bytes:
     """Write PUBACK packets for the messages of these numbers (section 3.4)."""
     return b"".join(_ACKNOWLEDGEMENT.pack(PUBACK, 2, mid) for mid in mids)
+
+
+def publication(topic: str, payload: bytes, mid: int, *, retained: bool) -> bytes:
+    """Write a message with quality of service 1 (section 3.3).
+
+    Raises:
+        ValueError: a message has no such topic, or it is too long.
+
+    """
+    name = topic.encode()
+    if not 0 < len(name) <= LONGEST_TOPIC or "+" in topic or "#" in topic:
+        message = f"{topic[:100]!r} is no topic of a message"
+        raise ValueError(message)
+    length = len(name) + len(payload) + 2 * MID_BYTES
+    if length > LONGEST:
+        message = f"{len(payload)} bytes are too long for a message"
+        raise ValueError(message)
+    head = bytes((PUBLISH | AT_LEAST_ONCE | retained,)) + _length(length)
+    return b"".join((head, len(name).to_bytes(2), name, mid.to_bytes(2), payload))
+
+
+def _length(number: int) -> bytes:
+    """Write a packet's remaining length (section 2.2.3)."""
+    written = bytearray()
+    while number >= MORE:
+        written.append(number & ~MORE & 0xFF | MORE)
+        number >>= 7
+    written.append(number)
+    return bytes(written)
 
 
 def _read(data: bytearray, at: int, end: int, *, head: int) -> Published | None:

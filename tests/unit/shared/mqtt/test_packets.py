@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_shared.mqtt.packets import Packets, Published, acknowledgements
+from nena_shared.mqtt.packets import LONGEST, Packets, Published, acknowledgements, publication
 
 PINGRESP = b"\xd0\x00"
 
@@ -135,6 +135,53 @@ def test_the_end_is_told_behind_what_came_before(end: bytes | OSError) -> None:
 
 def test_acknowledgements_follow_each_other() -> None:
     assert acknowledgements([1, 300]) == b"\x40\x02\x00\x01\x40\x02\x01\x2c"
+
+
+@pytest.mark.parametrize("size", [0, 1, 120, 121, 16_376, 16_377, 2_097_144, 2_097_145])
+def test_a_message_is_written_as_the_standard_has_it(size: int) -> None:
+    written = publication("a/é", bytes(size), 300, retained=size == 0)
+    assert written == publish("a/é".encode(), bytes(size), qos=1, retained=size == 0, mid=300)
+
+
+@pytest.mark.parametrize("topic", ["", "a/+", "#", "ä" * 32_768, "\ud800"])
+def test_what_is_no_topic_is_not_written(topic: str) -> None:
+    with pytest.raises(ValueError, match=r"topic|surrogates"):
+        publication(topic, b"x", 1, retained=False)
+
+
+class Endless(bytes):
+    """Bytes of which there are more than a message can have; nobody has to make them."""
+
+    def __len__(self) -> int:
+        return LONGEST
+
+
+def test_a_message_that_is_too_long_is_not_written() -> None:
+    with pytest.raises(ValueError, match="too long"):
+        publication("a", Endless(), 1, retained=False)
+
+
+def test_acknowledgements_that_are_awaited_are_taken_out() -> None:
+    packets = wire(acknowledgements([1, 300, 2]))
+    packets.fill()
+    assert packets.take() is None
+    assert packets.take_acknowledgement({1, 300}) == 1
+    assert packets.take_acknowledgement({1, 300}) == 300
+    assert packets.take_acknowledgement({1, 300}) is None
+    assert packets.offer()
+    assert read_all(packets) == acknowledgements([2])
+
+
+@pytest.mark.parametrize(
+    "packet",
+    [PINGRESP, b"\x40\x00", b"\x40\x03\x00\x01\x00", b"\x42\x02\x00\x01", b"\x40\x02\x00", b""],
+    ids=["another", "no number", "too long", "flags", "cut", "nothing"],
+)
+def test_what_is_no_plain_acknowledgement_is_not_taken_out(packet: bytes) -> None:
+    packets = wire(packet or PINGRESP)
+    if packet:
+        packets.fill()
+    assert packets.take_acknowledgement(range(65_536)) is None
 
 
 @given(
