@@ -5,9 +5,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from math import pi
-from typing import Final
+from typing import Annotated, Final
 
-from pydantic import NonNegativeFloat, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from nena_shared.plant.lif import properties
 from nena_shared.plant.lif.document import (
@@ -20,6 +20,7 @@ from nena_shared.plant.lif.document import (
     Station,
     StationPosition,
 )
+from nena_shared.plant.lif.ids import distinct_ids
 from nena_shared.plant.lif.to_plant import UNLIMITED_SPEED_MM_S
 from nena_shared.plant.location import Location
 from nena_shared.plant.model import PlantModel
@@ -36,7 +37,7 @@ from nena_shared.plant.vehicle_type import (
 
 LIF_VERSION: Final = "1.0.0"
 _CREATOR: Final = "NeNa"
-_HEIGHT: Final = TypeAdapter(NonNegativeFloat)
+_HEIGHT: Final = TypeAdapter(Annotated[float, Field(ge=0, allow_inf_nan=False)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +60,14 @@ def from_plant(model: PlantModel, given: Given) -> LifFile:
     home = {point.name: point.layout.layer_id for point in model.points}
     for point in model.points:
         nodes[_among(numbers, home[point.name])].append(_node(point, actions[point.name], given))
+    edge_ids = distinct_ids({edge.id: _kept_id(edge) for edge in model.edges()})
     for edge in model.edges():
-        edges[_among(numbers, home[edge.source])].append(_edge(edge, given))
-    for location in model.locations:
-        if location.links:
-            stations[_among(numbers, location.layout.layer_id)].append(_station(location))
+        edges[_among(numbers, home[edge.source])].append(_edge(edge, edge_ids[edge.id], given))
+    linked = tuple(location for location in model.locations if location.links)
+    station_ids = distinct_ids({each.name: each.properties.get(properties.ID) for each in linked})
+    for location in linked:
+        station = _station(location, station_ids[location.name])
+        stations[_among(numbers, location.layout.layer_id)].append(station)
     return LifFile(
         meta_information=MetaInformation(
             project_identification=model.name,
@@ -139,10 +143,14 @@ def _node(point: Point, actions: tuple[TypeAction, ...], given: Given) -> Node:
     )
 
 
-def _edge(edge: DirectedEdge, given: Given) -> Edge:
+def _kept_id(edge: DirectedEdge) -> str | None:
+    return edge.path.properties.get(properties.ID) if edge.is_forward else None
+
+
+def _edge(edge: DirectedEdge, edge_id: str, given: Given) -> Edge:
     own = edge.path.properties
     return Edge(
-        edge_id=own.get(properties.ID, edge.id) if edge.is_forward else edge.id,
+        edge_id=edge_id,
         edge_name=own.get(properties.NAME),
         edge_description=own.get(properties.DESCRIPTION),
         start_node_id=edge.source,
@@ -167,11 +175,11 @@ def _uses(edge: DirectedEdge, vehicle_types: Iterable[str]) -> Iterator[VehicleT
         )
 
 
-def _station(location: Location) -> Station:
+def _station(location: Location, station_id: str) -> Station:
     said = location.properties
     imported = properties.ID in said
     return Station(
-        station_id=said.get(properties.ID, location.name),
+        station_id=station_id,
         interaction_node_ids=tuple(dict.fromkeys(link.point for link in location.links)),
         station_name=said.get(properties.NAME, None if imported else location.name),
         station_description=said.get(properties.DESCRIPTION),

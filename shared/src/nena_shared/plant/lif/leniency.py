@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from math import pi, radians
 from typing import Any, Final
 
@@ -68,10 +69,11 @@ def put_right(raw: Any) -> tuple[Problem, ...]:  # noqa: ANN401 - whatever the J
     """
     objects = tuple(_objects(raw))
     found = Counter(_put_each_right(objects))
-    if any(abs(_heading(each, key)) > 2 * pi for each in objects for key in _HEADINGS):
+    headings = [(each, key, heading) for each in objects for key, heading in _headings(each)]
+    if any(abs(heading) > 2 * pi for _, _, heading in headings):
         found["HEADINGS_IN_DEGREES", "headings beyond 2 pi: all of the file are read as degrees"] = 1
-        for each in objects:
-            each.update({key: radians(_heading(each, key)) for key in _HEADINGS if each.get(key) is not None})
+        for each, key, heading in headings:
+            each[key] = radians(heading)
     return tuple(
         warning(code, f"{text} (found {times} times)") for (code, text), times in sorted(found.items())
     )
@@ -82,7 +84,8 @@ def _put_each_right(objects: Iterable[dict[str, Any]]) -> Iterator[tuple[str, st
     for each in objects:
         if "nodes" in each and "edges" in each:
             each.setdefault("stations", [])
-        if isinstance(required := each.pop("required", None), bool):
+        if isinstance(required := each.get("required"), bool):
+            del each["required"]
             each.setdefault("requirementType", "REQUIRED" if required else "OPTIONAL")
             yield "NOT_LIF", "'required' of actions is read as their requirementType"
         for key in each.keys() - _KNOWN:
@@ -105,9 +108,8 @@ def _objects(raw: Any) -> Iterator[dict[str, Any]]:  # noqa: ANN401 - whatever t
             waiting.extend(value)
 
 
-def _heading(each: dict[str, Any], key: str) -> float:
-    """Return a heading, also one written as a text; 0 where there is none."""
-    try:
-        return float(each.get(key) or 0)
-    except (OverflowError, TypeError, ValueError):
-        return 0.0
+def _headings(each: dict[str, Any]) -> Iterator[tuple[str, float]]:
+    """Yield the headings of an object, also those written as texts, and leave what is no number as it is."""
+    for key in _HEADINGS:
+        with suppress(KeyError, OverflowError, TypeError, ValueError):
+            yield key, float(each[key])

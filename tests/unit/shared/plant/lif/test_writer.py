@@ -171,8 +171,27 @@ def test_what_lif_cannot_hold_is_said() -> None:
     ]
 
 
-def test_properties_that_somebody_spoilt_are_passed_over() -> None:
-    spoilt = {"lif:stationHeight": "high", "lif:stationPosition": "there"}
+def test_ids_that_are_empty_or_two_objects_would_have_are_given_to_nobody() -> None:
+    same = {"lif:id": "1"}
+    stations = (
+        Location(name=name, type="T", links=(Link(point="A"),), properties={"lif:id": own})
+        for name, own in (("L", "1"), ("M", "1"), ("N", ""))
+    )
+    model = plant(
+        path("A B", properties=same),
+        path("B A", properties=same),
+        path("A B", name="C", properties={"lif:id": "2"}),
+        location_types=(LocationType(name="T"),),
+        locations=tuple(stations),
+    )
+    hall = written(model)["layouts"][0]
+    assert [each["edgeId"] for each in hall["edges"]] == ["A --- B", "B --- A", "2"]
+    assert [each["stationId"] for each in hall["stations"]] == ["L", "M", "N"]
+
+
+@pytest.mark.parametrize("height", ["high", "inf", "1e999", "nan", "-1", ""])
+def test_properties_that_somebody_spoilt_are_passed_over(height: str) -> None:
+    spoilt = {"lif:stationHeight": height, "lif:stationPosition": "there"}
     here = Location(name="L", type="T", x_mm=1500, links=(Link(point="A"),), properties=spoilt)
     model = plant(points="A", location_types=(LocationType(name="T"),), locations=(here,))
     (station,) = written(model)["layouts"][0]["stations"]
