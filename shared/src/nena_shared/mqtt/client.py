@@ -55,9 +55,7 @@ class Client(aiomqtt.Client):
         super().__init__(*arguments, **settings)
         self._unconfirmed: dict[int, Confirmed] = {}
         self._at_work = False
-        """Whether paho reads or writes now, and may not be asked to do so again."""
-        self._sending = False
-        """Whether what is published now is written at once, by whom it is published."""
+        """Whether paho is used now, by somebody who writes at the end what waits to be written."""
         self._waits_to_write = False
         """Whether the socket did not take all, and the event loop tells when it takes more."""
         self._reads_on = False
@@ -110,13 +108,13 @@ class Client(aiomqtt.Client):
         """
         if self._client.socket() is None:
             raise aiomqtt.MqttCodeError(MQTTErrorCode.MQTT_ERR_NO_CONN, NOT_SENT)
-        self._sending = not self._at_work
+        at_work, self._at_work = self._at_work, True
         try:
             mid = self._put_in_line(message)
         finally:
-            write_now, self._sending = self._sending, False
+            self._at_work = at_work
         self._unconfirmed[mid] = confirmed
-        if write_now:
+        if not at_work:
             self._guarded(self._write)
 
     def _put_in_line(self, message: Outbound) -> int:
@@ -156,7 +154,7 @@ class Client(aiomqtt.Client):
         self._loop.call_soon_threadsafe(self._loop.add_reader, sock.fileno(), self._on_readable)
 
     def _on_socket_register_write(self, client: PahoClient, userdata: object, sock: Any) -> None:  # noqa: ANN401 - paho's
-        if self._sending:
+        if self._at_work:
             return
         if self._in_loop():
             self._loop.call_soon(self._guarded, self._write)
@@ -174,7 +172,7 @@ class Client(aiomqtt.Client):
             self._guarded(self._read)
 
     def _read(self) -> None:
-        """Read what has come, some packets for each turn of the event loop."""
+        """Read what has come, some packets for each turn of the event loop, and write what that brings."""
         self._reads_on = False
         if not self._packets.ready and self._packets.fill():
             self._client._last_bytes_received = monotonic()  # noqa: SLF001 - else it takes a busy broker for dead
@@ -191,6 +189,8 @@ class Client(aiomqtt.Client):
             else:
                 break
         self._acknowledge(received)
+        if self._client.want_write():
+            self._write()
         sock: Any = self._client.socket()
         decrypted = sock is not None and hasattr(sock, "pending") and sock.pending()
         if decrypted or (sock is not None and self._packets.ready):
@@ -220,6 +220,7 @@ class Client(aiomqtt.Client):
                 self._disconnected.set_exception(error)
             self.cut()
             self._client.disconnect()
+            self._loop.call_soon(self._guarded, self._write)  # it finds that the connection is cut
         finally:
             self._at_work = False
 

@@ -46,11 +46,13 @@ class RobotSources:
     def accepts(self, robot: RobotKey, scheme: TopicScheme, message: Dated, *, retained: bool) -> bool:
         """Tell whether a message says something of the robot now; later ones are compared with it."""
         known = self._sources.get(robot)
+        if known is not None and known.scheme == scheme and known.timestamp is None:
+            return True
         of_another_time = retained or _is_farewell(message)
         if known is not None and known.scheme != scheme and of_another_time:
             if known.timestamp is None or message.timestamp <= known.timestamp:
                 return False
-        elif known is not None and known.scheme == scheme and (known.timestamp is None or of_another_time):
+        elif known is not None and known.scheme == scheme and of_another_time:
             return True
         self._sources[robot] = _Source(scheme, message.timestamp if of_another_time else None)
         return True
