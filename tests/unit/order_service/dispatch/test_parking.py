@@ -6,7 +6,14 @@ from math import inf
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.dispatch.parking import PARKED, Parking, ParkingPositions
+from nena_order_service.dispatch.parking import (
+    BARRED,
+    PARKED,
+    WAYS_TRIED,
+    Parking,
+    ParkingPositions,
+    Prospect,
+)
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.plant.point import PointType
 from nena_shared.plant.property_keys import (
@@ -33,6 +40,8 @@ def choose(
     here: str | None = "aisle",
     taken: Collection[str] = (),
     *,
+    displacing: Collection[str] = (),
+    may_displace: bool = True,
     priorities: bool = False,
     repark: bool = False,
     plant: PlantModel = PLANT,
@@ -40,9 +49,13 @@ def choose(
 ) -> Parking:
     model = Vehicle(name="V1", properties=wishes or {})
     positions = ParkingPositions(plant, priorities=priorities, repark=repark)
-    return positions.choose(
-        model, here, cost=lambda name: COSTS.get(name, inf), taken=lambda name: name in taken
+    prospect = Prospect(
+        cost=lambda name: COSTS.get(name, inf),
+        taken=lambda name: name in taken,
+        displaces=lambda name: name in displacing,
+        may_displace=may_displace,
     )
+    return positions.choose(model, here, prospect)
 
 
 def properties_of(key: str, value: str) -> dict[str, str]:
@@ -83,6 +96,44 @@ def test_preferred_position_is_taken_while_it_is_free() -> None:
     assert choose(wishes=preferred).point == "good"
     assert choose(taken=["good"], wishes=preferred).point == "near"
     assert choose(here="near", wishes=preferred) == PARKED
+
+
+def test_a_position_for_which_others_have_to_make_room_is_the_last_choice() -> None:
+    assert choose(displacing=["near"]).point == "fair"
+    assert choose(displacing=["near", "fair", "good"]).point == "near"
+    assert choose(displacing=["good"], priorities=True).point == "fair"
+    preferred = properties_of(PREFERRED_PARKING_POSITION, "good")
+    assert choose(displacing=["good"], wishes=preferred).point == "good"
+
+
+def test_others_who_are_not_to_make_room_bar_positions() -> None:
+    assert choose(displacing=["near", "fair"], may_displace=False).point == "good"
+    barred = choose(displacing=["near", "fair", "good"], may_displace=False)
+    assert barred == Parking(reason=f"each free parking position near it {BARRED}")
+    assigned = properties_of(ASSIGNED_PARKING_POSITION, "fair")
+    assert choose(displacing=["fair"], may_displace=False, wishes=assigned) == Parking(
+        reason=f"its assigned parking position 'fair' {BARRED}"
+    )
+    preferred = properties_of(PREFERRED_PARKING_POSITION, "good")
+    assert choose(displacing=["good"], may_displace=False, wishes=preferred).point == "near"
+
+
+def test_the_ways_to_some_positions_are_looked_at_and_not_to_all() -> None:
+    names = [f"P{index:02}" for index in range(2 * WAYS_TRIED)]
+    positions = ParkingPositions(
+        PlantModel(name="yard", points=tuple(point(name, type=PARK) for name in names)),
+        priorities=False,
+        repark=False,
+    )
+    asked: list[str] = []
+
+    def displaces(name: str) -> bool:
+        asked.append(name)
+        return True
+
+    prospect = Prospect(cost=lambda _: 1.0, taken=lambda _: False, displaces=displaces)
+    assert positions.choose(None, None, prospect).point == names[0]
+    assert asked == names[:WAYS_TRIED]
 
 
 def test_why_nobody_can_park_is_said() -> None:

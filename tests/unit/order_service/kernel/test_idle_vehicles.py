@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from nena_order_service.dispatch.parking import BARRED
 from nena_order_service.dispatch.settings import DispatchSettings
 from nena_order_service.kernel import Kernel, KernelSettings
+from nena_order_service.kernel.idle_vehicles import DISPLACES_AT_MOST
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.transport_order import TransportOrderState as S
@@ -229,29 +231,27 @@ async def test_orders_of_one_kind_are_not_made_all_the_time() -> None:
     assert len(made(kernel, "Park")) == 1
 
 
-async def test_who_parks_again_and_again_does_so_ever_more_seldom_until_a_host_has_work_for_it() -> None:
-    kernel, fleet = await make({"V1": "A"})
-    later(kernel, 1)
-    waited = []
-    for _ in range(9):
-        fleet.finish("V1")
+async def test_others_make_room_for_who_parks_some_times_and_then_not_until_a_host_has_work_for_it() -> None:
+    places = {"V1": "B", "V2": "A", "V3": "Q"}
+    kernel, fleet = await make(places, parking=BOTH["parking"], energy={"respected": True})
+    fleet.fields["V2"] = power(10)  # it may not even park, and is in the way of who does
+    fleet.appear("V2", "A")
+    for _ in range(DISPLACES_AT_MOST):
+        later(kernel, 60)
+        (parking,) = made(kernel, "Park")
+        assert parking.vehicle == "V1"
+        kernel.withdraw(parking.number, "to see whether it tries again")
+        fleet.finish("V1")  # it has let V2 out
         fleet.appear("V1", "B")
-        parkings, since = len(fleet.sent), kernel.clock.monotonic()
-        while len(fleet.sent) == parkings:
-            later(kernel, 1)
-        waited.append(kernel.clock.monotonic() - since)
-    assert waited == [10, 20, 40, 80, 160, 320, 600, 600, 600]
+    later(kernel, 60)
+    assert made(kernel, "Park") == []
+    assert reason(kernel).endswith(f"it should park, but each free parking position near it {BARRED}")
 
-    fleet.finish("V1")
-    kernel.create(request("B"), "of a host")
+    kernel.create(request("C"), "of a host")
     later(kernel, 1)
     fleet.finish("V1")
-    later(kernel, 600)
-    fleet.finish("V1")
-    fleet.appear("V1", "B")
-    parkings = len(fleet.sent)
-    later(kernel, 10)
-    assert len(fleet.sent) == parkings + 1
+    later(kernel, 60)
+    assert [each.vehicle for each in made(kernel, "Park")] == ["V1"]
 
 
 async def test_each_vehicle_has_a_reason_for_an_order() -> None:

@@ -66,6 +66,30 @@ def test_a_short_detour_around_somebody_who_rests_is_taken_and_a_long_one_is_not
     assert list(long.decide("w")) == []
 
 
+def test_whether_others_would_have_to_make_room_is_known_before_anybody_is_asked_to() -> None:
+    scene = Scene(plant(path("A B", 1000), path("B C", 1000), path("C D", 1000)), v="A", w="B")
+    assert scene.control.displaces(Wish("v", "C"))
+    assert scene.control.displaces(Wish("v", "B"))
+    assert not scene.control.displaces(Wish("w", "D"))
+    assert not scene.control.displaces(Wish("w", "A")), "no way leads there"
+    assert list(scene.decide()) == []
+
+
+def test_nobody_has_to_make_room_where_a_short_detour_leads_around() -> None:
+    for length, displaces in ((1400, False), (2000, True)):
+        around = path("A X", length), path("X C", length)
+        scene = Scene(plant(path("A B", 1000), path("B C", 1000), *around), v="A", w="B")
+        assert scene.control.displaces(Wish("v", "C")) == displaces
+
+    enclosed = Scene(
+        plant(path("A B", 1000), path("B C", 1000), path("A X", 1000), path("X C", 1000)),
+        v="A",
+        w="B",
+        u="X",
+    )
+    assert enclosed.control.displaces(Wish("v", "C"))
+
+
 def test_two_who_want_each_others_places_change_them_by_way_of_a_third() -> None:
     scene = Scene(tracks("A B", "B C", "B X"), v="A", w="C")
     scene.control.wish(Wish("v", "C"))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from math import inf
 
 from nena_shared.plant import PlantModel, Point, Vehicle
@@ -13,6 +14,31 @@ from nena_shared.plant.property_keys import (
     PARKING_POSITION_PRIORITY,
     PREFERRED_PARKING_POSITION,
 )
+
+WAYS_TRIED = 8
+"""Positions whose ways are looked at for one vehicle; what is farther away is hardly better."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prospect:
+    """What a vehicle would find at points where it could park, and on its ways there."""
+
+    cost: Callable[[str], float]
+    """Of the way to a point; infinity where there is none."""
+    taken: Callable[[str], bool]
+    """Whether another vehicle is at a point or is to come there."""
+    displaces: Callable[[str], bool]
+    """Whether others that rest have to make room for the drive to a point."""
+    may_displace: bool = True
+    """Whether they are asked to, where there is no other way."""
+
+    def why_not(self, point: str) -> str:
+        """Say what keeps the vehicle from parking at a point; empty: nothing."""
+        if self.taken(point):
+            return "is taken"
+        if self.cost(point) == inf:
+            return "cannot be reached"
+        return "" if self.may_displace or not self.displaces(point) else BARRED
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +50,7 @@ class Parking:
 
 
 PARKED = Parking()
+BARRED = "has others in its way, who have made room often enough"
 
 
 class ParkingPositions:
@@ -41,63 +68,60 @@ class ParkingPositions:
             point.name: _priority(point) for point in plant.points if point.type is PointType.PARK_POSITION
         }
 
-    def choose(
-        self,
-        model: Vehicle | None,
-        here: str | None,
-        *,
-        cost: Callable[[str], float],
-        taken: Callable[[str], bool],
-    ) -> Parking:
-        """Give the best position for a vehicle that stands at ``here``, None: beside any point.
-
-        ``cost`` is that of the way to a point, infinity where there is none; ``taken`` tells of a point
-        whether another vehicle is there or is to come there.
-        """
+    def choose(self, model: Vehicle | None, here: str | None, prospect: Prospect) -> Parking:
+        """Give the best position for a vehicle that stands at ``here``, None: beside any point."""
         properties = model.properties if model else {}
         if assigned := properties.get(ASSIGNED_PARKING_POSITION):
-            return self._assigned(assigned, here, cost=cost, taken=taken)
+            return self._assigned(assigned, here, prospect)
         parked = here in self._positions
         if parked and not self._repark:
             return PARKED
         preferred = properties.get(PREFERRED_PARKING_POSITION, "")
         if not parked and here is not None and here == preferred:
             return PARKED
-        if not parked and preferred in self._points and not taken(preferred) and cost(preferred) < inf:
+        if not parked and preferred in self._points and not prospect.why_not(preferred):
             return Parking(preferred)
-        best = min(self._free(cost, taken), default=None)
+        free = sorted(self._free(prospect))
+        best = _best(free, prospect)
         if parked:
             better = best is not None and best[0] < self._rank(here or "")
             return Parking(best[-1]) if best and better else PARKED
-        return Parking(best[-1]) if best else Parking(reason=self._why_none())
+        return Parking(best[-1]) if best else Parking(reason=self._why_none(free))
 
-    def _assigned(
-        self, point: str, here: str | None, *, cost: Callable[[str], float], taken: Callable[[str], bool]
-    ) -> Parking:
+    def _assigned(self, point: str, here: str | None, prospect: Prospect) -> Parking:
         if point == here:
             return PARKED
         named = f"its assigned parking position {point!r}"
         if point not in self._points:
             return Parking(reason=f"{named} is no point of the plant model")
-        if taken(point):
-            return Parking(reason=f"{named} is taken")
-        return Parking(point) if cost(point) < inf else Parking(reason=f"no way leads to {named}")
+        why_not = prospect.why_not(point)
+        return Parking(reason=f"{named} {why_not}") if why_not else Parking(point)
 
-    def _free(
-        self, cost: Callable[[str], float], taken: Callable[[str], bool]
-    ) -> Iterator[tuple[float, float, str]]:
+    def _free(self, prospect: Prospect) -> Iterator[_Ranked]:
         for name in self._positions:
-            costs = inf if taken(name) else cost(name)
+            costs = inf if prospect.taken(name) else prospect.cost(name)
             if costs < inf:
                 yield self._rank(name), costs, name
 
     def _rank(self, name: str) -> float:
         return self._positions.get(name, inf) if self._priorities else 0.0
 
-    def _why_none(self) -> str:
+    def _why_none(self, free: Sequence[_Ranked]) -> str:
         if not self._positions:
             return "the plant model has no parking positions"
+        if free:
+            return f"each free parking position near it {BARRED}"
         return "no parking position is free that it can reach"
+
+
+_Ranked = tuple[float, float, str]
+"""A position's rank, the cost of the way there, and its name."""
+
+
+def _best(free: Sequence[_Ranked], prospect: Prospect) -> _Ranked | None:
+    """Give the first one for which nobody has to make room; where there is none, and they may: the first."""
+    quiet = (each for each in islice(free, WAYS_TRIED) if not prospect.displaces(each[-1]))
+    return next(quiet, free[0] if free and prospect.may_displace else None)
 
 
 def _priority(point: Point) -> float:

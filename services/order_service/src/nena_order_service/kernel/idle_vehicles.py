@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from nena_order_service.dispatch.parking import ParkingPositions
+from nena_order_service.dispatch.parking import ParkingPositions, Prospect
 from nena_order_service.dispatch.recharging import RechargeLocations
 from nena_order_service.dispatch.settings import DispatchSettings
 from nena_order_service.dispatch.way import WayFinder
@@ -14,7 +14,7 @@ from nena_order_service.kernel.dispatching import Candidate, Dispatching
 from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
-from nena_order_service.orders.automatic import PARK_TYPE, park_request, recharge_request
+from nena_order_service.orders.automatic import PARK_TYPE, goal_of, park_request, recharge_request
 from nena_order_service.traffic.desk import TrafficDesk
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
@@ -23,10 +23,11 @@ from nena_shared.plant import PlantModel
 PAUSE = 10.0
 """Seconds before a vehicle is sent to do the same once more, so that nobody tries all the time."""
 
-PARKS_AT_LEAST_EACH = 600.0
-"""Seconds to which the pause grows, twice as long each time, of one that parks again and again.
+DISPLACES_AT_MOST = 2
+"""How often a vehicle has others make room for it to park, until a host has work for it.
 
-It has to make room for others, and they perhaps for it: somebody who recharges would never come to the end.
+They may have to park again then, for which it may have to make room: without an end, two could do that for
+good, and somebody who recharges would never come to the end of it.
 """
 
 
@@ -38,8 +39,8 @@ class _Idle:
     """When it was first seen with nothing to do; None: it has something."""
     not_before: dict[str, float] = field(default_factory=dict)
     """When it may be sent again, by the type of the order."""
-    parked: int = 0
-    """How often it was sent to park since it worked for a host."""
+    displaced: int = 0
+    """How often others had to make room for it to park since it worked for a host."""
     note: str = ""
     """Why it neither recharges nor parks though it should; empty where it need not."""
 
@@ -107,7 +108,7 @@ class IdleVehicles:
             if not _has_nothing_to_do(candidate):
                 known.since, known.note = None, ""
                 if self._works_for_a_host(vehicle):
-                    known.parked = 0
+                    known.displaced = 0
                 continue
             if known.since is None:
                 known.since = round_.now
@@ -130,22 +131,17 @@ class IdleVehicles:
         if request is None and not bound and self._is_to_park(candidate, known, round_):
             request = self._parking(candidate, known, round_)
         if request and round_.now >= known.not_before.get(request.type, 0.0):
-            known.not_before[request.type] = round_.now + self._pause(request, known)
+            known.not_before[request.type] = round_.now + PAUSE
+            displaces = request.type == PARK_TYPE and self._displaces(vehicle, goal_of(request))
             if self._order(request):
                 known.since = None
+                known.displaced += displaces
                 round_.goals.update(self._goals())
 
     def _works_for_a_host(self, vehicle: FleetVehicle) -> bool:
         number = self._missions.order_number(vehicle.key)
         order = None if number is None else self._book.at_hand(number)
         return order is not None and not order.status.automatic
-
-    def _pause(self, request: TransportOrderRequest, known: _Idle) -> float:
-        """Give the seconds until a vehicle may be sent to do the same again, and count that it parks."""
-        if request.type != PARK_TYPE:
-            return PAUSE
-        known.parked += 1
-        return min(PAUSE * 2.0 ** (known.parked - 1), PARKS_AT_LEAST_EACH)
 
     def _recharging(
         self, candidate: Candidate, known: _Idle, round_: _Round, *, urgent: bool
@@ -173,8 +169,12 @@ class IdleVehicles:
         found = self._positions.choose(
             vehicle.model,
             standing.point if standing.on_point else None,
-            cost=self._cost(candidate),
-            taken=lambda point: self._is_taken(point, vehicle, round_),
+            Prospect(
+                cost=self._cost(candidate),
+                taken=lambda point: self._is_taken(point, vehicle, round_),
+                displaces=lambda point: self._displaces(vehicle, point),
+                may_displace=known.displaced < DISPLACES_AT_MOST,
+            ),
         )
         if found.reason:
             notes = (known.note, f"it should park, but {found.reason}")
@@ -186,6 +186,9 @@ class IdleVehicles:
         model, standing = candidate.vehicle.model, candidate.standing
         assert standing, "who has no obstacle stands somewhere"  # noqa: S101 - for the type
         return lambda point: self._finder.costs_to(point, vehicle=model).source(standing.point)
+
+    def _displaces(self, vehicle: FleetVehicle, point: str) -> bool:
+        return vehicle.name in self._desk and self._desk.displaces(vehicle.name, point)
 
     def _goals(self) -> dict[str, str]:
         goals = {}

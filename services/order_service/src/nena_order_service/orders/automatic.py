@@ -30,6 +30,11 @@ def park_request(vehicle: str, point: str) -> TransportOrderRequest:
     )
 
 
+def goal_of(request: TransportOrderRequest) -> str:
+    """Give the name of the point or location of such a request."""
+    return request.destinations[0].location_name or ""
+
+
 def recharge_request(
     vehicle: str, location: str, operation: str, *, dispensable: bool
 ) -> TransportOrderRequest:

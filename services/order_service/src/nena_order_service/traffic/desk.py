@@ -163,6 +163,10 @@ class TrafficDesk:
         """Forget what a vehicle wants."""
         self._control.drop(vehicle)
 
+    def displaces(self, vehicle: str, goal: str) -> bool:
+        """Tell whether others that rest now would have to make room for a drive to ``goal``."""
+        return self._control.displaces(Wish(vehicle, goal))
+
     def decide(
         self, movable: Callable[[str], bool], lost: Callable[[str], bool] = nobody
     ) -> Iterator[Departure | Evasion | NoWay]:
