@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from random import Random
 from typing import NoReturn
 
+from nena_order_service.dispatch.parking import BARRED
 from nena_order_service.dispatch.settings import DispatchSettings
 from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
 from nena_order_service.kernel import Kernel, KernelSettings
@@ -166,10 +167,18 @@ class KernelSimulation:
                 await self._kill()
 
     def _restless(self) -> bool:
-        """Tell whether anybody has still to park or to recharge."""
+        """Tell whether anybody has still to park or to recharge, and could."""
         if next(self.kernel.book.unfinished(), None) is not None:
             return True
-        return any(not (robot.charging or self._parks(robot)) for robot in self.robots.values())
+        return any(
+            not (robot.charging or self._parks(robot) or self._barred(robot))
+            for robot in self.robots.values()
+        )
+
+    def _barred(self, robot: DrivingRobot) -> bool:
+        """Tell whether a robot does not park for the sake of others, which have made room often enough."""
+        vehicle = self.kernel.registry.of(robot.key)
+        return vehicle is not None and BARRED in self.kernel.status(vehicle).reason
 
     def _parks(self, robot: DrivingRobot) -> bool:
         return self.plant.point(robot.last_node_id).type is PointType.PARK_POSITION

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from random import Random
-from typing import Any
 
 import pytest
 
@@ -11,7 +10,6 @@ from nena_order_service.dispatch.settings import DispatchSettings, ParkingSettin
 from support.examples import KERNEL_PLANTS
 from support.traffic.kernel_simulation import Adversity, KernelSimulation
 from support.traffic.random_plant import random_plant
-from support.traffic.simulation import StandstillError
 
 ORDERS = 50
 ROBOTS = (2, 6, 12, 60, 3, 20, 8, 40, 5)
@@ -29,16 +27,6 @@ IDLE_ROBOTS = (6, 8, 30, 14, 60, 3)
 IDLE_ONES_MOVE = DispatchSettings(
     recharging=RechargingSettings(enabled=True), parking=ParkingSettings(enabled=True, delay=0.0)
 )
-
-
-RESTLESS = frozenset({14})
-"""Plants on which two idle vehicles are in each other's way wherever they park: docs/decisions/0028."""
-
-
-def restful(seed: int) -> Any:
-    """Give a seed as a parameter, or as one that is known not to come to rest."""
-    known = pytest.mark.xfail(raises=StandstillError, reason="two idle vehicles displace each other")
-    return pytest.param(seed, marks=known) if seed in RESTLESS else seed
 
 
 def simulated(seed: int, random: Random, robots: int, dispatch: DispatchSettings) -> KernelSimulation:
@@ -66,7 +54,7 @@ def test_every_order_ends_without_a_collision_or_a_standstill(seed: int) -> None
     assert simulation.driven_nodes > ORDERS
 
 
-@pytest.mark.parametrize("seed", [*map(restful, range(max(2, KERNEL_PLANTS // 10)))])
+@pytest.mark.parametrize("seed", range(max(2, KERNEL_PLANTS // 10)))
 def test_vehicles_that_park_and_recharge_keep_nobody_from_anything(seed: int) -> None:
     robots = IDLE_ROBOTS[seed % len(IDLE_ROBOTS)]
     simulation = simulated(seed, Random(1000 + seed), robots, IDLE_ONES_MOVE)

@@ -81,13 +81,21 @@ def test_nobody_has_to_make_room_where_a_short_detour_leads_around() -> None:
         scene = Scene(plant(path("A B", 1000), path("B C", 1000), *around), v="A", w="B")
         assert scene.control.displaces(Wish("v", "C")) == displaces
 
-    enclosed = Scene(
+    both = Scene(
         plant(path("A B", 1000), path("B C", 1000), path("A X", 1000), path("X C", 1000)),
         v="A",
         w="B",
         u="X",
     )
-    assert enclosed.control.displaces(Wish("v", "C"))
+    assert both.control.displaces(Wish("v", "C"))
+
+
+def test_somebody_who_comes_to_rest_in_the_way_would_have_to_make_room_too() -> None:
+    scene = Scene(tracks("A B", "B C", "B D"), v="A", w="D")
+    assert not scene.control.displaces(Wish("v", "C"))
+    scene.control.wish(Wish("w", "B"))
+    assert list(scene.decide()) == ["Departure w D B"]
+    assert scene.control.displaces(Wish("v", "C"))
 
 
 def test_two_who_want_each_others_places_change_them_by_way_of_a_third() -> None:

@@ -164,7 +164,7 @@ class TrafficDesk:
         self._control.drop(vehicle)
 
     def displaces(self, vehicle: str, goal: str) -> bool:
-        """Tell whether others that rest now would have to make room for a drive to ``goal``."""
+        """Tell whether others that rest, or will, would have to make room for a drive to ``goal``."""
         return self._control.displaces(Wish(vehicle, goal))
 
     def decide(

@@ -193,6 +193,11 @@ class Scheduler:
         found = (other for other, _ in self._others(self._holds, name, way))
         return tuple(dict.fromkeys(other for other in found if self._occupants[other].resting))
 
+    def rests_or_will_rest_on(self, name: str, way: Iterable[ResourceSet]) -> bool:
+        """Tell whether others rest where ``name`` would have to pass or to stop, or will at their ends."""
+        way = tuple(way)
+        return bool(self.resting_on(name, way)) or any(self._others(self._ends, name, way))
+
     def end_of(self, name: str, way: Sequence[ResourceSet]) -> list[ResourceSet]:
         """Give what the vehicle would rest on at the end of ``way``."""
         return self.occupant(name).at_end(way)

@@ -140,16 +140,16 @@ class TrafficControl:
         return self.scheduler.occupant(wish.vehicle).resting
 
     def displaces(self, wish: Wish) -> bool:
-        """Tell whether vehicles that rest now would have to make room for what a vehicle might want."""
+        """Tell whether vehicles that rest, or will, would have to make room for what a vehicle might want."""
         try:
             route = self._route(wish)
         except NoRouteError:
             return False
         way = self._sets(wish, route)
-        if route is None or not self.scheduler.resting_on(wish.vehicle, way):
+        if route is None or not self.scheduler.rests_or_will_rest_on(wish.vehicle, way):
             return False
         detour = self._detour(wish, way, route.cost * LONGEST_DETOUR)
-        return detour is None or bool(self.scheduler.resting_on(wish.vehicle, self._sets(wish, detour)))
+        return detour is None or self.scheduler.rests_or_will_rest_on(wish.vehicle, self._sets(wish, detour))
 
     def clear(
         self, blockers: Sequence[str], way: Sequence[ResourceSet], movable: Callable[[str], bool]
