@@ -97,6 +97,8 @@ def _left(state: State) -> str:
 def _place(now: State, before: State | None) -> Iterator[str]:
     here, there = now.mobile_robot_position, before.mobile_robot_position if before else None
     if here is None:
+        if there:
+            yield "position unknown"
         return
     if there is None or abs(here.x - there.x) + abs(here.y - there.y) > MOVED or here.map_id != there.map_id:
         yield f"at x {here.x:.2f}, y {here.y:.2f} on '{here.map_id}'"
