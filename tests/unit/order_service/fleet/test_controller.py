@@ -1,635 +1,18 @@
-"""The way of a mission, by example."""
+"""Many robots under one fleet control."""
 
 from __future__ import annotations
 
-import pytest
-
 from nena_order_service.fleet import (
-    FailureKind,
     FleetSettings,
     LinkStatus,
-    MissionAccepted,
-    MissionCancelled,
-    MissionFailed,
     MissionFinished,
-    MissionPhase,
-    NodePassed,
-    PublishOrder,
-    RobotBusyError,
+    RobotChanged,
 )
-from nena_shared.vda5050.action import ActionStatus
+from nena_order_service.fleet.controller import RETAINED_WITHIN
 from nena_shared.vda5050.connection import ConnectionState
-from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
-from nena_shared.vda5050.state import OperatingMode
+from nena_shared.vda5050.topics import RobotKey
 from support.fleet import Bench, make_mission
-from support.fleet_examples import factsheet
-from support.honest_robot import ROBOT, HonestRobot
-
-
-def failure(bench: Bench) -> MissionFailed:
-    (only,) = bench.told(MissionFailed)
-    return only
-
-
-@pytest.mark.clause("6.6.2/fleet", "6.1.2/confirm")
-def test_a_mission_goes_its_whole_way() -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B", "C", operation="pick"))
-    bench.run()
-    assert bench.story() == [
-        "MissionAccepted",
-        "NodePassed",
-        "NodePassed",
-        "NodePassed",
-        "OperationStarted",
-        "MissionFinished",
-    ]
-    assert [each.node_id for each in bench.told(NodePassed)] == ["A", "B", "C"]
-    assert bench.orders_sent() == ["m"]
-    assert bench.view().availability.can_take_order
-
-
-def test_a_mission_without_way_and_operation_is_done_when_it_is_taken() -> None:
-    bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A"))
-    assert bench.story() == ["MissionAccepted", "NodePassed", "MissionFinished"]
-
-
-@pytest.mark.clause("6.6.2/fleet")
-def test_nodes_whose_states_were_lost_are_told_in_order() -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B", "C", "B", "D"))
-    bench.deliver()
-    for _ in range(4):
-        bench.robot.step()
-    bench.report()
-    passed = [(each.node_id, each.sequence_id) for each in bench.told(NodePassed)]
-    assert passed == [("A", 0), ("B", 2), ("C", 4), ("B", 6), ("D", 8)]
-
-
-@pytest.mark.clause("6.6.2/fleet")
-def test_the_operation_is_not_over_when_the_last_node_is_reached() -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B", operation="pick"))
-    bench.deliver()
-    bench.robot.step()
-    bench.report()
-    assert not bench.told(MissionFinished)
-
-
-def test_a_robot_has_one_mission_at_a_time() -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    with pytest.raises(RobotBusyError, match="one mission at a time") as caught:
-        bench.start(make_mission("n", "A", "B"))
-    assert caught.value.mission_id == "m"
-    assert bench.orders_sent() == ["m"]
-
-
-@pytest.mark.clause("6.1.2/confirm")
-def test_a_lost_order_is_sent_again_with_growing_pauses() -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    times = []
-    for _ in range(60):
-        before = len(bench.sent)
-        bench.wait(0.25)
-        if len(bench.sent) > before:
-            times.append(bench.now - 100.0)
-    assert times == [1.0, 3.0, 7.0, 15.0]
-    bench.deliver()
-    bench.report()
-    bench.wait(60, reporting=True)
-    assert bench.orders_sent() == ["m"] * 5, "what was echoed is not sent again"
-    assert bench.robot.accepted == ["m"]
-
-
-@pytest.mark.clause("6.1.2/confirm")
-def test_an_order_that_is_never_taken_up_fails_with_the_number_of_sendings() -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.wait(60, reporting=True)
-    assert failure(bench).reason == "the order was sent 6 times, but the robot never took it up"
-    assert bench.orders_sent() == ["m"] * 6
-
-
-@pytest.mark.clause("6.1.3/fleet")
-def test_an_order_that_comes_too_late_is_stopped() -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.wait(60, reporting=True)
-    bench.deliver()
-    bench.report()
-    assert not bench.view().availability.can_take_order
-    assert bench.instants_sent() == ["cancelOrder"]
-    bench.deliver()
-    bench.report()
-    assert bench.view().availability.can_take_order
-    assert bench.ends() == {"m": 1}
-
-
-@pytest.mark.clause("6.1.4/fleet")
-def test_a_refusal_that_names_the_order_fails_the_mission_with_the_robots_words() -> None:
-    bench = Bench(robot=HonestRobot(position=(9.0, 9.0, 0.0))).online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
-    assert failure(bench).reason == "the robot refuses the order"
-    assert failure(bench).details == ("START_NODE_OUT_OF_RANGE: no",)
-
-
-@pytest.mark.clause("6.1.4/fleet")
-@pytest.mark.parametrize("kind", ["noRouteError", "orderError", "validationError", "orderUpdateError"])
-def test_a_refusal_without_references_is_known_by_its_type_and_time(kind: str) -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.robot.errors.append(ErrorEntry(error_type=kind, error_level=ErrorLevel.WARNING))
-    bench.report()
-    assert bench.ends() == {}
-    bench.tick()
-    assert bench.orders_sent() == ["m", "m"]
-    bench.report()
-    assert failure(bench).details == (kind,)
-
-
-@pytest.mark.clause("6.1.4/fleet")
-def test_a_refusal_of_somebody_elses_message_is_none_of_the_order_that_is_taken_behind_it() -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.robot.errors.append(ErrorEntry(error_type="validationError", error_level=ErrorLevel.WARNING))
-    bench.report()
-    bench.tick()
-    bench.run()
-    assert bench.ends() == {"m": 1}
-    assert bench.told(MissionFinished)
-
-
-@pytest.mark.clause("6.1.4/fleet")
-def test_a_refusal_from_before_the_order_is_not_taken_for_one_of_it() -> None:
-    bench = Bench()
-    bench.robot.errors.append(ErrorEntry(error_type="noRouteError", error_level=ErrorLevel.WARNING))
-    bench.online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.report()
-    bench.run()
-    assert bench.told(MissionFinished)
-
-
-@pytest.mark.clause("6.1.4/fleet")
-def test_a_refusal_of_another_order_is_none_of_this_one() -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    other = ErrorReference(reference_key="orderId", reference_value="other")
-    bench.robot.errors.append(
-        ErrorEntry(error_type="orderError", error_level=ErrorLevel.WARNING, error_references=(other,))
-    )
-    bench.report()
-    assert bench.ends() == {}
-
-
-@pytest.mark.clause("6.1.4/fleet")
-@pytest.mark.parametrize(("action_id", "fails"), [("i1", False), ("m/pick", True)])
-def test_a_refusal_of_an_instant_action_is_none_of_the_order(action_id: str, *, fails: bool) -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B", operation="pick"))
-    named = ErrorReference(reference_key="actionId", reference_value=action_id)
-    bench.robot.errors.append(
-        ErrorEntry(error_type="orderError", error_level=ErrorLevel.WARNING, error_references=(named,))
-    )
-    bench.report()
-    assert bench.ends() == ({"m": 1} if fails else {})
-
-
-@pytest.mark.clause("6.6.9/failed")
-def test_a_failed_operation_fails_the_mission_with_the_robots_words() -> None:
-    bench = Bench(robot=HonestRobot(actions_fail=True)).online()
-    bench.start(make_mission("m", "A", "B", operation="pick"))
-    bench.run()
-    assert failure(bench).reason == "the action 'pick' has failed"
-    assert failure(bench).details == ("ACTION_FAILED: dropped it",)
-    assert bench.instants_sent() == [], "the robot has ended the order itself"
-
-
-@pytest.mark.clause("6.6.9/failed", "6.1.3/fleet")
-def test_a_failed_operation_cancels_what_comes_behind_it() -> None:
-    bench = Bench(robot=HonestRobot(actions_fail=True)).online()
-    one, two = (make_mission("m", "A", operation=each) for each in ("pick", "weigh"))
-    node = one.nodes[0].model_copy(update={"actions": (*one.actions, *two.actions)})
-    bench.start(one.model_copy(update={"nodes": (node,)}))
-    bench.deliver()
-    bench.robot.step()
-    bench.robot.step()
-    bench.report()
-    assert bench.instants_sent() == ["cancelOrder"]
-    bench.deliver()
-    bench.report()
-    assert failure(bench).reason == "the action 'pick' has failed"
-    assert bench.robot.executed == ["m/pick"]
-
-
-@pytest.mark.clause("6.6.5.1/fleet")
-def test_a_node_that_cannot_be_reached_cancels_the_order_and_then_fails_it() -> None:
-    bench = Bench(robot=HonestRobot(unreachable={"C"})).online()
-    bench.start(make_mission("m", "A", "B", "C"))
-    bench.deliver()
-    bench.robot.step()
-    bench.robot.step()
-    bench.report()
-    assert bench.view().mission_phase is MissionPhase.CANCELLING
-    assert bench.instants_sent() == ["cancelOrder"]
-    assert bench.ends() == {}, "the robot still has the order"
-    bench.deliver()
-    bench.report()
-    assert failure(bench).reason == "the robot cannot go on with it"
-    assert failure(bench).details == ("NODE_UNREACHABLE: no way",)
-    assert bench.robot.idle
-
-
-@pytest.mark.clause("6.6.5.1/fleet")
-def test_a_fatal_error_that_names_nothing_is_given_some_time() -> None:
-    bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
-    bench.robot.errors.append(ErrorEntry(error_type="lidarDirty", error_level=ErrorLevel.FATAL))
-    bench.robot.paused = True  # so that it stands
-    bench.wait(9, reporting=True)
-    assert bench.view().mission_phase is MissionPhase.RUNNING
-    bench.wait(3, reporting=True)
-    bench.deliver()
-    bench.report()
-    assert failure(bench).reason == "the robot stands with an error that it cannot go on with"
-    assert failure(bench).details == ("lidarDirty",)
-
-
-@pytest.mark.clause("6.6.5.1/fleet")
-def test_a_fatal_error_that_passes_does_not_fail_the_mission() -> None:
-    bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
-    bench.robot.paused = True
-    for _ in range(3):
-        bench.robot.errors.append(ErrorEntry(error_type="lidarDirty", error_level=ErrorLevel.FATAL))
-        bench.wait(7, reporting=True)
-        bench.robot.errors.clear()
-        bench.report()
-    bench.robot.paused = False
-    bench.run()
-    assert bench.told(MissionFinished)
-
-
-@pytest.mark.clause("6.6.5.1/fleet")
-def test_a_warning_does_not_touch_the_mission() -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.robot.errors.append(ErrorEntry(error_type="batteryLow", error_level=ErrorLevel.URGENT))
-    bench.run()
-    assert bench.told(MissionFinished)
-
-
-@pytest.mark.clause("6.1.3/fleet")
-def test_a_cancelled_mission_ends_when_the_robot_has_confirmed_it() -> None:
-    bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B", operation="pick"))
-    bench.cancel()
-    bench.report()
-    assert bench.ends() == {}
-    assert bench.view().mission_note == "the robot has not yet confirmed the end of the order"
-    bench.deliver()
-    bench.report()
-    assert bench.told(MissionCancelled)
-    assert bench.robot.executed == []
-
-
-@pytest.mark.clause("6.1.3/fleet")
-def test_a_cancel_is_asked_for_once_however_often_somebody_wants_it() -> None:
-    bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
-    bench.cancel()
-    bench.cancel()
-    assert bench.instants_sent() == ["cancelOrder"]
-
-
-@pytest.mark.clause("6.1.3/fleet", "6.2.1/fleet")
-def test_a_cancel_that_is_lost_is_sent_again_under_the_same_id() -> None:
-    bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
-    bench.cancel()
-    bench.lose()
-    bench.wait(2, reporting=True)
-    assert bench.instants_sent() == ["cancelOrder", "cancelOrder"]
-    bench.deliver()
-    bench.report()
-    assert bench.told(MissionCancelled)
-    assert len(bench.robot.instants) == 1
-
-
-def test_an_order_that_waits_to_be_sent_is_cancelled_at_once() -> None:
-    bench = Bench().online()
-    bench.connection(ConnectionState.OFFLINE)
-    bench.start(make_mission("m", "A", "B"))
-    bench.cancel()
-    assert bench.told(MissionCancelled)
-    assert bench.sent == []
-
-
-@pytest.mark.clause("6.1.3/fleet")
-def test_an_order_that_may_be_on_its_way_is_cancelled_at_the_robot() -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.cancel()
-    bench.wait(5, reporting=True)
-    assert bench.ends() == {}
-    assert bench.orders_sent() == ["m"], "a cancelled order is not sent again"
-    bench.deliver()
-    bench.report()
-    assert bench.told(MissionCancelled)
-    assert bench.robot.idle
-
-
-def test_a_copy_of_an_order_that_may_be_on_its_way_leaves_a_cancel_unconfirmed_open() -> None:
-    bench = Bench(FleetSettings(sendings=2)).online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.deliver()
-    bench.wait(1)
-    assert bench.orders_sent() == ["m", "m"]
-    bench.cancel()
-    bench.robot.set_mode(OperatingMode.MANUAL)
-    bench.report()
-    bench.robot.set_mode(OperatingMode.AUTOMATIC)
-    bench.wait(10, reporting=True)
-    assert bench.told(MissionCancelled) == []
-    assert failure(bench).kind is FailureKind.UNCLEAR
-    bench.deliver()
-    assert bench.robot.idle
-
-
-@pytest.mark.clause("6.1.3/fleet")
-def test_a_cancel_that_finds_no_order_ends_a_mission_that_never_came() -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.lose()
-    bench.cancel()
-    bench.deliver()
-    bench.report()
-    assert bench.told(MissionCancelled)
-    assert bench.robot.accepted == []
-
-
-@pytest.mark.clause("6.1.3/fleet")
-def test_a_mission_that_is_done_before_the_cancel_comes_is_finished() -> None:
-    bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
-    bench.cancel()
-    bench.robot.step()
-    bench.report()
-    assert bench.told(MissionFinished)
-    assert bench.ends() == {"m": 1}
-
-
-@pytest.mark.clause("6.1.3/fleet")
-def test_no_order_is_sent_while_a_cancel_may_still_hit_it() -> None:
-    bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
-    bench.cancel()
-    bench.robot.step()
-    bench.report()
-    bench.start(make_mission("n", "B", "C", x=1.0))
-    assert bench.orders_sent() == ["m"]
-    assert bench.view().mission_note == "the robot has not yet confirmed a cancelOrder"
-    bench.run()
-    assert [each.mission_id for each in bench.told(MissionFinished)] == ["m", "n"]
-
-
-@pytest.mark.clause("6.1.3/fleet")
-def test_a_cancel_that_is_never_confirmed_fails_the_mission() -> None:
-    bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
-    bench.cancel()
-    bench.wait(60, reporting=True)
-    assert "does not confirm cancelOrder: sent 6 times" in failure(bench).reason
-
-
-@pytest.mark.clause("6.6.6/fleet")
-def test_a_robot_that_went_to_manual_has_given_the_order_up() -> None:
-    bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
-    bench.robot.set_mode(OperatingMode.MANUAL)
-    bench.report()
-    assert failure(bench).reason == "the robot gave the order up when it went to operating mode MANUAL"
-    assert bench.instants_sent() == [], "nothing is sent to a robot in manual mode"
-    assert not bench.view().availability.can_take_order
-
-
-@pytest.mark.clause("6.6/restart")
-def test_a_robot_that_forgot_its_order_has_lost_the_mission() -> None:
-    bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
-    bench.robot.restart(journal=False)
-    bench.now += 1
-    bench.report()
-    assert "no longer has the order: it knows no order" in failure(bench).reason
-    assert bench.orders_sent() == ["m"], "it is not given again without being asked for"
-
-
-@pytest.mark.clause("6.6/restart")
-def test_a_robot_that_remembers_its_order_goes_on_after_a_restart() -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B", "C", operation="pick"))
-    bench.deliver()
-    bench.robot.step()
-    bench.report()
-    bench.robot.restart(journal=True)
-    bench.run()
-    assert bench.told(MissionFinished)
-    assert [each.node_id for each in bench.told(NodePassed)] == ["A", "B", "C"]
-
-
-@pytest.mark.clause("6.6.2/fleet")
-def test_somebody_elses_cancel_fails_the_mission() -> None:
-    bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
-    bench.robot._clear()
-    bench.report()
-    assert failure(bench).reason == "the robot gave the order up before its end"
-
-
-def test_an_order_that_is_not_confirmed_in_the_usual_time_says_so() -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    assert bench.view().mission_note == ""
-    bench.wait(2)
-    assert bench.view().mission_note == "the robot has not yet confirmed the order"
-
-
-@pytest.mark.clause("6.5/fleet")
-def test_an_order_waits_for_a_robot_that_is_away_and_says_so() -> None:
-    bench = Bench().online()
-    bench.connection(ConnectionState.CONNECTION_BROKEN)
-    bench.start(make_mission("m", "A", "B"))
-    bench.wait(120)
-    assert bench.sent == []
-    assert bench.view().mission_phase is MissionPhase.WAITING
-    assert bench.view().mission_note == "the robot has lost its connection to the broker"
-    bench.connection(ConnectionState.ONLINE)
-    bench.report()
-    bench.run()
-    assert bench.told(MissionFinished)
-
-
-def test_the_delivery_begins_anew_when_a_robot_comes_back() -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.lose()
-    bench.wait(5)
-    bench.connection(ConnectionState.CONNECTION_BROKEN)
-    bench.wait(300)
-    sent = len(bench.sent)
-    bench.connection(ConnectionState.ONLINE)
-    bench.report()
-    assert len(bench.sent) == sent + 1
-    bench.run()
-    assert bench.told(MissionFinished)
-
-
-@pytest.mark.clause("4.1/offline")
-def test_nothing_is_sent_and_nothing_fails_while_our_own_link_is_down() -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.lose()
-    bench.take(bench.fleet.on_broker(connected=False, now=bench.now))
-    bench.wait(300)
-    assert bench.orders_sent() == ["m"]
-    assert "no connection to the MQTT broker" in bench.view().mission_note
-    bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
-    bench.report()
-    bench.run()
-    assert bench.told(MissionFinished)
-
-
-@pytest.mark.clause("6.5/fleet")
-def test_an_order_to_a_robot_that_is_silent_without_a_will_fails_in_the_end() -> None:
-    bench = Bench().online()
-    bench.wait(30)
-    bench.start(make_mission("m", "A", "B"))
-    bench.wait(20)
-    assert bench.view().link is LinkStatus.SILENT
-    bench.wait(40)
-    assert bench.ends() == {"m": 1}
-
-
-@pytest.mark.clause("4.1/offline")
-def test_a_running_mission_outlives_the_loss_of_the_link() -> None:
-    bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B", "C"))
-    bench.connection(ConnectionState.CONNECTION_BROKEN)
-    bench.wait(600)
-    assert bench.ends() == {}
-    bench.robot.step()
-    bench.robot.step()
-    bench.connection(ConnectionState.ONLINE)
-    bench.report()
-    assert bench.told(MissionFinished)
-    assert bench.orders_sent() == ["m"]
-
-
-@pytest.mark.clause("7.10/interval")
-def test_orders_keep_the_least_interval_of_the_factsheet() -> None:
-    bench = Bench(FleetSettings(resend_after=0.25)).online()
-    slow = factsheet()
-    timing = slow.protocol_limits.timing.model_copy(update={"minimum_order_interval": 3.0})
-    limits = slow.protocol_limits.model_copy(update={"timing": timing})
-    sheet = slow.model_copy(update={"protocol_limits": limits})
-    bench.take(bench.fleet.on_factsheet(ROBOT, sheet, bench.now))
-    bench.start(make_mission("m", "A", "B"))
-    bench.wait(2.75)
-    assert bench.orders_sent() == ["m"]
-    bench.wait(0.25)
-    assert bench.orders_sent() == ["m", "m"]
-
-
-def test_the_next_mission_is_sent_as_soon_as_the_first_is_done() -> None:
-    bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    bench.run()
-    outputs = bench.start(make_mission("n", "B", "C", x=1.0))
-    assert any(isinstance(each, PublishOrder) for each in outputs)
-    bench.run()
-    assert bench.robot.accepted == ["m", "n"]
-
-
-@pytest.mark.clause("6.6/restart")
-@pytest.mark.parametrize("accepted", [False, True])
-def test_an_adopted_mission_that_runs_goes_on(accepted: bool) -> None:  # noqa: FBT001 - a parameter
-    bench = Bench()
-    mission = make_mission("m", "A", "B", "C")
-    bench.start(mission)
-    bench.online()
-    bench.deliver()
-    bench.robot.step()
-    again = Bench(robot=bench.robot)
-    again.take(again.fleet.adopt_mission(ROBOT, mission, again.now, accepted=accepted))
-    again.online()
-    assert again.orders_sent() == []
-    assert [each.node_id for each in again.told(NodePassed)] == ["A", "B"]
-    again.run()
-    assert again.told(MissionFinished)
-    assert again.robot.accepted == ["m"]
-
-
-def test_an_adopted_mission_that_is_done_is_finished() -> None:
-    bench = Bench().online()
-    mission = make_mission("m", "A", "B")
-    bench.start(mission)
-    bench.run()
-    again = Bench(robot=bench.robot)
-    again.take(again.fleet.adopt_mission(ROBOT, mission, again.now, accepted=True))
-    again.online()
-    assert again.story() == ["MissionAccepted", "NodePassed", "NodePassed", "MissionFinished"]
-
-
-def test_an_adopted_mission_that_never_came_is_sent() -> None:
-    bench = Bench()
-    bench.take(bench.fleet.adopt_mission(ROBOT, make_mission("m", "A", "B"), bench.now, accepted=False))
-    bench.wait(5)
-    assert bench.sent == [], "nothing is known of the robot yet"
-    bench.online()
-    assert bench.orders_sent() == ["m"]
-    bench.run()
-    assert bench.told(MissionAccepted)
-    assert bench.told(MissionFinished)
-
-
-@pytest.mark.clause("6.6/restart")
-def test_an_adopted_mission_that_the_robot_has_lost_fails() -> None:
-    bench = Bench()
-    bench.take(bench.fleet.adopt_mission(ROBOT, make_mission("m", "A", "B"), bench.now, accepted=True))
-    bench.online()
-    assert "no longer has the order" in failure(bench).reason
-    assert bench.sent == []
-
-
-def test_an_adopted_mission_can_be_cancelled_before_anything_is_known() -> None:
-    first = Bench().online()
-    mission = make_mission("m", "A", "B", "C")
-    first.start(mission)
-    first.deliver()
-    bench = Bench(robot=first.robot)
-    bench.take(bench.fleet.adopt_mission(ROBOT, mission, bench.now, accepted=False))
-    bench.cancel()
-    assert bench.ends() == {}
-    bench.online()
-    bench.deliver()
-    bench.report()
-    assert bench.told(MissionCancelled)
-    assert bench.robot.idle
-
-
-def test_a_mission_of_before_a_restart_that_may_still_come_to_the_robot_is_cancelled_there() -> None:
-    bench = Bench()
-    bench.take(bench.fleet.adopt_mission(ROBOT, make_mission("m", "A", "B"), bench.now, accepted=False))
-    bench.cancel()
-    bench.online()
-    assert bench.ends() == {}  # the robot knows nothing of it yet, but the broker may have it
-    assert bench.instants_sent() == ["cancelOrder"]
-    bench.deliver()
-    bench.report()
-    assert bench.told(MissionCancelled)
+from support.honest_robot import ROBOT
 
 
 def test_robots_do_not_touch_each_other() -> None:
@@ -645,26 +28,68 @@ def test_robots_do_not_touch_each_other() -> None:
     assert other.robot.accepted == []
 
 
-@pytest.mark.clause("6.6.2/fleet")
-def test_a_robot_with_missing_action_states_is_not_waited_for_for_ever() -> None:
-    bench = Bench(FleetSettings(standstill_patience=5.0)).online()
-    bench.start(make_mission("m", "A", operation="pick"))
-    bench.deliver()
-    bench.robot.actions.clear()
-    bench.robot.statuses.clear()
-    bench.wait(4, reporting=True)
-    assert bench.ends() == {}
-    bench.wait(3, reporting=True)
-    assert failure(bench).reason == "the robot does not report the actions of the order"
+def other_robot(number: int) -> RobotKey:
+    return RobotKey("Honest", f"other-{number}")
 
 
-@pytest.mark.clause("6.6.9/instant", "6.6.8")
-def test_statuses_of_the_orders_actions_are_told_from_instant_ones() -> None:
+def test_only_so_many_robots_are_listened_to() -> None:
+    bench = Bench(FleetSettings(robots_limit=2)).online()
+    bench.fleet.on_malformed(other_robot(1))
+    assert bench.fleet.robots() == (ROBOT, other_robot(1))
+    assert bench.fleet.has_room_for(ROBOT)
+    assert bench.fleet.has_room_for(other_robot(1))
+    assert not bench.fleet.has_room_for(other_robot(2))
+
+
+def test_looking_at_a_robot_does_not_make_it_known() -> None:
+    bench = Bench()
+    assert bench.fleet.view(other_robot(1), 0.0).link is LinkStatus.UNKNOWN
+    assert bench.fleet.robots() == ()
+
+
+def test_messages_that_cannot_be_read_are_counted_by_robot() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B", operation="pick"))
-    bench.deliver()
-    action = make_mission("x", "A", operation="logReport").actions[0]
-    bench.robot.instants[action.action_id] = (action, ActionStatus.RUNNING)
-    bench.run()
-    assert bench.told(MissionFinished)
-    assert bench.view().availability.can_take_order
+    assert [bench.fleet.on_malformed(ROBOT) for _ in range(2)] == [1, 2]
+    assert bench.fleet.on_malformed(other_robot(1)) == 1
+    assert bench.view().malformed == 2
+
+
+def test_all_are_known_when_each_that_the_broker_has_told_of_has_told_its_state() -> None:
+    bench = Bench()
+    bench.now += RETAINED_WITHIN
+    assert not bench.fleet.all_known(bench.now), "there is no broker yet"
+    bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
+    assert not bench.fleet.all_known(bench.now + RETAINED_WITHIN / 2), "it may have more to tell"
+    bench.now += RETAINED_WITHIN
+    assert bench.fleet.all_known(bench.now)
+
+    bench.connection(ConnectionState.ONLINE)
+    assert not bench.fleet.all_known(bench.now)
+    bench.report()
+    assert bench.fleet.all_known(bench.now)
+
+
+def test_a_robot_that_is_away_is_not_waited_for() -> None:
+    bench = Bench()
+    bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
+    bench.connection(ConnectionState.OFFLINE)
+    assert bench.fleet.all_known(bench.now + RETAINED_WITHIN)
+
+
+def test_how_long_the_link_stands_is_counted_from_its_last_beginning() -> None:
+    bench = Bench()
+    assert bench.fleet.connected_for(50.0) == 0.0
+    for connected, at, seconds in ((True, 100.0, 20.0), (False, 120.0, 0.0), (True, 130.0, 20.0)):
+        bench.take(bench.fleet.on_broker(connected=connected, now=at))
+        assert bench.fleet.connected_for(at + 20.0) == seconds
+
+
+def test_a_tick_looks_at_those_who_have_something_to_do_and_at_those_who_fall_silent() -> None:
+    bench = Bench().online()
+    assert bench.tick() == ()
+    bench.now += bench.settings.silent_after + 0.1
+    assert bench.tick() == (RobotChanged(ROBOT),)
+    assert bench.tick() == ()
+    bench.report()
+    bench.now += bench.settings.silent_after + 0.1
+    assert bench.tick() == (RobotChanged(ROBOT),), "and anew once it was heard again"

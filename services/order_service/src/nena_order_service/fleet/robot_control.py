@@ -149,10 +149,17 @@ class RobotControl:
             return
         yield from self._desk.on_tick(now)
         if self._run:
-            if self._run.phase in (MissionPhase.WAITING, MissionPhase.SENT) and self._obstacle(now):
+            if self._cannot_get(self._run, now):
                 self._run.hold()
             yield from self._run.on_tick(self.robot.state, now)
         yield from self._advance(now)
+
+    def _cannot_get(self, run: MissionRun, now: float) -> bool:
+        """Tell whether the robot cannot be sent now what it still is to get of its mission."""
+        if run.phase in (MissionPhase.WAITING, MissionPhase.SENT):
+            return self._obstacle(now) is not None
+        away = availability.away(self.robot.link(now), broker=self._desk.broker)
+        return run.phase is MissionPhase.RUNNING and away is not None
 
     @property
     def quiet(self) -> bool:
@@ -226,7 +233,7 @@ class RobotControl:
             return
         if since is not None and now - since < self.robot.least_order_interval:
             return
-        if availability.away(self.robot.link(now), broker=self._desk.broker):
+        if self._cannot_get(run, now):
             run.hold()
             return
         if abilities := self.robot.abilities:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import count
+
 import pytest
 
 from nena_order_service.fleet import FleetSettings, InstantActionEnded, PublishInstantActions
-from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT
+from nena_order_service.fleet.instant_desk import InstantDesk
+from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, Robot
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.factsheet import ActionScope, MaximumArrayLengths, MobileRobotAction
@@ -336,3 +339,67 @@ def test_a_cancel_names_the_order_where_it_may(version: str, named: list[str]) -
         if each.action_type == "cancelOrder"
     ]
     assert [each.value for each in cancel.action_parameters] == named
+
+
+def alone(robot: HonestRobot | None = None, **arrays: int) -> InstantDesk:
+    """Give a desk by itself, of a robot that is there; ``arrays`` limits lists in its factsheet."""
+    honest, settings, numbers = robot or HonestRobot(), FleetSettings(clear_instant_actions_from=1), count(1)
+    known = Robot(honest.key, settings)
+    known.take_connection(honest.connection(ConnectionState.ONLINE), 0.0)
+    sheet = honest.factsheet()
+    limits = sheet.protocol_limits.model_copy(update={"maximum_array_lengths": MaximumArrayLengths(**arrays)})
+    known.take_factsheet(sheet.model_copy(update={"protocol_limits": limits}))
+    known.take_state(honest.state(), 0.0)
+    return InstantDesk(known, settings, lambda: f"id-{next(numbers)}", broker=True)
+
+
+def test_what_is_due_goes_out_in_messages_as_short_as_the_robot_wants_them() -> None:
+    desk = alone(instant_actions=2)
+    for number in range(5):
+        assert list(desk.request(action("startPause", f"i{number}"), 0.0)) == []
+    sent = [len(each.actions) for each in desk.send(0.0) if isinstance(each, PublishInstantActions)]
+    assert sent == [2, 2, 1]
+    assert list(desk.send(0.0)) == [], "it waits for what the robot says"
+
+
+def test_without_our_own_link_nothing_is_begun_and_what_was_begun_waits() -> None:
+    desk = alone()
+    cancel = desk.cancel("m")
+    desk.broker = False
+    (refused,) = desk.request(action("startPause"), 0.0)
+    assert isinstance(refused, InstantActionEnded)
+    assert "no connection to the MQTT broker" in refused.reason
+    assert (desk.can_cancel(0.0), desk.cancelling) == (False, True)
+    assert list(desk.send(0.0)) == []
+    assert list(desk.on_tick(1000.0)) == []
+    assert cancel.outcome is None
+    desk.broker = True
+    assert len(list(desk.send(1000.0))) == 1
+
+
+@pytest.mark.clause("6.2.3/clearInstantActions")
+def test_a_clear_for_which_there_is_no_room_begins_as_soon_as_there_is() -> None:
+    robot = clearer()
+    desk = alone(robot)
+    for number in range(INSTANT_ACTIONS_LIMIT):
+        list(desk.request(action("startPause", f"i{number}"), 0.0))
+    robot.instants["old"] = (action("startPause", "old"), ActionStatus.FINISHED)
+    list(desk.on_state(robot.state(), 1.0))
+    assert not any("clear" in each for each in sent_types(desk, 1.0))
+
+    robot.instants["i0"] = (action("startPause", "i0"), ActionStatus.FINISHED)
+    list(desk.on_state(robot.state(), 2.0))
+    list(desk.on_state(robot.state(), 2.5))
+    assert sent_types(desk, 3.0).count("clearInstantActions") == 1
+
+
+def sent_types(desk: InstantDesk, now: float) -> list[str]:
+    sent = (each for each in desk.send(now) if isinstance(each, PublishInstantActions))
+    return [each.action_type for message in sent for each in message.actions]
+
+
+def test_what_the_robot_can_do_is_not_asked_before_its_factsheet_is_there() -> None:
+    bench = without_factsheet()
+    bench.instruct(action("sing"))
+    assert bench.instants_sent() == ["factsheetRequest", "sing"]
+    assert bench.told(InstantActionEnded) == []

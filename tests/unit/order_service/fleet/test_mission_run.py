@@ -1,0 +1,645 @@
+"""The way of a mission from its first sending to its one end, by example."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_order_service.fleet import (
+    FailureKind,
+    FleetOutput,
+    FleetSettings,
+    MissionAccepted,
+    MissionCancelled,
+    MissionFailed,
+    MissionFinished,
+    MissionPhase,
+    NodePassed,
+    PublishOrder,
+)
+from nena_order_service.fleet.mission_run import MissionRun
+from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
+from nena_shared.vda5050.state import OperatingMode, State
+from support.fleet import Bench, make_mission
+from support.fleet_examples import state, way
+from support.honest_robot import ROBOT, HonestRobot
+
+
+def failure(bench: Bench) -> MissionFailed:
+    (only,) = bench.told(MissionFailed)
+    return only
+
+
+@pytest.mark.clause("6.6.2/fleet", "6.1.2/confirm")
+def test_a_mission_goes_its_whole_way() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B", "C", operation="pick"))
+    bench.run()
+    assert bench.story() == [
+        "MissionAccepted",
+        "NodePassed",
+        "NodePassed",
+        "NodePassed",
+        "OperationStarted",
+        "MissionFinished",
+    ]
+    assert [each.node_id for each in bench.told(NodePassed)] == ["A", "B", "C"]
+    assert bench.orders_sent() == ["m"]
+    assert bench.view().availability.can_take_order
+
+
+def test_a_mission_without_way_and_operation_is_done_when_it_is_taken() -> None:
+    bench = Bench().online()
+    bench.start_and_tell(make_mission("m", "A"))
+    assert bench.story() == ["MissionAccepted", "NodePassed", "MissionFinished"]
+
+
+@pytest.mark.clause("6.6.2/fleet")
+def test_nodes_whose_states_were_lost_are_told_in_order() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B", "C", "B", "D"))
+    bench.deliver()
+    for _ in range(4):
+        bench.robot.step()
+    bench.report()
+    passed = [(each.node_id, each.sequence_id) for each in bench.told(NodePassed)]
+    assert passed == [("A", 0), ("B", 2), ("C", 4), ("B", 6), ("D", 8)]
+
+
+@pytest.mark.clause("6.6.2/fleet")
+def test_the_operation_is_not_over_when_the_last_node_is_reached() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B", operation="pick"))
+    bench.deliver()
+    bench.robot.step()
+    bench.report()
+    assert not bench.told(MissionFinished)
+
+
+@pytest.mark.clause("6.1.2/confirm")
+def test_a_lost_order_is_sent_again_with_growing_pauses() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    times = []
+    for _ in range(60):
+        before = len(bench.sent)
+        bench.wait(0.25)
+        if len(bench.sent) > before:
+            times.append(bench.now - 100.0)
+    assert times == [1.0, 3.0, 7.0, 15.0]
+    bench.deliver()
+    bench.report()
+    bench.wait(60, reporting=True)
+    assert bench.orders_sent() == ["m"] * 5, "what was echoed is not sent again"
+    assert bench.robot.accepted == ["m"]
+
+
+@pytest.mark.clause("6.1.2/confirm")
+def test_an_order_that_is_never_taken_up_fails_with_the_number_of_sendings() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.wait(60, reporting=True)
+    assert failure(bench).reason == "the order was sent 6 times, but the robot never took it up"
+    assert bench.orders_sent() == ["m"] * 6
+
+
+@pytest.mark.clause("6.1.4/fleet")
+def test_a_refusal_that_names_the_order_fails_the_mission_with_the_robots_words() -> None:
+    bench = Bench(robot=HonestRobot(position=(9.0, 9.0, 0.0))).online()
+    bench.start_and_tell(make_mission("m", "A", "B"))
+    assert failure(bench).reason == "the robot refuses the order"
+    assert failure(bench).details == ("START_NODE_OUT_OF_RANGE: no",)
+
+
+@pytest.mark.clause("6.1.4/fleet")
+@pytest.mark.parametrize("kind", ["noRouteError", "orderError", "validationError", "orderUpdateError"])
+def test_a_refusal_without_references_is_known_by_its_type_and_time(kind: str) -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.robot.errors.append(ErrorEntry(error_type=kind, error_level=ErrorLevel.WARNING))
+    bench.report()
+    assert bench.ends() == {}
+    bench.tick()
+    assert bench.orders_sent() == ["m", "m"]
+    bench.report()
+    assert failure(bench).details == (kind,)
+
+
+@pytest.mark.clause("6.1.4/fleet")
+def test_a_refusal_of_somebody_elses_message_is_none_of_the_order_that_is_taken_behind_it() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.robot.errors.append(ErrorEntry(error_type="validationError", error_level=ErrorLevel.WARNING))
+    bench.report()
+    bench.tick()
+    bench.run()
+    assert bench.ends() == {"m": 1}
+    assert bench.told(MissionFinished)
+
+
+@pytest.mark.clause("6.1.4/fleet")
+def test_a_refusal_from_before_the_order_is_not_taken_for_one_of_it() -> None:
+    bench = Bench()
+    bench.robot.errors.append(ErrorEntry(error_type="noRouteError", error_level=ErrorLevel.WARNING))
+    bench.online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.report()
+    bench.run()
+    assert bench.told(MissionFinished)
+
+
+@pytest.mark.clause("6.1.4/fleet")
+def test_a_refusal_of_another_order_is_none_of_this_one() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    other = ErrorReference(reference_key="orderId", reference_value="other")
+    bench.robot.errors.append(
+        ErrorEntry(error_type="orderError", error_level=ErrorLevel.WARNING, error_references=(other,))
+    )
+    bench.report()
+    assert bench.ends() == {}
+
+
+@pytest.mark.clause("6.1.4/fleet")
+@pytest.mark.parametrize(("action_id", "fails"), [("i1", False), ("m/pick", True)])
+def test_a_refusal_of_an_instant_action_is_none_of_the_order(action_id: str, *, fails: bool) -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B", operation="pick"))
+    named = ErrorReference(reference_key="actionId", reference_value=action_id)
+    bench.robot.errors.append(
+        ErrorEntry(error_type="orderError", error_level=ErrorLevel.WARNING, error_references=(named,))
+    )
+    bench.report()
+    assert bench.ends() == ({"m": 1} if fails else {})
+
+
+@pytest.mark.clause("6.6.9/failed")
+def test_a_failed_operation_fails_the_mission_with_the_robots_words() -> None:
+    bench = Bench(robot=HonestRobot(actions_fail=True)).online()
+    bench.start(make_mission("m", "A", "B", operation="pick"))
+    bench.run()
+    assert failure(bench).reason == "the action 'pick' has failed"
+    assert failure(bench).details == ("ACTION_FAILED: dropped it",)
+    assert bench.instants_sent() == [], "the robot has ended the order itself"
+
+
+@pytest.mark.clause("6.6.9/failed", "6.1.3/fleet")
+def test_a_failed_operation_cancels_what_comes_behind_it() -> None:
+    bench = Bench(robot=HonestRobot(actions_fail=True)).online()
+    one, two = (make_mission("m", "A", operation=each) for each in ("pick", "weigh"))
+    node = one.nodes[0].model_copy(update={"actions": (*one.actions, *two.actions)})
+    bench.start(one.model_copy(update={"nodes": (node,)}))
+    bench.deliver()
+    bench.robot.step()
+    bench.robot.step()
+    bench.report()
+    assert bench.instants_sent() == ["cancelOrder"]
+    bench.deliver()
+    bench.report()
+    assert failure(bench).reason == "the action 'pick' has failed"
+    assert bench.robot.executed == ["m/pick"]
+
+
+@pytest.mark.clause("6.6.5.1/fleet")
+def test_a_node_that_cannot_be_reached_cancels_the_order_and_then_fails_it() -> None:
+    bench = Bench(robot=HonestRobot(unreachable={"C"})).online()
+    bench.start(make_mission("m", "A", "B", "C"))
+    bench.deliver()
+    bench.robot.step()
+    bench.robot.step()
+    bench.report()
+    assert bench.view().mission_phase is MissionPhase.CANCELLING
+    assert bench.instants_sent() == ["cancelOrder"]
+    assert bench.ends() == {}, "the robot still has the order"
+    bench.deliver()
+    bench.report()
+    assert failure(bench).reason == "the robot cannot go on with it"
+    assert failure(bench).details == ("NODE_UNREACHABLE: no way",)
+    assert bench.robot.idle
+
+
+@pytest.mark.clause("6.6.5.1/fleet")
+def test_a_fatal_error_that_names_nothing_is_given_some_time() -> None:
+    bench = Bench().online()
+    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.robot.errors.append(ErrorEntry(error_type="lidarDirty", error_level=ErrorLevel.FATAL))
+    bench.robot.paused = True  # so that it stands
+    bench.wait(9, reporting=True)
+    assert bench.view().mission_phase is MissionPhase.RUNNING
+    bench.wait(3, reporting=True)
+    bench.deliver()
+    bench.report()
+    assert failure(bench).reason == "the robot stands with an error that it cannot go on with"
+    assert failure(bench).details == ("lidarDirty",)
+
+
+@pytest.mark.clause("6.6.5.1/fleet")
+def test_a_fatal_error_that_passes_does_not_fail_the_mission() -> None:
+    bench = Bench().online()
+    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.robot.paused = True
+    for _ in range(3):
+        bench.robot.errors.append(ErrorEntry(error_type="lidarDirty", error_level=ErrorLevel.FATAL))
+        bench.wait(7, reporting=True)
+        bench.robot.errors.clear()
+        bench.report()
+    bench.robot.paused = False
+    bench.run()
+    assert bench.told(MissionFinished)
+
+
+@pytest.mark.clause("6.6.5.1/fleet")
+def test_a_warning_does_not_touch_the_mission() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.robot.errors.append(ErrorEntry(error_type="batteryLow", error_level=ErrorLevel.URGENT))
+    bench.run()
+    assert bench.told(MissionFinished)
+
+
+@pytest.mark.clause("6.1.3/fleet")
+def test_a_cancelled_mission_ends_when_the_robot_has_confirmed_it() -> None:
+    bench = Bench().online()
+    bench.start_and_tell(make_mission("m", "A", "B", operation="pick"))
+    bench.cancel()
+    bench.report()
+    assert bench.ends() == {}
+    assert bench.view().mission_note == "the robot has not yet confirmed the end of the order"
+    bench.deliver()
+    bench.report()
+    assert bench.told(MissionCancelled)
+    assert bench.robot.executed == []
+
+
+@pytest.mark.clause("6.1.3/fleet")
+def test_a_cancel_is_asked_for_once_however_often_somebody_wants_it() -> None:
+    bench = Bench().online()
+    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.cancel()
+    bench.cancel()
+    assert bench.instants_sent() == ["cancelOrder"]
+
+
+@pytest.mark.clause("6.1.3/fleet", "6.2.1/fleet")
+def test_a_cancel_that_is_lost_is_sent_again_under_the_same_id() -> None:
+    bench = Bench().online()
+    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.cancel()
+    bench.lose()
+    bench.wait(2, reporting=True)
+    assert bench.instants_sent() == ["cancelOrder", "cancelOrder"]
+    bench.deliver()
+    bench.report()
+    assert bench.told(MissionCancelled)
+    assert len(bench.robot.instants) == 1
+
+
+def test_an_order_that_waits_to_be_sent_is_cancelled_at_once() -> None:
+    bench = Bench().online()
+    bench.connection(ConnectionState.OFFLINE)
+    bench.start(make_mission("m", "A", "B"))
+    bench.cancel()
+    assert bench.told(MissionCancelled)
+    assert bench.sent == []
+
+
+@pytest.mark.clause("6.1.3/fleet")
+def test_an_order_that_may_be_on_its_way_is_cancelled_at_the_robot() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.cancel()
+    bench.wait(5, reporting=True)
+    assert bench.ends() == {}
+    assert bench.orders_sent() == ["m"], "a cancelled order is not sent again"
+    bench.deliver()
+    bench.report()
+    assert bench.told(MissionCancelled)
+    assert bench.robot.idle
+
+
+def test_a_copy_of_an_order_that_may_be_on_its_way_leaves_a_cancel_unconfirmed_open() -> None:
+    bench = Bench(FleetSettings(sendings=2)).online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.deliver()
+    bench.wait(1)
+    assert bench.orders_sent() == ["m", "m"]
+    bench.cancel()
+    bench.robot.set_mode(OperatingMode.MANUAL)
+    bench.report()
+    bench.robot.set_mode(OperatingMode.AUTOMATIC)
+    bench.wait(10, reporting=True)
+    assert bench.told(MissionCancelled) == []
+    assert failure(bench).kind is FailureKind.UNCLEAR
+    bench.deliver()
+    assert bench.robot.idle
+
+
+@pytest.mark.clause("6.1.3/fleet")
+def test_a_cancel_that_finds_no_order_ends_a_mission_that_never_came() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.lose()
+    bench.cancel()
+    bench.deliver()
+    bench.report()
+    assert bench.told(MissionCancelled)
+    assert bench.robot.accepted == []
+
+
+@pytest.mark.clause("6.1.3/fleet")
+def test_a_mission_that_is_done_before_the_cancel_comes_is_finished() -> None:
+    bench = Bench().online()
+    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.cancel()
+    bench.robot.step()
+    bench.report()
+    assert bench.told(MissionFinished)
+    assert bench.ends() == {"m": 1}
+
+
+@pytest.mark.clause("6.1.3/fleet")
+def test_a_cancel_that_is_never_confirmed_fails_the_mission() -> None:
+    bench = Bench().online()
+    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.cancel()
+    bench.wait(60, reporting=True)
+    assert "does not confirm cancelOrder: sent 6 times" in failure(bench).reason
+
+
+@pytest.mark.clause("6.6.6/fleet")
+def test_a_robot_that_went_to_manual_has_given_the_order_up() -> None:
+    bench = Bench().online()
+    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.robot.set_mode(OperatingMode.MANUAL)
+    bench.report()
+    assert failure(bench).reason == "the robot gave the order up when it went to operating mode MANUAL"
+    assert bench.instants_sent() == [], "nothing is sent to a robot in manual mode"
+    assert not bench.view().availability.can_take_order
+
+
+@pytest.mark.clause("6.6/restart")
+def test_a_robot_that_forgot_its_order_has_lost_the_mission() -> None:
+    bench = Bench().online()
+    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.robot.restart(journal=False)
+    bench.now += 1
+    bench.report()
+    assert "no longer has the order: it knows no order" in failure(bench).reason
+    assert bench.orders_sent() == ["m"], "it is not given again without being asked for"
+
+
+@pytest.mark.clause("6.6/restart")
+def test_a_robot_that_remembers_its_order_goes_on_after_a_restart() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B", "C", operation="pick"))
+    bench.deliver()
+    bench.robot.step()
+    bench.report()
+    bench.robot.restart(journal=True)
+    bench.run()
+    assert bench.told(MissionFinished)
+    assert [each.node_id for each in bench.told(NodePassed)] == ["A", "B", "C"]
+
+
+@pytest.mark.clause("6.6.2/fleet")
+def test_somebody_elses_cancel_fails_the_mission() -> None:
+    bench = Bench().online()
+    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.robot._clear()
+    bench.report()
+    assert failure(bench).reason == "the robot gave the order up before its end"
+
+
+@pytest.mark.clause("6.6/restart")
+@pytest.mark.parametrize("accepted", [False, True])
+def test_an_adopted_mission_that_runs_goes_on(accepted: bool) -> None:  # noqa: FBT001 - a parameter
+    bench = Bench()
+    mission = make_mission("m", "A", "B", "C")
+    bench.start(mission)
+    bench.online()
+    bench.deliver()
+    bench.robot.step()
+    again = Bench(robot=bench.robot)
+    again.take(again.fleet.adopt_mission(ROBOT, mission, again.now, accepted=accepted))
+    again.online()
+    assert again.orders_sent() == []
+    assert [each.node_id for each in again.told(NodePassed)] == ["A", "B"]
+    again.run()
+    assert again.told(MissionFinished)
+    assert again.robot.accepted == ["m"]
+
+
+def test_an_adopted_mission_that_is_done_is_finished() -> None:
+    bench = Bench().online()
+    mission = make_mission("m", "A", "B")
+    bench.start(mission)
+    bench.run()
+    again = Bench(robot=bench.robot)
+    again.take(again.fleet.adopt_mission(ROBOT, mission, again.now, accepted=True))
+    again.online()
+    assert again.story() == ["MissionAccepted", "NodePassed", "NodePassed", "MissionFinished"]
+
+
+def test_an_adopted_mission_that_never_came_is_sent() -> None:
+    bench = Bench()
+    bench.take(bench.fleet.adopt_mission(ROBOT, make_mission("m", "A", "B"), bench.now, accepted=False))
+    bench.wait(5)
+    assert bench.sent == [], "nothing is known of the robot yet"
+    bench.online()
+    assert bench.orders_sent() == ["m"]
+    bench.run()
+    assert bench.told(MissionAccepted)
+    assert bench.told(MissionFinished)
+
+
+@pytest.mark.clause("6.6/restart")
+def test_an_adopted_mission_that_the_robot_has_lost_fails() -> None:
+    bench = Bench()
+    bench.take(bench.fleet.adopt_mission(ROBOT, make_mission("m", "A", "B"), bench.now, accepted=True))
+    bench.online()
+    assert "no longer has the order" in failure(bench).reason
+    assert bench.sent == []
+
+
+def test_an_adopted_mission_can_be_cancelled_before_anything_is_known() -> None:
+    first = Bench().online()
+    mission = make_mission("m", "A", "B", "C")
+    first.start(mission)
+    first.deliver()
+    bench = Bench(robot=first.robot)
+    bench.take(bench.fleet.adopt_mission(ROBOT, mission, bench.now, accepted=False))
+    bench.cancel()
+    assert bench.ends() == {}
+    bench.online()
+    bench.deliver()
+    bench.report()
+    assert bench.told(MissionCancelled)
+    assert bench.robot.idle
+
+
+def test_a_mission_of_before_a_restart_that_may_still_come_to_the_robot_is_cancelled_there() -> None:
+    bench = Bench()
+    bench.take(bench.fleet.adopt_mission(ROBOT, make_mission("m", "A", "B"), bench.now, accepted=False))
+    bench.cancel()
+    bench.online()
+    assert bench.ends() == {}  # the robot knows nothing of it yet, but the broker may have it
+    assert bench.instants_sent() == ["cancelOrder"]
+    bench.deliver()
+    bench.report()
+    assert bench.told(MissionCancelled)
+
+
+@pytest.mark.clause("6.6.2/fleet")
+def test_a_robot_with_missing_action_states_is_not_waited_for_for_ever() -> None:
+    bench = Bench(FleetSettings(standstill_patience=5.0)).online()
+    bench.start(make_mission("m", "A", operation="pick"))
+    bench.deliver()
+    bench.robot.actions.clear()
+    bench.robot.statuses.clear()
+    bench.wait(4, reporting=True)
+    assert bench.ends() == {}
+    bench.wait(3, reporting=True)
+    assert failure(bench).reason == "the robot does not report the actions of the order"
+
+
+@pytest.mark.clause("6.6.9/instant", "6.6.8")
+def test_statuses_of_the_orders_actions_are_told_from_instant_ones() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B", operation="pick"))
+    bench.deliver()
+    action = make_mission("x", "A", operation="logReport").actions[0]
+    bench.robot.instants[action.action_id] = (action, ActionStatus.RUNNING)
+    bench.run()
+    assert bench.told(MissionFinished)
+    assert bench.view().availability.can_take_order
+
+
+def fresh(*, adopted: bool = False, accepted: bool = False) -> MissionRun:
+    """Give a run by itself: nobody but the test sends and asks."""
+    mission = make_mission("m", "A", "B", "C", operation="pick")
+    return MissionRun(ROBOT, mission, FleetSettings(), adopted=adopted, accepted=accepted)
+
+
+def test_it_waits_is_sent_and_is_sent_again() -> None:
+    run = fresh()
+
+    def stands(now: float) -> tuple[MissionPhase, bool, bool]:
+        assert not run.quiet
+        return run.phase, run.wants_sending(now), run.sent_again
+
+    assert stands(0.0) == (MissionPhase.WAITING, True, False)
+    assert run.send((), 0.0) == PublishOrder(ROBOT, run.mission)
+    assert stands(0.9) == (MissionPhase.SENT, False, False)
+    assert stands(1.0) == (MissionPhase.SENT, True, False)
+    run.send((), 1.0)
+    assert stands(1.0) == (MissionPhase.SENT, False, True)
+    run.hold()
+    assert stands(1.0) == (MissionPhase.SENT, True, False), "all begins anew"
+
+
+def test_what_was_never_sent_ends_without_the_robot() -> None:
+    run = fresh()
+    assert list(run.begin_cancel()) == [MissionCancelled(ROBOT, "m")]
+    assert run.ended
+
+    unfit = fresh()
+    told = unfit.refuse("it is too heavy")
+    assert isinstance(told, MissionFailed)
+    assert (told.kind, told.reason, unfit.ended) == (FailureKind.UNFIT, "it is too heavy", True)
+
+
+def test_what_may_have_been_sent_before_a_restart_is_cancelled_at_the_robot() -> None:
+    run = fresh(adopted=True)
+    assert list(run.begin_cancel()) == []
+    assert (run.phase, run.ended) == (MissionPhase.CANCELLING, False)
+    assert not run.wants_cancel(None), "nothing is known of the robot yet"
+    assert run.wants_cancel(state())
+    assert not run.wants_sending(0.0)
+
+
+def test_a_failed_action_on_the_way_ends_the_drive_and_not_the_action() -> None:
+    run = fresh()
+    run.send((), 0.0)
+    failed = {"action_id": "m/pick", "action_type": "pick", "action_status": "FAILED"}
+    told = list(run.on_state(state(order_id="m", action_states=(failed,), **way("B", "C")), 1.0))
+    assert [type(each).__name__ for each in told] == ["MissionAccepted", "NodePassed"]
+    assert run.wants_cancel(state(order_id="m", **way("B", "C")))
+
+    (end,) = run.on_state(state(order_id="m", action_states=(failed,)), 2.0)
+    assert isinstance(end, MissionFailed)
+    assert (end.kind, end.reason) == (FailureKind.DRIVE, "the action 'pick' has failed")
+
+
+def test_an_end_that_was_told_is_the_last_word() -> None:
+    run = fresh(adopted=True, accepted=True)
+    (end,) = run.on_state(state(order_id="other"), 0.0)
+    assert isinstance(end, MissionFailed)
+    assert end.kind is FailureKind.LOST
+    assert "it is at the order 'other'" in end.reason
+
+
+STATES = st.builds(
+    state,
+    order_id=st.sampled_from(["m", "m", "m", "", "other"]),
+    order_update_id=st.sampled_from([0, 0, 0, 1]),
+    last_node_sequence_id=st.sampled_from([0, 2, 4]),
+    node_states=st.sampled_from([way("B", "C"), way("C", first=4), {"node_states": ()}]).map(
+        lambda made: made["node_states"]
+    ),
+    action_states=st.just(())
+    | st.sampled_from(["WAITING", "RUNNING", "RETRIABLE", "FINISHED", "FAILED"]).map(
+        lambda status: ({"action_id": "m/pick", "action_type": "pick", "action_status": status},)
+    ),
+    errors=st.sampled_from(
+        [
+            (),
+            ({"error_type": "wheel", "error_level": "FATAL"},),
+            ({"error_type": "orderError", "error_level": "WARNING"},),
+            (
+                {
+                    "error_type": "orderError",
+                    "error_level": "WARNING",
+                    "error_references": ({"reference_key": "orderId", "reference_value": "m"},),
+                },
+            ),
+        ]
+    ),
+    operating_mode=st.sampled_from(["AUTOMATIC", "AUTOMATIC", "MANUAL"]),
+    new_base_request=st.booleans(),
+)
+STEPS = st.lists(
+    st.tuples(st.sampled_from(["state", "state", "send", "tick", "cancel"]), STATES), max_size=12
+)
+
+
+@given(STEPS, st.booleans())
+def test_whatever_a_robot_says_it_has_one_end_and_nodes_are_passed_in_order(
+    steps: list[tuple[str, State]],
+    adopted: bool,  # noqa: FBT001 - drawn
+) -> None:
+    run, now, seen = fresh(adopted=adopted), 0.0, state()
+    told: list[FleetOutput] = []
+    for kind, said in steps:
+        if run.ended:
+            break
+        now += 4.0
+        if kind == "state":
+            seen = said
+            told += run.on_state(said, now)
+        elif kind == "tick":
+            told += run.on_tick(seen, now)
+        elif kind == "cancel":
+            told += run.begin_cancel()
+        elif run.wants_sending(now):
+            run.send(seen.errors, now)
+    ends = [each for each in told if isinstance(each, MissionFinished | MissionFailed | MissionCancelled)]
+    assert len(ends) == run.ended
+    assert ends == [] or told[-1] is ends[0]
+    passed = [each.sequence_id for each in told if isinstance(each, NodePassed)]
+    assert passed == sorted(set(passed))
+    accepted = [isinstance(each, MissionAccepted) for each in told]
+    assert sum(accepted) <= 1
+    assert accepted[:1] == [True] or passed == [], "it is accepted before a node is passed"
