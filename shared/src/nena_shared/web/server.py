@@ -49,6 +49,7 @@ class HttpServer:
         """What answers; another may take its place while the server runs."""
         config = uvicorn.Config(
             self._answer,
+            http="h11",  # not httptools, where it is there: it loses bodies, and heads may have no end
             interface="asgi3",
             lifespan="off",
             log_config=None,

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import httpx
 import pytest
+from starlette.requests import Request
 from starlette.responses import PlainTextResponse
+from starlette.types import Receive, Scope, Send
 
 from nena_shared.program import StartError
 from nena_shared.settings import ConfigurationError
@@ -48,6 +50,26 @@ async def test_with_a_certificate_it_speaks_https(tmp_path: Path) -> None:
         assert (await client.get(server.url)).text == "yes"
         with pytest.raises(httpx.HTTPError):
             await client.get(server.url.replace("https", "http"))
+
+
+@pytest.mark.parametrize(
+    "offer", ["", "Connection: Upgrade, HTTP2-Settings\r\nUpgrade: h2c\r\nHTTP2-Settings: AA\r\n"]
+)
+async def test_bodies_are_read_also_of_hosts_that_offer_http_2(offer: str) -> None:
+    """Java's client offers it with each request where there is no TLS."""
+
+    async def echo(scope: Scope, receive: Receive, send: Send) -> None:
+        await PlainTextResponse(await Request(scope, receive).body())(scope, receive, send)
+
+    async with serving(HttpSettings(port=0)) as server:
+        server.app = echo
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        for _ in range(2):
+            writer.write(f"POST / HTTP/1.1\r\nHost: a\r\n{offer}Content-Length: 4\r\n\r\nbody".encode())
+            head = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), PATIENCE)
+            assert head.startswith(b"HTTP/1.1 200")
+            assert await asyncio.wait_for(reader.readexactly(4), PATIENCE) == b"body"
+        writer.close()
 
 
 def test_a_certificate_that_is_none_is_told(tmp_path: Path) -> None:
