@@ -86,8 +86,12 @@ class RoutingGraph:
 
     def costs_from(self, source: str, destinations: Iterable[str]) -> dict[str, float]:
         """Return what it costs to reach those of the destinations that can be reached."""
-        lengths = rx.digraph_dijkstra_shortest_path_lengths(self._graph, self._indices[source], _COST)
-        indices = {name: self._indices[name] for name in destinations}
+        start, indices = self._indices[source], {name: self._indices[name] for name in destinations}
+        goals = {*indices.values()} - {start}
+        # A search for one goal ends there, one for several goes through all that can be reached.
+        goal = next(iter(goals)) if len(goals) == 1 else None
+        search = rx.digraph_dijkstra_shortest_path_lengths
+        lengths = search(self._graph, start, _COST, goal) if goals else {}
         costs = {name: lengths[index] for name, index in indices.items() if index in lengths}
         return {**costs, source: 0.0} if source in indices else costs
 

@@ -54,10 +54,7 @@ class Router:
         Raises UnknownObjectError for a name that the plant does not have and NoRouteError if there is no way.
         """
         self._check_points((source, destination))
-        steps = self._graph(vehicle, avoid, loaded=loaded).shortest(source, destination)
-        if steps is None:
-            raise NoRouteError(source, (destination,), vehicle, avoid)
-        return Route(source, destination, steps)
+        return _shortest(self._graph(vehicle, avoid, loaded=loaded), source, destination, vehicle, avoid)
 
     def route_through(
         self,
@@ -76,14 +73,16 @@ class Router:
         """
         self._check_points([source, *chain.from_iterable(destinations)])
         graph = self._graph(vehicle, avoid, loaded=loaded)
-        ways = {source: _Way(0.0, (source,))}
-        for choice in destinations:
-            longer = _longer(graph, ways, choice)
-            if not longer:
-                raise NoRouteError(next(iter(ways)), choice, vehicle, avoid)
-            ways = longer
-        points = min(ways.values()).points
-        return tuple(Route(start, end, graph.shortest(start, end) or ()) for start, end in pairwise(points))
+        points = (source, *chain.from_iterable(destinations))
+        if any(len(choice) != 1 for choice in destinations):  # else there is nothing to compare
+            ways = {source: _Way(0.0, (source,))}
+            for choice in destinations:
+                longer = _longer(graph, ways, choice)
+                if not longer:
+                    raise NoRouteError(next(iter(ways)), choice, vehicle, avoid)
+                ways = longer
+            points = min(ways.values()).points
+        return tuple(_shortest(graph, start, end, vehicle, avoid) for start, end in pairwise(points))
 
     def costs_from(
         self, source: str, *, vehicle: Vehicle | None = None, loaded: bool | None = None
@@ -146,6 +145,15 @@ class _Way(NamedTuple):
 
     cost: float
     points: tuple[str, ...]
+
+
+def _shortest(
+    graph: RoutingGraph, source: str, destination: str, vehicle: Vehicle | None, avoid: Collection[str]
+) -> Route:
+    steps = graph.shortest(source, destination)
+    if steps is None:
+        raise NoRouteError(source, (destination,), vehicle, avoid)
+    return Route(source, destination, steps)
 
 
 def _longer(graph: RoutingGraph, ways: Mapping[str, _Way], choice: Collection[str]) -> dict[str, _Way]:
