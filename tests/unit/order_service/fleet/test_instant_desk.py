@@ -7,7 +7,7 @@ from itertools import count
 import pytest
 
 from nena_order_service.fleet import FleetSettings, InstantActionEnded, PublishInstantActions
-from nena_order_service.fleet.instant_desk import InstantDesk
+from nena_order_service.fleet.instant_desk import CLEARING_PAUSE, InstantDesk
 from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, Robot
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.connection import ConnectionState
@@ -391,6 +391,21 @@ def test_a_clear_for_which_there_is_no_room_begins_as_soon_as_there_is() -> None
     list(desk.on_state(robot.state(), 2.0))
     list(desk.on_state(robot.state(), 2.5))
     assert sent_types(desk, 3.0).count("clearInstantActions") == 1
+
+
+@pytest.mark.clause("6.2.3/clearInstantActions")
+def test_a_robot_that_does_not_clear_is_told_again_after_a_pause() -> None:
+    robot = clearer()
+    desk = alone(robot)
+    robot.instants["old"] = (action("startPause", "old"), ActionStatus.FINISHED)
+    told = []
+    for now in (0.0, 1.0, CLEARING_PAUSE - 0.5, CLEARING_PAUSE, CLEARING_PAUSE + 1.0):
+        list(desk.on_state(robot.state(), now))
+        for action_type in sent_types(desk, now):
+            told.append((action_type, now))
+            (clearing,) = (each for each in desk.ids if each not in robot.instants)
+            robot.instants[clearing] = (action(action_type, clearing), ActionStatus.FINISHED)
+    assert told == [("clearInstantActions", 0.0), ("clearInstantActions", CLEARING_PAUSE)]
 
 
 def sent_types(desk: InstantDesk, now: float) -> list[str]:

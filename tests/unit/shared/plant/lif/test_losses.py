@@ -54,6 +54,7 @@ DRAWN = VehicleTypeOnPath(
         model(first=point("A", max_vehicle_bounding_box=UNLIMITED_SIZE)),
         model(first=point("A", properties={"vda5050:mapId": "m", "lif:name": "x"})),
         model(way=path("A B", 1001)),
+        model(first=point("A", 1000), way=path("A B", 2)),
         model(way=path("A B", 1700, vehicle_types=(DRAWN,), layout=BENT)),
     ],
 )
