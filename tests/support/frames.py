@@ -21,6 +21,27 @@ _FRAMES = """({ seconds, move }) => new Promise((done) => {
 })"""
 
 
+_DRAW = """async (frames) => {
+  const map = document.querySelector("nena-fleet-map");
+  const real = window.requestAnimationFrame;
+  let drawn = 0;
+  while (drawn < frames) {
+    await new Promise((turn) => real(turn));
+    window.requestAnimationFrame = (draw) => {
+      drawn += 1;
+      draw(performance.now());
+    };
+    for (let each = 0; each < 10; each += 1) {
+      map.view.pan(each % 2 ? 1 : -1, 0);
+      map.follow(false);
+    }
+    window.requestAnimationFrame = real;
+  }
+  return drawn;
+}"""
+"""Draws some frames in one turn, so that nothing else comes between them."""
+
+
 async def frames_per_second(page: Page, seconds: float, *, move: bool) -> float:
     """Count the frames; with ``move`` the panel's map moves, so that nothing of it is kept."""
     counted: float = await page.evaluate(_FRAMES, {"seconds": seconds, "move": move})
@@ -38,3 +59,10 @@ async def busy_seconds(session: CDPSession) -> float:
     """Give the processor time that the page's main thread has used."""
     metrics = (await session.send("Performance.getMetrics"))["metrics"]
     return float(next(each["value"] for each in metrics if each["name"] == "TaskDuration"))
+
+
+async def seconds_for_a_frame(page: Page, session: CDPSession, frames: int = 60) -> float:
+    """Give the processor time that the page takes to draw the panel's map while it moves."""
+    before = await busy_seconds(session)
+    drawn: int = await page.evaluate(_DRAW, frames)
+    return (await busy_seconds(session) - before) / drawn

@@ -8,13 +8,13 @@ from itertools import count
 from math import pi, sin
 
 import pytest
-from playwright.async_api import Browser, Page, expect
+from playwright.async_api import Browser, CDPSession, Page, expect
 
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.topics import RobotKey, Topic
 from support.fleet_examples import ROBOT, connection, factsheet, position, state, way
-from support.frames import busy_clock, busy_seconds, frames_per_second
+from support.frames import busy_clock, busy_seconds, frames_per_second, seconds_for_a_frame
 from support.panel import Hall, becomes, opened, picture, seconds_now
 from support.pausing import time_passes
 
@@ -162,7 +162,10 @@ def remainder(angle: float) -> float:
 
 
 async def test_two_hundred_robots_at_two_hertz_are_drawn_smoothly(hall: Hall, browser: Browser) -> None:
-    """Counted per second of the page's own processor time, so that others on the machine change nothing."""
+    """Counted in the page's own processor time, so that others on the machine change nothing.
+
+    What the states take stays the same however few frames the page comes to draw; so it is counted apart.
+    """
     with hall.aggregator() as aggregator:
         await aggregator.logged("broker connected")
         hall.publish_plant()
@@ -172,12 +175,16 @@ async def test_two_hundred_robots_at_two_hertz_are_drawn_smoothly(hall: Hall, br
         async with opened(browser, hall.url) as page:
             await expect(page.locator("tr[data-robot]")).to_have_count(ROBOTS)
             clock = await busy_clock(page)
-            rates = []
-            for _ in range(3):
-                before = await busy_seconds(clock)
-                frames = SECONDS * await frames_per_second(page, SECONDS, move=True)
-                rates.append(frames / (await busy_seconds(clock) - before))
-            assert max(rates) >= FRAMES_WANTED, f"frames per second in three runs: {rates}"
+            shares = [await share_of_a_core(page, clock) for _ in range(3)]
+            assert min(shares) <= 1, f"share of a core for {FRAMES_WANTED} frames a second, in runs: {shares}"
         sending.cancel()
         with suppress(asyncio.CancelledError):
             await sending
+
+
+async def share_of_a_core(page: Page, clock: CDPSession) -> float:
+    """Give what the page needs for its states, and to draw as many frames as are wanted besides."""
+    before = await busy_seconds(clock)
+    await frames_per_second(page, SECONDS, move=False)
+    for_states = (await busy_seconds(clock) - before) / SECONDS
+    return for_states + FRAMES_WANTED * await seconds_for_a_frame(page, clock)
