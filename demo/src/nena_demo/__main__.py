@@ -19,7 +19,7 @@ from nena_demo.stack import Choices, NotReadyError
 from nena_demo.teller import Teller
 from nena_shared import log
 from nena_shared.settings import LogSettings
-from nena_shared.tasks import stop_on_signals
+from nena_shared.tasks import end, stop_on_signals
 
 EXIT_STOPPED = 130
 STOP_PATIENCE = 20.0
@@ -53,21 +53,11 @@ async def _until_stopped(arguments: argparse.Namespace, folder: Path, teller: Te
     stopping.cancel()
     if not work.done():
         teller.say("stopping everything")
-        await _ended(work)
+        await end(work, again_after=STOP_PATIENCE)
+        if not work.cancelled():
+            work.result()  # raises what has broken it meanwhile
         return EXIT_STOPPED
     return work.result()
-
-
-async def _ended(work: asyncio.Task[int]) -> None:
-    """Cancel the demo, again where that was lost on its way through the libraries, until it has ended.
-
-    Raises what has broken it meanwhile.
-    """
-    while not work.done():
-        work.cancel()
-        await asyncio.wait({work}, timeout=STOP_PATIENCE)
-    if not work.cancelled():
-        work.result()
 
 
 async def _work(arguments: argparse.Namespace, folder: Path, teller: Teller) -> int:

@@ -20,6 +20,7 @@ from nena_demo.main_job import JobFailedError, transport
 from nena_demo.processes import Processes
 from nena_demo.stack import Choices, Stack
 from nena_demo.teller import Teller
+from nena_shared.tasks import end
 
 PAUSE_SECONDS = 2.0
 
@@ -58,7 +59,7 @@ class DemoSession:
             self._host = Host(self._stack.mqtt, self._stack.rest_url, self._teller.change)
             self._cleanup.push_async_callback(self._host.rest.aclose)
             link = asyncio.create_task(self._host.link.run(), name="host link")
-            self._cleanup.push_async_callback(_cancelled, link)
+            self._cleanup.push_async_callback(end, link)
         except BaseException:
             await self._cleanup.aclose()
             raise
@@ -130,9 +131,3 @@ async def _problems(client: httpx.AsyncClient, expected: Mapping[str, str]) -> t
         *check_fleet(fleet.json(), expected, stack.ROBOTS),
         *check_metrics(metrics.text, expected, stack.ROBOTS),
     )
-
-
-async def _cancelled(task: asyncio.Task[None]) -> None:
-    task.cancel()
-    with contextlib.suppress(asyncio.CancelledError):
-        await task

@@ -12,6 +12,9 @@ from nena_shared.log import get_logger
 
 log = get_logger(__name__)
 
+AGAIN_AFTER = 5.0
+"""Seconds that a task has to end in order before it is cancelled once more."""
+
 
 class TaskFailedError(Exception):
     """A task that the program cannot do without has ended."""
@@ -41,9 +44,7 @@ class Supervisor:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Cancel what still runs and wait for its end."""
-        for task in self._tasks:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await end(*self._tasks)
 
     def start(self, name: str, work: Coroutine[Any, Any, None], *, vital: bool = True) -> asyncio.Task[None]:
         """Run ``work`` under ``name``."""
@@ -81,6 +82,27 @@ class Supervisor:
             stopping.cancel()
         if failed.done():
             raise TaskFailedError(failed.result())
+
+
+async def end(*tasks: asyncio.Task[Any], again_after: float = AGAIN_AFTER) -> None:
+    """Cancel tasks and wait until all have ended, whatever they end with.
+
+    ``asyncio.wait_for`` of Python 3.11 forgets a cancellation that comes with what it has waited for. Who has
+    not ended in ``again_after`` seconds, in which an orderly end has to be had, is therefore cancelled again.
+    """
+    left = set(tasks)
+    while left:
+        for task in left:
+            task.cancel()
+        _, left = await asyncio.wait(left, timeout=again_after)
+    await asyncio.gather(*tasks, return_exceptions=True)
+
+
+def end_if_cancelled() -> None:
+    """Let the running task end if its cancellation was forgotten on the way here, see :func:`end`."""
+    task = asyncio.current_task()
+    if task is not None and task.cancelling():
+        raise asyncio.CancelledError
 
 
 async def forever(name: str, work: Callable[[], Awaitable[None]], *, pause: float = 1.0) -> None:

@@ -12,18 +12,22 @@ from typing import Any, ParamSpec, TypeVar
 P = ParamSpec("P")
 T = TypeVar("T")
 START = datetime(2026, 1, 1, tzinfo=UTC)
+PATIENCE = 30.0
+"""Real seconds."""
 
 
 class _Selector(selectors.SelectSelector):
-    """Never waits; what would have been waited for is added to the time."""
+    """Waits for nobody but other threads; what would have been waited for else is added to the time."""
 
     seconds = 0.0
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         ready = super().select(0)
-        if not ready:
-            assert timeout is not None, "nothing will ever happen any more"
-            self.seconds += max(0.0, timeout)
+        if not ready and timeout is None:  # at the end another thread shuts the executor down
+            ready = super().select(PATIENCE)
+            assert ready, "nothing will ever happen any more"
+        elif not ready:
+            self.seconds += max(0.0, timeout or 0.0)
         return ready
 
 

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import suppress
 
 import pytest
 from structlog.testing import capture_logs
 
-from nena_shared.tasks import Supervisor, TaskFailedError, forever
+from nena_shared.tasks import Supervisor, TaskFailedError, end, end_if_cancelled, forever
+from support.pausing import turn_passes
 from support.waiting import PATIENCE, until
 
 
@@ -55,6 +57,52 @@ async def test_other_tasks_fail_alone_but_not_unseen() -> None:
 
     assert [(line["event"], line["task"]) for line in logs] == [("task failed", "helper")]
     assert str(logs[0]["exc_info"]) == "why"
+
+
+async def forgetful(times: int, cleaned_up: list[str]) -> None:
+    """Forget some cancellations, as ``asyncio.wait_for`` of Python 3.11 does at times."""
+    try:
+        while True:
+            try:
+                await endless()
+            except asyncio.CancelledError:
+                if not times:
+                    raise
+                times -= 1
+    finally:
+        cleaned_up.append("in order")
+
+
+async def test_whose_cancellation_is_forgotten_is_cancelled_again_and_others_are_not() -> None:
+    cleaned_up: list[str] = []
+    both = [asyncio.create_task(forgetful(times, cleaned_up)) for times in (0, 2)]
+    broken = asyncio.create_task(fail())
+    await turn_passes()
+    await asyncio.wait_for(end(*both, broken, again_after=0.01), PATIENCE)
+
+    assert all(each.cancelled() for each in both)
+    assert cleaned_up == ["in order"] * 2
+    assert both[0].cancelling() == 1
+    assert both[1].cancelling() == 3
+
+
+async def test_a_task_that_has_forgotten_its_cancellation_can_still_find_out() -> None:
+    async def forgets() -> None:
+        end_if_cancelled()
+        with suppress(asyncio.CancelledError):
+            await endless()
+        end_if_cancelled()
+        pytest.fail("it goes on")
+
+    task = asyncio.create_task(forgets())
+    await turn_passes()
+    task.cancel()
+    await asyncio.wait({task}, timeout=PATIENCE)
+    assert task.cancelled()
+
+
+async def test_nothing_has_to_be_ended() -> None:
+    await end()
 
 
 async def test_tasks_are_named() -> None:

@@ -19,7 +19,7 @@ from nena_order_service.store.store import Store
 from nena_shared.log import get_logger
 from nena_shared.plant import PlantModel
 from nena_shared.settings import ConfigurationError
-from nena_shared.tasks import Supervisor
+from nena_shared.tasks import Supervisor, end
 
 log = get_logger(__name__)
 
@@ -162,9 +162,7 @@ class Serving(Generic[P]):
 
     async def _end(self, parts: Parts) -> None:
         tasks, self._tasks = self._tasks, []
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await end(*tasks)
         await parts.end()
 
     async def _keep(self, model: PlantModel) -> None:

@@ -18,6 +18,7 @@ from nena_shared.mqtt.pauses import Pauses
 from nena_shared.mqtt.tls import tls_context
 from nena_shared.mqtt.topic_filter import matches
 from nena_shared.settings import ConfigurationError, MqttSettings
+from nena_shared.tasks import end_if_cancelled
 
 log = get_logger(__name__)
 
@@ -112,6 +113,8 @@ class MqttLink:
         self._subscriptions: list[_Subscription] = []
         self._outbox: deque[Outbound] = deque()
         self._session: _Session | None = None
+        self._greeting = False
+        """Whether a session has begun that is about to stand."""
         self._handlers = lru_cache(maxsize=10_000)(self._matching_handlers)
         self._silence = 0.0
         self._connected_at = 0.0
@@ -158,10 +161,13 @@ class MqttLink:
             self._session.client.cut()
 
     async def drain(self, seconds: float) -> bool:
-        """Wait at most ``seconds`` until the broker has all that was published; tell whether it has."""
+        """Wait at most ``seconds`` until the broker has all that was published; tell whether it has.
+
+        A session that has begun is waited for: who has said that he is there has to be able to say farewell.
+        """
         try:
             async with asyncio.timeout(seconds):
-                while self._session and (self._outbox or self._session.deliveries):
+                while self._greeting or (self._session and (self._outbox or self._session.deliveries)):
                     self._settled.clear()
                     await self._settled.wait()
         except TimeoutError:
@@ -170,9 +176,12 @@ class MqttLink:
 
     async def _serve(self) -> None:
         async with self._make_client() as client:
+            end_if_cancelled()
             session = _Session(client)
+            self._greeting = True
             try:
                 await self._greet(session)
+                end_if_cancelled()
                 await client.hand_over(self._receive)
             finally:
                 self._leave(session)
@@ -210,7 +219,9 @@ class MqttLink:
         self._connected_at = asyncio.get_running_loop().time()
         self.state.last_error = ""
         log.info("broker connected", host=self._settings.host, port=self._settings.port)
+        self._greeting = False
         self._refill()
+        self._settled.set()
 
     async def _subscribe(self, session: _Session) -> None:
         """Ask the broker for what it was not asked for yet, also for what is added meanwhile."""
@@ -243,6 +254,7 @@ class MqttLink:
         """Take back what the broker has not confirmed, in its old order, before what waits already."""
         unsent = [*session.deliveries.values(), *self._outbox]
         session.deliveries.clear()
+        self._greeting = False
         self._settled.set()
         if session.subscribing:
             session.subscribing.cancel()

@@ -426,6 +426,45 @@ async def test_drain_tells_what_is_left(own_broker: Broker) -> None:
         assert await link.drain(PATIENCE)
 
 
+async def test_who_has_just_said_that_he_is_there_can_say_farewell(
+    broker: Broker, interface_name: str
+) -> None:
+    """The subscriptions are not answered yet then."""
+    topic, greeted = f"{interface_name}/connection", asyncio.Event()
+
+    def greeting() -> Iterator[Outbound]:
+        yield Outbound(topic, b"here", retain=True)
+        greeted.set()
+
+    link = MqttLink(broker.settings, client_id=interface_name, on_connected=greeting)
+    link.subscribe(f"{interface_name}/order", lambda _: None)
+    with MqttPeer(broker, topic) as peer:
+        async with running(link, connected=False):
+            await asyncio.wait_for(greeted.wait(), PATIENCE)
+            assert not link.state.connected
+            link.publish(Outbound(topic, b"gone", retain=True))
+            assert await link.drain(PATIENCE)
+        await until(lambda: peer.payloads() == [b"here", b"gone"])
+
+
+async def test_it_can_be_ended_while_its_subscriptions_are_not_answered(
+    broker: Broker, interface_name: str
+) -> None:
+    greeted = asyncio.Event()
+
+    def greeting() -> Iterator[Outbound]:
+        greeted.set()
+        yield Outbound(f"{interface_name}/connection", b"here")
+
+    link = MqttLink(broker.settings, client_id=interface_name, on_connected=greeting)
+    link.subscribe(f"{interface_name}/order", lambda _: None)
+    task = asyncio.create_task(link.run())
+    await asyncio.wait_for(greeted.wait(), PATIENCE)
+    task.cancel()
+    await asyncio.wait({task}, timeout=PATIENCE)
+    assert task.cancelled()
+
+
 async def test_small_messages_do_not_wait_for_each_other(broker: Broker, interface_name: str) -> None:
     """Without TCP_NODELAY at both ends a round trip of steady messages takes up to 44 ms.
 

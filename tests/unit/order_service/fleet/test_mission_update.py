@@ -19,6 +19,7 @@ from nena_order_service.fleet import (
     PublishOrder,
 )
 from nena_order_service.fleet.mission_update import released_to, update_of
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.factsheet import OptionalParameter, Support
 from nena_shared.vda5050.order import Node
 from support.fleet import Bench, make_mission
@@ -200,11 +201,29 @@ def test_an_update_that_the_robot_refuses_ends_the_mission(*, named: bool) -> No
     extend(bench, base(3))
     bench.deliver()
     bench.report()
+    if not named:
+        assert bench.instants_sent() == []
+        bench.tick()
+        bench.deliver()
+        bench.report()
     bench.deliver()
     bench.report()
 
     (failed,) = bench.told(MissionFailed)
     assert failed.reason == "the robot refuses to go on with the order"
+    assert len(updates(bench)) == (2 if named else 3)
+
+
+@pytest.mark.clause("6.1.4/fleet")
+def test_a_refusal_of_somebody_elses_message_is_none_of_the_update_that_is_taken_behind_it() -> None:
+    bench = started()
+    extend(bench, WHOLE)
+    bench.robot.errors.append(ErrorEntry(error_type="validationError", error_level=ErrorLevel.WARNING))
+    bench.report()
+    bench.tick()
+    bench.run()
+
+    assert len(bench.told(MissionFinished)) == sum(bench.ends().values()) == 1
 
 
 def test_a_mission_that_has_ended_is_not_extended() -> None:

@@ -16,6 +16,7 @@ from nena_order_service.store.errors import FencedError
 from nena_order_service.store.leadership import Fence, LeaderLock
 from nena_order_service.store.store import Store
 from nena_shared.log import get_logger
+from nena_shared.tasks import end
 
 log = get_logger(__name__)
 
@@ -77,8 +78,7 @@ class Lead:
         except DBAPIError as error:
             raise unusable(reason_of(error)) from error
         finally:
-            holding.cancel()
-            await asyncio.gather(holding, return_exceptions=True)
+            await end(holding)
 
     async def keep(self, store: Store, engine: Engine, fence: Fence) -> None:
         """Keep the lead until cancelled; while it is not sure, the store takes no new orders.
