@@ -149,18 +149,28 @@ class Client(aiomqtt.Client):
         if confirmed := self._unconfirmed.pop(mid, None):
             confirmed()
 
-    def _on_socket_open(self, client: PahoClient, userdata: object, sock: Any) -> None:  # noqa: ANN401 - paho's
-        super()._on_socket_open(client, userdata, sock)
-        self._loop.call_soon_threadsafe(self._loop.add_reader, sock.fileno(), self._on_readable)
+    def _on_socket_open(self, _client: PahoClient, _userdata: object, sock: Any) -> None:  # noqa: ANN401 - paho's
+        self._loop.call_soon_threadsafe(self._watch, sock)
 
-    def _on_socket_register_write(self, client: PahoClient, userdata: object, sock: Any) -> None:  # noqa: ANN401 - paho's
+    def _watch(self, sock: Any) -> None:  # noqa: ANN401 - paho's
+        """Read what comes, unless the thread that was to connect has closed the socket again."""
+        if sock.fileno() >= 0:
+            self._misc_task = self._loop.create_task(self._misc_loop(), name="keep alive")
+            self._loop.add_reader(sock.fileno(), self._on_readable)
+
+    def _on_socket_register_write(self, _client: PahoClient, _userdata: object, sock: Any) -> None:  # noqa: ANN401 - paho's
         if self._at_work:
             return
         if self._in_loop():
             self._loop.call_soon(self._guarded, self._write)
         else:
             self._waits_to_write = True
-            super()._on_socket_register_write(client, userdata, sock)
+            self._loop.call_soon_threadsafe(self._write_later, sock)
+
+    def _write_later(self, sock: Any) -> None:  # noqa: ANN401 - paho's
+        """Write when the socket takes something, unless it was closed meanwhile."""
+        if sock.fileno() >= 0:
+            self._loop.add_writer(sock.fileno(), partial(self._guarded, self._client.loop_write))
 
     def _on_socket_unregister_write(self, client: PahoClient, userdata: object, sock: Any) -> None:  # noqa: ANN401 - paho's
         if self._waits_to_write:
@@ -208,7 +218,7 @@ class Client(aiomqtt.Client):
         sock = self._client.socket()
         if sock is not None and self._client.want_write():
             self._waits_to_write = True
-            self._loop.add_writer(sock.fileno(), partial(self._guarded, self._client.loop_write))
+            self._write_later(sock)
 
     def _guarded(self, work: Callable[[], object]) -> None:
         """Do ``work``; what breaks it breaks the connection: paho would stumble over it again and again."""

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import socket
+import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from time import monotonic
+from typing import Any
 
 import aiomqtt
 import pytest
@@ -116,3 +119,22 @@ async def test_a_message_that_cannot_be_read_ends_the_connection_for_good() -> N
             await asyncio.wait_for(handing, PATIENCE)
         await asyncio.wait_for(broker.ended.wait(), PATIENCE)
         assert client._client.socket() is None
+
+
+async def test_a_connection_that_ends_before_the_event_loop_has_its_turn_is_let_go() -> None:
+    """paho opens and closes sockets in a thread of its own, while a broker cannot be reached."""
+    loop, faults = asyncio.get_running_loop(), list[dict[str, Any]]()
+    loop.set_exception_handler(lambda _, fault: faults.append(fault))
+    client, sock = Client("127.0.0.1", 1), socket.socket()
+
+    def connect_in_vain() -> None:
+        client._on_socket_open(client._client, None, sock)
+        client._on_socket_register_write(client._client, None, sock)
+        sock.close()
+
+    connecting = threading.Thread(target=connect_in_vain)
+    connecting.start()
+    connecting.join(PATIENCE)
+    await turn_passes()
+    assert faults == []
+    assert client._misc_task is None

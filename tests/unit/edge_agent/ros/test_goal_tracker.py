@@ -16,7 +16,7 @@ from nena_edge_agent.driver.port import (
 )
 from nena_edge_agent.ros.commands import CancelGoal, Command, PublishGoal, Report, RequestPose
 from nena_edge_agent.ros.goal_status import GoalEntry, GoalStatus
-from nena_edge_agent.ros.goal_tracker import GoalTracker
+from nena_edge_agent.ros.goal_tracker import LATE_AT_MOST, GoalTracker
 from nena_edge_agent.ros.settings import GoalSettings
 
 READY = NavigationReport(available=True, reason="")
@@ -362,9 +362,36 @@ class TestArrival:
         talk.at(4.3)
         talk.later(1.8)
         assert talk.events == []
-        talk.later(0.2)
+        talk.later(0.3)
         assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
         assert "4.30" in talk.failure().description
+
+    def test_late_poses_of_a_robot_under_way_are_waited_out(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.at(2.0)
+        talk.array("A:4")
+        for x in (3.0, 3.3, 3.6, 3.9):
+            talk.later(1.5)
+            talk.at(x)
+        assert talk.events == []
+        talk.later(1.5)
+        talk.at(5.0)
+        assert talk.events == [Arrived(1)]
+
+    def test_a_robot_that_drives_on_for_good_has_not_arrived(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.at(2.0)
+        talk.array("A:4")
+        seconds = 0
+        while not talk.events:
+            talk.later(1.0)
+            seconds += 1
+            if not talk.events:
+                talk.at(10.0 + seconds)
+        assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
+        assert seconds == LATE_AT_MOST + GoalSettings().pose_wait
 
     def test_heading_counts_where_it_is_asked_for(self, talk: Conversation) -> None:
         talk.go_to(goal(1, theta=0.1))
