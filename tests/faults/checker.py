@@ -61,7 +61,7 @@ async def settled(site: Site, host: Host) -> Account:
         timeout=TOLD_WITHIN,
         what="the end of every order is told",
     )
-    account = Account(await _stored(site), _told(site), _done(site))
+    account = await account_of(site)
     assert host.refused == []
     assert host.answered, "nothing was ordered at all"
     assert account.store.keys() == host.answered, "orders that nobody gave, or that are lost"
@@ -73,6 +73,11 @@ async def settled(site: Site, host: Host) -> Account:
     _check_told(account)
     _check_programs(site)
     return account
+
+
+async def account_of(site: Site) -> Account:
+    """Give what is known of all orders by now."""
+    return Account(await _stored(site), _told(site), _done(site))
 
 
 def _check_work(account: Account, *, complete: bool) -> None:

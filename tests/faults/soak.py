@@ -12,11 +12,12 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from statistics import quantiles
 
-from faults.checker import Account, settled
+from faults.checker import account_of, settled
 from faults.drift import Window, drift
 from faults.footprint import Footprint
 from faults.host import Answer, Host
@@ -37,11 +38,21 @@ Looks = list[tuple[datetime, dict[str, Footprint]]]
 """The end of each window, and what the programs took then."""
 
 
-async def soak(minutes: float, folder: Path) -> tuple[list[Window], int]:
-    """Run a site for so long; give its windows and the number of its robots.
+@dataclass(frozen=True, slots=True)
+class Soaked:
+    """What a run has come to."""
+
+    windows: list[Window]
+    robots: int
+    fault: str
+    """What the checker says of an order that failed, was lost, done twice or told otherwise; empty: nothing."""
+
+
+async def soak(minutes: float, folder: Path) -> Soaked:
+    """Run a site for so long.
 
     Raises:
-        AssertionError: an order was lost, done twice or told otherwise than it was, or a program has ended.
+        AssertionError: a program has ended meanwhile.
 
     """
     site = Site(folder, Layout(on_ros=True))
@@ -53,8 +64,13 @@ async def soak(minutes: float, folder: Path) -> tuple[list[Window], int]:
         looks = await _watched(site, minutes * 60)
         host.stop()
         await asyncio.wait_for(ordering, HOST_ENDS_WITHIN)
-        account = await settled(site, host)
-        return _windows(start, looks, host.answers, account), len(site.serials)
+        fault = ""
+        try:
+            await settled(site, host)
+        except AssertionError as error:
+            fault = str(error)
+        ended = (await account_of(site)).store.values()
+        return Soaked(_windows(start, looks, host.answers, ended), len(site.serials), fault)
     finally:
         await site.close()
 
@@ -73,10 +89,12 @@ async def _watched(site: Site, seconds: float) -> Looks:
     return looks
 
 
-def _windows(start: datetime, looks: Looks, answers: Iterable[Answer], account: Account) -> list[Window]:
+def _windows(
+    start: datetime, looks: Looks, answers: Iterable[Answer], orders: Iterable[TransportOrderStatus]
+) -> list[Window]:
     """Sort what was measured by window; what came after the last one counts for none."""
     edges = [start, *(end for end, _ in looks)]
-    ended = [each for each in account.store.values() if each.finished is not None]
+    ended = [each for each in orders if each.finished is not None]
     return [
         Window(
             answers=[each.seconds for each in answers if since <= each.at < end],
@@ -92,14 +110,22 @@ def _seconds(order: TransportOrderStatus) -> float:
     return (order.finished - order.created).total_seconds()
 
 
-def document(windows: Sequence[Window], *, minutes: float, robots: int, load: float) -> str:
+def findings(soaked: Soaked) -> list[str]:
+    """Say what is not as it should be, a sentence each; nothing where all is well."""
+    return [*filter(None, [soaked.fault]), *drift(soaked.windows)]
+
+
+def document(soaked: Soaked, *, minutes: float, load: float) -> str:
     """Give the whole text of the report."""
-    found = drift(windows)
-    said = "; ".join(found) if found else "No drift: the last third is like the first one."
+    found, windows = findings(soaked), soaked.windows
+    said = "; ".join(found)
+    if not found:
+        said = "None lost, none failed, none done twice. No drift: the last third is like the first one."
     orders = sum(len(each.orders) for each in windows)
+    day = datetime.now(UTC).date().isoformat()
     head = (
-        f"{datetime.now(UTC).date().isoformat()}, {minutes:g} minutes, {robots} robots, {orders} orders, "
-        f"load of the machine at the end {load:.1f}. None lost, none done twice, no program ended. **{said}**"
+        f"{day}, {minutes:g} minutes, {soaked.robots} robots, {orders} orders, "
+        f"load of the machine at the end {load:.1f}. No program ended. **{said}**"
     )
     parts = [INTRODUCTION.read_text(encoding="utf-8"), head, "", *_latencies(windows), "", *_memory(windows)]
     return "\n".join([*parts, ""])
@@ -144,14 +170,12 @@ def main() -> int:
     parser.add_argument("--output", type=Path, default=DOCUMENT)
     wanted = parser.parse_args()
     folder = Path(tempfile.mkdtemp(prefix="nena-soak-"))  # with the logs, where something was found
-    windows, robots = asyncio.run(soak(wanted.minutes, folder))
-    shutil.rmtree(folder)
-    load = os.getloadavg()[0]
-    wanted.output.write_text(
-        document(windows, minutes=wanted.minutes, robots=robots, load=load), encoding="utf-8"
-    )
-    found = drift(windows)
-    print("\n".join(found) or "no drift")  # noqa: T201
+    soaked = asyncio.run(soak(wanted.minutes, folder))
+    found, load = findings(soaked), os.getloadavg()[0]
+    if not found:
+        shutil.rmtree(folder)
+    wanted.output.write_text(document(soaked, minutes=wanted.minutes, load=load), encoding="utf-8")
+    print("\n".join(found) or "nothing lost, no drift")  # noqa: T201
     return 1 if found else 0
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from faults.drift import Window, drift
 from faults.footprint import Footprint
-from faults.soak import document
+from faults.soak import Soaked, document
 
 COUNT = 10
 
@@ -71,9 +71,20 @@ def test_a_run_that_is_too_short_is_no_run() -> None:
         drift(run()[:3])
 
 
+def report(windows: list[Window], fault: str = "") -> str:
+    return document(Soaked(windows, 10, fault), minutes=10, load=2.0)
+
+
 def test_the_report_has_a_line_for_each_window_and_says_what_has_drifted() -> None:
-    text = document(run(threads=lambda number: 5 + number), minutes=10, robots=10, load=2.0)
+    text = report(run(threads=lambda number: 5 + number))
 
     assert text.count("| 10 ms | 10 ms |") == COUNT
     assert "threads in the last third" in text
-    assert "No drift" in document(run(), minutes=10, robots=10, load=2.0)
+    assert "No drift" in report(run())
+
+
+def test_the_report_says_what_the_checker_has_found() -> None:
+    text = report(run(), fault="{'T-7': 'the robot cannot go on with it'}")
+
+    assert "**{'T-7': 'the robot cannot go on with it'}**" in text
+    assert "None lost" not in text
