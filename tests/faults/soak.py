@@ -45,7 +45,7 @@ class Soaked:
     windows: list[Window]
     robots: int
     fault: str
-    """What the checker says of an order that failed, was lost, done twice or told otherwise; empty: nothing."""
+    """What the checker says of orders that failed, were lost or were done twice; empty: nothing."""
 
 
 async def soak(minutes: float, folder: Path) -> Soaked:

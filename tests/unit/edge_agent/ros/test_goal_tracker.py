@@ -15,8 +15,9 @@ from nena_edge_agent.driver.port import (
     NavigationReport,
 )
 from nena_edge_agent.ros.commands import CancelGoal, Command, PublishGoal, Report, RequestPose
+from nena_edge_agent.ros.drive import LATE_AT_MOST
 from nena_edge_agent.ros.goal_status import GoalEntry, GoalStatus
-from nena_edge_agent.ros.goal_tracker import LATE_AT_MOST, GoalTracker
+from nena_edge_agent.ros.goal_tracker import GoalTracker
 from nena_edge_agent.ros.settings import GoalSettings
 
 READY = NavigationReport(available=True, reason="")

@@ -13,9 +13,10 @@ from dataclasses import replace
 from nena_edge_agent.driver.map_port import MapGoal, MapPose
 from nena_edge_agent.driver.port import DriveFailure
 from nena_edge_agent.ros.commands import AskResult, Command, SendGoal
+from nena_edge_agent.ros.drive import Drive
 from nena_edge_agent.ros.goal_mark import GoalMark
 from nena_edge_agent.ros.goal_status import GoalEntry, GoalStatus
-from nena_edge_agent.ros.goal_tracker import Drive, GoalTracker
+from nena_edge_agent.ros.goal_tracker import GoalTracker
 from nena_edge_agent.ros.marked_ledger import MarkedLedger
 from nena_edge_agent.ros.navigation_error import reason_of
 from nena_edge_agent.ros.pose import agrees

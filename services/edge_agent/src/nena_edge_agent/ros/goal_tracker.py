@@ -21,6 +21,7 @@ from nena_edge_agent.driver.port import (
     NavigationReport,
 )
 from nena_edge_agent.ros.commands import CancelGoal, Command, PublishGoal, Report, RequestPose
+from nena_edge_agent.ros.drive import Drive
 from nena_edge_agent.ros.goal_ledger import GoalLedger
 from nena_edge_agent.ros.goal_status import GoalEntry, GoalStatus
 from nena_edge_agent.ros.pose import agrees, near
@@ -37,33 +38,12 @@ STALE_XY = 0.25
 STALE_THETA = 0.2
 """Radians that a robot may turn before AMCL sends a pose (``update_min_a``)."""
 
-LATE_AT_MOST = 8.0
-"""Seconds after an arrival in which poses that show the robot driving are taken for late ones."""
-STANDS = 0.1
-"""Metres, and radians, that poses of a robot that stands may differ by."""
-
 PLAN_TOLERANCE = 0.75
 """Metres from the goal at which Nav2 may end its plan."""
 SAME = 0.001
 """Metres, or radians, that two places of the same node may differ by."""
 RECLAIM_TIME = 10.0
 """Seconds after a restart in which the order may still come to want the goal that Nav2 drives to."""
-
-
-@dataclass(slots=True)
-class Drive:
-    """The goal that the protocol core wants driven."""
-
-    goal: MapGoal
-    times_given: int = 0
-    preempts: bool = False
-    """Whether it was given while a goal of ours was driven."""
-    give_up_at: float | None = None
-    goal_id: str | None = None
-    reached_at: float | None = None
-    pose_asked_at: float | None = None
-    late_at: float = -float("inf")
-    """When a pose showed the robot driving last, though it is where it was to go."""
 
 
 @dataclass(slots=True)
@@ -161,14 +141,8 @@ class GoalTracker:
 
     def on_pose(self, pose: MapPose, now: float) -> list[Command]:
         """Take a pose that the localisation has sent."""
-        drive, before = self._drive, self._pose
-        if (
-            drive
-            and drive.reached_at is not None
-            and before
-            and not near(pose, before, xy=STANDS, theta=STANDS)
-        ):
-            drive.late_at = min(now, drive.reached_at + LATE_AT_MOST)
+        if self._drive and self._pose:
+            self._drive.on_pose(pose, self._pose, now)
         self._pose, self._pose_at = pose, now
         return self._advance(now)
 
@@ -262,7 +236,7 @@ class GoalTracker:
             self._arrive(drive)
         elif drive.preempts and not self._may_agree(drive.goal):
             self._give_anew(drive)
-        elif now - max(drive.reached_at, drive.late_at) < self._settings.pose_wait:
+        elif drive.pose_may_come(now, self._settings.pose_wait):
             self._ask_for_pose(drive, now)
         elif self._pose_at < drive.reached_at and self._may_agree(drive.goal):
             self._arrive(drive)

@@ -1,0 +1,39 @@
+"""A drive to one goal, from its giving to the pose that confirms the arrival."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+from nena_edge_agent.driver.map_port import MapGoal, MapPose
+from nena_edge_agent.ros.pose import near
+
+LATE_AT_MOST = 8.0
+"""Seconds after an arrival in which poses that show the robot driving are taken for late ones."""
+STANDS = 0.1
+"""Metres, and radians, that poses of a robot that stands may differ by."""
+
+
+@dataclass(slots=True)
+class Drive:
+    """The goal that the protocol core wants driven; times are monotonic seconds."""
+
+    goal: MapGoal
+    times_given: int = 0
+    preempts: bool = False
+    """Whether it was given while a goal of ours was driven."""
+    give_up_at: float | None = None
+    goal_id: str | None = None
+    reached_at: float | None = None
+    pose_asked_at: float | None = None
+    late_at: float = -inf
+    """When a pose showed the robot driving last, though it is where it was to go."""
+
+    def on_pose(self, pose: MapPose, before: MapPose, now: float) -> None:
+        """Take notice of a pose and the one before it; on busy computers they come long after the arrival."""
+        if self.reached_at is not None and not near(pose, before, xy=STANDS, theta=STANDS):
+            self.late_at = min(now, self.reached_at + LATE_AT_MOST)
+
+    def pose_may_come(self, now: float, wait: float) -> bool:
+        """Tell whether a pose may yet confirm the arrival: within ``wait`` s of it, or of a late one."""
+        return self.reached_at is not None and now - max(self.reached_at, self.late_at) < wait
