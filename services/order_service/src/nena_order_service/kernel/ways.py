@@ -10,8 +10,8 @@ from nena_order_service.kernel.vehicles import VehicleRegistry
 from nena_order_service.routing import Route
 from nena_shared.plant import Vehicle
 
-ROUTES_KEPT = 20_000
-"""Routes that are remembered; a wish that waits asks for the same one again and again."""
+ROUTES_KEPT = 2_000
+"""Routes that are remembered, of a few kB each; a wish that waits asks for the same one again and again."""
 
 
 class VehicleWays:
