@@ -95,7 +95,13 @@ async def end(*tasks: asyncio.Task[Any], again_after: float = AGAIN_AFTER) -> No
         for task in left:
             task.cancel()
         _, left = await asyncio.wait(left, timeout=again_after)
+        if left:
+            log.warning("tasks have not ended and are cancelled again", tasks=sorted(map(_name, left)))
     await asyncio.gather(*tasks, return_exceptions=True)
+
+
+def _name(task: asyncio.Task[Any]) -> str:
+    return task.get_name()
 
 
 def end_if_cancelled() -> None:

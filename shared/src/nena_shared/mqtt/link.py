@@ -147,6 +147,7 @@ class MqttLink:
                 await self._serve()
             except (aiomqtt.MqttError, OSError, UnicodeError, ConfigurationError) as error:
                 self._tell_failure(error, lost=self.state.connects > connects)
+            end_if_cancelled()
             stood = clock() - self._connected_at if self.state.connects > connects else None
             pause = pauses.after(stood)
             if pauses.suspicious:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from nena_order_service.dispatch.parking import BARRED
 from nena_order_service.dispatch.settings import DispatchSettings
 from nena_order_service.kernel import Kernel, KernelSettings
@@ -246,6 +248,15 @@ async def test_others_make_room_for_who_parks_some_times_and_then_not_until_a_ho
     later(kernel, 60)
     assert made(kernel, "Park") == []
     assert reason(kernel).endswith(f"it should park, but each free parking position near it {BARRED}")
+
+    asked: list[str] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernel.desk, "displaces", lambda _, point: asked.append(point) or True)  # type: ignore[func-returns-value] # nothing, and then True
+        later(kernel, 1)
+        assert asked == [], "what was found out holds for a while"
+        assert BARRED in reason(kernel)
+        later(kernel, 10)
+        assert asked == ["P"]
 
     kernel.create(request("C"), "of a host")
     later(kernel, 1)

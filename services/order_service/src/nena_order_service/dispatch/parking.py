@@ -82,10 +82,10 @@ class ParkingPositions:
         if not parked and preferred in self._points and not prospect.why_not(preferred):
             return Parking(preferred)
         free = sorted(self._free(prospect))
-        best = _best(free, prospect)
         if parked:
-            better = best is not None and best[0] < self._rank(here or "")
-            return Parking(best[-1]) if best and better else PARKED
+            better = _best([each for each in free if each[0] < self._rank(here or "")], prospect)
+            return Parking(better[-1]) if better else PARKED
+        best = _best(free, prospect)
         return Parking(best[-1]) if best else Parking(reason=self._why_none(free))
 
     def _assigned(self, point: str, here: str | None, prospect: Prospect) -> Parking:

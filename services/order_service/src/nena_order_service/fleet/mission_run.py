@@ -267,20 +267,14 @@ class MissionRun:
         elif progress.retriable:
             yield from self._tell_retriable(state, progress.retriable)
         elif self._pending and (refused := self._pending.refusals(state.errors)):
-            self._weigh_refusal(refused, self._pending.delivery)
+            if self._pending.is_refused(refused, now):
+                reason = "the robot refuses to go on with the order"
+                self._cancel_for(Failure(FailureKind.DRIVE, reason, _words(refused)))
         elif errors := reported_errors.about(state.errors, self.mission, self._before):
             kind = FailureKind.ACTION if reported_errors.name_actions(errors) else FailureKind.DRIVE
             self._cancel_for(Failure(kind, "the robot cannot go on with it", _words(errors)))
         else:
             self._look_for_standstill(state, now)
-
-    def _weigh_refusal(self, errors: tuple[ErrorEntry, ...], delivery: Delivery) -> None:
-        """End the mission for a refused update; is it not named, it is sent again before that is believed."""
-        if delivery.sendings > 1 or any(reported_errors.is_named(each, self.mission) for each in errors):
-            reason = "the robot refuses to go on with the order"
-            self._cancel_for(Failure(FailureKind.DRIVE, reason, _words(errors)))
-        else:
-            delivery.again()
 
     def _tell_retriable(self, state: State, actions: tuple[ActionState, ...]) -> Iterator[FleetOutput]:
         """Tell, once for each time that it fails, that an action may be tried again."""

@@ -111,6 +111,11 @@ def refuses_update(error: ErrorEntry, mission_id: str, update_id: int) -> bool:
     return str(update_id) in updates if updates else True
 
 
+def names_update(error: ErrorEntry) -> bool:
+    """Tell whether an error names an update, of whichever order."""
+    return bool(_referenced(error, "orderUpdateId"))
+
+
 def about(
     errors: Iterable[ErrorEntry], mission: Mission, before: frozenset[ErrorIdentity]
 ) -> tuple[ErrorEntry, ...]:

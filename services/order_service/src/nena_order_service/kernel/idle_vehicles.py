@@ -42,7 +42,9 @@ class _Idle:
     displaced: int = 0
     """How often others had to make room for it to park since it worked for a host."""
     note: str = ""
-    """Why it neither recharges nor parks though it should; empty where it need not."""
+    """Why it does not recharge though it should; empty where it need not."""
+    parking_note: str = ""
+    """Why it does not park though it should."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +108,7 @@ class IdleVehicles:
             candidate = self._dispatching.consider(vehicle)
             known = self._idle.setdefault(vehicle.name, _Idle())
             if not _has_nothing_to_do(candidate):
-                known.since, known.note = None, ""
+                known.since, known.note, known.parking_note = None, "", ""
                 if self._works_for_a_host(vehicle):
                     known.displaced = 0
                 continue
@@ -117,7 +119,7 @@ class IdleVehicles:
     def note(self, vehicle: FleetVehicle) -> str:
         """Say why an idle vehicle neither recharges nor parks though it should; empty where it need not."""
         known = self._idle.get(vehicle.name)
-        return known.note if known else ""
+        return "; ".join(filter(None, (known.note, known.parking_note))) if known else ""
 
     def _attend(self, candidate: Candidate, known: _Idle, round_: _Round) -> None:
         vehicle, known.note = candidate.vehicle, ""
@@ -128,7 +130,9 @@ class IdleVehicles:
         wants_energy = energy and (energy.critical if bound else energy.degraded)
         if self._settings.recharging.enabled and energy and wants_energy:
             request = self._recharging(candidate, known, round_, urgent=energy.critical)
-        if request is None and not bound and self._is_to_park(candidate, known, round_):
+        if request is not None or bound or not self._is_to_park(candidate, known, round_):
+            known.parking_note = ""
+        elif round_.now >= known.not_before.get(PARK_TYPE, 0.0):
             request = self._parking(candidate, known, round_)
         if request and round_.now >= known.not_before.get(request.type, 0.0):
             known.not_before[request.type] = round_.now + PAUSE
@@ -176,9 +180,9 @@ class IdleVehicles:
                 may_displace=known.displaced < DISPLACES_AT_MOST,
             ),
         )
-        if found.reason:
-            notes = (known.note, f"it should park, but {found.reason}")
-            known.note = "; ".join(filter(None, notes))
+        known.parking_note = f"it should park, but {found.reason}" if found.reason else ""
+        if found.reason:  # to find that out may take many looks at ways
+            known.not_before[PARK_TYPE] = round_.now + PAUSE
         return park_request(vehicle.name, found.point) if found.point else None
 
     def _cost(self, candidate: Candidate) -> Callable[[str], float]:

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 from nena_order_service.dispatch.way import WayFinder
 from nena_order_service.kernel.vehicles import VehicleRegistry
-from nena_order_service.routing import Route
+from nena_order_service.routing import NoRouteError, Route
 from nena_shared.plant import Vehicle
 
 ROUTES_KEPT = 2_000
@@ -24,7 +24,10 @@ class VehicleWays:
 
     def route(self, vehicle: str, start: str, goal: str, *, avoid: Collection[str] = frozenset()) -> Route:
         """Give the cheapest route; raises NoRouteError."""
-        return self._route(self._model(vehicle), start, goal, frozenset(avoid))
+        found = self._route(self._model(vehicle), start, goal, frozenset(avoid))
+        if isinstance(found, NoRouteError):
+            raise found.with_traceback(None)
+        return found
 
     def costs(self, vehicle: str, start: str) -> Mapping[str, float]:
         """Give what it costs to reach each point that can be reached."""
@@ -37,6 +40,12 @@ class VehicleWays:
     def _model(self, vehicle: str) -> str | None:
         return vehicle if self._registry.model(vehicle) else None
 
-    def _find(self, vehicle: str | None, start: str, goal: str, avoid: frozenset[str]) -> Route:
+    def _find(
+        self, vehicle: str | None, start: str, goal: str, avoid: frozenset[str]
+    ) -> Route | NoRouteError:
+        """Give what is remembered: that there is no way costs as much to find out as one."""
         model: Vehicle | None = self._registry.model(vehicle) if vehicle else None
-        return self._finder.route(start, goal, vehicle=model, avoid=avoid)
+        try:
+            return self._finder.route(start, goal, vehicle=model, avoid=avoid)
+        except NoRouteError as error:
+            return error
