@@ -250,8 +250,13 @@ async def test_others_make_room_for_who_parks_some_times_and_then_not_until_a_ho
     assert reason(kernel).endswith(f"it should park, but each free parking position near it {BARRED}")
 
     asked: list[str] = []
+
+    def displaces(_vehicle: str, point: str) -> bool:
+        asked.append(point)
+        return True
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(kernel.desk, "displaces", lambda _, point: asked.append(point) or True)  # type: ignore[func-returns-value] # nothing, and then True
+        patch.setattr(kernel.desk, "displaces", displaces)
         later(kernel, 1)
         assert asked == [], "what was found out holds for a while"
         assert BARRED in reason(kernel)
