@@ -49,12 +49,31 @@ def test_after_a_time_out_of_reach_all_begins_anew_and_at_once(settings: FleetSe
     assert len(sendings(delivery)) == settings.sendings
 
 
-def test_it_may_be_sent_again_before_its_time() -> None:
-    delivery = Delivery(FleetSettings(sendings=2, resend_after=5.0))
+def test_a_refusal_that_names_nothing_has_it_sent_at_once_and_is_believed_after_the_robots_time() -> None:
+    delivery = Delivery(FleetSettings(sendings=3, resend_after=5.0))
     delivery.sent(100.0)
     assert not delivery.due(101.0)
 
-    delivery.again()
-
+    assert not delivery.is_refused(101.0, named=False)
     assert delivery.due(101.0)
-    assert not delivery.failed(101.0)
+    delivery.sent(101.0)
+    assert not delivery.is_refused(101.1, named=False)
+    assert not delivery.due(101.1)
+    assert delivery.is_refused(106.0, named=False)
+
+
+def test_a_refusal_is_believed_where_it_names_the_message_or_nothing_is_left_to_send() -> None:
+    delivery = Delivery(FleetSettings(sendings=1, resend_after=5.0))
+    assert delivery.is_refused(100.0, named=True)
+    delivery.sent(100.0)
+    assert delivery.is_refused(101.0, named=False)
+
+
+def test_a_refusal_from_before_a_time_out_of_reach_counts_no_more() -> None:
+    delivery = Delivery(FleetSettings(sendings=3, resend_after=5.0))
+    delivery.sent(100.0)
+    delivery.is_refused(101.0, named=False)
+
+    delivery.hold()
+
+    assert not delivery.is_refused(200.0, named=False)

@@ -125,6 +125,8 @@ def test_a_refusal_without_references_is_known_by_its_type_and_time(kind: str) -
     bench.tick()
     assert bench.orders_sent() == ["m", "m"]
     bench.report()
+    assert bench.ends() == {}, "the robot has had no time to answer"
+    bench.wait(FleetSettings().resend_after, reporting=True)
     assert failure(bench).details == (kind,)
 
 

@@ -17,6 +17,8 @@ class Delivery:
     in_all: int = 0
     """How often it has been sent at all."""
     _due_at: float = 0.0
+    _doubted_at: float | None = None
+    """When a refusal that may be of another message was seen first, in monotonic seconds."""
 
     def due(self, now: float) -> bool:
         """Tell whether the message is to be sent now."""
@@ -33,11 +35,20 @@ class Delivery:
         self.sendings += 1
         self.in_all += 1
 
-    def again(self) -> None:
-        """Let the next sending be due at once."""
-        self._due_at = 0.0
+    def is_refused(self, now: float, *, named: bool) -> bool:
+        """Tell whether a refusal is to be believed; one that names nothing may be about another message.
+
+        Then the message is sent once more, and the robot has its time to take it up.
+        """
+        if named or self.sendings >= self.settings.sendings:
+            return True
+        if self._doubted_at is None:
+            self._doubted_at = now
+            self._due_at = 0.0
+        return now - self._doubted_at >= self.settings.resend_after
 
     def hold(self) -> None:
         """Begin anew, at once, when the message may be sent again: the robot was out of reach."""
         self.sendings = 0
         self._due_at = 0.0
+        self._doubted_at = None

@@ -180,7 +180,7 @@ class MissionRun:
         elif self._accepted and self.phase is not MissionPhase.CANCELLING:
             yield self._fail(Failure(FailureKind.LOST, _lost(state)))
         elif self.phase is MissionPhase.SENT:
-            yield from self._look_for_refusal(state)
+            yield from self._look_for_refusal(state, now)
         if self.phase is MissionPhase.CANCELLING and not self.ended:
             yield from self._settle_cancel(state)
 
@@ -323,14 +323,11 @@ class MissionRun:
         self._failure = failure
         self.phase = MissionPhase.CANCELLING
 
-    def _look_for_refusal(self, state: State) -> Iterator[FleetOutput]:
+    def _look_for_refusal(self, state: State, now: float) -> Iterator[FleetOutput]:
         errors = reported_errors.refusals(state.errors, self.mission, self._before)
-        if not errors:
-            return
-        if self.sent_again or any(reported_errors.is_named(each, self.mission) for each in errors):
+        named = any(reported_errors.is_named(each, self.mission) for each in errors)
+        if errors and self._delivery.is_refused(now, named=named):
             yield self._fail(Failure(FailureKind.REFUSED, "the robot refuses the order", _words(errors)))
-        else:  # it may be about somebody else's message, and the order be taken in a moment
-            self._delivery.again()
 
     def _settle_cancel(self, state: State) -> Iterator[FleetOutput]:
         """End the mission when the robot has confirmed the cancel, or can be seen not to have the mission."""

@@ -31,8 +31,6 @@ class PendingUpdate:
     update_id: int
     delivery: Delivery
     errors_before: frozenset[ErrorIdentity] = frozenset()
-    doubted_at: float | None = None
-    """When a refusal that may be of somebody else's message was seen first, in monotonic seconds."""
 
     def refusals(self, errors: Iterable[ErrorEntry]) -> tuple[ErrorEntry, ...]:
         """Give the errors by which the robot refuses it."""
@@ -45,16 +43,8 @@ class PendingUpdate:
         )
 
     def is_refused(self, refusals: Iterable[ErrorEntry], now: float) -> bool:
-        """Tell whether refusals are to be believed; those that name nothing may be about another message.
-
-        Then it is sent once more, and the robot has its time to take it up.
-        """
-        if self.delivery.settings.sendings == 1 or any(map(self._is_named, refusals)):
-            return True
-        if self.doubted_at is None:
-            self.doubted_at = now
-            self.delivery.again()
-        return now - self.doubted_at >= self.delivery.settings.resend_after
+        """Tell whether refusals are to be believed."""
+        return self.delivery.is_refused(now, named=any(map(self._is_named, refusals)))
 
     def _is_named(self, error: ErrorEntry) -> bool:
         return reported_errors.is_named(error, self.plan) or reported_errors.names_update(error)
