@@ -13,6 +13,7 @@ import socket
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+from itertools import groupby
 from time import monotonic
 from typing import Any, Self
 
@@ -23,6 +24,7 @@ from paho.mqtt.enums import MQTTErrorCode
 
 from nena_shared.mqtt.message import Inbound, Outbound
 from nena_shared.mqtt.packets import (
+    CHUNK,
     PUBACK,
     PUBLISH,
     Packets,
@@ -60,6 +62,8 @@ class Client(aiomqtt.Client):
         """Whether the socket did not take all, and the event loop tells when it takes more."""
         self._reads_on = False
         """Whether more is read in the next turn of the event loop, whatever the socket says."""
+        self._wrote = False
+        """Whether something was written in this turn of the event loop; what follows goes at its end."""
         self._packets = Packets(self._client._sock_recv)  # noqa: SLF001 - paho has no other place for it
         self._client._sock_recv = self._packets.read  # type: ignore[method-assign] # noqa: SLF001 - the same
 
@@ -99,7 +103,8 @@ class Client(aiomqtt.Client):
         """Publish in the order of the calls; ``confirmed`` is called when the broker has the message.
 
         With quality of service 0, it is called when the message is written. That is done at once, so that
-        what is sent first does not wait for what the caller does next; but not while something is received.
+        what is sent first does not wait for what the caller does next; but not while something is received,
+        and what is sent behind it in the same turn of the event loop goes together, in the next one.
 
         Raises:
             aiomqtt.MqttError: the connection has ended.
@@ -114,7 +119,9 @@ class Client(aiomqtt.Client):
         finally:
             self._at_work = at_work
         self._unconfirmed[mid] = confirmed
-        if not at_work:
+        if not at_work and not self._wrote:
+            self._wrote = True
+            self._loop.call_soon(self._guarded, self._write_rest)
             self._guarded(self._write)
 
     def _put_in_line(self, message: Outbound) -> int:
@@ -212,13 +219,34 @@ class Client(aiomqtt.Client):
         if mids := [each.mid for each in received if each.qos]:
             self._client._packet_queue(PUBACK, acknowledgements(mids), 0, 1)  # noqa: SLF001 - it has no other
 
+    def _write_rest(self) -> None:
+        """Write what was sent behind the first message of a turn."""
+        self._wrote = False
+        if self._client.want_write():
+            self._write()
+
     def _write(self) -> None:
         """Write what waits, at once; what the socket does not take goes when it is ready again."""
+        self._join_waiting()
         self._client.loop_write()
         sock = self._client.socket()
         if sock is not None and self._client.want_write():
             self._waits_to_write = True
             self._write_later(sock)
+
+    def _join_waiting(self) -> None:
+        """Make one packet of messages and acknowledgements in a row: paho calls the socket for each."""
+        waiting = self._client._out_packet  # noqa: SLF001 - it has no other
+        if len(waiting) < 2:  # noqa: PLR2004 - there is nothing to be joined
+            return
+        rows = [(plain, list(row)) for plain, row in groupby(waiting, _is_plain)]
+        waiting.clear()
+        for plain, row in rows:
+            if plain:
+                packet = b"".join(each["packet"] for each in row)
+                self._client._packet_queue(PUBLISH, packet, 0, 1)  # noqa: SLF001 - it has no other
+            else:
+                waiting.extend(row)
 
     def _guarded(self, work: Callable[[], object]) -> None:
         """Do ``work``; what breaks it breaks the connection: paho would stumble over it again and again."""
@@ -239,3 +267,9 @@ class Client(aiomqtt.Client):
             return asyncio.get_running_loop() is self._loop
         except RuntimeError:
             return False
+
+
+def _is_plain(packet: Any) -> bool:  # noqa: ANN401 - paho's
+    """Whether paho has nothing to do with it but to write it, has not begun to, and it is worth copying."""
+    to_be_written = packet["qos"] == 1 and packet["command"] in {PUBLISH, PUBACK} and not packet["pos"]
+    return to_be_written and len(packet["packet"]) < CHUNK

@@ -8,6 +8,7 @@ import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from time import monotonic
 from typing import Any
 
@@ -15,7 +16,8 @@ import aiomqtt
 import pytest
 
 from nena_shared.mqtt.client import READ_AT_ONCE, Client
-from nena_shared.mqtt.message import Inbound
+from nena_shared.mqtt.message import Inbound, Outbound
+from nena_shared.mqtt.packets import Packets, Published
 from support.pausing import turn_passes
 from support.waiting import PATIENCE
 
@@ -37,6 +39,8 @@ class OddBroker:
 
     port: int = 0
     pings: int = 0
+    got: bytearray = field(default_factory=bytearray)
+    """What has come behind CONNECT."""
     ended: asyncio.Event = field(default_factory=asyncio.Event)
     writer: asyncio.StreamWriter | None = None
 
@@ -46,6 +50,7 @@ class OddBroker:
         await reader.read(1000)
         writer.write(CONNACK)
         while data := await reader.read(1000):
+            self.got += data
             if PINGREQ in data:
                 self.pings += 1
                 writer.write(PINGRESP)
@@ -82,6 +87,62 @@ async def test_a_backlog_leaves_the_event_loop_its_turns() -> None:
                 turns.append(len(taken) - before)
         handing.cancel()
     assert max(turns) <= 2 * READ_AT_ONCE
+
+
+async def test_what_is_sent_in_one_turn_keeps_its_order_and_goes_in_two_writings() -> None:
+    sent = [Outbound(f"t/{number}", b"x", qos=1) for number in range(9)]
+    confirmed: list[str] = []
+    async with odd_broker() as broker, Client("127.0.0.1", broker.port, timeout=PATIENCE) as client:
+        writings = watch_writings(client)
+        for message in sent:
+            client.send(message, partial(confirmed.append, message.topic))
+        assert len(writings) == 1, "the first goes at once"
+        async with asyncio.timeout(PATIENCE):
+            while broker.got.count(b"t/") < len(sent):
+                await turn_passes()
+        assert writings == [bytes(broker.got[:10]), bytes(broker.got[10:])]
+        assert [Outbound(each.topic, each.payload, qos=1) for each in read_messages(broker.got)] == sent
+        assert confirmed == []
+
+
+async def test_messages_without_acknowledgement_keep_their_place_among_the_others() -> None:
+    sent = [Outbound(f"t/{number}", b"x", qos=number % 2) for number in range(6)]
+    confirmed: list[str] = []
+    async with odd_broker() as broker, Client("127.0.0.1", broker.port, timeout=PATIENCE) as client:
+        for message in sent:
+            client.send(message, partial(confirmed.append, message.topic))
+        async with asyncio.timeout(PATIENCE):
+            while broker.got.count(b"t/") < len(sent):
+                await turn_passes()
+        assert [each.topic for each in read_messages(broker.got)] == [each.topic for each in sent]
+        assert confirmed == ["t/0", "t/2", "t/4"]
+
+
+def watch_writings(client: Client) -> list[bytes]:
+    """Give a list to which each call of the socket is added."""
+    writings: list[bytes] = []
+    write = client._client._sock_send
+
+    def written(buf: bytes | bytearray) -> int:
+        writings.append(bytes(buf))
+        return write(buf)
+
+    client._client._sock_send = written  # type: ignore[method-assign]
+    return writings
+
+
+def read_messages(data: bytes | bytearray) -> list[Published]:
+    """Read messages as they came over a socket."""
+    left = [bytes(data)]
+
+    def receive(_: int) -> bytes:
+        if not left:
+            raise BlockingIOError
+        return left.pop()
+
+    packets = Packets(receive)
+    packets.fill()
+    return list(iter(packets.take, None))
 
 
 async def test_a_link_full_of_messages_is_not_taken_for_dead() -> None:
