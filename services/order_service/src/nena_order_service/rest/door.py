@@ -7,6 +7,7 @@ import asyncio
 from starlette.types import ASGIApp
 
 from nena_order_service.rest.opentcs.app import AccessKey
+from nena_order_service.rest.pages import NoPages
 from nena_order_service.rest.roles import role_needed
 from nena_shared.tasks import Supervisor
 from nena_shared.web.access import protect
@@ -29,7 +30,8 @@ class RestDoor:
 
         """
         self._guard = protect(app, settings, role_needed)
-        self._http = HttpServer(AccessKey(self._guard), settings)
+        asks = settings.users is not None or settings.oidc is not None
+        self._http = HttpServer(AccessKey(self._guard if asks else NoPages(self._guard)), settings)
         self._answering: asyncio.Task[None] | None = None
 
     @property
