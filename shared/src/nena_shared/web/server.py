@@ -13,6 +13,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from nena_shared.log import get_logger
 from nena_shared.program import StartError
 from nena_shared.settings import ConfigurationError
+from nena_shared.web.connection import Connection
 from nena_shared.web.exposure import check_exposure
 from nena_shared.web.settings import HttpSettings
 
@@ -49,7 +50,8 @@ class HttpServer:
         """What answers; another may take its place while the server runs."""
         config = uvicorn.Config(
             self._answer,
-            http="h11",  # not httptools, where it is there: it loses bodies, and heads may have no end
+            http=Connection,  # on h11; httptools, where it is there, loses bodies, and heads may have no end
+            ws="none",
             interface="asgi3",
             lifespan="off",
             log_config=None,

@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+
+import pytest
+from starlette.responses import PlainTextResponse
+from starlette.types import Receive, Scope, Send
+from structlog.testing import capture_logs
+
+from nena_shared.web import connection
+from nena_shared.web.rate_limit import RateLimit
+from nena_shared.web.server import HttpServer
+from nena_shared.web.settings import HttpSettings
+from support.waiting import PATIENCE
+
+REQUEST = b"GET / HTTP/1.1\r\nHost: a\r\n\r\n"
+GONE = (ConnectionError, asyncio.IncompleteReadError)
+
+Line = tuple[asyncio.StreamReader, asyncio.StreamWriter]
+
+
+@asynccontextmanager
+async def serving(settings: HttpSettings) -> AsyncIterator[HttpServer]:
+    server = HttpServer(PlainTextResponse("yes"), settings)
+    task = asyncio.create_task(server.run())
+    try:
+        yield server
+    finally:
+        server.stop()
+        await asyncio.wait_for(task, PATIENCE)
+
+
+@asynccontextmanager
+async def connected(server: HttpServer) -> AsyncIterator[Line]:
+    reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+    try:
+        yield reader, writer
+    finally:
+        writer.close()
+
+
+async def answered(line: Line, request: bytes = REQUEST) -> bool:
+    reader, writer = line
+    writer.write(request)
+    async with asyncio.timeout(PATIENCE):
+        try:
+            await reader.readuntil(b"\r\n\r\n")
+            return await reader.readexactly(3) == b"yes"
+        except GONE:
+            return False
+
+
+async def is_closed(line: Line) -> bool:
+    async with asyncio.timeout(PATIENCE):
+        try:
+            return await line[0].read() == b""
+        except ConnectionError:
+            return True
+
+
+@pytest.mark.parametrize("begun", [b"", b"GET / HT"])
+async def test_who_sends_no_request_is_let_go(monkeypatch: pytest.MonkeyPatch, begun: bytes) -> None:
+    monkeypatch.setattr(connection, "HEAD_PATIENCE", 0.05)
+    async with serving(HttpSettings(port=0)) as server, connected(server) as line:
+        line[1].write(begun)
+        assert await is_closed(line)
+
+
+async def test_the_next_request_has_its_time_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with serving(HttpSettings(port=0)) as server, connected(server) as line:
+        assert await answered(line)
+        monkeypatch.setattr(connection, "HEAD_PATIENCE", 0.05)
+        line[1].write(REQUEST[:10])
+        assert await is_closed(line)
+
+
+async def test_an_answer_may_take_longer_than_the_head(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "HEAD_PATIENCE", 0.05)
+    late = asyncio.Event()
+
+    async def answer(scope: Scope, receive: Receive, send: Send) -> None:
+        asyncio.get_running_loop().call_later(0.2, late.set)
+        await late.wait()
+        await PlainTextResponse("yes")(scope, receive, send)
+
+    async with serving(HttpSettings(port=0)) as server, connected(server) as line:
+        server.app = answer
+        assert await answered(line)
+
+
+async def test_an_address_has_a_bounded_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "PER_ADDRESS", 3)
+    monkeypatch.setattr(connection, "_told", RateLimit(rate=1 / 60, burst=1))
+    async with serving(HttpSettings(port=0)) as server, AsyncExitStack() as stack:
+        told = stack.enter_context(capture_logs())
+        lines = [await stack.enter_async_context(connected(server)) for _ in range(3)]
+        assert all([await answered(each) for each in lines])
+        for _ in range(2):
+            assert not await answered(await stack.enter_async_context(connected(server)))
+        lines[0][1].close()
+        await lines[0][1].wait_closed()
+        assert await answered(lines[1])
+        assert await answered(await stack.enter_async_context(connected(server)))
+    assert [each.get("address") for each in told if "too many" in each["event"]] == ["127.0.0.1"]
+
+
+async def test_those_of_a_proxy_are_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "PER_ADDRESS", 1)
+    async with serving(HttpSettings(port=0, reverse_proxy=True)) as server, AsyncExitStack() as stack:
+        lines = [await stack.enter_async_context(connected(server)) for _ in range(3)]
+        assert all([await answered(each) for each in lines])
+
+
+async def test_an_offer_of_another_protocol_is_answered_and_no_line_of_the_log(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    offer = b"Connection: Upgrade, HTTP2-Settings\r\nUpgrade: %b\r\nHTTP2-Settings: AA\r\n\r\n"
+    async with serving(HttpSettings(port=0)) as server, connected(server) as line:
+        for protocol in (b"h2c", b"websocket"):
+            assert await answered(line, REQUEST.removesuffix(b"\r\n") + offer % protocol)
+    assert caplog.records == []
