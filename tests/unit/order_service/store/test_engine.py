@@ -32,6 +32,9 @@ def test_changes_of_tables_are_taken_back_too(url: str) -> None:
         "mysql://user:secret@host/orders",
         "gibberish://x",
         "postgresql://user:secret@127.0.0.1:1/orders",
+        "postgresql://user:an@secret@127.0.0.1:1/orders",
+        "postgresql://user:an@other:secret@127.0.0.1:1/orders",
+        "postgresql://user@127.0.0.1:secret/orders",
     ],
 )
 def test_store_that_cannot_be_opened_is_one_line_without_secrets(bad: str) -> None:

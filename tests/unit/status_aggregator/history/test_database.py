@@ -116,6 +116,13 @@ def test_a_url_that_cannot_be_is_refused_with_what_to_write(url: str, reason: st
         database.make_engine(url)
 
 
+@pytest.mark.parametrize("end", ["an@secret@127.0.0.1", "an@other:secret@127.0.0.1", "x@127.0.0.1:secret"])
+def test_a_password_that_is_written_wrongly_is_not_repeated(end: str) -> None:
+    with pytest.raises(HistoryError, match="cannot be used") as caught:
+        database.make_engine(f"postgresql+psycopg://user:{end}/history")
+    assert "secret" not in f"{caught.value}{caught.value.__cause__}"
+
+
 def test_a_folder_that_is_not_there_is_an_error_of_the_database(tmp_path: Path) -> None:
     engine = database.make_engine(f"sqlite:///{tmp_path / 'missing' / 'history.db'}")
     with pytest.raises(OperationalError):

@@ -21,6 +21,8 @@ PLACE = (
     "postgresql://USER@HOST/DATABASE"
 )
 
+UNMASKED = "an @ in a password has to stand there as %40"
+
 STUCK_SECONDS = 3
 """How long PostgreSQL waits for a program that hangs within a transaction, before it ends the transaction."""
 
@@ -47,9 +49,11 @@ def parse_url(url: str) -> URL:
     """
     try:
         parsed = make_url(url)
-    except ArgumentError as error:
-        # The URL may hold a password, so it is not repeated.
-        raise unusable("it is no database URL") from error
+    except (ArgumentError, ValueError):
+        # The URL may hold a password, so neither it nor what is said of its parts is repeated.
+        raise unusable("it is no database URL") from None
+    if "@" in (parsed.host or ""):  # the end of a password, which would be told as a host that is not found
+        raise unusable(UNMASKED)
     kind = parsed.get_backend_name()
     if kind == "postgresql":
         return parsed.set(drivername=POSTGRESQL)

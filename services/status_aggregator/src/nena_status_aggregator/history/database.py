@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from sqlalchemy import Engine, Select, create_engine, delete, event, insert, select
+from sqlalchemy import URL, Engine, Select, create_engine, delete, event, insert, select
 from sqlalchemy.engine import Row, make_url
 from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.exc import ArgumentError
@@ -44,11 +44,10 @@ def make_engine(url: str) -> Engine:
 
     """
     try:
-        parsed = make_url(url)
+        parsed = _parse(url)
         patience = {"connect_timeout": CONNECT_SECONDS} if parsed.get_backend_name() == "postgresql" else {}
         engine = create_engine(parsed, pool_pre_ping=True, connect_args=patience)
     except (ArgumentError, ImportError) as error:
-        # The URL may hold a password, so it is not repeated.
         message = f"history.url cannot be used: {error}. Name a file: sqlite:///nena-history.db"
         raise HistoryError(message) from error
     if engine.dialect.name == "sqlite":
@@ -57,6 +56,19 @@ def make_engine(url: str) -> Engine:
             raise HistoryError(message)
         event.listen(engine, "connect", _set_up_sqlite)
     return engine
+
+
+def _parse(url: str) -> URL:
+    """Read a URL; it may hold a password, so neither it nor what is said of its parts is repeated."""
+    try:
+        parsed = make_url(url)
+    except (ArgumentError, ValueError):
+        message = "it is no database URL"
+        raise ArgumentError(message) from None
+    if "@" in (parsed.host or ""):  # the end of a password, which would be told as a host that is not found
+        message = "an @ in a password has to stand there as %40"
+        raise ArgumentError(message)
+    return parsed
 
 
 def _set_up_sqlite(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> None:
