@@ -23,6 +23,15 @@ async def test_every_request_is_told_where_to_go(method: str) -> None:
     assert answer.headers["retry-after"] == "1"
 
 
+@pytest.mark.parametrize("name", ["Auftrag%20Ж", "%3E;%20rel=%22self%22"])
+async def test_a_name_is_passed_on_as_it_came(name: str) -> None:
+    async with client("http://active.example") as standby:
+        answer = await standby.get(f"/v1/transportOrders/{name}")
+    place = f"http://active.example{answer.request.url.raw_path.decode()}"
+    assert (answer.status_code, answer.headers["link"]) == (503, f'<{place}>; rel="alternate"')
+    assert place in answer.json()["detail"]
+
+
 async def test_where_nobody_is_known_to_be_active_it_says_so() -> None:
     async with client("", problem="connection refused") as standby:
         answer = await standby.get("/v1/vehicles")

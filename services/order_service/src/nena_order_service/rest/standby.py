@@ -51,7 +51,8 @@ def make_standby_app(active_url: Callable[[], str], problem: Callable[[], str]) 
 
     @app.api_route("/{path:path}", methods=METHODS)
     async def elsewhere(request: Request) -> Response:
-        return _go_there(active_url(), request.url.path)
+        raw: bytes = request.scope["raw_path"]  # as it came: names may have letters that no header holds
+        return _go_there(active_url(), raw.decode("ascii"))
 
     return app
 
