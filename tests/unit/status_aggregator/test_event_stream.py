@@ -106,6 +106,16 @@ async def test_clients_are_counted_and_limited() -> None:
     assert fullness == [False, True, False]
 
 
+async def test_of_those_who_come_at_the_same_time_no_more_are_let_in() -> None:
+    teller = Teller(clients=2)
+    followers = [teller.stream.follow(None) for _ in range(4)]  # all of them have seen that there is room
+    begun = [await anext(frames, b"") for frames in followers]
+    assert ([bool(each) for each in begun], teller.stream.clients) == ([True, True, False, False], 2)
+    for frames in followers:
+        await frames.aclose()
+    assert teller.stream.clients == 0
+
+
 async def test_closing_ends_every_stream() -> None:
     teller = Teller()
     async with follower(teller) as frames:

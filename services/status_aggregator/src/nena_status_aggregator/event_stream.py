@@ -62,7 +62,12 @@ class EventStream:
         self._news.came()
 
     async def follow(self, last_id: str | None) -> AsyncGenerator[bytes, None]:
-        """Yield what a client gets that knows everything up to ``last_id``; None: that knows nothing."""
+        """Yield what a client gets that knows everything up to ``last_id``; None: that knows nothing.
+
+        Nothing where there is no room: of those who ask at the same time each one may have seen the last.
+        """
+        if self.full:
+            return
         self.clients += 1
         try:
             place = self._place_of(last_id)
