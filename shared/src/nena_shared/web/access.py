@@ -110,7 +110,7 @@ class AccessControl:
         role = self.role_needed(scope["method"], scope["path"])
         token = token_of(headers, cookies=self.cookies)
         user = await self._who(token, address) if token and role else None
-        self._check_rate(self._requests, f"user {user.known_as}" if user else address)
+        self._check_rate(self._requests, f"user {user.known_as}" if user else f"address {address}")
         if not self._asks or role is None:
             return user
         if user is None:

@@ -35,7 +35,9 @@ async def who(request: Request) -> Response:
 class Door:
     """An application behind access control, as clients meet it."""
 
-    def __init__(self, folder: Path, *, login: bool = True, cookies: bool = False) -> None:
+    def __init__(
+        self, folder: Path, *, login: bool = True, cookies: bool = False, address: str = "127.0.0.1"
+    ) -> None:
         self.file = folder / "users.toml"
         self.clock = ManualClock()
         write_users(
@@ -45,9 +47,9 @@ class Door:
         settings = HttpSettings(port=0, requests_per_second=1, burst=REQUESTS)
         book = UserBook(self.file) if login else None
         app = Starlette(routes=[Route("/{path:path}", who, methods=["GET", "POST", "DELETE"])])
+        guard = AccessControl(app, settings, RULE, book, self.clock, cookies)
         self.client = httpx.AsyncClient(
-            transport=httpx.ASGITransport(AccessControl(app, settings, RULE, book, self.clock, cookies)),
-            base_url="http://door",
+            transport=httpx.ASGITransport(guard, client=(address, 123)), base_url="http://door"
         )
 
     async def ask(
@@ -128,6 +130,14 @@ async def test_who_asks_too_often_waits(door: Door) -> None:
     assert (await door.ask("GET", token="ADMIN")).status_code == 200, "each has a limit of its own"
     door.clock.advance(1.0)
 
+    assert (await door.ask("GET", token="VIEWER")).status_code == 200
+
+
+async def test_an_address_that_calls_itself_a_user_uses_up_nothing_of_theirs(tmp_path: Path) -> None:
+    """A proxy that is wrongly set up passes on what clients say of their addresses."""
+    door = Door(tmp_path, address="user viewer")
+    statuses = [(await door.ask("GET", "/healthz")).status_code for _ in range(REQUESTS + 1)]
+    assert statuses[-1] == 429
     assert (await door.ask("GET", token="VIEWER")).status_code == 200
 
 

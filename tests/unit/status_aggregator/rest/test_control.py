@@ -138,6 +138,8 @@ async def test_nothing_else_of_the_order_service_is_reachable(
         {"sec-fetch-site": "same-site"},
         {"host": "evil.example:8080"},
         {"host": ""},
+        {"host": "["},
+        {"origin": "http://["},
     ],
     ids=str,
 )

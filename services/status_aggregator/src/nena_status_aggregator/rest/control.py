@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from http import HTTPStatus
 from typing import Annotated
-from urllib.parse import unquote, urlsplit
+from urllib.parse import SplitResult, unquote, urlsplit
 
 from fastapi import APIRouter, Depends, Path, Request, Response
 from typing_extensions import TypedDict
@@ -79,13 +79,21 @@ def check_origin(request: Request, trusted_hosts: tuple[str, ...]) -> None:
 
     """
     host = request.headers.get("host", "")
-    if urlsplit(f"//{host}").hostname not in trusted_hosts:
+    if _parts(f"//{host}").hostname not in trusted_hosts:
         detail = f"{host!r} is not one of the names of this service; see --order_service.trusted_hosts."
         raise ProblemError(HTTPStatus.FORBIDDEN, detail)
     origin = request.headers.get("origin")
     site = request.headers.get("sec-fetch-site", "same-origin")
-    if (origin is not None and urlsplit(origin).netloc != host) or site not in ("same-origin", "none"):
+    if (origin is not None and _parts(origin).netloc != host) or site not in ("same-origin", "none"):
         raise ProblemError(HTTPStatus.FORBIDDEN, "Commands are taken from this service's own page only.")
+
+
+def _parts(address: str) -> SplitResult:
+    """Split what a client says is an address; what is none has no parts."""
+    try:
+        return urlsplit(address)
+    except ValueError:
+        return urlsplit("")
 
 
 def resource_of(request: Request) -> str:
