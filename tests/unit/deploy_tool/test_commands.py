@@ -43,6 +43,20 @@ def test_a_site_has_its_services(site: Path) -> None:
     assert (site / "authority").stat().st_mode & 0o077 == 0
 
 
+def test_a_broker_may_have_a_long_name(tmp_path: Path) -> None:
+    name = f"b-{'1' * 36}-1.mq.eu-central-1.example"
+    done = run("init", tmp_path / "site", "--host", name)
+    assert done.exit_code == 0, done.stderr
+    assert f'host = "{name}"' in (tmp_path / "site" / "order-service" / "mqtt.toml").read_text()
+
+
+def test_a_host_that_is_no_name_leaves_nothing_behind(tmp_path: Path) -> None:
+    done = run("init", tmp_path / "site", "--host", "büro.example")
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
+    assert "--host büro.example" in done.stderr
+    assert not (tmp_path / "site").exists()
+
+
 def test_a_robot_gets_files_that_its_agent_can_use(site: Path) -> None:
     done = run("robot", "add", site, "ACME", "0001")
     assert done.exit_code == 0, done.stderr

@@ -9,7 +9,9 @@ def test_a_robot_is_called_as_in_its_topics() -> None:
     assert robot_name("ACME Robots", "AGV-0001") == "ACME Robots/AGV-0001"
 
 
-@pytest.mark.parametrize("level", ["", "a/b", "a+", "#", "a\n", "../x", ".", "$SYS", "x" * 65])
+@pytest.mark.parametrize(
+    "level", ["", "a/b", "a+", "#", "a\n", "../x", ".", "$SYS", "x" * 65, " a", "a ", " ", "a\x7f"]
+)
 def test_what_cannot_stand_in_a_topic_is_no_name(level: str) -> None:
     with pytest.raises(IdentityError, match=r"manufacturer .* cannot stand in a topic"):
         robot_name(level, "1")
@@ -23,6 +25,10 @@ def test_both_parts_together_fit_into_a_certificate() -> None:
     assert len(robot_name("m" * 32, "s" * 31)) == 64
     with pytest.raises(IdentityError, match="too long"):
         robot_name("m" * 32, "s" * 32)
+    with pytest.raises(IdentityError, match="too long"):
+        robot_name("ä" * 20, "ö" * 20)
+    with pytest.raises(IdentityError, match="too long"):
+        host_name("ü" * 33)
 
 
 @pytest.mark.parametrize("name", ["order-service", "status-aggregator"])

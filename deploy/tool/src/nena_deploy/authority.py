@@ -15,6 +15,9 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 AUTHORITY_DAYS = 3650
+COMMON_NAME = 64
+"""Letters that a certificate's own name may have; a server is known by its alternative names, which may have
+more."""
 SKEW = timedelta(hours=1)
 """How far the clock of a robot may be behind."""
 
@@ -38,7 +41,7 @@ class Authority:
     def new(cls, name: str, now: datetime) -> Self:
         """Make one, good for ten years."""
         key = ec.generate_private_key(ec.SECP256R1())
-        subject = _name(name)
+        subject = _name(name[:COMMON_NAME])
         built = (
             _builder(subject, subject, key, key, now, AUTHORITY_DAYS)
             .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
@@ -65,10 +68,15 @@ class Authority:
         return _private(self._key)
 
     def for_server(self, hosts: Iterable[str], now: datetime, days: int) -> Pair:
-        """Vouch for a server that is reached under these names and addresses."""
+        """Vouch for a server that is reached under these names and addresses.
+
+        Raises:
+            ValueError: one of them is neither.
+
+        """
         names = list(hosts)
         alternatives = x509.SubjectAlternativeName([_host(each) for each in names])
-        return self._sign(names[0], now, days, alternatives, server=True)
+        return self._sign(names[0][:COMMON_NAME], now, days, alternatives, server=True)
 
     def for_client(self, name: str, now: datetime, days: int) -> Pair:
         """Vouch for a client, whose user name this is."""

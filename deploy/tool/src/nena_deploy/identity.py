@@ -7,12 +7,13 @@ from enum import StrEnum
 
 from pydantic import BaseModel, ConfigDict
 
-LEVEL = re.compile(r"[^\x00-\x1f/+#.$][^\x00-\x1f/+#]{0,63}")
-"""What may be one level of a topic, and the name of a folder."""
+LEVEL = re.compile(r"(?! )[^\x00-\x1f\x7f/+#.$][^\x00-\x1f\x7f/+#]{0,63}(?<! )")
+"""What may be one level of a topic, and the name of a folder; brokers drop blanks at the ends of names in an
+access list, so that the rights would be somebody else's."""
 
 
 COMMON_NAME = 64
-"""Signs that the common name of a certificate may have."""
+"""Bytes in UTF-8 that the common name of a certificate may have."""
 
 
 class IdentityError(Exception):
@@ -54,11 +55,7 @@ def robot_name(manufacturer: str, serial_number: str) -> str:
         IdentityError: it could not stand in a topic.
 
     """
-    name = f"{_level('manufacturer', manufacturer)}/{_level('serial number', serial_number)}"
-    if len(name) > COMMON_NAME:
-        message = f"{name} is too long: a certificate holds {COMMON_NAME} signs."
-        raise IdentityError(message)
-    return name
+    return _short(f"{_level('manufacturer', manufacturer)}/{_level('serial number', serial_number)}")
 
 
 def host_name(name: str) -> str:
@@ -71,13 +68,23 @@ def host_name(name: str) -> str:
     if name in {Kind.ORDER_SERVICE, Kind.STATUS_AGGREGATOR}:
         message = f"{name} is a service's name; a host of that name would have its rights."
         raise IdentityError(message)
-    return _level("name", name)
+    return _short(_level("name", name))
+
+
+def _short(name: str) -> str:
+    if len(name.encode(errors="replace")) > COMMON_NAME:
+        message = (
+            f"{name} is too long: a certificate holds {COMMON_NAME} letters, fewer of those beyond ASCII."
+        )
+        raise IdentityError(message)
+    return name
 
 
 def _level(what: str, text: str) -> str:
     if not LEVEL.fullmatch(text):
         message = (
-            f"The {what} {text!r} cannot stand in a topic: 1 to 64 signs, none of / + #, no dot or $ first."
+            f"The {what} {text!r} cannot stand in a topic: 1 to 64 signs, none of / + #, no dot or $ first, "
+            "no blank at an end."
         )
         raise IdentityError(message)
     return text

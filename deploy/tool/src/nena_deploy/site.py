@@ -79,21 +79,27 @@ class Site:
             data_folder: where the broker keeps retained messages.
 
         Raises:
-            SiteError: there is something at that place.
+            SiteError: there is something at that place, or a host is neither a name nor an address.
 
         """
         if folder.exists() and any(folder.iterdir()):
             message = f"{folder} is not empty: name a new folder."
             raise SiteError(message)
         broker, now = folder / "broker", utc_now()
+        try:
+            authority = Authority.new(f"NeNa at {hosts[0]}", now)
+            server = authority.for_server(hosts, now, days)
+        except ValueError as error:
+            message = (
+                f"--host {' --host '.join(hosts)}: {error}. Give names in ASCII (xn--...), or addresses."
+            )
+            raise SiteError(message) from error
         for each in (folder, broker, folder / "authority"):
             each.mkdir(parents=True, exist_ok=True)
         folder.chmod(0o750)
         (folder / "authority").chmod(0o700)
-        authority = Authority.new(f"NeNa at {hosts[0]}", now)
         (folder / "authority" / "ca.pem").write_bytes(authority.pem)
         write_secret(folder / "authority" / "ca-key.pem", authority.key_pem())
-        server = authority.for_server(hosts, now, days)
         (broker / "ca.pem").write_bytes(authority.pem)
         (broker / "broker.pem").write_bytes(server.certificate)
         write_secret(broker / "broker-key.pem", server.key)
