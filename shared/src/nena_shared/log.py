@@ -24,6 +24,9 @@ COMMON: tuple[Processor, ...] = (
 _FIRST = ("timestamp", "level", "event")
 
 
+CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\t\n"}
+"""What steers a terminal, and how it is written instead; the renderer sees to ends of lines in values."""
+
 KEPT = 2000
 """Lines of the log that a process remembers."""
 _recent: deque[str] = deque(maxlen=KEPT)
@@ -59,29 +62,32 @@ def configure(settings: LogSettings, stream: TextIO | None = None) -> None:
     """Set up logging of this process, once, before the first line is logged."""
     out = stream or sys.stderr
     level = logging.getLevelNamesMapping()[settings.level.upper()]
-    renderer: Processor = (
-        structlog.processors.JSONRenderer()
-        if settings.form == "json"
-        else structlog.dev.ConsoleRenderer(
-            colors=out.isatty(), exception_formatter=structlog.dev.plain_traceback
-        )
-    )
+    rendering = _rendering(settings, colours=out.isatty())
     structlog.configure(
-        processors=[*COMMON, _remember, renderer],
+        processors=[*COMMON, _remember, *rendering],
         wrapper_class=structlog.make_filtering_bound_logger(level),
         logger_factory=structlog.PrintLoggerFactory(cast("TextIO", _Patient(out))),
         cache_logger_on_first_use=False,
     )
     handler = logging.StreamHandler(out)
-    handler.setFormatter(_formatter_for_libraries(renderer))
+    handler.setFormatter(_formatter_for_libraries(rendering))
     logging.basicConfig(level=level, handlers=[handler], force=True)
 
 
-def _formatter_for_libraries(renderer: Processor) -> logging.Formatter:
+def _rendering(settings: LogSettings, *, colours: bool) -> tuple[Processor, ...]:
+    if settings.form == "json":
+        return (structlog.processors.JSONRenderer(),)
+    renderer = structlog.dev.ConsoleRenderer(
+        colors=colours, exception_formatter=structlog.dev.plain_traceback
+    )
+    return _without_controls, renderer
+
+
+def _formatter_for_libraries(rendering: tuple[Processor, ...]) -> logging.Formatter:
     """Give lines of libraries, which log in the standard library's way, the form of our own."""
     return structlog.stdlib.ProcessorFormatter(
         foreign_pre_chain=[_name_module, *COMMON],
-        processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, _remember, renderer],
+        processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, _remember, *rendering],
     )
 
 
@@ -89,6 +95,14 @@ def _remember(_logger: WrappedLogger, _method: str, event: EventDict) -> EventDi
     """Keep the line for a log report, before a renderer takes it apart."""
     rest = " ".join(f"{key}={value}" for key, value in event.items() if key not in _FIRST)
     _recent.append(" ".join((*(str(event.get(key, "")) for key in _FIRST), rest)).strip())
+    return event
+
+
+def _without_controls(_logger: WrappedLogger, _method: str, event: EventDict) -> EventDict:
+    """Keep what robots and hosts say from steering the terminal of who reads it."""
+    for key, value in event.items():
+        if isinstance(value, str):
+            event[key] = value.translate(CONTROLS)
     return event
 
 

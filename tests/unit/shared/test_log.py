@@ -81,6 +81,21 @@ def test_failures_are_logged_with_their_trace(form: str, source: str) -> None:
         assert "ValueError: " in lines(out)[0]["exception"]
 
 
+@pytest.mark.parametrize("source", ["own", "library"])
+def test_what_others_say_steers_no_terminal(source: str) -> None:
+    out = io.StringIO()
+    log.configure(LogSettings(), out)
+    if source == "own":
+        log.get_logger("example").info("refused", robot="r1\x1b[2J", reason="\x9b31mgone\nnow")
+    else:
+        logging.getLogger("library").warning("refused %s", "r1\x1b[2J\x9b31mgone\nnow")
+
+    assert r"r1\x1b[2J" in out.getvalue()
+    assert r"\x9b31mgone" in out.getvalue()
+    assert not {"\x1b", "\x9b"} & set(out.getvalue())
+    assert out.getvalue().count("\n") == (1 if source == "own" else 2)
+
+
 def test_the_newest_lines_are_remembered() -> None:
     log.configure(LogSettings(form="json"), io.StringIO())
 
