@@ -91,3 +91,12 @@ def own_postgres() -> Iterator[Postgres]:
 def interface_name() -> str:
     """Give a first topic level that no other test uses."""
     return f"test-{uuid4().hex[:12]}"
+
+
+@pytest.fixture
+def unmeasured(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let programs that a test starts run at their own speed; measuring their coverage takes as much again.
+
+    It is for tests of whole sites, whose programs others have measured.
+    """
+    monkeypatch.delenv("COVERAGE_PROCESS_CONFIG", raising=False)

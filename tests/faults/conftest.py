@@ -97,6 +97,11 @@ class Trial:
         return round(time.monotonic() - start, 1)
 
 
+@pytest.fixture(autouse=True)
+def _unmeasured(unmeasured: None) -> None:
+    """Let every site run at its own speed."""
+
+
 @pytest.fixture
 def trial(tmp_path: Path, request: pytest.FixtureRequest) -> Callable[..., Any]:
     """Give a block that runs a site under orders, and checks the accounts at its end."""

@@ -23,6 +23,11 @@ ARGUMENTS = [
 ]
 
 
+@pytest.fixture(autouse=True)
+def _unmeasured(unmeasured: None) -> None:
+    """Let the programs behind the panel run at their own speed."""
+
+
 @pytest.fixture
 async def browser() -> AsyncIterator[Browser]:
     """Give a Chromium of the machine's own; skip the test where there is none."""
