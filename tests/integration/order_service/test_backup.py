@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import runpy
 import signal
+import sqlite3
+import stat
 import subprocess
 import sys
 from abc import ABC, abstractmethod
@@ -258,6 +262,28 @@ async def robots_stand(panel: httpx.AsyncClient) -> dict[str, dict[str, Any]]:
 
     await awaited(look, lambda driving: not driving, seconds=PATIENCE, what="every robot stands")
     return {each["name"]: each for each in (await panel.get("/api/v1/orders")).json()}
+
+
+def test_a_copy_is_for_its_owner_alone_while_it_is_made_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source, copy = tmp_path / "orders.db", tmp_path / "copy.db"
+    sqlite3.connect(source).execute("CREATE TABLE orders (name TEXT)").connection.close()
+    source.chmod(0o644)
+    modes, connect = set(), sqlite3.connect
+
+    def looked_at(*place: Any, **how: Any) -> sqlite3.Connection:
+        modes.update(stat.S_IMODE(each.stat().st_mode) for each in tmp_path.iterdir() if each != source)
+        return connect(*place, **how)
+
+    before = os.umask(0)
+    monkeypatch.setattr(sqlite3, "connect", looked_at)
+    monkeypatch.setattr(sys, "argv", ["backup", str(source), str(copy)])
+    try:
+        assert runpy.run_path(str(ROOT / "deploy" / "backup"))["main"]() == ""
+    finally:
+        os.umask(before)
+    assert modes | {stat.S_IMODE(copy.stat().st_mode)} == {0o600}
 
 
 def test_a_copy_that_cannot_be_made_leaves_the_older_one(tmp_path: Path) -> None:
