@@ -270,9 +270,10 @@ def test_a_copy_is_for_its_owner_alone_while_it_is_made_too(
     source, copy = tmp_path / "orders.db", tmp_path / "copy.db"
     sqlite3.connect(source).execute("CREATE TABLE orders (name TEXT)").connection.close()
     source.chmod(0o644)
-    modes, connect = set(), sqlite3.connect
+    modes: set[int] = set()
+    connect = sqlite3.connect
 
-    def looked_at(*place: Any, **how: Any) -> sqlite3.Connection:
+    def looked_at(*place: Any, **how: Any) -> Any:
         modes.update(stat.S_IMODE(each.stat().st_mode) for each in tmp_path.iterdir() if each != source)
         return connect(*place, **how)
 
