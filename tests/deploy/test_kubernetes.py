@@ -15,6 +15,8 @@ import yaml  # type: ignore[import-untyped]  # its stubs would be one more depen
 from nena_order_service.settings import OrderServiceSettings
 from nena_shared.settings import ServiceSettings, load
 from nena_shared.web.exposure import check_exposure
+from nena_shared.web.users import Role
+from nena_status_aggregator.rest.roles import make_rule
 from nena_status_aggregator.settings import AggregatorSettings
 from nena_status_aggregator.share import Share
 
@@ -235,6 +237,18 @@ def test_each_share_of_the_robots_has_one_aggregator_and_its_panel() -> None:
     ours = [host for host, service in hosts.items() if service.startswith("status-aggregator")]
     assert [hosts[host] for host in ours] == [panels[str(share.number)] for share in shares]
     assert json.loads(environment("status-aggregator")["NENA_ORDER_SERVICE__TRUSTED_HOSTS"]) == ours
+
+
+def test_what_the_ingress_leads_to_takes_a_login(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in environment("status-aggregator").items():
+        monkeypatch.setenv(name, value)
+    http = load(AggregatorSettings, [], program="p", description="d").http
+    paths = [
+        path["path"] for rule in named("Ingress", "nena")["spec"]["rules"] for path in rule["http"]["paths"]
+    ]
+
+    assert set(paths) == {"/"}
+    assert make_rule(http)("GET", "/metrics") is Role.VIEWER
 
 
 def test_a_standby_reaches_the_active_one_by_name() -> None:
