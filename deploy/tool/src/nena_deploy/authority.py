@@ -19,7 +19,7 @@ COMMON_NAME = 64
 """Letters that a certificate's own name may have; a server is known by its alternative names, which may have
 more."""
 SKEW = timedelta(hours=1)
-"""How far the clock of a robot may be behind."""
+"""How far the clock of a robot, or of the broker, may be behind."""
 
 
 class Pair(NamedTuple):
@@ -83,9 +83,12 @@ class Authority:
         return self._sign(name, now, days, None, server=False)
 
     def revocations(self, certificates: Iterable[int], now: datetime) -> bytes:
-        """Take back certificates by their serial numbers; gives the list as PEM."""
+        """Take back certificates by their serial numbers; gives the list as PEM.
+
+        A broker whose clock is behind lets nobody in by a list of the future, so it is dated back.
+        """
         issued = self._certificate.not_valid_after_utc
-        builder = x509.CertificateRevocationListBuilder(self._certificate.subject, now, issued)
+        builder = x509.CertificateRevocationListBuilder(self._certificate.subject, now - SKEW, issued)
         for each in certificates:
             revoked = x509.RevokedCertificateBuilder().serial_number(each).revocation_date(now).build()
             builder = builder.add_revoked_certificate(revoked)
