@@ -10,6 +10,8 @@ DISTRIBUTIONS := shared services/edge_agent services/order_service services/stat
 SOURCES := $(DISTRIBUTIONS:%=%/src)
 # Processes that run tests side by side; ROS, brokers and ports are their own in each test.
 WORKERS ?= 2
+# Whole sites stand at the head of the list: who has done his half takes from the other's, or one worker had all of them.
+SHARED_OUT := -n $(WORKERS) --dist worksteal
 # What failed side by side has two further tries, alone (docs/decisions/0015).
 AGAIN := PYTHONPATH=tests $(BIN)/python -m support.again
 # Tests of which more examples find more.
@@ -61,7 +63,7 @@ lint: $(STAMP) ## style, types, import rules, what is known to be unsafe
 	deploy/audit
 
 test: $(STAMP) action-types broker browser ## every test, with branch coverage; TESTS=path for a part of them
-	$(if $(TESTS),$(BIN)/pytest $(TESTS),$(AGAIN) -n $(WORKERS) --cov --cov-report=xml --cov-fail-under=85)
+	$(if $(TESTS),$(BIN)/pytest $(TESTS),$(AGAIN) $(SHARED_OUT) --cov --cov-report=xml --cov-fail-under=85)
 
 conformance: $(STAMP) ## write docs/vda5050.md anew: how the standard is kept, and which tests show it
 	PYTHONPATH=tests $(BIN)/python -m conformance.table
