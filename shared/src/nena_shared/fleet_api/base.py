@@ -41,5 +41,8 @@ Moment = Annotated[datetime, AfterValidator(in_utc), PlainSerializer(iso, return
 ObjectName = Annotated[str, Field(min_length=1, max_length=200)]
 """Name of an object of the plant model, kept to the letter."""
 
+IdempotencyKey = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00]*$")]
+"""What tells a request from all others of all hosts; PostgreSQL keeps no text with NUL."""
+
 OrderName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_:\-][A-Za-z0-9_.:\-]{0,99}$")]
 """Name of a transport order; it also stands in MQTT topics and URLs, where ``..`` means something else."""

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from nena_shared.fleet_api.base import Moment, ObjectName, OrderName, Request, Resource
+from nena_shared.fleet_api.base import IdempotencyKey, Moment, ObjectName, OrderName, Request, Resource
 from nena_shared.fleet_api.order_types import ANY_TYPE, OrderType
 from nena_shared.fleet_api.transport_order import HistoryEntry, Property
 
@@ -18,7 +18,7 @@ class OrderSequenceRequest(Request):
     """None: the order service makes one."""
     incomplete_name: bool = False
     """Whether the order service completes ``name`` to a unique one."""
-    idempotency_key: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+    idempotency_key: IdempotencyKey | None = None
     """The same key again gives the sequence that the first request made, and no second one."""
     order_types: Annotated[tuple[OrderType, ...], Field(min_length=1, max_length=100)] = (ANY_TYPE,)
     """Types of the orders that may be added; ``*``: any."""

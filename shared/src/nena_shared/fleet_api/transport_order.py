@@ -8,7 +8,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from nena_shared.fleet_api.base import Moment, ObjectName, OrderName, Request, Resource
+from nena_shared.fleet_api.base import IdempotencyKey, Moment, ObjectName, OrderName, Request, Resource
 from nena_shared.fleet_api.failure_policy import FailurePolicy, Hold, Seconds
 from nena_shared.fleet_api.order_types import OrderType
 
@@ -97,7 +97,7 @@ class TransportOrderRequest(Request):
     """None: the order service makes one."""
     incomplete_name: bool = False
     """Whether the order service completes ``name`` to a unique one."""
-    idempotency_key: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+    idempotency_key: IdempotencyKey | None = None
     """The same key again gives the order that the first request made, and no second one."""
     destinations: Annotated[tuple[Destination, ...], Field(min_length=1, max_length=100)]
     intended_vehicle: ObjectName | None = None

@@ -131,6 +131,13 @@ def test_names_with_quotes_are_only_names(url: str) -> None:
     assert read_orders(engine, OrderFilter(intended_vehicle="' OR '1'='1")) == (order,)
 
 
+def test_nothing_has_a_name_with_nul(url: str) -> None:
+    engine = open_database(url)
+    write(engine, changes((dispatchable_order(number=1), None)))
+    assert read_order(engine, name="T-1\0", idempotency_key="k\0") is None
+    assert read_orders(engine, OrderFilter(intended_vehicle="V-1\0")) == ()
+
+
 def test_file_that_is_no_database_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "orders.db"
     file.write_text("This is a letter, and no database at all." * 100)

@@ -37,6 +37,8 @@ def test_the_newest_version_of_each_sequence_counts(url: str) -> None:
     assert read_sequence(engine, name="S-1") == done
     assert read_sequence(engine, name="other", idempotency_key="k") == done
     assert read_sequence(engine, name="other") is None
+    assert read_sequence(engine, name="S-1\0", idempotency_key="k\0") is None
+    assert read_sequences(engine, SequenceFilter(intended_vehicle="V-1\0")) == ()
 
 
 def test_sequences_are_listed_newest_first_as_they_are_asked_for(url: str) -> None:

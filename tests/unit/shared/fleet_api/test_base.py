@@ -5,10 +5,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from nena_shared.fleet_api.base import Moment, OrderName
+from nena_shared.fleet_api.base import IdempotencyKey, Moment, OrderName
 from nena_shared.utc import iso
 
 MOMENT: TypeAdapter[datetime] = TypeAdapter(Moment)
+KEY: TypeAdapter[str] = TypeAdapter(IdempotencyKey)
 NAME: TypeAdapter[str] = TypeAdapter(OrderName)
 
 
@@ -26,6 +27,13 @@ def test_what_is_written_of_a_moment_can_be_read_again(moment: datetime) -> None
 def test_a_moment_that_has_no_time_in_utc_is_refused(text: str) -> None:
     with pytest.raises(ValidationError, match="in UTC"):
         MOMENT.validate_python(text)
+
+
+@pytest.mark.parametrize("key", ["", "x" * 201, "a\0"])
+def test_keys_that_no_store_can_keep_are_refused(key: str) -> None:
+    assert KEY.validate_python("line\nÜ'\"") == "line\nÜ'\""
+    with pytest.raises(ValidationError):
+        KEY.validate_python(key)
 
 
 @pytest.mark.parametrize("name", ["A", "TOrder-1.2:3_4", "x" * 100])

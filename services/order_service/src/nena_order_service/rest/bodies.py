@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from nena_order_service.orders.order_sequence import OrderSequence
-from nena_shared.fleet_api.base import ObjectName, Request, Resource
+from nena_shared.fleet_api.base import IdempotencyKey, ObjectName, Request, Resource
 from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.path import PathStatus
@@ -132,7 +132,7 @@ class DispatchRequest(Request):
     operation: Annotated[str, Field(min_length=1, max_length=200)] | None = None
     """None: MOVE at a point or coordinate, NOP at a location."""
     priority: Annotated[int, Field(ge=-1000, le=1000)] = 0
-    idempotency_key: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+    idempotency_key: IdempotencyKey | None = None
 
     @model_validator(mode="after")
     def _one_place(self) -> Self:

@@ -21,7 +21,7 @@ from nena_order_service.store.errors import StoreError
 from nena_order_service.store.leadership import Fence
 from nena_order_service.store.migration import migrate
 from nena_order_service.store.sequences import last_sequence, read_unfinished_sequences, write_sequences
-from nena_order_service.store.statements import DatabaseRow, Statements, execute, statements
+from nena_order_service.store.statements import DatabaseRow, Statements, equals, execute, statements
 from nena_order_service.store.vehicles import read_vehicles, write_vehicles
 from nena_shared.fleet_api.transport_order import (
     HistoryEntry,
@@ -204,7 +204,7 @@ def read_order(
     with engine.connect() as connection:
         for column, value in ((orders.c.idempotency_key, idempotency_key), (orders.c.name, name)):
             if value is not None and (
-                row := connection.execute(select(orders).where(column == value)).first()
+                row := connection.execute(select(orders).where(equals(column, value))).first()
             ):
                 return _read_orders(connection, [row])[0]
     return None
@@ -217,7 +217,7 @@ def read_orders(engine: Engine, wanted: OrderFilter) -> tuple[TransportOrder, ..
     if wanted.states:
         query = query.where(orders.c.state.in_([state.value for state in wanted.states]))
     if wanted.intended_vehicle is not None:
-        query = query.where(orders.c.intended_vehicle == wanted.intended_vehicle)
+        query = query.where(equals(orders.c.intended_vehicle, wanted.intended_vehicle))
     if wanted.before is not None:
         query = query.where(orders.c.number < wanted.before)
     with engine.connect() as connection:

@@ -11,7 +11,7 @@ from sqlalchemy.engine import Row
 
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.store import schema
-from nena_order_service.store.statements import DatabaseRow, Statements, execute
+from nena_order_service.store.statements import DatabaseRow, Statements, equals, execute
 from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 
 
@@ -61,7 +61,7 @@ def read_sequence(
     with engine.connect() as connection:
         for column, value in ((table.c.idempotency_key, idempotency_key), (table.c.name, name)):
             if value is not None:
-                row = connection.execute(select(table).where(column == value)).first()
+                row = connection.execute(select(table).where(equals(column, value))).first()
                 if row:
                     return _sequence(row)
     return None
@@ -74,7 +74,7 @@ def read_sequences(engine: Engine, wanted: SequenceFilter) -> tuple[OrderSequenc
     if wanted.finished is not None:
         query = query.where(table.c.finished.is_(wanted.finished))
     if wanted.intended_vehicle is not None:
-        query = query.where(table.c.intended_vehicle == wanted.intended_vehicle)
+        query = query.where(equals(table.c.intended_vehicle, wanted.intended_vehicle))
     if wanted.before is not None:
         query = query.where(table.c.number < wanted.before)
     with engine.connect() as connection:

@@ -13,11 +13,14 @@ from typing import Any
 from sqlalchemy import (
     BindParameter,
     ClauseElement,
+    Column,
+    ColumnElement,
     Connection,
     Engine,
     Table,
     bindparam,
     delete,
+    false,
     insert,
     update,
 )
@@ -87,6 +90,11 @@ def _put(name: str, table: Table) -> ClauseElement:
     statement: Any = (sqlite.insert if name == "sqlite" else postgresql.insert)(table)
     others = {column.name: statement.excluded[column.name] for column in table.c if not column.primary_key}
     return statement.on_conflict_do_update(index_elements=list(table.primary_key), set_=others)  # type: ignore[no-any-return]
+
+
+def equals(column: Column[Any], text: str) -> ColumnElement[bool]:
+    """Ask for rows with what a host says; PostgreSQL takes no text with NUL, so there is none."""
+    return false() if "\0" in text else column == text
 
 
 def execute(connection: Connection, statement: str, rows: Sequence[DatabaseRow]) -> None:
