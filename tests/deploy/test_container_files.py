@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import re
+import ssl
+import subprocess
+import sys
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import pytest
 import yaml  # type: ignore[import-untyped]  # its stubs would be one more dependency
+
+from support.certificates import Authority, Files
+from support.waiting import PATIENCE
 
 ROOT = Path(__file__).parents[2]
 COMPOSE: dict[str, Any] = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
@@ -34,6 +46,49 @@ def test_an_image_runs_as_nobody_special_from_locked_packages(path: Path) -> Non
     packages = [each for each in installs if "requirements/" in each]
     assert len(packages) == 2
     assert all("--require-hashes" in each for each in packages)
+
+
+class Ready(BaseHTTPRequestHandler):
+    """Answers as a service that is ready, or is not."""
+
+    status = HTTPStatus.OK
+
+    def do_GET(self) -> None:
+        self.send_response(self.status if self.path == "/readyz" else HTTPStatus.NOT_FOUND)
+        self.end_headers()
+
+
+@contextmanager
+def serving(files: Files | None) -> Iterator[int]:
+    with HTTPServer(("127.0.0.1", 0), Ready) as server:
+        if files:
+            context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+            context.load_cert_chain(files.certificate, files.key)
+            server.socket = context.wrap_socket(server.socket, server_side=True)
+        Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
+        yield server.server_port
+        server.shutdown()
+
+
+@pytest.mark.parametrize("status", [HTTPStatus.OK, HTTPStatus.SERVICE_UNAVAILABLE])
+@pytest.mark.parametrize("scheme", ["http", "https"])
+@pytest.mark.parametrize("service", ["order_service", "status_aggregator"])
+def test_a_service_is_healthy_when_it_is_ready(
+    service: str, scheme: str, status: HTTPStatus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = (ROOT / "services" / service / "Dockerfile").read_text()
+    found = re.search(r"^HEALTHCHECK [^\n]*\\\n +CMD (.*)$", text, re.MULTILINE)
+    assert found is not None
+    _, *command = json.loads(found.group(1))
+    files = Authority(tmp_path).sign("service") if scheme == "https" else None
+    monkeypatch.setattr(Ready, "status", status)
+    with serving(files) as port:
+        environment = {"NENA_HTTP__PORT": str(port)}
+        environment |= {"NENA_HTTP__TLS_CERTIFICATE": str(files.certificate)} if files else {}
+        done = subprocess.run(
+            [sys.executable, *command], env=environment, capture_output=True, timeout=PATIENCE, check=False
+        )
+    assert (done.returncode == 0) == (status == HTTPStatus.OK), done.stderr
 
 
 @pytest.mark.parametrize("path", DOCKERFILES, ids=ids(DOCKERFILES))
