@@ -15,6 +15,7 @@ from contextlib import suppress
 from functools import partial
 from itertools import groupby
 from time import monotonic
+from types import TracebackType
 from typing import Any, Self
 
 import aiomqtt
@@ -36,7 +37,11 @@ from nena_shared.mqtt.packets import (
 READ_AT_ONCE = 10
 """Messages that are read before the event loop has its turn again."""
 
+FAREWELL = 2.0
+"""Seconds that a broker has to take DISCONNECT, which goes behind all that it has not taken yet."""
+
 ENDED_AT_ONCE = "the connection has ended as soon as it stood"
+ENDED_UNANSWERED = "the connection has ended before the broker has answered a subscription"
 NOT_SENT = "the connection takes no message"
 
 Take = Callable[[Inbound], None]
@@ -44,14 +49,16 @@ Confirmed = Callable[[], None]
 
 
 class Client(aiomqtt.Client):
-    """Until :meth:`hand_over` messages wait in ``messages``; from then on they are handed over at once.
+    """One connection: messages wait in ``messages`` until :meth:`hand_over`, which gives them away at once.
 
-    It closes its socket also when the broker does not answer CONNECT. Left open, such connections pile up at
-    a broker that hangs; when it goes on, each takes over the client id of the one before, and the wills of
-    all of them are sent.
+    It closes its socket whatever happens, also when the broker does not answer CONNECT or does not take
+    DISCONNECT. Left open, such connections pile up at a broker that hangs; when it goes on, each takes over
+    the client id of the one before, and the wills of all of them are sent.
     """
 
     _take: Take | None = None
+    _given_up = False
+    """Whether nobody wants the connection any more, also when it comes to stand later."""
 
     def __init__(self, *arguments: Any, **settings: Any) -> None:  # noqa: ANN401 - aiomqtt's
         super().__init__(*arguments, **settings)
@@ -78,11 +85,27 @@ class Client(aiomqtt.Client):
         try:
             await super().__aenter__()
         except BaseException:
+            self._given_up = True
             self._client.disconnect()
             raise
         if not self._client.is_connected():
             raise aiomqtt.MqttError(ENDED_AT_ONCE)
         return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Disconnect in order if the broker takes that in :data:`FAREWELL` seconds; close in any case.
+
+        Nothing is handed over any more.
+        """
+        self._take = _pass_over
+        self.timeout = min(self.timeout, FAREWELL)
+        try:
+            with suppress(aiomqtt.MqttError):  # what has ended the block is told, not this
+                await super().__aexit__(kind, error, trace)
+        finally:
+            self._client._sock_close()  # noqa: SLF001 - what paho does with a connection that is lost
 
     async def hand_over(self, take: Take) -> None:
         """Give ``take`` all messages, first those that have waited, until the connection ends.
@@ -143,6 +166,14 @@ class Client(aiomqtt.Client):
             with suppress(OSError):  # it is broken already
                 sock.shutdown(socket.SHUT_RDWR)
 
+    def _on_disconnect(self, *arguments: Any) -> None:  # noqa: ANN401 - paho's
+        super()._on_disconnect(*arguments)
+        if self._disconnected.done() and not self._disconnected.cancelled():
+            self._disconnected.exception()  # asyncio logs one that nobody has looked at
+        for answer in self._pending_subscribes.values():
+            if not answer.done():  # aiomqtt would wait for it until its time is over
+                answer.set_exception(aiomqtt.MqttError(ENDED_UNANSWERED))
+
     def _on_message(self, client: PahoClient, userdata: object, message: MQTTMessage) -> None:
         if self._take is None:
             super()._on_message(client, userdata, message)
@@ -160,8 +191,13 @@ class Client(aiomqtt.Client):
         self._loop.call_soon_threadsafe(self._watch, sock)
 
     def _watch(self, sock: Any) -> None:  # noqa: ANN401 - paho's
-        """Read what comes, unless the thread that was to connect has closed the socket again."""
-        if sock.fileno() >= 0:
+        """Read what comes, unless the thread that was to connect has closed the socket again.
+
+        If it was given up meanwhile, CONNECT is not written, so that it takes nobody's place at the broker.
+        """
+        if self._given_up:
+            sock.close()  # not by paho, in which the thread may still be at work
+        elif sock.fileno() >= 0:
             self._misc_task = self._loop.create_task(self._misc_loop(), name="keep alive")
             self._loop.add_reader(sock.fileno(), self._on_readable)
 
@@ -171,12 +207,12 @@ class Client(aiomqtt.Client):
         if self._in_loop():
             self._loop.call_soon(self._guarded, self._write)
         else:
-            self._waits_to_write = True
             self._loop.call_soon_threadsafe(self._write_later, sock)
 
     def _write_later(self, sock: Any) -> None:  # noqa: ANN401 - paho's
         """Write when the socket takes something, unless it was closed meanwhile."""
         if sock.fileno() >= 0:
+            self._waits_to_write = True
             self._loop.add_writer(sock.fileno(), partial(self._guarded, self._client.loop_write))
 
     def _on_socket_unregister_write(self, client: PahoClient, userdata: object, sock: Any) -> None:  # noqa: ANN401 - paho's
@@ -231,7 +267,6 @@ class Client(aiomqtt.Client):
         self._client.loop_write()
         sock = self._client.socket()
         if sock is not None and self._client.want_write():
-            self._waits_to_write = True
             self._write_later(sock)
 
     def _join_waiting(self) -> None:
@@ -273,3 +308,7 @@ def _is_plain(packet: Any) -> bool:  # noqa: ANN401 - paho's
     """Whether paho has nothing to do with it but to write it, has not begun to, and it is worth copying."""
     to_be_written = packet["qos"] == 1 and packet["command"] in {PUBLISH, PUBACK} and not packet["pos"]
     return to_be_written and len(packet["packet"]) < CHUNK
+
+
+def _pass_over(_message: Inbound) -> None:
+    """Take a message that nobody wants any more."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import socket
 import threading
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from time import monotonic
@@ -15,12 +16,16 @@ from typing import Any
 import aiomqtt
 import pytest
 
-from nena_shared.mqtt.client import READ_AT_ONCE, Client
+from nena_shared.mqtt import client as client_module
+from nena_shared.mqtt.client import ENDED_AT_ONCE, ENDED_UNANSWERED, READ_AT_ONCE, Client
 from nena_shared.mqtt.message import Inbound, Outbound
 from nena_shared.mqtt.packets import Packets, Published
+from nena_shared.tasks import end
 from support.pausing import turn_passes
-from support.waiting import PATIENCE
+from support.waiting import PATIENCE, until
 
+CONNECT = 0x10
+SUBSCRIBE = 0x82
 CONNACK = b"\x20\x02\x00\x00"
 PINGREQ = b"\xc0\x00"
 PINGRESP = b"\xd0\x00"
@@ -37,25 +42,37 @@ def published(topic: bytes, payload: bytes) -> bytes:
 class OddBroker:
     """Takes one client, answers CONNECT and PINGREQ, and sends what a test gives it."""
 
+    ends_at: int | None = None
+    """The first byte of the packet at which it ends the connection, if it does."""
     port: int = 0
     pings: int = 0
+    heard: bool = False
+    """Whether anything has come."""
     got: bytearray = field(default_factory=bytearray)
     """What has come behind CONNECT."""
+    reads: asyncio.Event = field(default_factory=asyncio.Event)
     ended: asyncio.Event = field(default_factory=asyncio.Event)
     writer: asyncio.StreamWriter | None = None
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Go on until the client has gone."""
         self.writer = writer
-        await reader.read(1000)
-        writer.write(CONNACK)
-        while data := await reader.read(1000):
-            self.got += data
-            if PINGREQ in data:
-                self.pings += 1
-                writer.write(PINGRESP)
+        with suppress(ConnectionError):  # the client has not read all
+            while (data := await reader.read(1000)) and self._goes_on(data, writer):
+                await self.reads.wait()
         writer.close()
         self.ended.set()
+
+    def _goes_on(self, data: bytes, writer: asyncio.StreamWriter) -> bool:
+        if self.heard:
+            self.got += data
+        else:
+            self.heard = True
+            writer.write(CONNACK)
+        if PINGREQ in data:
+            self.pings += 1
+            writer.write(PINGRESP)
+        return data[0] != self.ends_at
 
     def send(self, data: bytes) -> None:
         """Send bytes as they are."""
@@ -64,8 +81,9 @@ class OddBroker:
 
 
 @asynccontextmanager
-async def odd_broker() -> AsyncIterator[OddBroker]:
-    broker = OddBroker()
+async def odd_broker(ends_at: int | None = None) -> AsyncIterator[OddBroker]:
+    broker = OddBroker(ends_at)
+    broker.reads.set()
     server = await asyncio.start_server(broker.serve, "127.0.0.1", 0)
     broker.port = server.sockets[0].getsockname()[1]
     async with server:
@@ -184,8 +202,7 @@ async def test_a_message_that_cannot_be_read_ends_the_connection_for_good() -> N
 
 async def test_a_connection_that_ends_before_the_event_loop_has_its_turn_is_let_go() -> None:
     """paho opens and closes sockets in a thread of its own, while a broker cannot be reached."""
-    loop, faults = asyncio.get_running_loop(), list[dict[str, Any]]()
-    loop.set_exception_handler(lambda _, fault: faults.append(fault))
+    faults = kept_faults()
     client, sock = Client("127.0.0.1", 1), socket.socket()
 
     def connect_in_vain() -> None:
@@ -199,3 +216,99 @@ async def test_a_connection_that_ends_before_the_event_loop_has_its_turn_is_let_
     await turn_passes()
     assert faults == []
     assert client._misc_task is None
+
+
+async def test_a_subscription_is_not_waited_for_once_the_connection_has_ended() -> None:
+    async with odd_broker(SUBSCRIBE) as broker:
+        async with Client("127.0.0.1", broker.port, timeout=PATIENCE) as client:
+            with pytest.raises(aiomqtt.MqttError, match=ENDED_UNANSWERED):
+                await client.subscribe([("a/b", 1)])
+        await asyncio.wait_for(broker.ended.wait(), PATIENCE)
+        assert client._client.socket() is None
+
+
+@pytest.mark.parametrize(("ends_at", "reason"), [(CONNECT, ENDED_AT_ONCE), (SUBSCRIBE, ENDED_UNANSWERED)])
+async def test_why_a_connection_has_ended_is_told_once(ends_at: int, reason: str) -> None:
+    """asyncio tells of errors that nobody has looked at, as they are forgotten."""
+    faults = kept_faults()
+
+    async def subscribe(port: int) -> None:
+        async with Client("127.0.0.1", port, timeout=PATIENCE) as client:
+            await client.subscribe([("a/b", 1)])
+
+    async with odd_broker(ends_at) as broker:
+        with pytest.raises(aiomqtt.MqttError) as told:
+            await subscribe(broker.port)
+    assert str(told.value) == reason
+    del told
+    gc.collect()
+    await turn_passes()
+    assert faults == []
+
+
+async def test_a_connection_that_stands_only_after_it_was_given_up_is_closed_without_connect() -> None:
+    faults, may_connect = kept_faults(), threading.Event()
+
+    def hold(*_: object) -> None:
+        may_connect.wait(PATIENCE)
+
+    async with odd_broker() as broker:
+        client = Client("127.0.0.1", broker.port, timeout=PATIENCE)
+        client._client.on_pre_connect = hold
+        entering = asyncio.create_task(client.__aenter__(), name="enter")
+        await turn_passes()
+        await end(entering)
+        may_connect.set()
+        await asyncio.get_running_loop().shutdown_default_executor()
+        await asyncio.wait_for(broker.ended.wait(), PATIENCE)
+
+        assert not broker.heard
+        assert client._misc_task is None
+        del client, entering
+        gc.collect()
+        assert faults == []
+
+
+async def test_a_broker_that_takes_nothing_more_is_left_soon_and_for_good(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(client_module, "FAREWELL", 0.2)
+    loop, taken = asyncio.get_running_loop(), list[Inbound]()
+    async with odd_broker() as broker:
+        client = Client("127.0.0.1", broker.port, timeout=2 * PATIENCE)
+        await client.__aenter__()
+        number = connected_socket(client).fileno()
+        handing = asyncio.create_task(client.hand_over(taken.append), name="hand over")
+        await turn_passes()
+        broker.reads.clear()
+        fill(client)
+        await end(handing)
+        broker.send(published(b"a/b", b"late"))
+        await asyncio.wait_for(client.__aexit__(None, None, None), PATIENCE)
+
+        assert client._client.socket() is None
+        assert not loop.remove_reader(number)
+        assert not loop.remove_writer(number)
+        await until(lambda: client._misc_task and client._misc_task.cancelled(), what="the end of keep alive")
+        broker.reads.set()
+        await asyncio.wait_for(broker.ended.wait(), PATIENCE)
+    assert taken == []
+
+
+def kept_faults() -> list[dict[str, Any]]:
+    """Give what the event loop is told from now on of errors that nobody takes."""
+    faults = list[dict[str, Any]]()
+    asyncio.get_running_loop().set_exception_handler(lambda _, fault: faults.append(fault))
+    return faults
+
+
+def connected_socket(client: Client) -> socket.socket:
+    found = client._client.socket()
+    assert isinstance(found, socket.socket)
+    return found
+
+
+def fill(client: Client) -> None:
+    """Send more than the sockets take."""
+    for _ in range(40):
+        client.send(Outbound("a/b", bytes(1_000_000)), lambda: None)
