@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nena_shared.log import get_logger
+from nena_shared.tasks import end
 
 log = get_logger(__name__)
 
@@ -74,9 +75,7 @@ async def signs_of_life(
     try:
         yield
     finally:
-        work.cancel()
-        with suppress(asyncio.CancelledError):
-            await work
+        await end(work)
 
 
 async def _give_signs(supervision: Supervision, stop: asyncio.Event) -> None:

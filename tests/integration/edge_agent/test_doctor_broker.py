@@ -15,10 +15,12 @@ from nena_edge_agent.doctor.broker import BrokerView, examine_broker
 from nena_edge_agent.doctor.finding import Finding, Link, Verdict
 from nena_edge_agent.doctor.program import main
 from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.mqtt import MqttLink
 from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.topics import Topic
 from support.broker import Broker, MqttPeer, free_port
 from support.edge_agent import FleetControl, agent_settings, running_agent
+from support.forgetful import cancel_again_at_once, forgetful
 from support.waiting import PATIENCE, until
 
 pytestmark = pytest.mark.broker
@@ -80,6 +82,17 @@ async def test_something_that_is_no_broker(monkeypatch: pytest.MonkeyPatch) -> N
         view = await examine_broker(settings_for(MqttSettings(port=port)))
 
     assert verdicts(view) == {Link.BROKER: OK, Link.LOGIN: MISSING, Link.ACCESS: UNKNOWN}
+
+
+async def test_a_link_that_forgets_that_it_is_to_end_is_told_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    cancel_again_at_once(monkeypatch)
+    monkeypatch.setattr("nena_edge_agent.doctor.broker.ANSWER_WITHIN", 2.0)
+    monkeypatch.setattr(MqttLink, "run", forgetful)
+    server = await asyncio.start_server(lambda _, writer: writer.close(), "127.0.0.1", 0)
+    async with server:
+        settings = settings_for(MqttSettings(port=server.sockets[0].getsockname()[1]))
+        view = await asyncio.wait_for(examine_broker(settings), PATIENCE)
+    assert verdicts(view)[Link.LOGIN] is MISSING
 
 
 @pytest.fixture(scope="module")

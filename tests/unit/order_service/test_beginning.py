@@ -6,6 +6,7 @@ import pytest
 
 from nena_order_service.beginning import has_begun
 from nena_shared.tasks import Supervisor, TaskFailedError
+from support.forgetful import cancel_again_at_once, forgetful
 from support.waiting import PATIENCE
 
 
@@ -80,3 +81,20 @@ async def test_a_beginning_that_fails_says_why() -> None:
     async with Supervisor() as supervisor:
         with pytest.raises(ValueError, match="no such plant"):
             await Broken().run(supervisor)
+
+
+async def test_a_beginning_that_forgets_that_it_is_to_end_is_told_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Forgetful(Start):
+        async def begin(self) -> None:
+            await forgetful()
+
+    cancel_again_at_once(monkeypatch)
+    start = Forgetful()
+    async with Supervisor() as supervisor:
+        running = asyncio.create_task(start.run(supervisor))
+        asyncio.get_running_loop().call_later(0.01, start.stop.set)
+        await asyncio.wait({running}, timeout=PATIENCE / 2)
+        assert running.done()
+        assert not running.result()

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any
 
-from nena_shared.tasks import Supervisor
+from nena_shared.tasks import Supervisor, end
 
 LOOK = 0.25
 """Seconds between looks at whether the store takes what the beginning writes."""
@@ -39,9 +39,7 @@ async def has_begun(
                 told = True
                 tell()
     finally:
-        for task in (beginning, ending):
-            task.cancel()
-        await asyncio.gather(beginning, ending, return_exceptions=True)
+        await end(beginning, ending)
     if beginning.cancelled():
         ending.result()
         return False

@@ -41,6 +41,7 @@ from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.tasks import end
 
 log = get_logger(__name__)
 
@@ -197,9 +198,7 @@ class MqttCommands:
 
     async def close(self) -> None:
         """End the work on commands."""
-        for task in self._tasks:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await end(*self._tasks)
 
     def _command_came(self, message: Inbound) -> None:
         if not message.payload:

@@ -23,6 +23,7 @@ from nena_shared.fleet_api.transport_order import (
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.tasks import end
 
 log = get_logger(__name__)
 
@@ -95,9 +96,7 @@ class MqttDoor:
     async def close(self) -> None:
         """End the work on requests. Ends that are retained stay so: the next start clears them."""
         self._ended.close()
-        for task in self._tasks:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await end(*self._tasks)
 
     def _clear(self, name: str) -> None:
         self._mqtt.publish(Outbound(self._topics.order_status(name), b"", retain=True))

@@ -10,6 +10,7 @@ from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.settings import MqttSettings
+from nena_shared.tasks import end
 
 log = get_logger(__name__)
 
@@ -52,8 +53,7 @@ class RetainedSweep:
             await self._connected.wait()
             await asyncio.sleep(LISTEN)
         finally:
-            listening.cancel()
-            await asyncio.gather(listening, return_exceptions=True)
+            await end(listening)
         for name in sorted(self._names):
             await self._put_right(name)
         for name in sorted(self._sequences):

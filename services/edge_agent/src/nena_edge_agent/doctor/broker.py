@@ -24,6 +24,7 @@ from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.mqtt import Inbound, MqttLink
 from nena_shared.mqtt.tls import tls_context
 from nena_shared.settings import MqttSettings
+from nena_shared.tasks import end
 from nena_shared.vda5050.rules import RULES
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.versions import codec_for, topics_for
@@ -112,8 +113,7 @@ class _Probe:
         try:
             yield await self._outcome()
         finally:
-            work.cancel()
-            await asyncio.gather(work, return_exceptions=True)
+            await end(work)
 
     @property
     def refused(self) -> list[str]:

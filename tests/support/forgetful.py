@@ -1,0 +1,24 @@
+"""Work that forgets a cancellation, as ``asyncio.wait_for`` of Python 3.11 does at times."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+
+import pytest
+
+from nena_shared.tasks import end
+
+
+async def forgetful(*_: object) -> None:
+    """Go on for ever; of cancellations only the second is heeded."""
+    with suppress(asyncio.CancelledError):
+        await asyncio.Event().wait()
+    await asyncio.Event().wait()
+
+
+def cancel_again_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let nobody have time for an orderly end, so that a test does not take it."""
+    defaults = end.__kwdefaults__
+    assert defaults
+    monkeypatch.setitem(defaults, "again_after", 0.01)
