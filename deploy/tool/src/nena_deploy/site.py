@@ -85,15 +85,8 @@ class Site:
         if folder.exists() and any(folder.iterdir()):
             message = f"{folder} is not empty: name a new folder."
             raise SiteError(message)
-        broker, now = folder / "broker", utc_now()
-        try:
-            authority = Authority.new(f"NeNa at {hosts[0]}", now)
-            server = authority.for_server(hosts, now, days)
-        except ValueError as error:
-            message = (
-                f"--host {' --host '.join(hosts)}: {error}. Give names in ASCII (xn--...), or addresses."
-            )
-            raise SiteError(message) from error
+        broker = folder / "broker"
+        authority, server = _certify(hosts, days)
         for each in (folder, broker, folder / "authority"):
             each.mkdir(parents=True, exist_ok=True)
         folder.chmod(0o750)
@@ -191,3 +184,14 @@ def _replace(path: Path, content: bytes) -> None:
     draft = path.with_name(f".{path.name}.new")
     draft.write_bytes(content)
     draft.replace(path)
+
+
+def _certify(hosts: tuple[str, ...], days: int) -> tuple[Authority, Pair]:
+    """Make an authority, and have it vouch for the broker."""
+    now = utc_now()
+    try:
+        authority = Authority.new(f"NeNa at {hosts[0]}", now)
+        return authority, authority.for_server(hosts, now, days)
+    except ValueError as error:
+        message = f"--host {' --host '.join(hosts)}: {error}. Give names in ASCII (xn--...), or addresses."
+        raise SiteError(message) from error
