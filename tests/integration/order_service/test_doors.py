@@ -110,6 +110,7 @@ async def test_order_over_mqtt_is_answered_told_and_cleared(fleet: Fleet, servic
         (b"{", 400),
         (b'{"destinations": []}', 422),
         (b'{"destinations": [{"locationName": "Nowhere"}]}', 404),
+        (b'{"name": "T", "idempotencyKey": "k", "colour": "red"}', 422),
         (b" " * 300_000, 413),
     ],
 )
@@ -130,6 +131,7 @@ async def test_bad_requests_over_mqtt_are_answered(
     assert answer.status == status
     assert answer.problem is not None
     assert answer.problem.detail.endswith(".")
+    assert (answer.name, answer.idempotency_key) == (("T", "k") if b'"T"' in body else (None, None))
     assert (await client.get("/v1/transportOrders")).json()["transportOrders"] == []
 
 

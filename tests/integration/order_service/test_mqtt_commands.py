@@ -222,7 +222,7 @@ async def test_what_cannot_be_done_is_a_problem(
     service: Start, host: Host, command: str, body: dict[str, object], status: int
 ) -> None:
     await listening(await service())
-    answer = await host.send(command, json.dumps(body))
+    answer = await host.send(command, json.dumps({"requestId": "r", **body}), "r")
     assert (answer["status"], answer["problem"]["status"]) == (status, status)
 
 

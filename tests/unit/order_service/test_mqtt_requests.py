@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from nena_order_service.mqtt_command_bodies import DeliveryCommand
-from nena_order_service.mqtt_requests import read_request, too_many
+from nena_order_service.mqtt_requests import read_request, text_in, too_many
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.mqtt import Inbound
 
@@ -43,3 +43,22 @@ def test_retained_request_is_refused() -> None:
 
 def test_too_many_are_told_to_wait() -> None:
     assert too_many().status == 503
+
+
+@pytest.mark.parametrize(
+    ("payload", "text"),
+    [
+        (b'{"colour": "red", "requestId": "17"}', "17"),
+        (b'{"requestId": 17}', None),
+        (b'{"requestId": ""}', None),
+        (b'{"requestId": "\\ud800"}', None),
+        (b"{}", None),
+        (b"[]", None),
+        (b"{", None),
+        (b"\xff", None),
+        (b'{"requestId": "%s"}' % (b"x" * 201), None),
+        (b'{"requestId": "17"}' + b" " * 300, None),
+    ],
+)
+def test_who_is_refused_is_told_which_request_it_was(payload: bytes, text: str | None) -> None:
+    assert text_in(Inbound("t", payload, retained=False), "requestId", max_body=300) == text

@@ -33,7 +33,7 @@ from nena_order_service.mqtt_command_bodies import (
     SequencesCommand,
     WithdrawCommand,
 )
-from nena_order_service.mqtt_requests import REQUESTS_LIMIT, read_request, too_many
+from nena_order_service.mqtt_requests import REQUESTS_LIMIT, read_request, text_in, too_many
 from nena_order_service.problems import FORESEEN, problem_of
 from nena_order_service.rest.bodies import SOMEBODY, OrderSequencePage
 from nena_order_service.store.sequences import SequenceFilter
@@ -206,14 +206,14 @@ class MqttCommands:
         host, name = self._topics.host_of(message.topic), message.topic.rsplit("/", 1)[-1]
         verb = self._verbs.get(name)
         if verb is None:
-            self._answer(host, name, _refusal(_unknown(name)))
+            self._refuse(host, name, message, _unknown(name))
             return
         command = read_request(message, COMMANDS[name], max_body=self._max_body)
         if isinstance(command, Problem):
             log.warning("command refused", host=host, command=name, reason=command.detail)
-            self._answer(host, name, _refusal(command))
+            self._refuse(host, name, message, command)
         elif len(self._tasks) >= REQUESTS_LIMIT:
-            self._answer(host, name, _refusal(too_many(), command))
+            self._refuse(host, name, message, too_many())
         else:
             task = asyncio.create_task(self._do(host, name, verb, command), name=f"{name} for {host}")
             self._tasks.add(task)
@@ -225,8 +225,13 @@ class MqttCommands:
         except Exception as error:
             if not isinstance(error, FORESEEN):
                 log.exception("command failed", host=host, command=name)
-            answer = _refusal(problem_of(error))
+            problem = problem_of(error)
+            answer = CommandAnswer(status=problem.status, problem=problem)
         self._answer(host, name, answer.model_copy(update={"request_id": command.request_id}))
+
+    def _refuse(self, host: str, name: str, message: Inbound, problem: Problem) -> None:
+        request_id = text_in(message, "requestId", max_body=self._max_body)
+        self._answer(host, name, CommandAnswer(status=problem.status, request_id=request_id, problem=problem))
 
     def _answer(self, host: str, name: str, answer: CommandAnswer) -> None:
         body = answer.model_dump_json(by_alias=True, exclude_none=True).encode()
@@ -235,11 +240,6 @@ class MqttCommands:
 
 def _seen(version: int | None) -> ETag | None:
     return None if version is None else ETag.of(version)
-
-
-def _refusal(problem: Problem, command: Command | None = None) -> CommandAnswer:
-    request_id = command.request_id if command else None
-    return CommandAnswer(status=problem.status, request_id=request_id, problem=problem)
 
 
 def _unknown(name: str) -> Problem:

@@ -10,7 +10,7 @@ from http import HTTPStatus
 from nena_order_service.ended_orders import EndedOrders
 from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.kernel.kernel import Kernel
-from nena_order_service.mqtt_requests import REQUESTS_LIMIT, read_request, too_many
+from nena_order_service.mqtt_requests import REQUESTS_LIMIT, read_request, text_in, too_many
 from nena_order_service.problems import FORESEEN, problem_of
 from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.topics import FleetTopics
@@ -122,22 +122,22 @@ class MqttDoor:
         if isinstance(request, Problem):
             self.counters.malformed += 1
             log.warning("creation request refused", host=host, reason=request.detail, errors=request.errors)
-            self._refuse(host, request)
+            self._refuse(host, message, request)
         elif len(self._tasks) >= REQUESTS_LIMIT:
-            self._refuse(host, too_many(), request)
+            self._refuse(host, message, too_many())
         else:
-            task = asyncio.create_task(self._create(host, request), name=f"creation for {host}")
+            task = asyncio.create_task(self._create(host, message, request), name=f"creation for {host}")
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)
 
-    async def _create(self, host: str, request: TransportOrderRequest) -> None:
+    async def _create(self, host: str, message: Inbound, request: TransportOrderRequest) -> None:
         try:
             order, new = await self._requests.create(request)
         except Exception as error:
             if not isinstance(error, FORESEEN):
                 log.exception("creation request failed", host=host)
             self.counters.refused += 1
-            self._refuse(host, problem_of(error), request)
+            self._refuse(host, message, problem_of(error))
         else:
             status = HTTPStatus.CREATED if new else HTTPStatus.OK
             answer = CreationAnswer(
@@ -148,11 +148,11 @@ class MqttDoor:
             )
             self._answer(host, answer)
 
-    def _refuse(self, host: str, problem: Problem, request: TransportOrderRequest | None = None) -> None:
+    def _refuse(self, host: str, message: Inbound, problem: Problem) -> None:
         answer = CreationAnswer(
             status=problem.status,
-            name=request.name if request else None,
-            idempotency_key=request.idempotency_key if request else None,
+            name=text_in(message, "name", max_body=self._max_body),
+            idempotency_key=text_in(message, "idempotencyKey", max_body=self._max_body),
             problem=problem,
         )
         self._answer(host, answer)

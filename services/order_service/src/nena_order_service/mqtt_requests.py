@@ -6,6 +6,7 @@ from http import HTTPStatus
 from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import from_json
 
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.mqtt import Inbound
@@ -15,6 +16,9 @@ M = TypeVar("M", bound=BaseModel)
 
 REQUESTS_LIMIT = 1000
 """Requests that may be in work at the same time; one more is answered with 503."""
+
+TEXT_LIMIT = 200
+"""Characters of a requestId, name or idempotencyKey at most."""
 
 
 def read_request(message: Inbound, model: type[M], *, max_body: int) -> M | Problem:
@@ -38,6 +42,18 @@ def read_request(message: Inbound, model: type[M], *, max_body: int) -> M | Prob
             detail="The request has not the form that it needs. Correct what errors names.",
             errors=tuple(problems_of(error)),
         )
+
+
+def text_in(message: Inbound, key: str, *, max_body: int) -> str | None:
+    """Give a text of a request that is refused, so that its host knows which one was; None: it has none."""
+    if len(message.payload) > max_body:
+        return None
+    try:
+        body = from_json(message.payload)
+    except ValueError:
+        return None
+    text = body.get(key) if isinstance(body, dict) else None
+    return text if isinstance(text, str) and 0 < len(text) <= TEXT_LIMIT else None
 
 
 def too_many() -> Problem:
