@@ -207,9 +207,9 @@ def _read_file(path: Path) -> dict[str, Any]:
         with path.open("rb") as file:
             return tomllib.load(file)
     except OSError as error:
-        raise ConfigurationError([f"cannot read the settings file {path}: {error.strerror}"]) from error
+        raise ConfigurationError([f"config: cannot read {path}: {error.strerror}"]) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigurationError([f"{path} is not TOML: {error}"]) from error
+        raise ConfigurationError([f"config: {path} is no TOML: {error}"]) from error
 
 
 def _build(model: type[S], command_line: PydanticBaseSettingsSource, from_file: dict[str, Any]) -> S:
@@ -251,4 +251,6 @@ def _problems(error: ValidationError) -> list[str]:
 def _words(problem: ErrorDetails) -> str:
     if problem["type"] == "extra_forbidden":
         return "there is no such setting"
+    if problem["type"] == "missing":
+        return "has to be given; --help lists all settings"
     return problem["msg"].removeprefix("Value error, ")

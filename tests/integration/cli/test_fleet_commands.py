@@ -176,7 +176,9 @@ async def test_plant_model_is_put_in_use(fleet: Fleet) -> None:
     client = await fleet.order_service().client()
     nena = Nena(str(client.base_url))
     file = str(sample_plant_path())
-    assert "could be put in use" in (await nena("plant", "put", file, "--check")).stderr
+    checked = (await nena("plant", "put", file, "--check")).stderr
+    assert checked.startswith("Sample hall: ")
+    assert "could be put in use" in checked
     done = await nena("plant", "put", file, "--json")
     assert (done.exit_code, json.loads(done.stdout)["changed"]) == (0, True)
     wrong = fleet.folder / "wrong.json"

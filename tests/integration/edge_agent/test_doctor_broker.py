@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 from pydantic import SecretStr
 
-from nena_edge_agent.doctor.broker import BrokerView, examine_broker
+from nena_edge_agent.doctor.broker import BrokerView, as_whom, examine_broker
 from nena_edge_agent.doctor.finding import Finding, Link, Verdict
 from nena_edge_agent.doctor.program import main
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.mqtt import MqttLink
-from nena_shared.settings import MqttSettings
+from nena_shared.settings import MqttSettings, MqttTlsSettings
 from nena_shared.vda5050.topics import Topic
 from support.broker import Broker, MqttPeer, free_port
 from support.edge_agent import FleetControl, agent_settings, running_agent
@@ -204,3 +204,11 @@ def test_wrong_settings_get_a_clear_line(capsys: pytest.CaptureFixture[str]) -> 
 
     assert status == 2
     assert capsys.readouterr().err.startswith("nena-edge-agent doctor: setting mqtt.password_file: ")
+
+
+def test_it_says_as_whom_it_was_let_in() -> None:
+    tls = MqttTlsSettings(certificate=Path("me.pem"), key=Path("key.pem"))
+
+    assert as_whom(MqttSettings()) == "as anonymous"
+    assert as_whom(MqttSettings(username="robot")) == "as robot"
+    assert as_whom(MqttSettings(tls=tls)) == "by the certificate me.pem"

@@ -133,6 +133,16 @@ def test_unknown_name_in_the_environment_is_refused(monkeypatch: pytest.MonkeyPa
     assert problems() == ("mqtt.hots: there is no such setting",)
 
 
+def test_setting_without_a_default_has_to_be_given() -> None:
+    class Needy(ServiceSettings):
+        plant: Path
+
+    with pytest.raises(ConfigurationError) as caught:
+        load(Needy, [], program="needy", description="Needs a plant.")
+
+    assert caught.value.problems == ("plant: has to be given; --help lists all settings",)
+
+
 def test_value_that_does_not_fit_is_named_but_not_shown() -> None:
     found = problems("--mqtt.port", "seventy thousand", "--log.level", "loud")
 
@@ -141,16 +151,14 @@ def test_value_that_does_not_fit_is_named_but_not_shown() -> None:
 
 
 def test_file_that_is_not_there(toml: Path) -> None:
-    assert problems("--config", str(toml)) == (
-        f"cannot read the settings file {toml}: No such file or directory",
-    )
+    assert problems("--config", str(toml)) == (f"config: cannot read {toml}: No such file or directory",)
 
 
 @pytest.mark.parametrize("content", [b"colour =\n", b"\xff\xfe"])
 def test_file_that_is_no_toml(toml: Path, content: bytes) -> None:
     toml.write_bytes(content)
 
-    assert problems("--config", str(toml))[0].startswith(f"{toml} is not TOML: ")
+    assert problems("--config", str(toml))[0].startswith(f"config: {toml} is no TOML: ")
 
 
 def test_config_without_a_file_is_told_by_the_program(capsys: pytest.CaptureFixture[str]) -> None:

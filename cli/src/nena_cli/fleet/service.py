@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
+from http import HTTPStatus
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import Annotated, Any, Concatenate, Final, ParamSpec, TypeVar
@@ -58,11 +59,17 @@ class Service:
             finally:
                 connection.close()
         except RefusedError as error:
-            give_up(error, REFUSED)
+            give_up(self._words(error), REFUSED)
         except (NotReachedError, OSError) as error:
             give_up(f"no order service is reached\n{error}")
         except KeyboardInterrupt as error:
             raise typer.Exit(0) from error
+
+    def _words(self, error: RefusedError) -> str:
+        """Say it as the order service does, but for what it says to programs about tokens."""
+        if error.problem.status == HTTPStatus.UNAUTHORIZED and self._token() is None:
+            return "the order service asks for a token: give one by NENA_TOKEN or --token-file"
+        return str(error)
 
     def put(self, found: BaseModel, *tables: Table) -> None:
         """Tell of one thing: by tables for people, by a line of JSON for scripts."""

@@ -56,12 +56,17 @@ def watch(connection: Connection, board: Board[B], query: dict[str, str], *, as_
                 put_json(body)
                 yield body
         return
-    with Live(board, console=Console(), refresh_per_second=8) as live:
-        for event in events:
-            if event.kind == wanted:
-                body = board.take(event)
-                live.refresh()
-                yield body
+    console = Console()
+    try:
+        with Live(board, console=console, refresh_per_second=8) as live:
+            for event in events:
+                if event.kind == wanted:
+                    body = board.take(event)
+                    live.refresh()
+                    yield body
+    finally:
+        if not console.is_terminal:
+            console.line()  # Live ends its last line on terminals only
 
 
 def _is_over(body: BaseModel) -> bool:

@@ -109,7 +109,8 @@ def put(
     if service.as_json:
         put_json(done)
         return
-    say("\n".join(done.warnings))
+    for each in done.warnings:
+        say(each)
     what = "is in use" if done.changed else "could be put in use"
     say(f"{done.name}: {done.points} points, {done.paths} paths, {done.vehicles} vehicles; it {what}")
 

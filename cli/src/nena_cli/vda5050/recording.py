@@ -122,6 +122,9 @@ def new_file(path: Path) -> Iterator[TextIO]:
         OSError: the file is there, or cannot be made.
 
     """
+    if path.exists():
+        message = f"{path} is there already; name another file, or remove that one"
+        raise FileExistsError(message)
     with path.open("x", encoding="utf-8") as file:
         try:
             yield file

@@ -78,7 +78,7 @@ class RetainedSweep:
             return
         stored = await self._kernel.store.sequence(name=name)
         if stored and stored.status.finished:
-            log.info("the end of an order sequence is told late", sequence=name)
+            log.info("the end of an order sequence is told again", sequence=name)
             self._door.sequence_changed(stored.status)
         elif stored is None:
             log.warning("the status of a sequence that is not in the store is cleared", sequence=name)
@@ -89,7 +89,7 @@ class RetainedSweep:
             return
         stored = await self._kernel.store.order(name=name)
         if stored and stored.state.final:
-            log.info("the end of an order is told late", order=name, state=stored.state.value)
+            log.info("the end of an order is told again", order=name, state=stored.state.value)
             self._door.order_changed(stored.status)
         elif stored is None:
             log.warning("the status of an order that is not in the store is cleared", order=name)

@@ -31,7 +31,8 @@ class Problem:
     text: str
 
     def __str__(self) -> str:
-        return f"{self.kind} {self.name!r}: {self.text} [{self.code}]"
+        of_which = f" {self.name!r}" if self.name else ""
+        return f"{self.kind}{of_which}: {self.text} [{self.code}]"
 
 
 class PlantModelError(ValueError):

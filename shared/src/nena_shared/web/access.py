@@ -114,7 +114,8 @@ class AccessControl:
         if not self._asks or role is None:
             return user
         if user is None:
-            raise _unknown("Log in: send your token as `Authorization: Bearer TOKEN`.")
+            detail = "Log in: send your token as `Authorization: Bearer TOKEN`."
+            raise _unknown(f"This token is nobody's. {detail}" if token else detail)
         if user.role < role:
             detail = f"{user.name} is {user.role.name.lower()}; this takes the role {role.name.lower()}."
             raise Refused(HTTPStatus.FORBIDDEN, detail)

@@ -93,6 +93,18 @@ def test_what_goes_wrong_is_one_line_and_a_status(
     assert words in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("token", "words"), [(None, "give one by NENA_TOKEN or --token-file"), ("x", "This token is nobody's.")]
+)
+def test_who_is_not_let_in_is_told_how_to_give_a_token(
+    capsys: pytest.CaptureFixture[str], token: str | None, words: str
+) -> None:
+    with pytest.raises(typer.Exit) as caught, service(token=token).connected():
+        raise RefusedError(Problem(title="Unauthorized", status=401, detail="This token is nobody's."))
+    assert caught.value.exit_code == 1
+    assert words in capsys.readouterr().err
+
+
 def test_people_get_tables_and_scripts_a_line_for_each(capsys: pytest.CaptureFixture[str]) -> None:
     problems = [Problem(title="A", status=404, detail="a"), Problem(title="B", status=409, detail="b")]
 

@@ -73,7 +73,7 @@ def test_a_file_that_is_there_is_not_written_over(tmp_path: Path) -> None:
     file = tmp_path / "it.jsonl"
     file.write_text("precious")
 
-    with pytest.raises(FileExistsError), new_file(file):
+    with pytest.raises(FileExistsError, match="is there already; name another"), new_file(file):
         pass
     assert file.read_text() == "precious"
 

@@ -45,3 +45,11 @@ def test_what_is_about_another_topic_refuses_no_order() -> None:
     meant, foreign = refusal(topic="order"), refusal(topic="instantActions")
 
     assert reported_errors.refusals((meant, foreign), mission, frozenset()) == (meant,)
+
+
+def test_a_reason_and_what_the_robot_says_of_it_are_one_sentence() -> None:
+    assert reported_errors.with_details("it has failed", ()) == "it has failed"
+    assert (
+        reported_errors.with_details("it has failed", ("cancelled", "jammed"))
+        == "it has failed: cancelled; jammed"
+    )

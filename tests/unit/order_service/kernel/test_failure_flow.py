@@ -66,11 +66,11 @@ async def test_a_drive_is_tried_again_and_then_another_way() -> None:
         ["A", "D", "E", "C"],
     ]
     assert codes(kernel)[2:] == ["retried", "replanned"]
-    assert status_of(kernel).history[-1].supplements == ("wheel lost. FATAL wheel; avoids A --- B, B",)
+    assert status_of(kernel).history[-1].supplements == ("wheel lost: FATAL wheel; avoids A --- B, B",)
 
     fleet.fail("V1")
     assert status_of(kernel).state is S.FAILED
-    assert status_of(kernel).reason == "wheel lost. FATAL wheel (no REPLAN: there is no other way)"
+    assert status_of(kernel).reason == "wheel lost: FATAL wheel (no REPLAN: there is no other way)"
 
 
 async def test_a_pause_before_the_next_try_is_told_and_outlives_a_restart() -> None:

@@ -139,7 +139,7 @@ async def test_what_fails_while_it_is_held_is_said_and_waits() -> None:
     kernel.hold(order.number, "Ann", "tea")
     fleet.fail("V1")
     assert status_of(kernel).state is S.BEING_PROCESSED
-    assert status_of(kernel).reason.endswith("tea; since then: wheel lost. FATAL wheel")
+    assert status_of(kernel).reason.endswith("tea; since then: wheel lost: FATAL wheel")
     kernel.withdraw(order.number, "not wanted")
     assert status_of(kernel).reason == "withdrawn, and the vehicle was at nothing for it: not wanted"
 

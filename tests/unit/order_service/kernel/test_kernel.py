@@ -117,7 +117,7 @@ async def test_failed_mission_fails_the_order_and_frees_the_vehicle(
     assert now(kernel, second).state is S.DISPATCHABLE
     fleet.fail("V1")
     assert now(kernel, first).state is S.FAILED
-    assert now(kernel, first).reason == "wheel lost. FATAL wheel"
+    assert now(kernel, first).reason == "wheel lost: FATAL wheel"
     assert now(kernel, second).processing_vehicle == "V1"
 
 

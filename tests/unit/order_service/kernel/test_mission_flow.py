@@ -45,7 +45,7 @@ async def test_a_failure_of_a_withdrawn_order_is_tried_no_more() -> None:
     kernel.withdraw(number, "not wanted")
     fleet.fail("V1")
 
-    assert reason(kernel, number) == "FAILED: withdrawn: not wanted; wheel lost. FATAL wheel"
+    assert reason(kernel, number) == "FAILED: withdrawn: not wanted; wheel lost: FATAL wheel"
     assert len(fleet.sent) == 1
 
 

@@ -14,6 +14,10 @@ def test_an_error_tells_all_findings_with_their_objects() -> None:
     assert "path 'P2': not [B]" in str(error)
 
 
+def test_a_finding_about_something_without_a_name_leaves_the_name_out() -> None:
+    assert str(Problem("A", ObjectKind.MODEL, "", "no XML")) == "model: no XML [A]"
+
+
 def test_an_unknown_name_suggests_those_most_like_it() -> None:
     error = UnknownObjectError(ObjectKind.POINT, "Dok 1", ["Dock 1", "Storage"])
 

@@ -98,6 +98,12 @@ async def test_without_a_token_of_somebody_it_is_401(door: Door, header: str) ->
     assert "Authorization: Bearer" in answer.json()["detail"]
 
 
+async def test_a_token_that_nobody_has_is_told_from_none(door: Door) -> None:
+    wrong = (await door.ask("GET", authorization="Bearer wrong")).json()["detail"]
+
+    assert wrong == "This token is nobody's. " + (await door.ask("GET")).json()["detail"]
+
+
 async def test_what_is_for_everybody_takes_no_token(door: Door) -> None:
     assert (await door.ask("GET", "/healthz")).status_code == 200
     assert (await door.ask("GET", "/healthz/more")).status_code == 401

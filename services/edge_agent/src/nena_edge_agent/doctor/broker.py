@@ -69,7 +69,7 @@ async def examine_broker(settings: EdgeAgentSettings) -> BrokerView:
             return BrokerView(
                 [reached, _not_let_in(mqtt, problem), *unknown([Link.ACCESS], "needs the login")]
             )
-        let_in = ok(Link.LOGIN, f"let in as {mqtt.username or 'anonymous'}")
+        let_in = ok(Link.LOGIN, f"let in {as_whom(mqtt)}")
         plant_maps = await probe.plant_maps()
         refused = probe.refused
     access = _access(settings, refused, await asyncio.to_thread(_ask_to_write, settings))
@@ -169,6 +169,13 @@ def _map_ids(part: object) -> list[str]:
 def _topics_read(settings: EdgeAgentSettings) -> tuple[Topic, ...]:
     first = (Topic.ORDER, Topic.INSTANT_ACTIONS)
     return (*first, Topic.ZONE_SET, Topic.RESPONSES) if RULES[settings.version].zones else first
+
+
+def as_whom(mqtt: MqttSettings) -> str:
+    """Say as whom the broker has let somebody in, as far as the settings tell."""
+    if mqtt.username:
+        return f"as {mqtt.username}"
+    return f"by the certificate {mqtt.tls.certificate}" if mqtt.tls.certificate else "as anonymous"
 
 
 def _not_let_in(mqtt: MqttSettings, problem: str) -> Finding:

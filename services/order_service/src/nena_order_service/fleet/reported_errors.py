@@ -46,6 +46,12 @@ def in_words(error: ErrorEntry) -> str:
     return f"{text} ({error.error_hint})" if error.error_hint else text
 
 
+def with_details(reason: str, details: Iterable[str]) -> str:
+    """Give a reason and what the robot says of it."""
+    said = "; ".join(details)
+    return f"{reason}: {said}" if said else reason
+
+
 def fatal(errors: Iterable[ErrorEntry]) -> ErrorEntry | None:
     """Give the first error that needs a person, if there is one."""
     return next((error for error in errors if error.error_level is ErrorLevel.FATAL), None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from nena_order_service.fleet import ActionRetriable, FailureKind, InstantActionEnded, retry_or_skip
 from nena_order_service.fleet.operations import fresh_id
+from nena_order_service.fleet.reported_errors import with_details
 from nena_order_service.kernel.driving import Driving
 from nena_order_service.kernel.failure_flow import Failure, FailureFlow
 from nena_order_service.kernel.mission_book import MissionBook
@@ -51,7 +52,7 @@ class ActionRetries:
         number = self._missions.order_number(news.robot)
         if record is None or record.cancelled or record.evasion or number is None:
             return
-        words = ". ".join((news.reason, *news.details))
+        words = with_details(news.reason, news.details)
         retry = self._is_tried_again(self._book.get(number), words)
         action = retry_or_skip(fresh_id(), news.action_id, retry=retry)
         self._asked[action.action_id] = news.mission_id, words

@@ -12,6 +12,7 @@ from nena_order_service.fleet import (
     MissionFinished,
     OperationStarted,
 )
+from nena_order_service.fleet.reported_errors import with_details
 from nena_order_service.kernel.action_retries import ActionRetries
 from nena_order_service.kernel.driving import Driving
 from nena_order_service.kernel.failure_flow import Failure, FailureFlow, OrderFlow
@@ -107,7 +108,7 @@ class MissionFlow:
             case MissionFinished():
                 self._mission_finished(order, record)
             case MissionFailed():
-                words = ". ".join((news.reason, *news.details))
+                words = with_details(news.reason, news.details)
                 self._mission_failed(order, Failure(news.kind, words, ahead))
             case MissionCancelled():
                 self._mission_cancelled(order, record)
