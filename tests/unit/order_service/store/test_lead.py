@@ -14,7 +14,10 @@ from nena_order_service.store.errors import FencedError, StoreError
 from nena_order_service.store.lead import Lead
 from nena_order_service.store.leadership import Fence
 from nena_order_service.store.store import Store
+from nena_shared.tasks import end
+from support.order_service import dispatchable_order
 from support.postgres import Postgres
+from support.stores import changes
 from support.waiting import PATIENCE, until, wait_until
 
 
@@ -50,6 +53,19 @@ async def test_waiting_ends_when_the_program_is_to_stop(leads: tuple[Lead, Lead]
         assert not await waiting
 
 
+async def test_waiting_ends_also_while_the_database_hangs(
+    leads: tuple[Lead, Lead], postgres: Postgres
+) -> None:
+    stop = asyncio.Event()
+    assert await leads[0].take(stop)
+    waiting = asyncio.create_task(leads[1].take(stop))
+    await until(lambda: leads[1]._lock._connection is not None)
+    with postgres.frozen():
+        stop.set()
+        async with asyncio.timeout(PATIENCE):
+            assert not await waiting
+
+
 async def test_the_lead_is_kept_over_a_restart_of_the_database(
     leads: tuple[Lead, Lead], postgres: Postgres
 ) -> None:
@@ -73,6 +89,31 @@ async def test_the_lead_is_kept_over_a_restart_of_the_database(
     keeping.cancel()
     await asyncio.gather(keeping, waiting, return_exceptions=True)
     store.close()
+
+
+async def test_a_database_that_hangs_is_told_and_lets_everything_end(
+    postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lead_module, "POLL", 0.02)
+    monkeypatch.setattr(lead_module, "HANG_SECONDS", 0.2)
+    first = Lead(postgres.url)
+    assert await first.take(asyncio.Event())
+    engine = open_database(postgres.url)
+    fence = Fence.raise_for(engine, "http://first.example")
+    store = Store(engine, fence=fence)
+    tasks = [asyncio.create_task(each) for each in (first.keep(store, engine, fence), store.run())]
+    with postgres.frozen():
+        await until(lambda: store.why_not_ready == "the database does not answer")
+    await until(lambda: store.ready)
+    assert not any(task.done() for task in tasks)
+    with postgres.frozen():
+        await until(lambda: not store.ready)
+        store.commit(changes((dispatchable_order(number=1), None)), lambda: None)
+        assert not await store.drain(0.2)
+        async with asyncio.timeout(PATIENCE):
+            await end(*tasks)
+            await asyncio.to_thread(store.close)
+            await first.close()
 
 
 async def test_who_finds_another_one_in_the_lead_ends(leads: tuple[Lead, Lead], postgres: Postgres) -> None:

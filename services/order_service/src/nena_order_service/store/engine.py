@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import socket
+from contextlib import suppress
+from typing import Any
+from weakref import WeakKeyDictionary, WeakSet
+
 from sqlalchemy import URL, Connection, Engine, create_engine, event
 from sqlalchemy.engine import make_url
 from sqlalchemy.engine.interfaces import DBAPIConnection
@@ -22,6 +28,9 @@ PLACE = (
 )
 
 UNMASKED = "an @ in a password has to stand there as %40"
+
+_made: WeakKeyDictionary[Engine, WeakSet[Any]] = WeakKeyDictionary()
+"""The driver's own connections to PostgreSQL, for :func:`hang_up`."""
 
 STUCK_SECONDS = 3
 """How long PostgreSQL waits for a program that hangs within a transaction, before it ends the transaction."""
@@ -90,10 +99,25 @@ def make_engine(url: str, *, pooled: bool = True) -> Engine:
             event.listen(engine, "begin", _begin)
             return engine
         given = {name: value for name, value in PATIENCE.items() if name not in parsed.query}
-        return create_engine(parsed, poolclass=pool, connect_args=given)
+        engine = create_engine(parsed, poolclass=pool, connect_args=given)
+        made = _made[engine] = WeakSet()
+        event.listen(engine, "connect", lambda connection, _: made.add(connection))
     except ImportError as error:
         message = f"{error}; pip install nena-order-service[postgresql]"
         raise unusable(message) from error
+    return engine
+
+
+def hang_up(engine: Engine) -> None:
+    """End the connections to a server, from whichever thread, for the end of the program.
+
+    A server that hangs without being gone, as on a disk that stalls, leaves a thread that asks it waiting for
+    ever, and the program with it.
+    """
+    for connection in tuple(_made.get(engine, ())):
+        closed_meanwhile = suppress(OSError, engine.dialect.loaded_dbapi.Error)
+        with closed_meanwhile, socket.socket(fileno=os.dup(connection.fileno())) as line:
+            line.shutdown(socket.SHUT_RDWR)
 
 
 def reason_of(error: DBAPIError) -> str:

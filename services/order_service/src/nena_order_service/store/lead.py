@@ -13,7 +13,7 @@ from sqlalchemy.exc import DBAPIError
 from nena_order_service.store.database import open_database
 from nena_order_service.store.engine import reason_of, unusable
 from nena_order_service.store.errors import FencedError
-from nena_order_service.store.leadership import Fence, LeaderLock
+from nena_order_service.store.leadership import HANG_SECONDS, Fence, LeaderLock
 from nena_order_service.store.store import Store
 from nena_shared.log import get_logger
 from nena_shared.tasks import end
@@ -57,10 +57,14 @@ class Lead:
             await self._run(self._lock.connect)
         except DBAPIError as error:
             raise unusable(reason_of(error)) from error
-        while not stop.is_set():
-            if await self._try_to_take():
-                return True
-            await _pause(stop, POLL)
+        hanging_up = asyncio.create_task(self._hang_up_at(stop), name="hang up at the end")
+        try:
+            while not stop.is_set():
+                if await self._try_to_take():
+                    return True
+                await _pause(stop, POLL)
+        finally:
+            await end(hanging_up)
         return False
 
     async def raise_fence(self, url: str, active_url: str) -> tuple[Engine, Fence]:
@@ -89,13 +93,31 @@ class Lead:
         """
         while True:
             await asyncio.sleep(POLL)
-            if not await self._run(self._lock.keep):
+            if not await self._is_kept(store):
                 await self._take_again(store, engine, fence)
 
     async def close(self) -> None:
-        """Let another one have the lead."""
+        """Let another one have the lead, also while the database says nothing."""
+        self._lock.hang_up()
         await self._run(self._lock.release)
         self._thread.shutdown()
+
+    async def _hang_up_at(self, stop: asyncio.Event) -> None:
+        """Let a database that says nothing keep nobody from ending."""
+        await stop.wait()
+        self._lock.hang_up()
+
+    async def _is_kept(self, store: Store) -> bool:
+        """Ask whether the lead is kept; a database that hangs says neither, and takes no orders meanwhile."""
+        asked = asyncio.ensure_future(self._run(self._lock.keep))
+        answered, _ = await asyncio.wait((asked,), timeout=HANG_SECONDS)
+        if not answered:
+            store.lead_problem = "the database does not answer"
+            log.warning("the database does not answer", seconds=HANG_SECONDS)
+        kept = await asked
+        if kept:
+            store.lead_problem = ""
+        return kept
 
     async def _hold(self) -> None:
         """Give signs of life while the store is made ready, which may take longer than silence is borne."""

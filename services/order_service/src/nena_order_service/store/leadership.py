@@ -14,7 +14,7 @@ from sqlalchemy import Connection, Engine, bindparam, select, text, update
 from sqlalchemy.exc import DBAPIError
 
 from nena_order_service.store import schema
-from nena_order_service.store.engine import make_engine
+from nena_order_service.store.engine import hang_up, make_engine
 from nena_order_service.store.errors import FencedError
 
 LOCK_CLASS = 5_050_022
@@ -116,6 +116,10 @@ class LeaderLock:
         if connection is not None:
             connection.invalidate()  # closes it whatever state it is in
             connection.close()
+
+    def hang_up(self) -> None:
+        """End the connection from another thread, which may wait for an answer in vain."""
+        hang_up(self._engine)
 
     def _connected(self) -> Connection:
         if self._connection is None:

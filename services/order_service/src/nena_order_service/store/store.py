@@ -17,7 +17,7 @@ from nena_order_service.store.change_numbers import ChangeNumbers
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import OrderFilter, Unfinished
 from nena_order_service.store.documents import read_documents
-from nena_order_service.store.engine import PASSING, reason_of
+from nena_order_service.store.engine import PASSING, hang_up, reason_of
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.leadership import Fence
 from nena_shared.log import get_logger
@@ -120,7 +120,8 @@ class Store:
         return True
 
     def close(self) -> None:
-        """End the threads, close the database and let go of its lock."""
+        """End the threads, close the database and let go of its lock; what is being asked is given up."""
+        hang_up(self._engine)
         self._writer.shutdown()
         self._reader.shutdown()
         self._engine.dispose()
