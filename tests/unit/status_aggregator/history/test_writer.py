@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
+from contextlib import ExitStack, asynccontextmanager, suppress
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -13,13 +13,14 @@ from sqlalchemy import Engine
 from nena_shared.clock import ManualClock
 from nena_status_aggregator.fleet_model.happening import Code, Happening
 from nena_status_aggregator.history import database, schema
+from nena_status_aggregator.history import writer as writer_module
 from nena_status_aggregator.history.database import HistoryError
 from nena_status_aggregator.history.entry import HistoryEntry, HistoryFilter
 from nena_status_aggregator.history.writer import HistoryWriter
 from nena_status_aggregator.settings import HistorySettings
 from support.fleet_examples import START
 from support.postgres import Postgres
-from support.waiting import until
+from support.waiting import PATIENCE, until
 
 
 def happening(number: int, code: Code = Code.CONDITION) -> Happening:
@@ -118,6 +119,23 @@ async def test_a_server_that_is_away_is_waited_for_and_the_queue_keeps_its_limit
     assert gap["values"] == {"dropped": 4}
     assert [each["text"] for each in rest] == [f"number {number}" for number in range(4, 14)]
     engine.dispose()
+
+
+async def test_a_server_that_hangs_keeps_nobody_from_ending(
+    postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(database, "CONNECT_SECONDS", 2)
+    monkeypatch.setattr(writer_module, "LAST_WRITE_SECONDS", 0.2)
+    writer = writer_of(database.make_engine(postgres.url))
+    with ExitStack() as stack:
+        async with running(writer):
+            writer.tell(happening(0))
+            await until(lambda: writer.written == 1, what="one is written")
+            stack.enter_context(postgres.frozen())
+            writer.tell(happening(1))
+        (thread,) = writer._thread._threads
+        await asyncio.to_thread(thread.join, PATIENCE)
+        assert not thread.is_alive()
 
 
 async def test_what_is_too_old_goes_by_itself(engine: Engine) -> None:

@@ -175,6 +175,7 @@ class HistoryWriter:
                     await self._write_batch()
         except TimeoutError:
             log.warning("history not written to its end", waiting=len(self._queue))
+        database.hang_up(self._engine)
         self._thread.shutdown(wait=False, cancel_futures=True)
         self._engine.dispose()
 
