@@ -41,6 +41,9 @@ FAREWELL = 2.0
 """Seconds that a broker has to take DISCONNECT, which goes behind all that it has not taken yet."""
 
 ENDED_AT_ONCE = "the connection has ended as soon as it stood"
+UNGREETED = (
+    "before it had let us in; see whether it wants TLS on this port, or another certificate (mqtt.tls)"
+)
 ENDED_UNANSWERED = "the connection has ended before the broker has answered a subscription"
 NOT_SENT = "the connection takes no message"
 
@@ -167,12 +170,22 @@ class Client(aiomqtt.Client):
                 sock.shutdown(socket.SHUT_RDWR)
 
     def _on_disconnect(self, *arguments: Any) -> None:  # noqa: ANN401 - paho's
+        if why := self._packets.why_ended:  # paho only knows that it is so
+            self._tell_end(why)
         super()._on_disconnect(*arguments)
         if self._disconnected.done() and not self._disconnected.cancelled():
             self._disconnected.exception()  # asyncio logs one that nobody has looked at
         for answer in self._pending_subscribes.values():
             if not answer.done():  # aiomqtt would wait for it until its time is over
                 answer.set_exception(aiomqtt.MqttError(ENDED_UNANSWERED))
+
+    def _tell_end(self, why: str) -> None:
+        """Tell those who wait that it is in vain; aiomqtt would wait for CONNACK until its time is over."""
+        if not self._connected.done():
+            self._connected.set_exception(aiomqtt.MqttError(f"{why} {UNGREETED}"))
+            self._connected.exception()  # asyncio logs one that nobody has looked at
+        elif not self._disconnected.done():
+            self._disconnected.set_exception(aiomqtt.MqttError(why))
 
     def _on_message(self, client: PahoClient, userdata: object, message: MQTTMessage) -> None:
         if self._take is None:

@@ -60,6 +60,15 @@ class Packets:
         """Whether there is a packet, or the end."""
         return self._bounds() is not None or self._ended is not None
 
+    @property
+    def why_ended(self) -> str:
+        """Say in words why nothing comes any more; empty while something may."""
+        if self._ended is None:
+            return ""
+        if isinstance(self._ended, OSError):
+            return f"the connection has broken: {self._ended}"
+        return "the broker has ended the connection"
+
     def fill(self) -> bool:
         """Read what has come, and tell whether that is anything.
 

@@ -17,7 +17,7 @@ import aiomqtt
 import pytest
 
 from nena_shared.mqtt import client as client_module
-from nena_shared.mqtt.client import ENDED_AT_ONCE, ENDED_UNANSWERED, READ_AT_ONCE, Client
+from nena_shared.mqtt.client import ENDED_AT_ONCE, ENDED_UNANSWERED, READ_AT_ONCE, UNGREETED, Client
 from nena_shared.mqtt.message import Inbound, Outbound
 from nena_shared.mqtt.packets import Packets, Published
 from nena_shared.tasks import end
@@ -241,6 +241,23 @@ async def test_why_a_connection_has_ended_is_told_once(ends_at: int, reason: str
             await subscribe(broker.port)
     assert str(told.value) == reason
     del told
+    gc.collect()
+    await turn_passes()
+    assert faults == []
+
+
+async def test_a_broker_that_hangs_up_before_it_answers_is_told_at_once_and_what_may_be_wrong() -> None:
+    async def hang_up(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.read(1000)
+        writer.close()
+
+    faults = kept_faults()
+    async with await asyncio.start_server(hang_up, "127.0.0.1", 0) as server:
+        client = Client("127.0.0.1", server.sockets[0].getsockname()[1], timeout=10 * PATIENCE)
+        with pytest.raises(
+            aiomqtt.MqttError, match=rf"^the broker has ended the connection {UNGREETED[:20]}"
+        ):
+            await asyncio.wait_for(client.__aenter__(), PATIENCE)
     gc.collect()
     await turn_passes()
     assert faults == []
