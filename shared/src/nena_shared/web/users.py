@@ -46,7 +46,7 @@ class Role(IntEnum):
     OPERATOR = 2
     """Give orders and commands."""
     ADMIN = 3
-    """Change how the fleet works: plant model, locks of paths, removal of robots."""
+    """Change how the fleet works: plant model and zone sets."""
 
 
 def _role(value: object) -> object:
