@@ -25,6 +25,8 @@ from pydantic_settings import (
     SettingsError,
 )
 
+from nena_shared.misfits import path_of, words_of
+
 S = TypeVar("S", bound="ProgramSettings")
 
 
@@ -245,7 +247,7 @@ def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
 
 
 def _problems(error: ValidationError) -> list[str]:
-    return [f"{'.'.join(map(str, item['loc']))}: {_words(item)}" for item in error.errors()]
+    return [f"{path_of(item['loc'])}: {_words(item)}" for item in error.errors()]
 
 
 def _words(problem: ErrorDetails) -> str:
@@ -253,4 +255,4 @@ def _words(problem: ErrorDetails) -> str:
         return "there is no such setting"
     if problem["type"] == "missing":
         return "has to be given; --help lists all settings"
-    return problem["msg"].removeprefix("Value error, ")
+    return words_of(problem)

@@ -12,6 +12,8 @@ from typing import Annotated, Self, TextIO
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
+from nena_shared.misfits import in_words
+
 
 class RecordingError(Exception):
     """A file is no recording; the text says in which line, and why."""
@@ -89,8 +91,7 @@ def read(lines: Iterable[str], name: str) -> Iterator[Entry]:
 def _problem(error: ValueError, where: str) -> str:
     if not isinstance(error, ValidationError):
         return f"{where}: {error}"
-    first = error.errors(include_url=False)[0]
-    return f"{where}: {'.'.join(map(str, first['loc'])) or 'line'}: {first['msg']}"
+    return f"{where}: {in_words(error.errors(include_url=False)[:1], whole='line')[0]}"
 
 
 def read_file(path: Path) -> Iterator[Entry]:

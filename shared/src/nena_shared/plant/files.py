@@ -4,6 +4,7 @@ from enum import StrEnum
 
 from pydantic import ValidationError
 
+from nena_shared.misfits import in_words
 from nena_shared.plant import lif, opentcs_xml
 from nena_shared.plant.checks import find_errors, find_warnings
 from nena_shared.plant.errors import ObjectKind, PlantModelError, Problem
@@ -63,6 +64,5 @@ def _json(data: bytes) -> bytes:
 def _problems(error: ValidationError) -> tuple[Problem, ...]:
     details = error.errors(include_url=False, include_context=False, include_input=False)
     return tuple(
-        Problem("BAD_VALUE", ObjectKind.MODEL, "", f"{'.'.join(map(str, each['loc']))}: {each['msg']}")
-        for each in details
+        Problem("BAD_VALUE", ObjectKind.MODEL, "", each) for each in in_words(details, whole="the model")
     )

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pydantic import ValidationError
 from pydantic_core import from_json
 
+from nena_shared.misfits import in_words
+
 REFERENCE_KEYS = ("headerId", "orderId", "orderUpdateId")
 REFERENCE_LENGTH = 1024
 """Characters; a longer value refers to nothing that was ever accepted."""
@@ -30,10 +32,8 @@ class MalformedMessageError(Exception):
 
 def problems_of(error: ValidationError) -> list[str]:
     """Put pydantic's findings into sentences with the path of the field."""
-    return [
-        f"{'.'.join(map(str, item['loc'])) or 'message'}: {item['msg'].removeprefix('Value error, ')}"
-        for item in error.errors(include_url=False, include_context=False, include_input=False)
-    ]
+    found = error.errors(include_url=False, include_context=False, include_input=False)
+    return in_words(found, whole="message")
 
 
 def _readable_references(payload: bytes) -> dict[str, str]:

@@ -26,6 +26,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from nena_shared.log import get_logger
+from nena_shared.misfits import in_words
 from nena_shared.settings import ConfigurationError
 from nena_shared.web.settings import HttpSettings
 
@@ -113,7 +114,7 @@ def read_users(path: Path) -> tuple[User, ...]:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigurationError([f"http.users: {path} is no TOML: {error}"]) from error
     except ValidationError as error:
-        problems = [f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]
+        problems = in_words(error.errors(), whole="the file")
         raise ConfigurationError([f"http.users: {path}: {each}" for each in problems]) from error
     names = [user.name for user in users]
     if twice := {name for name in names if names.count(name) > 1}:

@@ -132,7 +132,7 @@ def test_unknown_fields_are_passed_over(order: JsonObject) -> None:
 def test_names_of_the_code_are_no_names_on_the_wire(order: JsonObject) -> None:
     order["order_id"] = order.pop("orderId")
 
-    assert refusal(Order, order).problems == ("orderId: Field required",)
+    assert refusal(Order, order).problems == ("orderId: is missing",)
 
 
 @pytest.mark.clause("7.3.1")

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 from pydantic.alias_generators import to_camel
 
 from nena_edge_agent.driver.port import Circle
+from nena_shared.misfits import in_words
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
 from nena_shared.vda5050.state import EmergencyStop, OperatingMode
 
@@ -226,7 +227,4 @@ def parse(payload: bytes) -> AnyCommand:
     try:
         return _parser.validate_json(payload)
     except ValidationError as error:
-        problems = (
-            f"{'.'.join(map(str, item['loc'])) or 'command'}: {item['msg']}" for item in error.errors()
-        )
-        raise CommandRefusedError(*problems) from error
+        raise CommandRefusedError(*in_words(error.errors(), whole="command")) from error

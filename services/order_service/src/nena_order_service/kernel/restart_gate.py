@@ -51,7 +51,7 @@ class RestartGate:
             late = self._clock.monotonic() >= self._until and self._fleet().connected_for() >= self._patience
             self._open = late or (not missing and self._fleet().all_known())
             if self._open and missing:
-                log.warning("robots that were not heard keep what they held before", vehicles=missing)
+                log.warning("robots that were not heard keep what they held, if anything", vehicles=missing)
         return self._open
 
     @property

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from http import HTTPStatus
 
 from fastapi import FastAPI, Request, Response
@@ -12,6 +11,7 @@ from starlette.exceptions import HTTPException
 from nena_order_service.problems import FORESEEN, problem_of
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.log import get_logger
+from nena_shared.misfits import in_words
 from nena_shared.web.problem import answer
 
 log = get_logger(__name__)
@@ -60,12 +60,8 @@ def _problem_of_validation(request: Request, error: RequestValidationError) -> P
         title="Request does not fit",
         status=HTTPStatus.UNPROCESSABLE_ENTITY,
         detail="The request has not the form that it needs. Correct what errors names; see /openapi.json.",
-        errors=tuple(f"{_path(item['loc'])}: {item['msg']}" for item in found),
+        errors=tuple(in_words(found, whole="body", root="body")),
     )
-
-
-def _path(location: Sequence[str | int]) -> str:
-    return ".".join(str(part) for part in location if part != "body") or "body"
 
 
 def _problem_of_status(request: Request, error: HTTPException) -> Problem:

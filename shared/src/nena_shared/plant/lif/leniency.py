@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
+from nena_shared.misfits import path_of, words_of
 from nena_shared.plant.errors import ObjectKind, Problem
 from nena_shared.plant.lif.document import (
     Edge,
@@ -54,7 +55,7 @@ def faults(error: ValidationError) -> tuple[Problem, ...]:
     found: dict[tuple[str, str], list[str]] = {}
     for detail in error.errors(include_url=False, include_context=False, include_input=False):
         field = ".".join("*" if isinstance(part, int) else part for part in detail["loc"])
-        found.setdefault((field, detail["msg"]), []).append(".".join(map(str, detail["loc"])))
+        found.setdefault((field, words_of(detail)), []).append(path_of(detail["loc"]))
     return tuple(
         warning("NOT_LIF", f"{field}: {message} (found {len(places)} times, first at {places[0]})")
         for (field, message), places in found.items()

@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from nena_shared.misfits import in_words
 from nena_shared.web.oidc.errors import IssuerAwayError
 from nena_shared.web.oidc.settings import ProtectedUrl
 
@@ -37,7 +38,7 @@ def metadata_of(document: dict[str, Any], issuer: str) -> Metadata:
     try:
         found = Metadata.model_validate(document)
     except ValidationError as error:
-        problems = "; ".join(f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors())
+        problems = "; ".join(in_words(error.errors(), whole="all of it"))
         message = f"{place_of(issuer)} is not what it has to be: {problems}"
         raise IssuerAwayError(message) from error
     if found.issuer != issuer:

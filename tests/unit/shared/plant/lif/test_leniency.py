@@ -24,7 +24,7 @@ def test_equal_faults_are_told_once_with_their_number_and_first_place() -> None:
     with pytest.raises(ValidationError) as caught:
         LifFile.model_validate({"layouts": [{"nodes": [{"nodeId": "A"}, {"nodeId": "B"}]}]})
     told = {each.text for each in faults(caught.value)}
-    place = "nodePosition: Field required (found 2 times, first at layouts.0.nodes.0.nodePosition)"
+    place = "nodePosition: is missing (found 2 times, first at layouts.0.nodes.0.nodePosition)"
     assert f"layouts.*.nodes.*.{place}" in told
     assert {each.code for each in faults(caught.value)} == {"NOT_LIF"}
 

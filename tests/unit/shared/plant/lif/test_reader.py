@@ -155,7 +155,7 @@ def _without(key: str) -> bytes:
 
 
 DEPARTURES = {
-    "no stations": (_without("stations"), "stations: Field required"),
+    "no stations": (_without("stations"), "stations: is missing"),
     "number as text": (lif_of(node("A"), node("B", "3.5"), edge("A B"), edge("B A")), "valid number"),  # type: ignore[arg-type]  # the fault
     "boolean required": (
         lif_of(

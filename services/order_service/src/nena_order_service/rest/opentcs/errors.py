@@ -8,11 +8,11 @@ from http import HTTPStatus
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from pydantic import ValidationError
-from pydantic_core import ErrorDetails
 from starlette.exceptions import HTTPException
 
 from nena_order_service.problems import FORESEEN, problem_of
 from nena_shared.log import get_logger
+from nena_shared.misfits import in_words
 
 log = get_logger(__name__)
 
@@ -35,11 +35,11 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(RequestValidationError)
     async def malformed(_request: Request, error: RequestValidationError) -> Response:
-        return answer(HTTPStatus.BAD_REQUEST, tuple(map(_in_words, error.errors())))
+        return answer(HTTPStatus.BAD_REQUEST, tuple(in_words(error.errors(), whole="body", root="body")))
 
     @app.exception_handler(ValidationError)
     async def misfit(_request: Request, error: ValidationError) -> Response:
-        return answer(HTTPStatus.BAD_REQUEST, tuple(map(_in_words, error.errors())))
+        return answer(HTTPStatus.BAD_REQUEST, tuple(in_words(error.errors(), whole="body", root="body")))
 
     @app.exception_handler(HTTPException)
     async def refused(_request: Request, error: HTTPException) -> Response:
@@ -64,8 +64,3 @@ def install(app: FastAPI) -> None:
     async def failed(request: Request, error: Exception) -> Response:
         log.error("request failed", path=request.url.path, exc_info=error)
         return answer(HTTPStatus.INTERNAL_SERVER_ERROR, (problem_of(error).detail,))
-
-
-def _in_words(problem: ErrorDetails) -> str:
-    where = ".".join(str(part) for part in problem["loc"] if part != "body")
-    return f"{where}: {problem['msg']}" if where else problem["msg"]

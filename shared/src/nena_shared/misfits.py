@@ -1,0 +1,34 @@
+"""What does not fit its form, in words: pydantic's findings, a line for each, with the path of the field."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+WORDS = {"extra_forbidden": "there is no such field", "missing": "is missing"}
+"""By the kind of finding, where pydantic speaks of what programmers know: inputs and extras."""
+PREFIX = "Value error, "
+"""What pydantic puts before words of our own."""
+
+
+def in_words(findings: Iterable[Any], *, whole: str, root: str = "") -> list[str]:
+    """Give a line for each of pydantic's findings.
+
+    Args:
+        findings: as ``ValidationError.errors()`` gives them.
+        whole: what stands for the path where it is all that does not fit.
+        root: the first part of paths that is left out.
+
+    """
+    return [f"{path_of(each['loc'], root) or whole}: {words_of(each)}" for each in findings]
+
+
+def path_of(location: Iterable[str | int], root: str = "") -> str:
+    """Write where a field is: names and places in lists, with dots between them."""
+    parts = list(map(str, location))
+    return ".".join(parts[1:] if parts[:1] == [root] else parts)
+
+
+def words_of(finding: Any) -> str:  # noqa: ANN401 - pydantic and FastAPI have types of their own for the same
+    """Say what is wrong with a field."""
+    return WORDS.get(finding["type"]) or str(finding["msg"]).removeprefix(PREFIX)

@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+import pytest
+from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
+
+from nena_shared.misfits import in_words
+
+
+class Part(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    weight: int
+
+    @field_validator("weight")
+    @classmethod
+    def not_odd(cls, value: int) -> int:
+        if value % 2:
+            message = "is odd"
+            raise ValueError(message)
+        return value
+
+
+class Form(BaseModel):
+    parts: list[Part]
+
+
+@pytest.mark.parametrize(
+    ("given", "line"),
+    [
+        ({}, "parts: is missing"),
+        ({"parts": [{"weight": 2}, {}]}, "parts.1.weight: is missing"),
+        ({"parts": [{"weight": 2, "wait": 3}]}, "parts.0.wait: there is no such field"),
+        ({"parts": [{"weight": 3}]}, "parts.0.weight: is odd"),
+        ([], "all of it: Input should be a valid dictionary or instance of Form"),
+    ],
+)
+def test_each_finding_is_a_line_with_the_place_and_plain_words(given: object, line: str) -> None:
+    with pytest.raises(ValidationError) as refused:
+        Form.model_validate(given)
+
+    assert in_words(refused.value.errors(), whole="all of it") == [line]
+
+
+def test_where_the_place_begins_is_left_out_once() -> None:
+    finding = {"loc": ("body", "body"), "type": "missing", "msg": ""}
+
+    assert in_words([finding, {**finding, "loc": ("body",)}], whole="all of it", root="body") == [
+        "body: is missing",
+        "all of it: is missing",
+    ]
