@@ -380,6 +380,28 @@ class TestArrival:
         talk.at(5.0)
         assert talk.events == [Arrived(1)]
 
+    def test_poses_that_stay_away_while_the_robot_drives_are_waited_for(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.at(2.0)
+        talk.array("A:4")
+        talk.later(5.0)
+        assert talk.events == []
+        talk.at(3.0)
+        talk.later(1.0)
+        talk.at(5.0)
+        assert talk.events == [Arrived(1)]
+
+    def test_poses_that_stay_away_for_good_are_waited_for_so_long(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.at(2.0)
+        talk.array("A:4")
+        talk.later(LATE_AT_MOST - 0.1)
+        assert talk.events == []
+        talk.later(0.2)
+        assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
+
     def test_a_robot_that_drives_on_for_good_has_not_arrived(self, talk: Conversation) -> None:
         talk.go_to(goal(1))
         talk.array("A:2")

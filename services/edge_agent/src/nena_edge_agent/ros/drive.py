@@ -28,11 +28,20 @@ class Drive:
     pose_asked_at: float | None = None
     late_at: float = -inf
     """When a pose showed the robot driving last, though it is where it was to go."""
+    _shown_driving: bool = False
+    """Whether the last pose shows the robot driving."""
 
     def on_pose(self, pose: MapPose, before: MapPose, now: float) -> None:
         """Take notice of a pose and the one before it; on busy computers they come long after the arrival."""
-        if self.reached_at is not None and not near(pose, before, xy=STANDS, theta=STANDS):
+        self._shown_driving = not near(pose, before, xy=STANDS, theta=STANDS)
+        if self.reached_at is not None and self._shown_driving:
             self.late_at = min(now, self.reached_at + LATE_AT_MOST)
+
+    def poses_are_late(self, now: float) -> bool:
+        """Tell whether none has come since the arrival, though the last one shows the robot driving."""
+        if self.reached_at is None or self.late_at != -inf:
+            return False
+        return self._shown_driving and now - self.reached_at < LATE_AT_MOST
 
     def pose_may_come(self, now: float, wait: float) -> bool:
         """Tell whether a pose may yet confirm the arrival: within ``wait`` s of it, or of a late one."""

@@ -240,7 +240,7 @@ class GoalTracker:
             self._ask_for_pose(drive, now)
         elif self._pose_at < drive.reached_at and self._may_agree(drive.goal):
             self._arrive(drive)
-        else:
+        elif not drive.poses_are_late(now):
             self._fail(drive, DriveFailure.OUTSIDE_TOLERANCE, self._disagreement(drive.goal))
 
     def _give_anew(self, drive: Drive) -> None:
