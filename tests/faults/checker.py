@@ -65,13 +65,13 @@ async def settled(site: Site, host: Host) -> Account:
     assert host.refused == []
     assert host.answered, "nothing was ordered at all"
     assert account.store.keys() == host.answered, "orders that nobody gave, or that are lost"
+    _check_work(account, complete=not site.wire_broke)
+    _check_told(account)
+    _check_programs(site)
     failed = [each for each in account.store.values() if each.state != "FINISHED"]
     unforeseen = {each.name: each.reason for each in failed if each.processing_vehicle not in site.suspects}
     assert len(unforeseen) <= site.may_fail, unforeseen
     assert all(each.reason for each in failed)
-    _check_work(account, complete=not site.wire_broke)
-    _check_told(account)
-    _check_programs(site)
     return account
 
 
