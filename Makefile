@@ -113,7 +113,7 @@ conversations: $(STAMP) broker ## record the conversations in tests/fixtures ane
 # Real parts that come from the system's packages. Where they cannot be installed, the demo takes the Python
 # broker, and tests say what is missing.
 broker:
-	@PATH=$$PATH:/usr/sbin; command -v mosquitto >/dev/null || $(call install,mosquitto)
+	@PATH=$$PATH:/usr/sbin; { command -v mosquitto && command -v mosquitto_pub; } >/dev/null || $(call install,mosquitto mosquitto-clients)
 
 browser:
 	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null || $(call install,chromium)
