@@ -2,12 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import socket
-from contextlib import suppress
-from typing import Any
-from weakref import WeakKeyDictionary, WeakSet
-
 from sqlalchemy import URL, Connection, Engine, create_engine, event
 from sqlalchemy.engine import make_url
 from sqlalchemy.engine.interfaces import DBAPIConnection
@@ -15,6 +9,7 @@ from sqlalchemy.exc import ArgumentError, DBAPIError, InterfaceError, InternalEr
 from sqlalchemy.pool import ConnectionPoolEntry, NullPool
 
 from nena_order_service.store.errors import StoreError
+from nena_shared.database_lines import remember
 
 PASSING = (OperationalError, InterfaceError, InternalError)
 """Errors of a database that is away, busy or full; anything else is a fault of the statement."""
@@ -28,9 +23,6 @@ PLACE = (
 )
 
 UNMASKED = "an @ in a password has to stand there as %40"
-
-_made: WeakKeyDictionary[Engine, WeakSet[Any]] = WeakKeyDictionary()
-"""The driver's own connections to PostgreSQL, for :func:`hang_up`."""
 
 STUCK_SECONDS = 3
 """How long PostgreSQL waits for a program that hangs within a transaction, before it ends the transaction."""
@@ -100,24 +92,11 @@ def make_engine(url: str, *, pooled: bool = True) -> Engine:
             return engine
         given = {name: value for name, value in PATIENCE.items() if name not in parsed.query}
         engine = create_engine(parsed, poolclass=pool, connect_args=given)
-        made = _made[engine] = WeakSet()
-        event.listen(engine, "connect", lambda connection, _: made.add(connection))
+        event.listen(engine, "connect", lambda connection, _: remember(engine, connection))
     except ImportError as error:
         message = f"{error}; pip install nena-order-service[postgresql]"
         raise unusable(message) from error
     return engine
-
-
-def hang_up(engine: Engine) -> None:
-    """End the connections to a server, from whichever thread, for the end of the program.
-
-    A server that hangs without being gone, as on a disk that stalls, leaves a thread that asks it waiting for
-    ever, and the program with it.
-    """
-    for connection in tuple(_made.get(engine, ())):
-        closed_meanwhile = suppress(OSError, engine.dialect.loaded_dbapi.Error)
-        with closed_meanwhile, socket.socket(fileno=os.dup(connection.fileno())) as line:
-            line.shutdown(socket.SHUT_RDWR)
 
 
 def reason_of(error: DBAPIError) -> str:

@@ -17,9 +17,10 @@ from nena_order_service.store.change_numbers import ChangeNumbers
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import OrderFilter, Unfinished
 from nena_order_service.store.documents import read_documents
-from nena_order_service.store.engine import PASSING, hang_up, reason_of
+from nena_order_service.store.engine import PASSING, reason_of
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.leadership import Fence
+from nena_shared.database_lines import hang_up
 from nena_shared.log import get_logger
 
 log = get_logger(__name__)

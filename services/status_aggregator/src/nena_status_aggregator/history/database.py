@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
-import socket
 from collections.abc import Sequence
-from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from typing import Any
-from weakref import WeakKeyDictionary, WeakSet
 
 from sqlalchemy import URL, Engine, Select, create_engine, delete, event, insert, select
 from sqlalchemy.engine import Row, make_url
@@ -17,6 +13,7 @@ from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.exc import ArgumentError
 from sqlalchemy.pool import ConnectionPoolEntry
 
+from nena_shared.database_lines import remember
 from nena_shared.program import StartError
 from nena_shared.utc import iso
 from nena_status_aggregator.fleet_model.happening import Code, Happening
@@ -28,9 +25,6 @@ EXPIRED_PER_COMMIT = 5000
 """Rows that are deleted together, so that writers never wait long."""
 
 CONNECT_SECONDS = 10
-
-_made: WeakKeyDictionary[Engine, WeakSet[Any]] = WeakKeyDictionary()
-"""The driver's own connections to PostgreSQL, for :func:`hang_up`."""
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 MILLISECOND = timedelta(milliseconds=1)
@@ -63,20 +57,8 @@ def make_engine(url: str) -> Engine:
             raise HistoryError(message)
         event.listen(engine, "connect", _set_up_sqlite)
     if engine.dialect.driver == "psycopg":
-        made = _made[engine] = WeakSet()
-        event.listen(engine, "connect", lambda connection, _: made.add(connection))
+        event.listen(engine, "connect", lambda connection, _: remember(engine, connection))
     return engine
-
-
-def hang_up(engine: Engine) -> None:
-    """End the connections to a server, from whichever thread, for the end of the program.
-
-    A server that hangs without being gone leaves a thread that asks it waiting for ever, and the program too.
-    """
-    for connection in tuple(_made.get(engine, ())):
-        closed_meanwhile = suppress(OSError, engine.dialect.loaded_dbapi.Error)
-        with closed_meanwhile, socket.socket(fileno=os.dup(connection.fileno())) as line:
-            line.shutdown(socket.SHUT_RDWR)
 
 
 def _parse(url: str) -> URL:

@@ -14,6 +14,7 @@ from sqlalchemy import Engine
 from sqlalchemy.exc import DataError, IntegrityError, SQLAlchemyError
 
 from nena_shared.clock import Clock
+from nena_shared.database_lines import hang_up
 from nena_shared.log import get_logger
 from nena_status_aggregator.fleet_model.happening import Code, Happening
 from nena_status_aggregator.history import database
@@ -175,7 +176,7 @@ class HistoryWriter:
                     await self._write_batch()
         except TimeoutError:
             log.warning("history not written to its end", waiting=len(self._queue))
-        database.hang_up(self._engine)
+        hang_up(self._engine)
         self._thread.shutdown(wait=False, cancel_futures=True)
         self._engine.dispose()
 

@@ -1,0 +1,42 @@
+from __future__ import annotations
+
+import socket
+from types import SimpleNamespace
+from typing import Any
+
+from nena_shared.database_lines import hang_up, remember
+
+
+class ClosedError(Exception):
+    """What a driver says of a connection that was closed."""
+
+
+class Engine:
+    dialect: Any = SimpleNamespace(loaded_dbapi=SimpleNamespace(Error=ClosedError))
+
+
+class Closed:
+    def fileno(self) -> int:
+        raise ClosedError
+
+
+def test_whoever_waits_at_a_line_that_is_hung_up_waits_no_longer() -> None:
+    engine, (ours, servers), closed = Engine(), socket.socketpair(), Closed()
+    remember(engine, closed)
+    remember(engine, ours)
+    with ours, servers:
+        ours.settimeout(5)
+        hang_up(engine)
+
+        assert ours.recv(1) == b""
+        assert ours.fileno() >= 0, "to be closed by whoever opened it"
+
+
+def test_only_an_engines_own_lines_are_hung_up() -> None:
+    engine, (ours, servers) = Engine(), socket.socketpair()
+    remember(engine, ours)
+    with ours, servers:
+        hang_up(Engine())
+
+        servers.send(b"x")
+        assert ours.recv(1) == b"x"
