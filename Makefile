@@ -22,7 +22,7 @@ SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/order_se
 STAMP := $(VENV)/.set-up
 
 .DEFAULT_GOAL := help
-.PHONY: help setup action-types lock format lint test soak soak-site compose-test colcon-test smoke demo bench conversations hooks clean broker browser sbom fuzz faults conformance reference
+.PHONY: help setup action-types lock format lint test soak soak-cores soak-site compose-test colcon-test smoke demo bench conversations hooks clean broker browser sbom fuzz faults conformance reference
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -71,7 +71,9 @@ conformance: $(STAMP) ## write docs/vda5050.md anew: how the standard is kept, a
 reference: $(STAMP) ## write docs/configuration.md anew: every setting of every program
 	PYTHONPATH=tests $(BIN)/python -m reference.configuration
 
-soak: $(STAMP) ## the tests that guard the cores, with many more examples: about an hour on two cores
+soak: soak-cores soak-site ## both of the following, one after the other
+
+soak-cores: $(STAMP) broker ## the tests that guard the cores, with many more examples: about two hours on two cores
 	NENA_EXAMPLES=100000 NENA_PLANTS=400 NENA_KERNEL_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 NENA_SESSIONS=200 NENA_ORDER_KILLS=50 $(BIN)/pytest -n $(WORKERS) --timeout 7200 $(SOAK)
 
 # Robots behind a line that is cut and full disks need root; without it these tests say so and are left out.

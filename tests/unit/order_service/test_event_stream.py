@@ -128,13 +128,23 @@ async def test_ids_stand_over_a_restart(service: OrderService) -> None:
         assert names(await Client(frames).hear()) == ["T-2"]
 
 
-@pytest.mark.parametrize("last_id", ["99", "-1", "", "x", "1-2", "\u0663", "9" * 30])
-async def test_an_id_that_says_nothing_makes_a_new_client(
+@pytest.mark.parametrize("last_id", ["99", "-1", "x", "1-2", "\u0663", "9" * 30])
+async def test_an_id_that_says_nothing_is_a_gap(
     service: OrderService, stream: EventStream, last_id: str
 ) -> None:
     await create(service, "T-1")
     async with aclosing(stream.follow(last_id, ORDERS)) as frames:
-        assert [each.id for each in await Client(frames).hear()] == [None, 1]
+        told = await Client(frames).hear()
+    assert [each.event for each in told] == ["gap", "transportOrder", "synced"]
+    assert told[-1].id == 1
+
+
+@pytest.mark.parametrize("last_id", [None, ""])
+async def test_who_has_no_id_is_new(service: OrderService, stream: EventStream, last_id: str | None) -> None:
+    await create(service, "T-1")
+    async with aclosing(stream.follow(last_id, ORDERS)) as frames:
+        told = await Client(frames).hear()
+    assert [each.event for each in told] == ["transportOrder", "synced"]
 
 
 async def test_interests_choose_what_is_told(service: OrderService, stream: EventStream) -> None:

@@ -134,6 +134,8 @@ class EventStream:
     async def follow(self, last_id: str | None, interest: Interest) -> AsyncGenerator[bytes, None]:
         """Yield what a client is told that knows everything up to ``last_id``; None: that knows nothing.
 
+        Behind an id that says nothing here, as after the store was restored from a backup, a gap is told.
+
         Raises:
             TooManyClientsError: there is no room for another client.
             StoreNotReadyError: what it missed cannot be read; raised before anything is yielded.
@@ -144,9 +146,10 @@ class EventStream:
         self.clients += 1
         try:
             known = self._number_of(last_id)
+            lost = _GAP_FRAME if last_id and known is None else b""
             place = self._made
             frames, known = await self._catch_up(known, interest)
-            yield b"retry: 1000\n\n" + frames
+            yield b"retry: 1000\n\n" + lost + frames
             async for frames in self._live(place, known, interest):
                 yield frames
         finally:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import logging
+import time
+from typing import Final
 
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -20,6 +23,22 @@ PER_ADDRESS = 256
 Without a bound one machine takes all that the system lets a program have open, 1024 by default."""
 
 _told = RateLimit(rate=1 / 60, burst=1)
+
+
+class _Seldom(logging.Filter):
+    """Lets the same warning pass once in a minute: each broken request would write a line."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._passed: Final = RateLimit(rate=1 / 60, burst=1)
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Tell whether a record passes; errors all do."""
+        return record.levelno > logging.WARNING or not self._passed.wait(str(record.msg), time.monotonic())
+
+
+SELDOM: Final = _Seldom()
+"""For uvicorn's own log."""
 
 
 class Connection(H11Protocol):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import socket
 import ssl
 from collections.abc import Iterator
@@ -13,7 +14,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from nena_shared.log import get_logger
 from nena_shared.program import StartError
 from nena_shared.settings import ConfigurationError
-from nena_shared.web.connection import Connection
+from nena_shared.web.connection import SELDOM, Connection
 from nena_shared.web.exposure import check_exposure
 from nena_shared.web.settings import HttpSettings
 
@@ -65,6 +66,7 @@ class HttpServer:
             ssl_keyfile=settings.tls_key,
         )
         _load(config, settings)
+        logging.getLogger("uvicorn.error").addFilter(SELDOM)
         self._server = _Server(config)
         self._host = settings.host
         self._scheme = "https" if settings.tls_certificate else "http"

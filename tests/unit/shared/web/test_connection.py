@@ -106,6 +106,17 @@ async def test_an_address_has_a_bounded_number(monkeypatch: pytest.MonkeyPatch) 
     assert [each.get("address") for each in told if "too many" in each["event"]] == ["127.0.0.1"]
 
 
+async def test_broken_requests_do_not_fill_the_log(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(connection.SELDOM, "_passed", RateLimit(rate=1 / 60, burst=1))
+    async with serving(HttpSettings(port=0)) as server:
+        for _ in range(3):
+            async with connected(server) as line:
+                assert not await answered(line, b"\x16\x03\x01\r\n\r\n")
+    assert [each.getMessage() for each in caplog.records] == ["Invalid HTTP request received."]
+
+
 async def test_those_of_a_proxy_are_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connection, "PER_ADDRESS", 1)
     async with serving(HttpSettings(port=0, reverse_proxy=True)) as server, AsyncExitStack() as stack:

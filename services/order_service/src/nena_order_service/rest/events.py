@@ -36,9 +36,9 @@ def make_router(stream: EventStream) -> APIRouter:
         """Follow orders and vehicles as server-sent events.
 
         `transportOrder` and `vehicle` hold their object as it is now; `synced` says that the client is up to
-        date; `gap` that too much was missed: what is not at its end follows, look for the rest in the
-        lists; `heartbeat` that the line stands. Who comes back with the id of its last event is told what it
-        has missed.
+        date; `gap` that too much was missed, or that the id is of no use here (a store from a backup): what
+        is not at its end follows, look for the rest in the lists; `heartbeat` that the line stands. Who
+        comes back with the id of its last event is told what it has missed.
         """
         interest = Interest(frozenset(kind or EventKind), transport_order, vehicle)
         frames = stream.follow(last_event_id or after, interest)
