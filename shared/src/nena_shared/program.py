@@ -37,6 +37,7 @@ def run(
         )
         log.configure(chosen.log)
         asyncio.run(_serve(chosen, serve))
+        log.get_logger(__name__).info("program ended", program=program)
     except ConfigurationError as error:
         for problem in error.problems:
             sys.stderr.write(f"{program}: setting {problem}\n")

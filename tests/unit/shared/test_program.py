@@ -92,10 +92,17 @@ def test_bad_setting_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
 def test_signal_ends_the_process_in_order(number: signal.Signals, tmp_path: Path) -> None:
     file = tmp_path / "example.py"
     file.write_text(PROGRAM)
-    with subprocess.Popen([sys.executable, str(file)], stdout=subprocess.PIPE, text=True) as process:
+    told = tmp_path / "log"
+    with (
+        told.open("wb") as log,
+        subprocess.Popen(
+            [sys.executable, str(file)], stdout=subprocess.PIPE, stderr=log, text=True
+        ) as process,
+    ):
         assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"
         process.send_signal(number)
 
         assert process.stdout.readline() == "in order\n"
         assert process.wait(PATIENCE) == 0
+    assert "program ended" in told.read_text()

@@ -71,7 +71,6 @@ async def _serve_alone(settings: EdgeAgentSettings, stop: asyncio.Event) -> None
             door = ControlDoor(settings.mqtt, topics.interface_name, benches)
             supervisor.start("control door", forever("control door", door.run), vital=False)
         await _run_all(settings, makers, stop)
-    log.info("robots stopped")
 
 
 def _agent_maker(

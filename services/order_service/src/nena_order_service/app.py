@@ -39,7 +39,6 @@ async def serve(settings: OrderServiceSettings, stop: asyncio.Event) -> None:
     plant = load_plant(settings.plant)
     run = _serve_shared if is_shared(settings.store.location()) else _serve_alone
     await run(settings, plant, stop)
-    log.info("order service ended")
 
 
 async def _serve_alone(settings: OrderServiceSettings, plant: PlantFile, stop: asyncio.Event) -> None:
