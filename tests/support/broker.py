@@ -64,19 +64,31 @@ def mosquitto() -> str:
     return path
 
 
-class Broker:
+class BrokerAddress:
+    """Where a broker is."""
+
+    host = "127.0.0.1"
+
+    def __init__(self) -> None:
+        self.port = free_port()
+
+    @property
+    def settings(self) -> MqttSettings:
+        """What a link needs to reach this broker; quick to come back after a break."""
+        return MqttSettings(host=self.host, port=self.port, reconnect_min=0.02, reconnect_max=0.1)
+
+
+class Broker(BrokerAddress):
     """A Mosquitto process; keeps its port over :meth:`restart`, forgets everything else.
 
     With ``users`` (name to password) it lets nobody else in; ``more`` is added to its configuration. It
     listens on ``addresses`` of this machine as well.
     """
 
-    host = "127.0.0.1"
-
     def __init__(
         self, *, users: dict[str, str] | None = None, more: str = "", addresses: Sequence[str] = ()
     ) -> None:
-        self.port = free_port()
+        super().__init__()
         self._users = users or {}
         self._more = more
         self._addresses = addresses
@@ -84,11 +96,6 @@ class Broker:
         self._process: subprocess.Popen[bytes] | None = None
         self._configure()
         self.start()
-
-    @property
-    def settings(self) -> MqttSettings:
-        """What a link needs to reach this broker; quick to come back after a break."""
-        return MqttSettings(host=self.host, port=self.port, reconnect_min=0.02, reconnect_max=0.1)
 
     @property
     def log(self) -> str:
@@ -170,7 +177,7 @@ class MqttPeer:
     when the block begins.
     """
 
-    def __init__(self, broker: Broker, *topic_filters: str) -> None:
+    def __init__(self, broker: BrokerAddress, *topic_filters: str) -> None:
         self._order: list[Inbound] = []
         self.history: list[Inbound] = []
         """All that ever came, also what was cleared."""

@@ -17,7 +17,7 @@ import httpx
 from nena_demo.plants import sample_plant_path
 from nena_order_service.app import serve
 from nena_order_service.settings import OrderServiceSettings
-from support.broker import Broker, MqttPeer, free_port
+from support.broker import BrokerAddress, MqttPeer, free_port
 from support.programs import OrderServiceProgram, Program
 from support.waiting import PATIENCE, awaited
 
@@ -73,7 +73,7 @@ AT_SOUTH_1 = RobotOptions(x=3.0, y=2.0, speed=40.0, count=1, version="2.1.0")
 class Fleet:
     """One fleet on the shared broker: its topics, its store, its programs."""
 
-    broker: Broker
+    broker: BrokerAddress
     interface: str
     folder: Path
     store_url: str = ""
