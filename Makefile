@@ -19,6 +19,8 @@ SOAK := tests/unit/edge_agent/protocol/test_robot_machine.py tests/unit/order_se
 	tests/unit/order_service/kernel/test_traffic_simulation.py \
 	tests/unit/edge_agent/test_restart_safety.py tests/integration/edge_agent/ros/test_kills.py \
 	tests/integration/edge_agent/ros/test_session.py tests/faults/test_recovery.py
+# Readers of what comes from outside.
+FUZZED := tests/fuzz tests/unit/shared/plant/lif/test_damaged_files.py tests/unit/shared/plant/opentcs_xml/test_damaged_files.py
 STAMP := $(VENV)/.set-up
 
 .DEFAULT_GOAL := help
@@ -87,7 +89,7 @@ soak-site: $(STAMP) broker ## a site at work for two hours (or MINUTES=10): memo
 	PYTHONPATH=tests $(BIN)/python -m faults.soak --minutes $(MINUTES)
 
 fuzz: $(STAMP) broker ## every parser and both HTTP interfaces against damaged and generated input, for long
-	NENA_FUZZ_EXAMPLES=200 NENA_FUZZ_MESSAGES=20000 $(BIN)/pytest -n $(WORKERS) --timeout 7200 tests/fuzz
+	NENA_FUZZ_EXAMPLES=200 NENA_FUZZ_MESSAGES=20000 NENA_FUZZ_FILES=5000 $(BIN)/pytest -n $(WORKERS) --timeout 7200 $(FUZZED)
 
 # A command that makes the base images ready first, where no registry does: make compose-test IMAGES=...
 IMAGES ?=

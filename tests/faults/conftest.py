@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from faults.checker import Account, settled
-from faults.extent import WHOLE
+from faults.extent import ON_ROS, WHOLE
 from faults.footprint import Footprint, grown
 from faults.host import Host
 from faults.recovery import FILE, Fault, Record
@@ -107,11 +107,13 @@ def trial(tmp_path: Path, request: pytest.FixtureRequest) -> Callable[..., Any]:
     """Give a block that runs a site under orders, and checks the accounts at its end."""
 
     @asynccontextmanager
-    async def run(*, at_once: int = 8, seed: int = 1, **site: Any) -> AsyncIterator[Trial]:
-        made = Site(tmp_path, Layout(**site))
+    async def run(
+        *, at_once: int | None = None, seed: int = 1, on_ros: bool = ON_ROS, **site: Any
+    ) -> AsyncIterator[Trial]:
+        made = Site(tmp_path, Layout(on_ros=on_ros, **site))
         try:
             await made.start()
-            host = Host(made, at_once=at_once, seed=seed)
+            host = Host(made, at_once=at_once or len(made.vehicles), seed=seed)
             ordering = asyncio.create_task(host.run(), name="host")
             found = Trial(made, host)
             await found.settle_in()

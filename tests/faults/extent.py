@@ -9,6 +9,8 @@ import pytest
 WHOLE = "NENA_FAULTS" in os.environ or "NENA_ORDER_KILLS" in os.environ
 TIMES = int(os.environ.get("NENA_FAULTS", "1"))
 """How often each fault comes."""
+ON_ROS = WHOLE
+"""Whether a site has its two robots on ROS beside the eight loopback ones: they need a core of their own."""
 ORDER_KILLS = int(os.environ.get("NENA_ORDER_KILLS", "5"))
 """How often the order service is killed at random moments."""
 HOSTILE_MESSAGES = 10_000 if WHOLE else 1_000

@@ -53,7 +53,7 @@ async def test_nobody_is_impressed(trial: Callable[..., Any]) -> None:
             if chance.random() < 0.5:  # what is no message at all may come under a robot's own name, too
                 site.wire.publish(chance.choice(topics_of(site, topic)), payload, qos=chance.choice([0, 1]))
             else:
-                target = f"{site.interface}/v2/NeNa/loop-{chance.randint(1, 8)}/{topic}"
+                target = f"{site.interface}/v2/NeNa/{chance.choice(site.serials)}/{topic}"
                 site.wire.publish(target, broken(payload), qos=1)
             if number % HTTP_SHARE == 0:
                 await ask(site, chance, payload)

@@ -11,7 +11,7 @@ import pytest
 from faults.conftest import Trial
 from faults.extent import TIMES, only_in_whole
 from faults.hall import start_of
-from faults.site import LOOPBACK, Site
+from faults.site import Site
 from support.waiting import awaited
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(1200), only_in_whole]
@@ -45,13 +45,13 @@ async def at_an_order(site: Site, name: str) -> tuple[float, float]:
 
 async def with_single(running: Trial) -> None:
     """Let the robot with a program of its own begin."""
-    running.site.start_single(SINGLE, at=start_of(LOOPBACK), machine="first")
+    running.site.start_single(SINGLE, at=start_of(len(running.site.serials)), machine="first")
     await running.site.robots_are("ONLINE", SINGLE)
 
 
 async def test_replaced_by_a_machine_without_a_journal(trial: Callable[..., Any]) -> None:
     """In mid-order, of which the new machine knows nothing: it fails, as nobody knows who has the load."""
-    async with trial(seed=13, singles=1, at_once=9) as running:
+    async with trial(seed=13, singles=1) as running:
         site = running.site
         await with_single(running)
         machine = "first"
@@ -69,7 +69,7 @@ async def test_replaced_by_a_machine_without_a_journal(trial: Callable[..., Any]
 
 async def test_another_robot_in_its_place(trial: Callable[..., Any]) -> None:
     """The old one is taken out of traffic, which ends its order; the other one stands where it stood."""
-    async with trial(seed=14, singles=2, at_once=9) as running:
+    async with trial(seed=14, singles=2) as running:
         site = running.site
         await with_single(running)
         place = await at_an_order(site, SINGLE)
@@ -89,7 +89,7 @@ async def test_there_twice(trial: Callable[..., Any]) -> None:
     What such a robot has and carries nobody can know, so its orders may fail, and a person sees to it. The
     others work on.
     """
-    async with trial(seed=15, singles=1, at_once=9) as running:
+    async with trial(seed=15, singles=1) as running:
         site = running.site
         await with_single(running)
         place = await at_an_order(site, SINGLE)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from faults.extent import TIMES, WHOLE, only_in_whole
+from faults.extent import TIMES, WHOLE
 from support.network import Line, line
 
 pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(1200)]
@@ -22,12 +22,9 @@ def far() -> Iterator[Line]:
         yield made
 
 
-@pytest.mark.parametrize(
-    "on_ros", [pytest.param(False, id="loopback"), pytest.param(True, id="ros", marks=only_in_whole)]
-)
-async def test_cut_and_slow(trial: Callable[..., Any], far: Line, *, on_ros: bool) -> None:
+async def test_cut_and_slow(trial: Callable[..., Any], far: Line) -> None:
     """Cut so that neither side hears of it, cut with the robots' own link down, then slow."""
-    async with trial(seed=8, line=far, on_ros=on_ros, at_once=10 if on_ros else 8) as running:
+    async with trial(seed=8, line=far) as running:
         for _ in range(TIMES):
             far.change(loss=1.0)
             await running.site.robots_are("CONNECTION_BROKEN")

@@ -55,7 +55,7 @@ async def test_aggregator_killed(trial: Callable[..., Any]) -> None:
 
 async def test_agents_on_ros_killed(trial: Callable[..., Any]) -> None:
     """Ten robots, two of them on ROS, whose agents are killed while they drive: they take up the goals."""
-    async with trial(on_ros=True, seed=5, at_once=10) as running:
+    async with trial(on_ros=True, seed=5) as running:
         for _ in range(TIMES):
             for number in (1, 2):
                 running.site.programs[f"ros-{number}"].kill()

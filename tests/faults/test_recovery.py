@@ -33,7 +33,7 @@ AGREED_WITHIN = 30.0
 
 async def test_order_service_killed_at_random_moments(trial: Callable[..., Any]) -> None:
     chance = Random(50)
-    async with trial(seed=50, at_once=AT_ONCE, loopback=ROBOTS) as running:
+    async with trial(seed=50, at_once=AT_ONCE, loopback=ROBOTS, on_ros=False) as running:
         for _ in range(ORDER_KILLS):
             await _life(chance)
             _kill_order_service(running.site)
@@ -47,7 +47,8 @@ async def test_order_service_broker_and_database_killed_in_any_order(
     trial: Callable[..., Any], own_postgres: Postgres
 ) -> None:
     chance = Random(51)
-    async with trial(seed=51, at_once=AT_ONCE, loopback=ROBOTS, store_url=own_postgres.url) as running:
+    site = {"loopback": ROBOTS, "on_ros": False, "store_url": own_postgres.url}
+    async with trial(seed=51, at_once=AT_ONCE, **site) as running:
         running.site.wire_broke = True
         for _ in range(ORDER_KILLS):
             await _life(chance)

@@ -48,6 +48,11 @@ def damaged(payload: bytes, chance: Random) -> bytes:
     return chance.choice(WAYS)(payload, chance)
 
 
+def damaged_text(text: bytes, chance: Random) -> bytes:
+    """Give a text of any form, cut, bent, in another encoding, or nested deep."""
+    return chance.choice((_cut, _bent, _bent, _other_encoding, _deep))(text, chance)
+
+
 def _cut(payload: bytes, chance: Random) -> bytes:
     return payload[: chance.randrange(len(payload) + 1)]
 

@@ -16,5 +16,8 @@ KERNEL_PLANTS = int(os.environ.get("NENA_KERNEL_PLANTS", "6"))
 KILLS = int(os.environ.get("NENA_KILLS", "5"))
 """How often the process of an edge agent is killed while it drives."""
 
+DAMAGED_FILES = int(os.environ.get("NENA_FUZZ_FILES", "100"))
+"""Files that went wrong, of each kind; ``make fuzz`` has more."""
+
 RESTARTS = int(os.environ.get("NENA_RESTARTS", "24"))
 """Moments of each order at which the edge agent dies."""

@@ -9,6 +9,8 @@ WORDS = {"extra_forbidden": "there is no such field", "missing": "is missing"}
 """By the kind of finding, where pydantic speaks of what programmers know: inputs and extras."""
 PREFIX = "Value error, "
 """What pydantic puts before words of our own."""
+SHOWN = 300
+"""Signs of a name or of words that are repeated: both may hold what somebody sent, however long."""
 
 
 def in_words(findings: Iterable[Any], *, whole: str, root: str = "") -> list[str]:
@@ -26,9 +28,14 @@ def in_words(findings: Iterable[Any], *, whole: str, root: str = "") -> list[str
 def path_of(location: Iterable[str | int], root: str = "") -> str:
     """Write where a field is: names and places in lists, with dots between them."""
     parts = list(map(str, location))
-    return ".".join(parts[1:] if parts[:1] == [root] else parts)
+    return shortened(".".join(parts[1:] if parts[:1] == [root] else parts))
 
 
 def words_of(finding: Any) -> str:  # noqa: ANN401 - pydantic and FastAPI have types of their own for the same
     """Say what is wrong with a field."""
-    return WORDS.get(finding["type"]) or str(finding["msg"]).removeprefix(PREFIX)
+    return WORDS.get(finding["type"]) or shortened(str(finding["msg"]).removeprefix(PREFIX))
+
+
+def shortened(text: str) -> str:
+    """Give the beginning of a long text."""
+    return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."

@@ -9,6 +9,8 @@ found at the start and not at night; only in the environment, which programs sha
 from __future__ import annotations
 
 import argparse
+import os
+import re
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,6 +30,9 @@ from pydantic_settings import (
 from nena_shared.misfits import path_of, words_of
 
 S = TypeVar("S", bound="ProgramSettings")
+
+_FIELD = re.compile(r'(?:field "|encountered for )([\w.]+)')
+"""The name in what the library says of a text that it cannot read."""
 
 
 class ConfigurationError(Exception):
@@ -186,15 +191,18 @@ def load(model: type[S], argv: Sequence[str], *, program: str, description: str)
     parser.add_argument("--config", metavar="FILE", type=Path, help="TOML file with settings")
     chosen, _ = _config_only_parser(program).parse_known_args(list(argv))
     from_file = _read_file(chosen.config) if chosen.config else {}
-    command_line = CliSettingsSource[argparse.ArgumentParser](
-        model,
-        root_parser=parser,
-        cli_parse_args=list(argv),
-        cli_hide_none_type=True,
-        cli_avoid_json=True,
-        cli_implicit_flags=True,
-    )
-    return _build(model, command_line, from_file)
+    try:
+        command_line = CliSettingsSource[argparse.ArgumentParser](
+            model,
+            root_parser=parser,
+            cli_parse_args=list(argv),
+            cli_hide_none_type=True,
+            cli_avoid_json=True,
+            cli_implicit_flags=True,
+        )
+        return _build(model, command_line, from_file)
+    except SettingsError as error:
+        raise ConfigurationError([_unread(error)]) from error
 
 
 def _config_only_parser(program: str) -> argparse.ArgumentParser:
@@ -220,8 +228,6 @@ def _build(model: type[S], command_line: PydanticBaseSettingsSource, from_file: 
         return model(**_merged(_defaults_of_groups(model), given))
     except ValidationError as error:
         raise ConfigurationError(_problems(error)) from error
-    except SettingsError as error:
-        raise ConfigurationError([str(error)]) from error
 
 
 def _defaults_of_groups(model: type[S]) -> dict[str, Any]:
@@ -244,6 +250,18 @@ def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
         old = result.get(name)
         result[name] = _merged(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
     return result
+
+
+def _unread(error: SettingsError) -> str:
+    """Name the option or variable whose text should be a list or a table, and is none.
+
+    The library names the outermost table of a variable alone, but its cause has the text.
+    """
+    text = getattr(error.__cause__, "doc", None)
+    variables = [name for name, value in os.environ.items() if name.startswith("NENA_") and value == text]
+    field = _FIELD.search(str(error))
+    name = next(iter(variables), field[1] if field else "settings")
+    return f'{name}: cannot be read; a list is written as ["a", "b"], a table as {{"a": 1}}'
 
 
 def _problems(error: ValidationError) -> list[str]:

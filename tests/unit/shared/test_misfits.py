@@ -48,3 +48,12 @@ def test_where_the_place_begins_is_left_out_once() -> None:
         "body: is missing",
         "all of it: is missing",
     ]
+
+
+def test_what_somebody_sent_is_repeated_in_brief() -> None:
+    finding = {"loc": ("x" * 1000,), "type": "value_error", "msg": f"Value error, {'y' * 1000} is no colour"}
+
+    (line,) = in_words([finding], whole="all of it")
+
+    assert line.startswith("xxx")
+    assert len(line) < 700

@@ -171,7 +171,7 @@ def test_config_without_a_file_is_told_by_the_program(capsys: pytest.CaptureFixt
 def test_bad_json_in_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NENA_MQTT", "{")
 
-    assert '"mqtt"' in problems()[0]
+    assert problems()[0].startswith("NENA_MQTT: cannot be read")
 
 
 def test_password_comes_from_its_file_without_the_line_end(tmp_path: Path) -> None:
@@ -219,3 +219,23 @@ def test_topic_prefix(prefix: str) -> None:
 def test_bad_topic_prefix(prefix: str) -> None:
     with pytest.raises(ValidationError):
         Prefixed(prefix=prefix)
+
+
+class Tour(ServiceSettings):
+    """Settings with a list of tables."""
+
+    stops: tuple[Robot, ...] = Field((), description="Where it stops.")
+    robot: Robot = Field(default_factory=Robot, description="The robot.")
+
+
+@pytest.mark.parametrize("text", ["nan", "[", '{"name": '])
+def test_a_list_that_cannot_be_read_is_told_by_its_name(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    with pytest.raises(ConfigurationError) as by_option:
+        load(Tour, ["--stops", text], program="tour", description="")
+    monkeypatch.setenv("NENA_STOPS", text)
+    with pytest.raises(ConfigurationError) as by_variable:
+        load(Tour, [], program="tour", description="")
+
+    for caught, name in ((by_option, "stops"), (by_variable, "NENA_STOPS")):
+        (problem,) = caught.value.problems
+        assert problem.startswith((f"{name}: cannot be read", f"{name}.0: "))

@@ -76,8 +76,8 @@ class EventSettings(SettingsGroup):
     clients: int = Field(100, ge=1, description="Clients that may follow the event stream at a time.")
 
 
-def _none_in_words(url: str | None) -> str | None:
-    return None if url is not None and url.lower() == "none" else url
+def _none_in_words(url: object) -> object:
+    return None if isinstance(url, str) and url.lower() == "none" else url
 
 
 class HistorySettings(SettingsGroup):

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from nena_shared.plant import PlantModelError, files, opentcs_xml
 from nena_shared.plant.lif import read
+from support.examples import DAMAGED_FILES
 from support.lif_files import action, edge, lif_of, node, use
 from support.plants import path, plant
 
@@ -51,7 +52,7 @@ def spots(value: Any, way: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 SPOTS = spots(json.loads(WHOLE))
 
 
-@settings(max_examples=300)
+@settings(max_examples=3 * DAMAGED_FILES)
 @given(st.lists(st.tuples(st.sampled_from(SPOTS), VALUES), min_size=1, max_size=3), st.booleans())
 def test_any_value_at_any_place(changes: list[tuple[tuple[Any, ...], Any]], strict: bool) -> None:  # noqa: FBT001 - drawn
     content = json.loads(WHOLE)
@@ -67,6 +68,7 @@ def test_any_value_at_any_place(changes: list[tuple[tuple[Any, ...], Any]], stri
         assert len(again.paths) == len(model.paths)
 
 
+@settings(max_examples=DAMAGED_FILES)
 @given(st.binary(max_size=60))
 def test_any_bytes(data: bytes) -> None:
     with suppress(PlantModelError):
@@ -77,6 +79,7 @@ OWN = json.loads(plant(path("A B"), path("B A")).to_json())
 OWN_SPOTS = spots(OWN)
 
 
+@settings(max_examples=DAMAGED_FILES)
 @given(st.sampled_from(OWN_SPOTS), VALUES)
 def test_any_value_in_own_json(spot: tuple[Any, ...], value: Any) -> None:
     content = json.loads(json.dumps(OWN))

@@ -3,12 +3,13 @@
 import re
 from contextlib import suppress
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nena_demo.plants import sample_plant_path
 from nena_shared.plant import PlantModel, PlantModelError
 from nena_shared.plant.opentcs_xml import read
+from support.examples import DAMAGED_FILES
 
 TEXT = sample_plant_path().read_text(encoding="utf-8")
 VALUES = [match.span(1) for match in re.finditer(r'="([^"]*)"', TEXT)]
@@ -40,6 +41,7 @@ def assert_read_or_refused(text: str | bytes) -> None:
         assert PlantModel.from_json(model.to_json()) == model
 
 
+@settings(max_examples=DAMAGED_FILES)
 @given(st.lists(st.tuples(st.integers(0, len(VALUES) - 1), ANYTHING), min_size=1, max_size=4))
 def test_any_value_in_any_attribute(changes: list[tuple[int, str]]) -> None:
     text = TEXT
@@ -49,12 +51,14 @@ def test_any_value_in_any_attribute(changes: list[tuple[int, str]]) -> None:
     assert_read_or_refused(text)
 
 
+@settings(max_examples=DAMAGED_FILES)
 @given(st.integers(0, len(TEXT)), st.integers(0, 200), st.binary(max_size=20))
 def test_any_bytes_in_any_place(start: int, length: int, noise: bytes) -> None:
     data = TEXT.encode()
     assert_read_or_refused(data[:start] + noise + data[start + length :])
 
 
+@settings(max_examples=DAMAGED_FILES)
 @given(st.lists(st.integers(0, TEXT.count("\n") - 1), max_size=20))
 def test_any_lines_missing(numbers: list[int]) -> None:
     lines = TEXT.splitlines()
