@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import psutil
+from pydantic import ValidationError
 
 from faults.host import Host
 from faults.site import Site
@@ -131,8 +132,9 @@ def _told(site: Site) -> dict[str, list[TransportOrderStatus]]:
     told: dict[str, list[TransportOrderStatus]] = defaultdict(list)
     for message in site.wire.received("nena/v1/transportOrders/+/status"):
         if message.payload:
-            status = TransportOrderStatus.model_validate_json(message.payload)
-            told[status.name].append(status)
+            with suppress(ValidationError):  # somebody else said it: a hostile message
+                status = TransportOrderStatus.model_validate_json(message.payload)
+                told[status.name].append(status)
     return told
 
 

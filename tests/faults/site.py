@@ -206,6 +206,7 @@ class Site:
                 "--history.url",
                 f"sqlite:///{self._data}/history.db",
             ),
+            *("--http.burst", 100_000),
             *("--mqtt.port", self.broker.port, "--mqtt.reconnect_max", 1.0),
         )
 

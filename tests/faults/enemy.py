@@ -1,0 +1,143 @@
+"""Somebody on the site's network who says what harms: on every topic, over every route, and old messages."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from random import Random
+
+import httpx
+
+from faults.site import Site
+from nena_cli.vda5050.recording import read_file
+from nena_order_service.asyncapi import channels
+from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.vda5050.topics import Topic
+from support.conversations import FOLDER
+from support.damage import VALUES, damaged
+
+STRANGERS = ("NobodyElse/x-1", "NeNa/unknown", "Ne Na/ü", "a/b")
+NAMES = ("Nobody", "%00", "..%2F..%2Fetc", "%C3%BC" * 30, "x" * 3000, "%ff", "a/b", "-1")
+"""Of nothing that is there: what fits by chance changes nobody's work."""
+BEYOND = (
+    ("GET", "/v1/../../etc/passwd"),
+    ("GET", "/metrics"),
+    ("GET", "/"),
+    ("PUT", "/v1/vehicles"),
+    ("TRACE", "/"),
+)
+"""What no description has."""
+CONTENT_TYPES = ("application/json", "text/plain", "application/x-www-form-urlencoded", "")
+ODD_QUERIES = ("", "?limit=-1", "?limit=1e9&after=%00", "?kind=x", "?since=9999", "?" + "a=b&" * 200)
+REPEATED = (Topic.STATE, Topic.VISUALIZATION, Topic.FACTSHEET)
+"""What robots have said; an old order is left out, which to an idle robot is an order."""
+
+Said = tuple[str, bytes]
+
+
+class Enemy:
+    """Chooses by chance, the same for the same seed and conversation."""
+
+    def __init__(self, site: Site, chance: Random) -> None:
+        self._site = site
+        self._chance = chance
+        self._recorded = _recorded()
+        self._host_topics = tuple(_topics_of_hosts())
+        self.routes: list[tuple[httpx.AsyncClient, str, str]] = []
+        self.topics: set[str] = set()
+        """What was said on, without names."""
+        self._ways: tuple[Callable[[], Said], ...] = (
+            self._to_strangers,
+            self._under_a_robots_name,
+            self._to_services,
+            self._again,
+        )
+
+    async def look_around(self, aggregator: httpx.AsyncClient) -> None:
+        """Read which routes there are, but for streams, which have no end."""
+        for client, description in (
+            (self._site.orders, "/openapi.json"),
+            (aggregator, "/api/v1/openapi.json"),
+        ):
+            paths = (await client.get(description)).raise_for_status().json()["paths"]
+            self.routes += [
+                (client, method.upper(), path)
+                for path, operations in paths.items()
+                for method in operations
+                if not path.endswith("/events")
+            ]
+            self.routes += [(client, *each) for each in BEYOND]
+
+    def say(self) -> bytes:
+        """Publish something; gives what it was."""
+        topic, payload = self._chance.choice(self._ways)()
+        self._site.wire.publish(topic, payload, qos=self._chance.choice([0, 1]))
+        self.topics.add(topic.rsplit("/", 1)[1])
+        return payload
+
+    async def ask(self, number: int, payload: bytes) -> httpx.Response | None:
+        """Send a request to each route in turn; None: no such request can be made."""
+        client, method, path = self.routes[number % len(self.routes)]
+        path = re.sub(r"\{\w+\}", lambda _: self._chance.choice(NAMES), path) + self._chance.choice(
+            ODD_QUERIES
+        )
+        headers = {"content-type": self._chance.choice(CONTENT_TYPES)}
+        try:
+            return await client.request(method, path, content=broken(payload), headers=headers)
+        except httpx.InvalidURL:
+            return None
+
+    def _to_strangers(self) -> Said:
+        """Say a damaged message beside where it belongs, or an old one as it was."""
+        kind, payload = self._any()
+        first = [f"{self._site.interface}/{version}" for version in ("v2", "v3", "v9")]
+        strange = [f"{each}/{robot}/{kind}" for each in first for robot in STRANGERS]
+        beside = [f"{self._site.interface}/v2/{kind}", f"{self._site.interface}/v3/NeNa/loop-1/{kind}"]
+        return self._chance.choice([*strange, *beside]), damaged(payload, self._chance)
+
+    def _under_a_robots_name(self) -> Said:
+        """Say what is no message at all: what is one is what the robot says, or has to do."""
+        kind, payload = self._any()
+        return self._of_a_robot(kind), broken(damaged(payload, self._chance))
+
+    def _to_services(self) -> Said:
+        """Ask as a host does, or tell as the order service does, what has no sense."""
+        odd = json.dumps(self._chance.choice(VALUES)).encode()
+        return self._chance.choice(self._host_topics), self._chance.choice((odd, broken(odd)))
+
+    def _again(self) -> Said:
+        """Say again what a robot has said before, with its old header."""
+        kind = self._chance.choice(REPEATED)
+        topic = self._of_a_robot(kind)
+        said = [each.payload for each in self._site.wire.received(topic) if each.payload]
+        return topic, self._chance.choice(said) if said else b"{}"
+
+    def _any(self) -> Said:
+        """Give the last level of a topic, and what was said there once."""
+        kind = self._chance.choice(tuple(self._recorded))
+        return kind, self._chance.choice(self._recorded[kind])
+
+    def _of_a_robot(self, kind: str) -> str:
+        return f"{self._site.interface}/v2/NeNa/{self._chance.choice(self._site.serials)}/{kind}"
+
+
+def broken(payload: bytes) -> bytes:
+    """Make sure that it is no valid message."""
+    return payload[:-1] + b"\xff" if payload else b"\xff"
+
+
+def _recorded() -> dict[str, list[bytes]]:
+    """Give all that was recorded, by the last level of its topic."""
+    found: dict[str, list[bytes]] = defaultdict(list)
+    for file in sorted(FOLDER.glob("*.jsonl")):
+        for each in read_file(file):
+            if each.payload:
+                found[each.topic.rsplit("/", 1)[1]].append(each.payload)
+    return dict(found)
+
+
+def _topics_of_hosts() -> Iterator[str]:
+    for each in channels(FleetTopics("nena/v1")):
+        yield re.sub(r"\{\w+\}", "enemy", each.address)
