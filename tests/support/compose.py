@@ -47,6 +47,7 @@ class Compose:
             "NENA_VERSION": "compose-test",
             "POSTGRES_PASSWORD": self.password,
             "HISTORY_URL": "postgresql+psycopg://nena@postgres/nena",
+            "STORE_URL": "postgresql://nena@postgres/nena",
         }
 
     def run(self, *arguments: str, timeout: float = 120.0) -> str:
