@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import sys
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -41,6 +43,28 @@ def site_database() -> Iterator[Postgres | ImagePostgres]:
     made = ImagePostgres() if is_there("POSTGRES_IMAGE", "PostgreSQL") else Postgres()
     yield made
     made.close()
+
+
+@pytest.mark.parametrize(
+    ("fixture", "local", "told"),
+    [
+        ("site_broker", Broker, "Mosquitto of this machine stands in for the image eclipse-mosquitto:"),
+        ("site_database", Postgres, "PostgreSQL of this machine stands in for the image postgres:"),
+    ],
+)
+def test_a_program_of_this_machine_stands_in_where_the_image_is_not_there_and_it_is_told(
+    fixture: str,
+    local: type[Broker | Postgres],
+    told: str,
+    request: pytest.FixtureRequest,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sys.modules[__name__], "why_not_there", "no image {}: docker pull".format)
+
+    with pytest.warns(UserWarning, match=rf"^{re.escape(told)}\S+: no image \S+: docker pull$"):
+        made = request.getfixturevalue(fixture)
+
+    assert isinstance(made, local)
 
 
 @pytest.fixture
