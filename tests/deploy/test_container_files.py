@@ -144,8 +144,11 @@ def test_no_password_stands_in_the_file() -> None:
 
 def test_each_base_image_can_be_pinned() -> None:
     used = set(re.findall(r"\$\{([A-Z]+_IMAGE):-", (ROOT / "docker-compose.yml").read_text()))
+    for path in DOCKERFILES:
+        used |= set(re.findall(r"^ARG ([A-Z]+_IMAGE)=", path.read_text(), re.MULTILINE))
     lines = (ROOT / "deploy" / "containers" / "pinned.env").read_text().splitlines()
     pinned = dict(line.split("=", 1) for line in lines if not line.startswith("#"))
 
     assert set(pinned) == used
+    assert pinned.pop("ROS_IMAGE") == "ros:jazzy-ros-base-noble", "they have no versions"
     assert all(re.search(r":v?\d+\.\d+", image) for image in pinned.values())

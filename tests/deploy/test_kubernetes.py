@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -119,12 +120,14 @@ def test_every_file_is_a_resource() -> None:
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_an_image_is_one_that_is_built(name: str) -> None:
+def test_an_image_is_one_that_is_built_and_of_this_version(name: str) -> None:
     compose = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"][name]["image"]
+    project = tomllib.loads((ROOT / "services" / name.replace("-", "_") / "pyproject.toml").read_text())
+    image, version = container_of(name)["image"], project["project"]["version"]
 
-    assert container_of(name)["image"] == compose.partition(":")[0]
-    assert container_of(name)["image"] in {each["name"] for each in KUSTOMIZATION["images"]}
-    assert f"-t {container_of(name)['image']} ." in GUIDE
+    assert image == compose.partition(":")[0]
+    assert {"name": image, "newTag": version} in KUSTOMIZATION["images"]
+    assert f"-t {image}:{version} ." in GUIDE
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
