@@ -18,21 +18,32 @@ from nena_shared.vda5050.topics import Topic
 from support.conversations import FOLDER
 from support.damage import VALUES, damaged
 
+INTERFACES = ("uagv/v2", "vda5050/v3", "uagv/v3", "uagv/v9")
+"""Of robots of 2.x and 3.x, as services know them by default, and two that nobody listens to."""
 STRANGERS = ("NobodyElse/x-1", "NeNa/unknown", "Ne Na/ü", "a/b")
 NAMES = ("Nobody", "%00", "..%2F..%2Fetc", "%C3%BC" * 30, "x" * 3000, "%ff", "a/b", "-1")
 """Of nothing that is there: what fits by chance changes nobody's work."""
 BEYOND = (
-    ("GET", "/v1/../../etc/passwd"),
-    ("GET", "/metrics"),
-    ("GET", "/"),
-    ("PUT", "/v1/vehicles"),
-    ("TRACE", "/"),
+    *(("GET", "/v1/../../etc/passwd"), ("GET", "/metrics"), ("GET", "/"), ("PUT", "/v1/vehicles")),
+    *(("TRACE", "/"), ("POST", "/v1/events"), ("DELETE", "/api/v1/events")),
 )
 """What no description has."""
-CONTENT_TYPES = ("application/json", "text/plain", "application/x-www-form-urlencoded", "")
+CONTENT_TYPES = (
+    "application/json",
+    "application/json",
+    "text/plain",
+    "application/x-www-form-urlencoded",
+    "",
+)
 ODD_QUERIES = ("", "?limit=-1", "?limit=1e9&after=%00", "?kind=x", "?since=9999", "?" + "a=b&" * 200)
-REPEATED = (Topic.STATE, Topic.VISUALIZATION, Topic.FACTSHEET)
-"""What robots have said; an old order is left out, which to an idle robot is an order."""
+BODIES = (
+    {"requestId": "r", "name": "Enemy", "destinations": [{"locationName": "Nowhere", "operation": "NOP"}]},
+    {"requestId": "r", "name": "Nobody", "vehicle": "Nobody", "path": "Nobody", "locked": True},
+    {"transportOrder": "Nobody", "orderSequence": "Nobody", "zoneSetId": "Nobody", "reason": "why"},
+)
+"""What hosts say, of nothing that is there."""
+REPEATED = (Topic.STATE, Topic.VISUALIZATION, Topic.FACTSHEET, Topic.CONNECTION, Topic.INSTANT_ACTIONS)
+"""What was said to or by robots; an old order is left out, which to an idle robot is an order."""
 
 Said = tuple[str, bytes]
 
@@ -45,74 +56,86 @@ class Enemy:
         self._chance = chance
         self._recorded = _recorded()
         self._host_topics = tuple(_topics_of_hosts())
+        self._own: set[bytes] = set()
+        """What was said here."""
         self.routes: list[tuple[httpx.AsyncClient, str, str]] = []
         self.topics: set[str] = set()
-        """What was said on, without names."""
+        """Last levels of what was said on."""
         self._ways: tuple[Callable[[], Said], ...] = (
             self._to_strangers,
             self._under_a_robots_name,
             self._to_services,
+            self._beside_the_standard,
             self._again,
         )
 
     async def look_around(self, aggregator: httpx.AsyncClient) -> None:
         """Read which routes there are, but for streams, which have no end."""
-        for client, description in (
-            (self._site.orders, "/openapi.json"),
-            (aggregator, "/api/v1/openapi.json"),
+        for client, prefix, description in (
+            (self._site.orders, "", "/openapi.json"),
+            (self._site.orders, "/opentcs", "/openapi.json"),
+            (aggregator, "", "/api/v1/openapi.json"),
         ):
-            paths = (await client.get(description)).raise_for_status().json()["paths"]
+            paths = (await client.get(prefix + description)).raise_for_status().json()["paths"]
             self.routes += [
-                (client, method.upper(), path)
+                (client, method.upper(), prefix + path)
                 for path, operations in paths.items()
                 for method in operations
                 if not path.endswith("/events")
             ]
             self.routes += [(client, *each) for each in BEYOND]
 
-    def say(self) -> bytes:
-        """Publish something; gives what it was."""
+    def say(self) -> None:
+        """Publish something."""
         topic, payload = self._chance.choice(self._ways)()
+        self._own.add(payload)
         self._site.wire.publish(topic, payload, qos=self._chance.choice([0, 1]))
         self.topics.add(topic.rsplit("/", 1)[1])
-        return payload
 
-    async def ask(self, number: int, payload: bytes) -> httpx.Response | None:
+    async def ask(self, number: int) -> httpx.Response | None:
         """Send a request to each route in turn; None: no such request can be made."""
         client, method, path = self.routes[number % len(self.routes)]
-        path = re.sub(r"\{\w+\}", lambda _: self._chance.choice(NAMES), path) + self._chance.choice(
-            ODD_QUERIES
-        )
+        path = re.sub(r"\{\w+\}", lambda _: self._chance.choice(NAMES), path)
         headers = {"content-type": self._chance.choice(CONTENT_TYPES)}
         try:
-            return await client.request(method, path, content=broken(payload), headers=headers)
+            return await client.request(
+                method, path + self._chance.choice(ODD_QUERIES), content=self._body(), headers=headers
+            )
         except httpx.InvalidURL:
             return None
 
     def _to_strangers(self) -> Said:
         """Say a damaged message beside where it belongs, or an old one as it was."""
         kind, payload = self._any()
-        first = [f"{self._site.interface}/{version}" for version in ("v2", "v3", "v9")]
-        strange = [f"{each}/{robot}/{kind}" for each in first for robot in STRANGERS]
-        beside = [f"{self._site.interface}/v2/{kind}", f"{self._site.interface}/v3/NeNa/loop-1/{kind}"]
-        return self._chance.choice([*strange, *beside]), damaged(payload, self._chance)
+        robot = self._chance.choice((*STRANGERS, "NeNa/loop-1"))
+        interface = self._chance.choice(INTERFACES[1:] if robot == "NeNa/loop-1" else INTERFACES)
+        return f"{interface}/{robot}/{kind}", damaged(payload, self._chance)
 
     def _under_a_robots_name(self) -> Said:
-        """Say what is no message at all: what is one is what the robot says, or has to do."""
+        """Say what is no message: what is one is what the robot says, or has to do."""
         kind, payload = self._any()
-        return self._of_a_robot(kind), broken(damaged(payload, self._chance))
+        return self._of_a_robot(kind), unfit(damaged(payload, self._chance))
 
     def _to_services(self) -> Said:
         """Ask as a host does, or tell as the order service does, what has no sense."""
-        odd = json.dumps(self._chance.choice(VALUES)).encode()
-        return self._chance.choice(self._host_topics), self._chance.choice((odd, broken(odd)))
+        return self._chance.choice(self._host_topics), self._body()
+
+    def _beside_the_standard(self) -> Said:
+        """Say what NeNa's parts say to each other, and what tells a loopback robot how to be."""
+        control = f"{self._site.interface}/loopback/NeNa/loop-1/control"
+        return self._chance.choice((self._of_a_robot("nena/map"), control)), self._body()
 
     def _again(self) -> Said:
-        """Say again what a robot has said before, with its old header."""
-        kind = self._chance.choice(REPEATED)
-        topic = self._of_a_robot(kind)
-        said = [each.payload for each in self._site.wire.received(topic) if each.payload]
-        return topic, self._chance.choice(said) if said else b"{}"
+        """Say again what was said before, with its old header."""
+        topic = self._of_a_robot(self._chance.choice(REPEATED))
+        said = [each.payload for each in self._site.wire.received(topic) if each.payload not in self._own]
+        return topic, self._chance.choice([each for each in said if each] or [b"{}"])
+
+    def _body(self) -> bytes:
+        """Give a body of what hosts say, or nothing like it."""
+        if self._chance.random() < 1 / 3:
+            return json.dumps(self._chance.choice(VALUES)).encode()
+        return damaged(json.dumps(self._chance.choice(BODIES)).encode(), self._chance)
 
     def _any(self) -> Said:
         """Give the last level of a topic, and what was said there once."""
@@ -123,9 +146,15 @@ class Enemy:
         return f"{self._site.interface}/v2/NeNa/{self._chance.choice(self._site.serials)}/{kind}"
 
 
-def broken(payload: bytes) -> bytes:
-    """Make sure that it is no valid message."""
-    return payload[:-1] + b"\xff" if payload else b"\xff"
+def unfit(payload: bytes) -> bytes:
+    """Make sure that nobody can take it for a message: its header does not fit."""
+    try:
+        message = json.loads(payload)
+    except (ValueError, RecursionError):
+        return payload
+    if isinstance(message, dict):
+        message["headerId"] = []
+    return json.dumps(message).encode()
 
 
 def _recorded() -> dict[str, list[bytes]]:

@@ -216,7 +216,7 @@ class Site:
             f"[[loopback.starts]]\nx = {x}\ny = {y}\n" for x, y in map(start_of, range(self._layout.loopback))
         )
         more = f'driver = "loopback"\n{self._agent("loop")}{LOOPBACK_PART.format(speed=SPEED, starts=starts)}'
-        more = more.replace("[loopback]\n", f"[loopback]\ncount = {self._layout.loopback}\n")
+        more = more.replace("[loopback]\n", f"[loopback]\ncontrol = true\ncount = {self._layout.loopback}\n")
         return self._robot("loopback", more)
 
     def start_single(self, serial: str, *, at: tuple[float, float], machine: str) -> Program:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from http import HTTPStatus
 from random import Random
@@ -18,6 +19,8 @@ pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.timeout(1800)]
 
 HTTP_SHARE = 10
 """One request for so many messages."""
+SWITCHED_OFF = "/api/v1/control"
+"""Where the aggregator says that it has no order service to ask, 503."""
 
 
 async def test_nobody_is_impressed(trial: Callable[..., Any]) -> None:
@@ -26,13 +29,34 @@ async def test_nobody_is_impressed(trial: Callable[..., Any]) -> None:
         async with httpx.AsyncClient(base_url=running.site.aggregator_url, timeout=60) as aggregator:
             await enemy.look_around(aggregator)
             for number in range(HOSTILE_MESSAGES):
-                payload = enemy.say()
+                enemy.say()
                 if number % HTTP_SHARE == 0:
-                    answer = await enemy.ask(number // HTTP_SHARE, payload)
-                    assert answer is None or answer.status_code != HTTPStatus.INTERNAL_SERVER_ERROR, (
-                        answer.text
-                    )
-        await running.recovers("hostile messages")
+                    assert_answered(await enemy.ask(number // HTTP_SHARE))
+            await running.recovers("hostile messages")
+            metrics = (await aggregator.get("/metrics")).raise_for_status().text
 
     assert len(enemy.routes) <= HOSTILE_MESSAGES / HTTP_SHARE, "each route is asked"
-    assert enemy.topics >= {*Topic, "create", "withdraw", "putZoneSet", "status", "plantModel"}
+    assert enemy.topics >= {
+        *Topic,
+        "create",
+        "withdraw",
+        "putZoneSet",
+        "status",
+        "plantModel",
+        "map",
+        "control",
+    }
+    for sign in ('malformed_total{topic="state"}', 'ignored_total{reason="repeated",topic="state"}'):
+        assert count(metrics, f"nena_messages_{sign}") > 0
+
+
+def assert_answered(answer: httpx.Response | None) -> None:
+    """See that a request was answered, and no failure of the service."""
+    if answer is not None and not answer.request.url.path.startswith(SWITCHED_OFF):
+        assert answer.status_code < HTTPStatus.INTERNAL_SERVER_ERROR, f"{answer.request.url}: {answer.text}"
+
+
+def count(metrics: str, sign: str) -> float:
+    """Give the value of a metric, 0 where there is none."""
+    found = re.search(rf"^{re.escape(sign)} (\S+)$", metrics, re.MULTILINE)
+    return float(found[1]) if found else 0.0
