@@ -74,19 +74,24 @@ def fleet(broker: Broker, interface_name: str, tmp_path: Path) -> Iterator[Fleet
         yield made
 
 
-async def test_the_order_service(fleet: Fleet) -> None:
+async def order_service(fleet: Fleet) -> str:
+    """Start one with a robot; give its address."""
     fleet.agent()
     service = fleet.order_service("--http.burst", 1_000_000)
     async with await service.client() as client:
-        url = str(client.base_url).rstrip("/")
-
-    assert ask_everything(url, "/openapi.json") > 8
+        return str(client.base_url).rstrip("/")
 
 
-async def test_the_status_aggregator(broker: Broker, interface_name: str) -> None:
-    port = free_port()
-    addresses = ("--http.port", str(port), "--mqtt.port", str(broker.port), "--http.burst", "1000000")
-    with AggregatorProcess(*addresses, "--interface_name", interface_name) as aggregator:
+@pytest.mark.parametrize("mount", ["", "/opentcs"])
+async def test_the_order_service(fleet: Fleet, mount: str) -> None:
+    assert ask_everything(f"{await order_service(fleet)}{mount}", "/openapi.json") > 8
+
+
+async def test_the_status_aggregator(fleet: Fleet) -> None:
+    port, url = free_port(), await order_service(fleet)
+    addresses = ("--http.port", str(port), "--mqtt.port", str(fleet.broker.port), "--http.burst", "1000000")
+    names = ("--interface_name", fleet.interface, "--order_service.url", url)
+    with AggregatorProcess(*addresses, *names) as aggregator:
         await aggregator.logged("broker connected")
 
         assert ask_everything(f"http://127.0.0.1:{port}", "/api/v1/openapi.json") > 8

@@ -1,7 +1,9 @@
-"""What an interface says of its errors: each is a problem (RFC 9457), whatever the operation."""
+"""What an interface says of its errors: all have one form, as problems (RFC 9457) do."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from fastapi import FastAPI
@@ -25,7 +27,25 @@ def describe_problems(app: FastAPI) -> None:
 
     Errors that a route describes by their exact status stay as they are described.
     """
+    _, known = models_json_schema([(Problem, "serialization")], ref_template=REFERENCES)
+    describe_errors(app, MEDIA_TYPE, {"$ref": REFERENCES.format(model=Problem.__name__)}, known["$defs"])
+
+
+def describe_errors(
+    app: FastAPI, media_type: str, schema: dict[str, Any], parts: Mapping[str, Any] = MappingProxyType({})
+) -> None:
+    """Have the description tell of errors at each operation, with bodies of one form.
+
+    Args:
+        app: is described.
+        media_type: of every error.
+        schema: of every error; may refer to ``parts``.
+        parts: schemas by their names.
+
+    """
     plain = app.openapi
+    content = {media_type: {"schema": schema}}
+    errors = {status: {"description": text, "content": content} for status, text in ERRORS.items()}
 
     def described() -> dict[str, Any]:
         document = plain()
@@ -33,15 +53,9 @@ def describe_problems(app: FastAPI) -> None:
             for method in METHODS & path.keys():
                 responses = path[method]["responses"]
                 responses.pop(VALIDATION, None)
-                responses |= {status: _problem(text) for status, text in ERRORS.items()}
+                responses |= errors
         schemas = document.setdefault("components", {}).setdefault("schemas", {})
-        _, known = models_json_schema([(Problem, "serialization")], ref_template=REFERENCES)
-        schemas |= known["$defs"]
+        schemas |= parts
         return document
 
     app.openapi = described  # type: ignore[method-assign]
-
-
-def _problem(text: str) -> dict[str, Any]:
-    schema = {"$ref": REFERENCES.format(model=Problem.__name__)}
-    return {"description": text, "content": {MEDIA_TYPE: {"schema": schema}}}

@@ -122,6 +122,13 @@ async def test_unknown_routes_are_told_in_the_same_form(client: httpx.AsyncClien
     assert (answer.status_code, answer.json()) == (404, ["Not Found"])
 
 
+async def test_a_name_with_a_line_end_is_a_name(client: httpx.AsyncClient) -> None:
+    answer = await client.get("/opentcs/v1/transportOrders/a%0Ab")
+
+    assert (answer.status_code, len(answer.json())) == (404, 1)
+    assert isinstance(answer.json(), list)
+
+
 async def test_fault_gives_no_inside_view(client: httpx.AsyncClient, failing_create: str) -> None:
     answer = await client.post(f"{API}/transportOrders/T-1", json=BODY)
     assert answer.status_code == 500

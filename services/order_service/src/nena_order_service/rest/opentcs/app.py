@@ -94,7 +94,7 @@ def _orders(requests: HostRequests, dispatch: Callable[[], None]) -> APIRouter:
         orders = [TransportOrderState.of(each.status) for each in found]
         return Response(_ORDERS.dump_json(orders, by_alias=True), media_type="application/json")
 
-    @router.post("/dispatcher/trigger")
+    @router.post("/dispatcher/trigger", response_class=Response)
     async def trigger() -> Response:
         dispatch()
         return _done()
@@ -110,7 +110,7 @@ def _orders(requests: HostRequests, dispatch: Callable[[], None]) -> APIRouter:
             raise NameTakenError(name)
         return _json(TransportOrderState.of(order))
 
-    @router.post("/{name}/withdrawal")
+    @router.post("/{name}/withdrawal", response_class=Response)
     async def withdraw(name: str) -> Response:
         await requests.withdraw(name, REASON)
         return _done()
@@ -134,19 +134,19 @@ def _vehicles(requests: HostRequests, plant: PlantModel) -> APIRouter:
     async def show(name: str) -> Response:
         return _json(VehicleState.of(requests.vehicle(name), models.get(name)))
 
-    @router.post("/{name}/withdrawal")
+    @router.post("/{name}/withdrawal", response_class=Response)
     async def withdraw(name: str) -> Response:
         order = requests.vehicle(name).transport_order
         if order is not None:
             await requests.withdraw(order, REASON)
         return _done()
 
-    @router.post("/{name}/rerouteRequest")
+    @router.post("/{name}/rerouteRequest", response_class=Response)
     async def reroute(name: str, *, forced: bool = False) -> Response:
         await requests.reroute(name, ReroutingType.FORCED if forced else ReroutingType.REGULAR)
         return _done()
 
-    @router.put("/{name}/paused")
+    @router.put("/{name}/paused", response_class=Response)
     async def pause(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> Response:
         request = InstantActionRequest(action_type="pause" if new_value else "resume")
         told = await vehicle_commands.instant_action(requests, name, request)
@@ -159,12 +159,12 @@ def _vehicles(requests: HostRequests, plant: PlantModel) -> APIRouter:
 
 
 def _add_order_types(router: APIRouter, requests: HostRequests) -> None:
-    @router.put("/{name}/acceptableOrderTypes")
+    @router.put("/{name}/acceptableOrderTypes", response_class=Response)
     async def accept(name: str, body: AcceptableOrderTypes) -> Response:
         await requests.accept_order_types(name, body.acceptable_order_types)
         return _done()
 
-    @router.put("/{name}/allowedOrderTypes")
+    @router.put("/{name}/allowedOrderTypes", response_class=Response)
     async def allow(name: str, body: AllowedOrderTypes) -> Response:
         await requests.accept_order_types(name, body.acceptable())
         return _done()
@@ -173,12 +173,12 @@ def _add_order_types(router: APIRouter, requests: HostRequests) -> None:
 def _plant(locks: PathLocks, dispatch: Callable[[], None]) -> APIRouter:
     router = APIRouter()
 
-    @router.post("/dispatcher/trigger")
+    @router.post("/dispatcher/trigger", response_class=Response)
     async def trigger() -> Response:
         dispatch()
         return _done()
 
-    @router.put("/paths/{name:path}/locked")
+    @router.put("/paths/{name:path}/locked", response_class=Response)
     async def lock(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> Response:
         await locks.set(name, locked=new_value)
         return _done()

@@ -13,6 +13,7 @@ from starlette.exceptions import HTTPException
 from nena_order_service.problems import FORESEEN, problem_of
 from nena_shared.log import get_logger
 from nena_shared.misfits import in_words
+from nena_shared.web.described import describe_errors
 
 log = get_logger(__name__)
 
@@ -31,7 +32,8 @@ def answer(status: int, reasons: tuple[str, ...], headers: dict[str, str] | None
 
 
 def install(app: FastAPI) -> None:
-    """Let every error of ``app`` be answered as openTCS does."""
+    """Let every error of ``app`` be answered, and described, as openTCS does."""
+    describe_errors(app, "application/json", {"type": "array", "items": {"type": "string"}})
 
     @app.exception_handler(RequestValidationError)
     async def malformed(_request: Request, error: RequestValidationError) -> Response:

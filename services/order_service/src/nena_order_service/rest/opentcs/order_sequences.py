@@ -102,7 +102,7 @@ def make_router(requests: SequenceRequests) -> APIRouter:
             raise SequenceNameTakenError(name)
         return _answer(sequence)
 
-    @router.put("/{name}/complete")
+    @router.put("/{name}/complete", response_class=Response)
     async def complete(name: str) -> Response:
         await requests.complete(name)
         return Response(status_code=HTTPStatus.OK)
