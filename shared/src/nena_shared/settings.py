@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import os
 import re
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -27,6 +26,7 @@ from pydantic_settings import (
     SettingsError,
 )
 
+from nena_shared import toml_text
 from nena_shared.misfits import path_of, words_of
 
 S = TypeVar("S", bound="ProgramSettings")
@@ -203,6 +203,9 @@ def load(model: type[S], argv: Sequence[str], *, program: str, description: str)
         return _build(model, command_line, from_file)
     except SettingsError as error:
         raise ConfigurationError([_unread(error)]) from error
+    except RecursionError as error:
+        message = "settings: a list or table in the environment or an option is nested too deep"
+        raise ConfigurationError([message]) from error
 
 
 def _config_only_parser(program: str) -> argparse.ArgumentParser:
@@ -214,11 +217,10 @@ def _config_only_parser(program: str) -> argparse.ArgumentParser:
 
 def _read_file(path: Path) -> dict[str, Any]:
     try:
-        with path.open("rb") as file:
-            return tomllib.load(file)
+        return toml_text.parse(path.read_bytes())
     except OSError as error:
         raise ConfigurationError([f"config: cannot read {path}: {error.strerror}"]) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except toml_text.NoTomlError as error:
         raise ConfigurationError([f"config: {path} is no TOML: {error}"]) from error
 
 

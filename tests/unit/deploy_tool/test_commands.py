@@ -91,6 +91,16 @@ def test_a_new_certificate_takes_the_place_of_the_old_one(site: Path) -> None:
     assert run("host", "remove", site, "wms").exit_code == 0
 
 
+@pytest.mark.parametrize("content", ["{", "[" * 100_000, f'{{"hosts": {[5] * 10_000}}}', "null"])
+def test_a_register_that_is_damaged_is_told_in_a_line(site: Path, content: str) -> None:
+    (site / "site.json").write_text(content)
+    done = run("list", site)
+
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.stderr[:1000]
+    assert "is no site of nena-deploy (site.json: " in done.stderr
+    assert len(done.stderr) < 1000
+
+
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [

@@ -3,6 +3,7 @@ from __future__ import annotations
 import errno
 import os
 from pathlib import Path
+from zlib import crc32
 
 import pytest
 
@@ -152,6 +153,15 @@ def test_a_damaged_record_is_never_guessed_at(tmp_path: Path, content: str) -> N
     (tmp_path / FILE).write_text(content)
 
     with pytest.raises(UnreadableJournalError, match=f"is damaged: remove {tmp_path / FILE} and start"):
+        Journal(tmp_path, ROBOT).read()
+
+
+def test_a_record_that_is_whole_and_nested_deep_is_told(tmp_path: Path) -> None:
+    rest = b"1\n" + b"[" * 100_000
+    half = b"%08x " % crc32(rest) + rest
+    (tmp_path / FILE).write_bytes(half + b" " * len(half))
+
+    with pytest.raises(UnreadableJournalError, match="is damaged"):
         Journal(tmp_path, ROBOT).read()
 
 

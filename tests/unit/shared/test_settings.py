@@ -29,6 +29,17 @@ class Example(ServiceSettings):
     http: HttpSettings = Field(default_factory=lambda: HttpSettings(port=8080), description="The door.")
 
 
+UNREADABLE = (
+    b"colour =\n",
+    b"\xff\xfe",
+    b"a = " + b"[" * 500,
+    b"a = " + b"{a = " * 500,
+    b"a = " + b"1" * 5000,
+    b"a = {%b = 1, %b = 2}" % (b"x" * 10_000, b"x" * 10_000),
+)
+"""No TOML; more than one of them is refused by Python and not by its TOML library."""
+
+
 @pytest.fixture
 def toml(tmp_path: Path) -> Path:
     return tmp_path / "settings.toml"
@@ -154,11 +165,13 @@ def test_file_that_is_not_there(toml: Path) -> None:
     assert problems("--config", str(toml)) == (f"config: cannot read {toml}: No such file or directory",)
 
 
-@pytest.mark.parametrize("content", [b"colour =\n", b"\xff\xfe"])
+@pytest.mark.parametrize("content", UNREADABLE)
 def test_file_that_is_no_toml(toml: Path, content: bytes) -> None:
     toml.write_bytes(content)
 
-    assert problems("--config", str(toml))[0].startswith(f"config: {toml} is no TOML: ")
+    (problem,) = problems("--config", str(toml))
+    assert problem.startswith(f"config: {toml} is no TOML: ")
+    assert len(problem) < 1000
 
 
 def test_config_without_a_file_is_told_by_the_program(capsys: pytest.CaptureFixture[str]) -> None:
@@ -172,6 +185,12 @@ def test_bad_json_in_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NENA_MQTT", "{")
 
     assert problems()[0].startswith("NENA_MQTT: cannot be read")
+
+
+def test_json_in_the_environment_that_is_nested_deep(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NENA_MQTT", '{"a":' * 5000)
+
+    assert problems() == ("settings: a list or table in the environment or an option is nested too deep",)
 
 
 def test_password_comes_from_its_file_without_the_line_end(tmp_path: Path) -> None:

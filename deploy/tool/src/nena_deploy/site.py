@@ -15,6 +15,7 @@ from nena_deploy.authority import Authority, Pair, utc_now, write_secret
 from nena_deploy.broker_configuration import broker_configuration
 from nena_deploy.identity import Identity, IdentityError, Kind
 from nena_deploy.topics import SiteTopics
+from nena_shared.misfits import in_words, shortened
 
 SERVICES = (Kind.ORDER_SERVICE, Kind.STATUS_AGGREGATOR)
 
@@ -114,8 +115,10 @@ class Site:
         try:
             register = _Register.model_validate_json((folder / "site.json").read_bytes())
             authority = Authority.load(folder / "authority" / "ca.pem", folder / "authority" / "ca-key.pem")
-        except (OSError, ValidationError, ValueError, TypeError) as error:
-            message = f"{folder} is no site of nena-deploy ({error}). Make one with `nena-deploy init`."
+        except (OSError, ValueError, TypeError) as error:
+            message = (
+                f"{folder} is no site of nena-deploy ({_reason(error)}). Make one with `nena-deploy init`."
+            )
             raise SiteError(message) from error
         return cls(folder, register, authority)
 
@@ -178,6 +181,13 @@ class Site:
         _replace(broker / "access.list", access_list(self, self._register.topics).encode())
         _replace(broker / "revoked.pem", revoked)
         _replace(self.folder / "site.json", self._register.model_dump_json(indent=2).encode())
+
+
+def _reason(error: Exception) -> str:
+    """Say in a line why a site cannot be read."""
+    if isinstance(error, ValidationError):
+        return f"site.json: {in_words(error.errors()[:1], whole='all of it')[0]}"
+    return shortened(str(error))
 
 
 def _replace(path: Path, content: bytes) -> None:

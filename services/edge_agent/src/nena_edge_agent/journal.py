@@ -92,7 +92,7 @@ class Journal:
         except OSError as error:
             message = f"the journal cannot be read ({error.strerror}): {remedy}"
             raise UnreadableJournalError(message) from error
-        except (ValueError, TypeError) as error:
+        except (ValueError, TypeError, RecursionError) as error:
             message = f"the journal is damaged: {remedy}"
             raise UnreadableJournalError(message) from error
         message = f"the journal is of another version of the agent: install that one again, or {remedy}"

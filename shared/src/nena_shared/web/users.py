@@ -17,14 +17,14 @@ import os
 import re
 import secrets
 import stat
-import tomllib
 from collections.abc import Iterable
 from enum import IntEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
+from nena_shared import toml_text
 from nena_shared.log import get_logger
 from nena_shared.misfits import in_words
 from nena_shared.settings import ConfigurationError
@@ -107,11 +107,10 @@ def read_users(path: Path) -> tuple[User, ...]:
 
     """
     try:
-        found: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-        users = _File.model_validate(found).user
+        users = _File.model_validate(toml_text.parse(path.read_bytes())).user
     except OSError as error:
         raise ConfigurationError([f"http.users: {path}: {error.strerror}"]) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except toml_text.NoTomlError as error:
         raise ConfigurationError([f"http.users: {path} is no TOML: {error}"]) from error
     except ValidationError as error:
         problems = in_words(error.errors(), whole="the file")

@@ -58,8 +58,13 @@ def test_a_mistake_is_told_in_a_line(
 def test_parameters_are_those_of_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["wait", "--parameters", '{"duration": "long"}', "--patience", "1"]) == 0
     assert "not seen  Check beforehand: action 'wait': parameter 'duration'" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("parameters", ["[1]", "{", "[" * 100_000])
+def test_parameters_that_are_none_are_refused(parameters: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        main(["wait", "--parameters", "[1]"])
+        main(["wait", "--parameters", parameters])
+    assert "argument --parameters: " in capsys.readouterr().err
 
 
 def test_what_is_broken_comes_with_what_to_do() -> None:

@@ -49,13 +49,14 @@ async def test_a_message_or_its_inside_is_read(files: Files, *, whole: bool) -> 
     assert [each.zone_id for each in report.zone_set.zones] == ["wall"]
 
 
-@pytest.mark.parametrize("content", [b"", b"[]", b"{}", b'"x"', b"\xff", b'{"zoneSet": 3}'])
+@pytest.mark.parametrize("content", [b"", b"[]", b"{}", b'"x"', b"\xff", b'{"zoneSet": 3}', b"[" * 100_000])
 async def test_what_is_no_zone_set_fails(files: Files, content: bytes) -> None:
     report = await fetch(files.put("/zones", content))
 
     assert report.status is ActionStatus.FAILED
     assert report.zone_set is None
     assert report.result
+    assert "plug-in" not in report.result
 
 
 async def test_another_zone_set_than_was_named_fails(files: Files) -> None:

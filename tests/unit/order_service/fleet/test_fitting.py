@@ -172,6 +172,7 @@ def test_a_demanded_speed_that_nobody_knows_is_a_problem() -> None:
         (ValueDataType.NUMBER, "nan", "nan"),
         (ValueDataType.BOOL, "perhaps", "perhaps"),
         (ValueDataType.ARRAY, "[1,", "[1,"),
+        (ValueDataType.ARRAY, "[" * 100_000, "[" * 100_000),
         (ValueDataType.ARRAY, "1", "1"),
     ],
 )

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import json
 import sys
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from pydantic import JsonValue
+from pydantic_core import from_json
 
 from nena_edge_agent.actions.contract import CHECKS, Check, Finding, Verdict, examine
 from nena_edge_agent.actions.dry_ports import DryDrive, DryRos
@@ -156,7 +156,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _parameters(text: str) -> dict[str, JsonValue]:
-    value: JsonValue = json.loads(text)
+    value: JsonValue = from_json(text)
     if not isinstance(value, dict):
         message = "give a JSON object"
         raise argparse.ArgumentTypeError(message)

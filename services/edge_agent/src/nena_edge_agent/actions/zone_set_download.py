@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from datetime import UTC, datetime
 from functools import partial
+from typing import Any
 
 from nena_edge_agent.actions.background import BackgroundAction, WorkFailedError
 from nena_edge_agent.actions.plugin import Report, RunningAction
@@ -70,7 +71,7 @@ class ZoneSetDownload:
             MalformedMessageError: it is no zone set.
 
         """
-        found = json.loads(content)
+        found = _parsed(content)
         inner = found.get(ENVELOPE, found) if isinstance(found, dict) else found
         header = {
             "headerId": 0,
@@ -81,3 +82,17 @@ class ZoneSetDownload:
         }
         message = json.dumps(header | {ENVELOPE: inner}).encode()
         return self._codec.decode(ZoneSetTransfer, message).zone_set
+
+
+def _parsed(content: bytes) -> Any:  # noqa: ANN401 - anything that JSON holds
+    """Read JSON in any of its encodings.
+
+    Raises:
+        ValueError: it is none.
+
+    """
+    try:
+        return json.loads(content)
+    except RecursionError as error:
+        message = "objects or arrays are nested too deep"
+        raise ValueError(message) from error

@@ -12,6 +12,7 @@ from nena_edge_agent.durability import sync_folder
 from nena_edge_agent.ros.address import RosAddress
 from nena_edge_agent.ros.settings import RosSettings
 from nena_shared.log import get_logger
+from nena_shared.misfits import shortened
 from nena_shared.vda5050.topics import RobotKey
 
 log = get_logger(__name__)
@@ -41,7 +42,9 @@ class SessionStore:
         except FileNotFoundError:
             return own
         except (OSError, ValidationError) as error:
-            log.warning("the kept ROS address cannot be read", file=str(self._file), reason=str(error))
+            log.warning(
+                "the kept ROS address cannot be read", file=str(self._file), reason=shortened(str(error))
+            )
             return own
         if record.instead_of != own:
             log.warning("the kept ROS address counts no more: the settings have changed", settings=str(own))

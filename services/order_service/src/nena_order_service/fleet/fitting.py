@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from itertools import pairwise
@@ -11,6 +10,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from pydantic import JsonValue
+from pydantic_core import from_json
 
 from nena_order_service.fleet.abilities import Abilities
 from nena_order_service.fleet.mission import Mission
@@ -169,7 +169,7 @@ def _boolean(text: str) -> bool:
 
 
 def _json(text: str) -> JsonValue:
-    value: JsonValue = json.loads(text)
+    value: JsonValue = from_json(text)  # refuses what is nested deeper than messages may be
     return value if isinstance(value, dict | list) else text
 
 

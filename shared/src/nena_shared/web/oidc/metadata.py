@@ -6,9 +6,11 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from nena_shared.misfits import in_words
+from nena_shared.misfits import in_words, shortened
 from nena_shared.web.oidc.errors import IssuerAwayError
 from nena_shared.web.oidc.settings import ProtectedUrl
+
+PROBLEMS_SHOWN = 5
 
 
 class Metadata(BaseModel):
@@ -38,10 +40,10 @@ def metadata_of(document: dict[str, Any], issuer: str) -> Metadata:
     try:
         found = Metadata.model_validate(document)
     except ValidationError as error:
-        problems = "; ".join(in_words(error.errors(), whole="all of it"))
+        problems = "; ".join(in_words(error.errors()[:PROBLEMS_SHOWN], whole="all of it"))
         message = f"{place_of(issuer)} is not what it has to be: {problems}"
         raise IssuerAwayError(message) from error
     if found.issuer != issuer:
-        message = f"it calls itself {found.issuer!r}: write http.oidc.issuer in just this way"
+        message = f"it calls itself {shortened(repr(found.issuer))}: write http.oidc.issuer in just this way"
         raise IssuerAwayError(message)
     return found

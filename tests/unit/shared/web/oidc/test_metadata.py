@@ -32,8 +32,11 @@ def test_only_what_is_needed_is_read() -> None:
         ({"jwks_uri": "file:///etc/passwd"}, "jwks_uri"),
         ({"jwks_uri": None}, "jwks_uri"),
         ({"token_endpoint": 5}, "token_endpoint"),
+        ({"issuer": "x" * 100_000}, "write http.oidc.issuer in just this way"),
+        ({"token_endpoint_auth_methods_supported": [5] * 10_000}, "token_endpoint_auth_methods"),
     ],
 )
 def test_a_description_that_does_not_fit_says_why(change: dict[str, Any], reason: str) -> None:
-    with pytest.raises(IssuerAwayError, match=reason):
+    with pytest.raises(IssuerAwayError, match=reason) as caught:
         metadata_of({**GOOD, **change}, ISSUER)
+    assert len(str(caught.value)) < 1000
