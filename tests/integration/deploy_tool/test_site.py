@@ -3,129 +3,35 @@
 from __future__ import annotations
 
 import asyncio
-import getpass
 import shutil
 import signal
 import ssl
-import subprocess
-from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import pytest
 
 from nena_deploy.identity import Kind
 from nena_deploy.site import Site
-from nena_deploy.topics import SiteTopics
 from nena_edge_agent.client_id import client_id_of
-from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.mqtt.tls import tls_context
-from nena_shared.settings import MqttSettings, MqttTlsSettings
+from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.topics import RobotKey
-from support.broker import free_port, mosquitto
+from support.running_site import (
+    AGGREGATOR,
+    HOST,
+    ORDER_SERVICE,
+    ROBOT_1,
+    ROBOT_2,
+    Client,
+    RunningSite,
+    connected,
+)
 from support.waiting import PATIENCE, until
 
 pytestmark = pytest.mark.broker
 
-ROBOT_1 = (Kind.ROBOT, "ACME/1")
-ROBOT_2 = (Kind.ROBOT, "ACME/2")
-HOST = (Kind.HOST, "wms")
-ORDER_SERVICE = (Kind.ORDER_SERVICE, "order-service")
-AGGREGATOR = (Kind.STATUS_AGGREGATOR, "status-aggregator")
 
-
-class Client:
-    """Somebody at the site's broker, and what came to it."""
-
-    def __init__(self, settings: MqttSettings, name: str, *filters: str) -> None:
-        self.link = MqttLink(settings, client_id=name)
-        self.came: list[Inbound] = []
-        for each in filters:
-            self.link.subscribe(each, self.came.append)
-
-    def publish(self, *topics: str) -> None:
-        """Publish under each topic; the payload is the topic."""
-        for topic in topics:
-            self.link.publish(Outbound(topic, topic.encode()))
-
-    @property
-    def topics(self) -> list[str]:
-        """Under which topics something came."""
-        return [each.topic for each in self.came]
-
-
-class Running:
-    """A site with its broker."""
-
-    def __init__(self, folder: Path) -> None:
-        self.port = free_port()
-        data = folder / "data"
-        data.mkdir()
-        self.site = Site.new(
-            folder / "site",
-            hosts=("127.0.0.1",),
-            port=self.port,
-            topics=SiteTopics(),
-            days=1,
-            data_folder=PurePosixPath(data),
-        )
-        for kind, name in (ROBOT_1, ROBOT_2, HOST):
-            self.site.add(kind, name, days=1)
-        self._configuration = folder / "mosquitto.conf"
-        made = (self.site.folder / "broker" / "mosquitto.conf").read_text()
-        own = f"user {getpass.getuser()}\nlistener {self.port} 127.0.0.1"
-        self._configuration.write_text(made.replace(f"listener {self.port}", own))
-        self.process = self._start()
-
-    def restart(self) -> None:
-        """End the broker, and start it with what the site has now."""
-        self.end()
-        self.process = self._start()
-
-    def end(self) -> None:
-        self.process.send_signal(signal.SIGTERM)
-        self.process.wait(PATIENCE)
-
-    def folder_of(self, kind: Kind, name: str) -> Path:
-        identity = next(each for each in self.site if (each.kind, each.name) == (kind, name))
-        return self.site.folder_of(identity)
-
-    def settings_in(self, folder: Path) -> MqttSettings:
-        tls = MqttTlsSettings(
-            ca=folder / "ca.pem", certificate=folder / "certificate.pem", key=folder / "key.pem"
-        )
-        return MqttSettings(port=self.port, tls=tls, reconnect_min=0.05, reconnect_max=0.2)
-
-    @asynccontextmanager
-    async def client(self, who: tuple[Kind, str], *filters: str) -> AsyncIterator[Client]:
-        """Be somebody, until the block ends."""
-        async with connected(Client(self.settings_in(self.folder_of(*who)), who[1], *filters)) as client:
-            await until(lambda: client.link.state.connected, what=f"{who[1]} is let in")
-            yield client
-
-    def _start(self) -> subprocess.Popen[bytes]:
-        command = [mosquitto(), "-c", str(self._configuration)]
-        return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-
-
-@asynccontextmanager
-async def connected(client: Client) -> AsyncIterator[Client]:
-    task = asyncio.create_task(client.link.run())
-    try:
-        yield client
-    finally:
-        task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
-
-
-@pytest.fixture
-def running(tmp_path: Path) -> Iterator[Running]:
-    made = Running(tmp_path)
-    yield made
-    made.end()
-
-
-async def test_the_main_job_is_possible(running: Running) -> None:
+async def test_the_main_job_is_possible(running: RunningSite) -> None:
     """Orders reach the robot that they are for, and its states everybody who is to see them."""
     state, order = "vda5050/v3/ACME/1/state", "vda5050/v3/ACME/1/order"
     asked, told = "nena/v1/hosts/wms/transportOrders/create", "nena/v1/transportOrders/T/status"
@@ -145,7 +51,7 @@ async def test_the_main_job_is_possible(running: Running) -> None:
         await until(lambda: state in service.topics and state in aggregator.topics)
 
 
-async def test_its_certificates_stand_the_strictest_look(running: Running) -> None:
+async def test_its_certificates_stand_the_strictest_look(running: RunningSite) -> None:
     """As CPython 3.13 looks at them, whatever runs this test."""
     async with running.client(ROBOT_2):
         pass  # the broker is there
@@ -158,7 +64,7 @@ async def test_its_certificates_stand_the_strictest_look(running: Running) -> No
     writer.close()
 
 
-async def test_a_robot_cannot_command_its_neighbour_or_speak_for_it(running: Running) -> None:
+async def test_a_robot_cannot_command_its_neighbour_or_speak_for_it(running: RunningSite) -> None:
     forbidden = [
         "uagv/v2/ACME/2/order",
         "uagv/v2/ACME/2/instantActions",
@@ -179,7 +85,7 @@ async def test_a_robot_cannot_command_its_neighbour_or_speak_for_it(running: Run
         assert neighbour.came == []
 
 
-async def test_a_robot_does_not_read_the_orders_of_others(running: Running) -> None:
+async def test_a_robot_does_not_read_the_orders_of_others(running: RunningSite) -> None:
     async with (
         running.client(ROBOT_1, "uagv/v2/+/+/order", "#") as robot,
         running.client(ORDER_SERVICE) as service,
@@ -190,7 +96,7 @@ async def test_a_robot_does_not_read_the_orders_of_others(running: Running) -> N
         assert set(robot.topics) == {"uagv/v2/ACME/1/order"}
 
 
-async def test_a_host_neither_commands_robots_nor_speaks_for_another_host(running: Running) -> None:
+async def test_a_host_neither_commands_robots_nor_speaks_for_another_host(running: RunningSite) -> None:
     async with (
         running.client(ORDER_SERVICE, "nena/v1/hosts/#") as service,
         running.client(ROBOT_1, "uagv/v2/ACME/1/order") as robot,
@@ -205,7 +111,7 @@ async def test_a_host_neither_commands_robots_nor_speaks_for_another_host(runnin
         assert robot.came == []
 
 
-async def test_the_aggregator_only_watches(running: Running) -> None:
+async def test_the_aggregator_only_watches(running: RunningSite) -> None:
     async with (
         running.client(ROBOT_1, "uagv/v2/ACME/1/order") as robot,
         running.client(ORDER_SERVICE) as service,
@@ -219,7 +125,7 @@ async def test_the_aggregator_only_watches(running: Running) -> None:
         assert len(robot.came) == 1
 
 
-async def test_who_is_removed_is_not_let_in_again(running: Running, tmp_path: Path) -> None:
+async def test_who_is_removed_is_not_let_in_again(running: RunningSite, tmp_path: Path) -> None:
     shutil.copytree(running.folder_of(*ROBOT_1), tmp_path / "stolen")
     running.site.remove(*ROBOT_1)
     running.restart()
@@ -232,7 +138,7 @@ async def test_who_is_removed_is_not_let_in_again(running: Running, tmp_path: Pa
         assert gone.link.state.connects == 0
 
 
-async def test_who_is_added_has_its_rights_without_a_restart(running: Running) -> None:
+async def test_who_is_added_has_its_rights_without_a_restart(running: RunningSite) -> None:
     new = (Kind.ROBOT, "ACME/3")
     async with running.client(AGGREGATOR, "uagv/v2/#") as watcher:
         running.site.add(*new, days=1)
@@ -245,7 +151,7 @@ async def test_who_is_added_has_its_rights_without_a_restart(running: Running) -
         assert watcher.link.state.connects == 1, "nobody else has noticed"
 
 
-async def test_a_robot_cannot_take_its_neighbours_place_at_the_broker(running: Running) -> None:
+async def test_a_robot_cannot_take_its_neighbours_place_at_the_broker(running: RunningSite) -> None:
     """It knows how client ids are made, and has a key of its own: it makes another id of them."""
     one, two = (running.settings_in(running.folder_of(*each)) for each in (ROBOT_1, ROBOT_2))
     neighbour = RobotKey("ACME", "2")
@@ -262,7 +168,7 @@ async def test_a_robot_cannot_take_its_neighbours_place_at_the_broker(running: R
         assert victim.link.state.connects == 1
 
 
-async def test_a_site_that_was_lost_comes_back_from_its_copy(running: Running, tmp_path: Path) -> None:
+async def test_a_site_that_was_lost_comes_back_from_its_copy(running: RunningSite, tmp_path: Path) -> None:
     """As `docs/operations.md` says: with its modes, and robots notice nothing."""
     stolen = shutil.copytree(running.folder_of(*ROBOT_2), tmp_path / "stolen")
     on_the_robot = shutil.copytree(running.folder_of(*ROBOT_1), tmp_path / "robot")

@@ -1,0 +1,113 @@
+"""A site of nena-deploy at a real Mosquitto that runs with the files of the site, and who is there."""
+
+from __future__ import annotations
+
+import asyncio
+import getpass
+import signal
+import subprocess
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from itertools import count
+from pathlib import Path, PurePosixPath
+
+from nena_deploy.identity import Kind
+from nena_deploy.site import Site
+from nena_deploy.topics import SiteTopics
+from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.settings import MqttSettings, MqttTlsSettings
+from support.broker import free_port, mosquitto
+from support.waiting import PATIENCE, until
+
+ROBOT_1 = (Kind.ROBOT, "ACME/1")
+ROBOT_2 = (Kind.ROBOT, "ACME/2")
+HOST = (Kind.HOST, "wms")
+OTHER_HOST = (Kind.HOST, "mes")
+ORDER_SERVICE = (Kind.ORDER_SERVICE, "order-service")
+AGGREGATOR = (Kind.STATUS_AGGREGATOR, "status-aggregator")
+
+
+class Client:
+    """Somebody at the site's broker, and what came to it."""
+
+    def __init__(self, settings: MqttSettings, name: str, *filters: str) -> None:
+        self.link = MqttLink(settings, client_id=name)
+        self.came: list[Inbound] = []
+        for each in filters:
+            self.link.subscribe(each, self.came.append)
+
+    def publish(self, *topics: str) -> None:
+        """Publish under each topic; the payload is the topic."""
+        for topic in topics:
+            self.link.publish(Outbound(topic, topic.encode()))
+
+    @property
+    def topics(self) -> list[str]:
+        """Under which topics something came."""
+        return [each.topic for each in self.came]
+
+
+class RunningSite:
+    """A site with its broker."""
+
+    def __init__(self, folder: Path) -> None:
+        self.port = free_port()
+        self._numbers = count()
+        data = folder / "data"
+        data.mkdir()
+        self.site = Site.new(
+            folder / "site",
+            hosts=("127.0.0.1",),
+            port=self.port,
+            topics=SiteTopics(),
+            days=1,
+            data_folder=PurePosixPath(data),
+        )
+        for kind, name in (ROBOT_1, ROBOT_2, HOST, OTHER_HOST):
+            self.site.add(kind, name, days=1)
+        self._configuration = folder / "mosquitto.conf"
+        made = (self.site.folder / "broker" / "mosquitto.conf").read_text()
+        own = f"user {getpass.getuser()}\nlistener {self.port} 127.0.0.1"
+        self._configuration.write_text(made.replace(f"listener {self.port}", own))
+        self.process = self._start()
+
+    def restart(self) -> None:
+        """End the broker, and start it with what the site has now."""
+        self.end()
+        self.process = self._start()
+
+    def end(self) -> None:
+        self.process.send_signal(signal.SIGTERM)
+        self.process.wait(PATIENCE)
+
+    def folder_of(self, kind: Kind, name: str) -> Path:
+        identity = next(each for each in self.site if (each.kind, each.name) == (kind, name))
+        return self.site.folder_of(identity)
+
+    def settings_in(self, folder: Path) -> MqttSettings:
+        tls = MqttTlsSettings(
+            ca=folder / "ca.pem", certificate=folder / "certificate.pem", key=folder / "key.pem"
+        )
+        return MqttSettings(port=self.port, tls=tls, reconnect_min=0.05, reconnect_max=0.2)
+
+    @asynccontextmanager
+    async def client(self, who: tuple[Kind, str], *filters: str) -> AsyncIterator[Client]:
+        """Be somebody, until the block ends."""
+        name = f"{who[1]}-{next(self._numbers)}"  # a client id is one connection's
+        async with connected(Client(self.settings_in(self.folder_of(*who)), name, *filters)) as client:
+            await until(lambda: client.link.state.connected, what=f"{who[1]} is let in")
+            yield client
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        command = [mosquitto(), "-c", str(self._configuration)]
+        return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+@asynccontextmanager
+async def connected(client: Client) -> AsyncIterator[Client]:
+    task = asyncio.create_task(client.link.run())
+    try:
+        yield client
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
