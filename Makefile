@@ -95,7 +95,7 @@ fuzz: $(STAMP) broker ## every parser and both HTTP interfaces against damaged a
 IMAGES ?=
 compose-test: $(STAMP) ## build every image, start the stack by docker-compose, have a robot in it do orders
 	$(IMAGES)
-	NENA_COMPOSE_TEST=1 $(BIN)/pytest tests/deploy/test_compose.py tests/deploy/test_image_on_ros.py tests/deploy/test_images_of_others.py
+	NENA_COMPOSE_TEST=1 $(BIN)/pytest tests/deploy/test_compose.py tests/deploy/test_compose_site.py tests/deploy/test_image_on_ros.py tests/deploy/test_images_of_others.py
 
 colcon-test: $(STAMP) broker ## build the edge agent as a ROS package by colcon, and start what that installs
 	@[ -x $(VENV)/colcon/bin/colcon ] || { $(BIN)/python -m venv $(VENV)/colcon && \

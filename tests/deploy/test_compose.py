@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 import pytest
 
-from support.compose import BUILD_SECONDS, Compose, skip_without_docker
+from support.compose import BUILD_SECONDS, IN_POSTGRESQL, Compose, read, skip_without_docker
 from support.waiting import until
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(BUILD_SECONDS)]
@@ -16,7 +16,6 @@ pytestmark = [pytest.mark.e2e, pytest.mark.timeout(BUILD_SECONDS)]
 DEFAULT = {"broker", "order-service", "status-aggregator", "prometheus"}
 ROBOTS = {"robot-simulator", "robot-01", "robot-02"}
 OURS = (DEFAULT | ROBOTS) - {"broker", "prometheus"}
-STARTED_WITHIN = 120.0
 ORDER_WITHIN = 180.0
 
 
@@ -24,7 +23,7 @@ ORDER_WITHIN = 180.0
 def compose() -> Iterator[Compose]:
     """Give the stack with every profile, after a look at what stands in the default one."""
     skip_without_docker()
-    project = Compose()
+    project = Compose(IN_POSTGRESQL)
     try:
         project.run("--profile", "demo", "build", "--quiet", timeout=BUILD_SECONDS)
         project.run("up", "--detach")
@@ -39,44 +38,15 @@ def compose() -> Iterator[Compose]:
 async def healthy(compose: Compose) -> Compose:
     """Give the stack once each health check is content."""
 
-    def all_well() -> bool:
-        health = compose.health()
-        return set(health) == DEFAULT | ROBOTS | {"postgres"} and set(health.values()) == {"healthy"}
-
-    try:
-        await until(all_well, timeout=STARTED_WITHIN, what="health of every container")
-    except AssertionError as error:
-        text = f"{compose.health()}\n{compose.logs()}"
-        raise AssertionError(text) from error
+    await compose.all_healthy(DEFAULT | ROBOTS | {"postgres"})
     return compose
 
 
-def read(url: str, **headers: str) -> Any:
-    """Give what is there as JSON, or None while nothing is."""
-    try:
-        answer = httpx.get(url, headers=headers, timeout=5.0)
-    except httpx.HTTPError:
-        return None
-    return answer.json() if answer.is_success else None
-
-
-def create(compose: Compose, *destinations: tuple[str, str]) -> str:
-    """Create a transport order from locations and what is done there; give its name."""
-    body = {"destinations": [{"locationName": place, "operation": done} for place, done in destinations]}
-    answer = httpx.post(
-        f"{compose.url('REST_PORT')}/v1/transportOrders", json=body, headers=compose.login, timeout=10.0
-    )
-    assert answer.is_success, answer.text
-    name: str = answer.json()["name"]
-    return name
-
-
 async def order_ended(compose: Compose, name: str) -> dict[str, Any]:
-    url = f"{compose.url('REST_PORT')}/v1/transportOrders/{name}"
     final = {"FINISHED", "FAILED", "UNROUTABLE"}
 
     def ended() -> dict[str, Any] | None:
-        order = read(url, **compose.login)
+        order = compose.order(name)
         return order if order and order["state"] in final else None
 
     return await until(ended, timeout=ORDER_WITHIN, what=f"the end of {name}")
@@ -94,7 +64,7 @@ async def stored(compose: Compose, statement: str, row: str) -> None:
 
 
 async def test_a_robot_in_a_container_does_a_transport_order(healthy: Compose) -> None:
-    name = create(healthy, ("Goods in", "Load cargo"), ("Storage", "Unload cargo"))
+    name = healthy.create(("Goods in", "Load cargo"), ("Storage", "Unload cargo"))
 
     order = await order_ended(healthy, name)
 
@@ -103,7 +73,7 @@ async def test_a_robot_in_a_container_does_a_transport_order(healthy: Compose) -
 
 
 async def test_what_was_ordered_survives_a_crash_of_the_order_service(healthy: Compose) -> None:
-    name = create(healthy, ("Packing", "Load cargo"))
+    name = healthy.create(("Packing", "Load cargo"))
 
     healthy.run("kill", "-s", "SIGKILL", "order-service")
     healthy.run("up", "--detach", "order-service")
@@ -163,7 +133,7 @@ def test_the_page_is_served(compose: Compose) -> None:
 
 
 async def test_orders_and_history_are_in_postgresql(healthy: Compose) -> None:
-    name = create(healthy, ("Goods in", "Load cargo"), ("Storage", "Unload cargo"))
+    name = healthy.create(("Goods in", "Load cargo"), ("Storage", "Unload cargo"))
 
     assert (await order_ended(healthy, name))["state"] == "FINISHED"
 

@@ -119,6 +119,21 @@ def test_a_service_is_fenced_in(name: str) -> None:
     assert name in OF_OTHERS or "cap_add" not in service
 
 
+def test_a_site_opens_one_port_and_takes_no_fence_away() -> None:
+    site = yaml.safe_load((ROOT / "docker-compose.site.yml").read_text())["services"]
+
+    assert {key for each in site.values() for key in each} == {
+        "environment",
+        "healthcheck",
+        "ports",
+        "volumes",
+    }
+    assert {name: each["ports"] for name, each in site.items() if "ports" in each} == {
+        "broker": ["${MQTTS_ADDRESS:-0.0.0.0}:${MQTTS_PORT:-8883}:8883"]
+    }
+    assert all(volume.endswith(":ro") for each in site.values() for volume in each["volumes"])
+
+
 def test_profiles_hold_what_they_say() -> None:
     profiles = {name: tuple(service.get("profiles", ())) for name, service in SERVICES.items()}
 

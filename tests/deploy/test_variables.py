@@ -56,9 +56,10 @@ def test_a_file_of_one_service_names_its_settings(service: str, path: Path) -> N
 
 
 def test_docker_compose_names_settings() -> None:
-    found = variables((ROOT / "docker-compose.yml").read_text())
+    texts = [(ROOT / name).read_text() for name in ("docker-compose.yml", "docker-compose.site.yml")]
+    found = variables("\n".join(texts))
 
-    assert {"NENA_MQTT__HOST", "NENA_HTTP__HOST", "NENA_PLANT"} <= found
+    assert {"NENA_MQTT__HOST", "NENA_HTTP__HOST", "NENA_PLANT", "NENA_MQTT__TLS__CA"} <= found
     unknown = [
         each
         for each in found

@@ -7,17 +7,27 @@ import os
 import secrets
 import shutil
 import subprocess
+import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 
 from support.broker import free_port
+from support.waiting import until
 
 ROOT = Path(__file__).parents[2]
 BASES = ("python:3.13-slim", "eclipse-mosquitto:2", "postgres:17", "prom/prometheus")
-PORTS = ("MQTT_PORT", "REST_PORT", "PANEL_PORT", "PROMETHEUS_PORT")
+PORTS = ("MQTT_PORT", "MQTTS_PORT", "REST_PORT", "PANEL_PORT", "PROMETHEUS_PORT")
+IN_POSTGRESQL = {
+    "HISTORY_URL": "postgresql+psycopg://nena@postgres/nena",
+    "STORE_URL": "postgresql://nena@postgres/nena",
+}
+"""As docs/installation.md has it: one database serves both services."""
 BUILD_SECONDS = 1500.0
+STARTED_WITHIN = 120.0
 
 
 def skip_without_docker() -> None:
@@ -34,29 +44,42 @@ def skip_without_docker() -> None:
 
 
 class Compose:
-    """A project of docker-compose with a name and ports of its own; ``close`` removes all but the images."""
+    """A project of docker-compose with a name and ports of its own; ``close`` removes all but the images.
 
-    def __init__(self) -> None:
+    ``variables`` are those of its files beyond the ports.
+    """
+
+    def __init__(self, variables: Mapping[str, str]) -> None:
         self.ports = {name: free_port() for name in PORTS}
         self.name = f"nena-test-{secrets.token_hex(4)}"
         self.password = secrets.token_hex(16)
+        self._token = ""
         self._environment = {
             **os.environ,
+            "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
             **{name: str(port) for name, port in self.ports.items()},
             "COMPOSE_PROJECT_NAME": self.name,
             "NENA_VERSION": "compose-test",
             "POSTGRES_PASSWORD": self.password,
-            "HISTORY_URL": "postgresql+psycopg://nena@postgres/nena",
-            "STORE_URL": "postgresql://nena@postgres/nena",
+            **variables,
         }
 
     def run(self, *arguments: str, timeout: float = 120.0) -> str:
         """Run docker-compose; the test fails, with what it said, when it fails."""
-        command = [*_compose_command(), *arguments]
+        return self._run([*_compose_command(), *arguments], timeout)
+
+    def shell(self, commands: str, timeout: float = 120.0) -> str:
+        """Run a guide's commands for a shell, up to the first one that fails; the test fails with it."""
+        plug_in = _compose_command() == ["docker", "compose"]
+        known = 'docker-compose() { docker compose "$@"; }\n' if plug_in else ""
+        return self._run(["bash", "-euo", "pipefail", "-c", known + commands], timeout)
+
+    def _run(self, command: list[str], timeout: float) -> str:
         done = subprocess.run(
             command,
             cwd=ROOT,
             env=self._environment,
+            stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,
             timeout=timeout,
@@ -83,6 +106,18 @@ class Compose:
             name: state.get("Health", {}).get("Status", state["Status"]) for name, state in states.items()
         }
 
+    async def all_healthy(self, names: set[str]) -> None:
+        """Wait until there are these containers, no others, and each one's health check is content."""
+        try:
+            await until(
+                lambda: (health := self.health()).keys() == names and set(health.values()) == {"healthy"},
+                timeout=STARTED_WITHIN,
+                what="health of every container",
+            )
+        except AssertionError as error:
+            text = f"{self.health()}\n{self.logs()}"
+            raise AssertionError(text) from error
+
     def execute(self, service: str, *command: str) -> subprocess.CompletedProcess[str]:
         """Run a command in a container."""
         return docker("exec", self.containers()[service]["Id"], *command)
@@ -90,8 +125,27 @@ class Compose:
     @property
     def login(self) -> dict[str, str]:
         """The header of requests to REST and panel: the token that the first start has made."""
-        token = self.execute("order-service", "cat", "/var/lib/nena-access/users.toml.token").stdout.strip()
-        return {"authorization": f"Bearer {token}"}
+        if not self._token:
+            file = "/var/lib/nena-access/users.toml.token"
+            self._token = self.execute("order-service", "cat", file).stdout.strip()
+        return {"authorization": f"Bearer {self._token}"}
+
+    def create(self, *destinations: tuple[str, str]) -> str:
+        """Create a transport order from locations and what is done there; give its name."""
+        body = {"destinations": [{"locationName": place, "operation": done} for place, done in destinations]}
+        answer = httpx.post(
+            f"{self.url('REST_PORT')}/v1/transportOrders", json=body, headers=self.login, timeout=10.0
+        )
+        assert answer.is_success, answer.text
+        name: str = answer.json()["name"]
+        return name
+
+    def order(self, name: str) -> dict[str, Any] | None:
+        """Give a transport order, or None while the order service does not tell."""
+        order: dict[str, Any] | None = read(
+            f"{self.url('REST_PORT')}/v1/transportOrders/{name}", **self.login
+        )
+        return order
 
     def logs(self) -> str:
         """Give what all of them logged of late."""
@@ -100,6 +154,15 @@ class Compose:
     def close(self) -> None:
         """Remove containers, networks and volumes."""
         self.run("--profile", "demo", "--profile", "postgres", "down", "--volumes", "--remove-orphans")
+
+
+def read(url: str, **headers: str) -> Any:
+    """Give what is there as JSON, or None while nothing is."""
+    try:
+        answer = httpx.get(url, headers=headers, timeout=5.0)
+    except httpx.HTTPError:
+        return None
+    return answer.json() if answer.is_success else None
 
 
 def _compose_command() -> list[str]:

@@ -1,0 +1,147 @@
+"""A site by docker-compose as docs/installation.md makes it: by TLS, with identities of nena-deploy."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from nena_shared.mqtt import Inbound, MqttLink
+from nena_shared.settings import MqttSettings, MqttTlsSettings
+from support.compose import BUILD_SECONDS, Compose, docker, skip_without_docker
+from support.guides import commands
+from support.waiting import until
+
+pytestmark = [pytest.mark.e2e, pytest.mark.timeout(BUILD_SECONDS)]
+
+SERVICES = {"broker", "order-service", "status-aggregator", "prometheus"}
+FILES = "docker-compose.yml:docker-compose.site.yml"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give where the site is to be."""
+    return tmp_path_factory.mktemp("nena") / "site"
+
+
+@pytest.fixture(scope="module")
+def compose(folder: Path) -> Iterator[Compose]:
+    """Give a site that the guide's commands have made."""
+    skip_without_docker()
+    if os.geteuid():
+        pytest.skip("gives files to users of containers, which only root may")
+    export, made = commands("installation.md", "$SITE --host").split("\n", maxsplit=1)
+    assert export.endswith(f"COMPOSE_FILE={FILES}")
+    project = Compose({"SITE": str(folder), "COMPOSE_FILE": FILES, "MQTTS_ADDRESS": "127.0.0.1"})
+    try:
+        project.run("build", "--quiet", timeout=BUILD_SECONDS)
+        project.shell(made.replace("broker.example", "localhost"))
+        yield project
+    finally:
+        project.close()
+
+
+@pytest.fixture
+async def healthy(compose: Compose) -> Compose:
+    await compose.all_healthy(SERVICES)
+    return compose
+
+
+class Client:
+    """Somebody who tries to get into the site's broker, and the plant models that came."""
+
+    def __init__(self, compose: Compose, port: str, tls: MqttTlsSettings) -> None:
+        settings = MqttSettings(
+            host="localhost", port=compose.ports[port], tls=tls, reconnect_min=0.05, reconnect_max=0.2
+        )
+        self.link = MqttLink(settings, client_id="nena-test")
+        self.came: list[Inbound] = []
+        self.link.subscribe("nena/v1/plantModel", self.came.append)
+
+
+@asynccontextmanager
+async def trying(client: Client) -> AsyncIterator[Client]:
+    task = asyncio.create_task(client.link.run())
+    try:
+        yield client
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+def identity(folder: Path) -> MqttTlsSettings:
+    """Give what nena-deploy has put into an identity's folder."""
+    return MqttTlsSettings(
+        ca=folder / "ca.pem", certificate=folder / "certificate.pem", key=folder / "key.pem"
+    )
+
+
+async def test_services_and_clients_with_certificates_meet_at_the_broker(
+    healthy: Compose, folder: Path
+) -> None:
+    async with trying(Client(healthy, "MQTTS_PORT", identity(folder / "hosts" / "health"))) as client:
+        await until(lambda: client.came, what="the plant model comes from the order service")
+
+
+@pytest.mark.parametrize(
+    ("port", "authority"), [("MQTTS_PORT", "broker/ca.pem"), ("MQTTS_PORT", None), ("MQTT_PORT", None)]
+)
+async def test_who_has_no_certificate_is_not_let_in(
+    healthy: Compose, folder: Path, port: str, authority: str | None
+) -> None:
+    tls = MqttTlsSettings(ca=folder / authority) if authority else MqttTlsSettings()
+    async with trying(Client(healthy, port, tls)) as nobody:
+        await until(lambda: nobody.link.state.last_error, what="it is told why")
+
+        assert nobody.link.state.connects == 0
+
+
+async def test_who_is_removed_is_not_let_in_again(healthy: Compose, tmp_path: Path) -> None:
+    """By the commands for a change: the broker gets to see the new files, and may read them."""
+    stolen = tmp_path / "wms"
+    healthy.shell(f"nena-deploy host add $SITE wms && cp -r $SITE/hosts/wms {stolen}")
+    healthy.run("kill", "-s", "HUP", "broker")
+    async with trying(Client(healthy, "MQTTS_PORT", identity(stolen))) as host:
+        await until(lambda: host.came, what="a new host has its rights without a restart")
+
+    healthy.shell("nena-deploy host remove $SITE wms")
+    healthy.run("restart", "broker")
+    await healthy.all_healthy(SERVICES)
+
+    async with trying(Client(healthy, "MQTTS_PORT", identity(stolen))) as gone:
+        await until(lambda: gone.link.state.last_error, what="it is told why")
+        assert gone.link.state.connects == 0
+
+
+@pytest.mark.parametrize("service", sorted(SERVICES))
+def test_a_container_is_as_fenced_in_as_on_one_machine(compose: Compose, service: str) -> None:
+    host = compose.containers()[service]["HostConfig"]
+
+    assert host["ReadonlyRootfs"] is True
+    assert host["CapDrop"] == ["ALL"]
+
+
+async def test_a_backup_brings_lost_orders_back(healthy: Compose, tmp_path: Path) -> None:
+    """By the commands of docs/operations.md for a store in a volume."""
+
+    def follow_the_guide(holding: str) -> None:
+        healthy.shell(commands("operations.md", holding).replace("/backup/", f"{tmp_path}/"))
+
+    before = healthy.create(("Packing", "Load cargo"))
+    follow_the_guide("order-service copy.db >")
+    after = healthy.create(("Packing", "Load cargo"))
+    healthy.run("rm", "--force", "--stop", "order-service")
+    removed = docker("volume", "rm", f"{healthy.name}_orders")
+    assert removed.returncode == 0, removed.stderr
+
+    follow_the_guide("cat > orders.db'")
+    healthy.run("up", "--detach")
+    await healthy.all_healthy(SERVICES)
+
+    assert healthy.order(before)
+    assert healthy.order(after) is None
+    assert healthy.order(healthy.create(("Packing", "Load cargo")))
