@@ -73,7 +73,7 @@ conformance: $(STAMP) ## write docs/vda5050.md anew: how the standard is kept, a
 reference: $(STAMP) ## write docs/configuration.md anew: every setting of every program
 	PYTHONPATH=tests $(BIN)/python -m reference.configuration
 
-soak: soak-cores soak-site ## both of the following, one after the other
+soak: soak-site soak-cores ## both of the following, one after the other
 
 soak-cores: $(STAMP) broker ## the tests that guard the cores, with many more examples: about two hours on two cores
 	NENA_EXAMPLES=100000 NENA_PLANTS=400 NENA_KERNEL_PLANTS=400 NENA_RESTARTS=1000 NENA_KILLS=40 NENA_SESSIONS=200 NENA_ORDER_KILLS=50 $(BIN)/pytest -n $(WORKERS) --timeout 7200 $(SOAK)
