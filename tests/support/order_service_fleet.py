@@ -181,6 +181,15 @@ async def _answering(client: httpx.AsyncClient, task: asyncio.Task[None]) -> Non
     await awaited(look, bool, seconds=PATIENCE, what="the order service answers")
 
 
+async def listening(client: httpx.AsyncClient) -> None:
+    """Wait until the order service hears what is published."""
+
+    async def status() -> int:
+        return (await client.get("/readyz")).status_code
+
+    await awaited(status, lambda told: told == 200, seconds=PATIENCE, what="the broker is connected")
+
+
 async def order_in(
     client: httpx.AsyncClient, name: str, *states: str, seconds: float = PATIENCE
 ) -> dict[str, Any]:

@@ -13,7 +13,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from support.broker import MqttPeer
-from support.order_service_fleet import Fleet, order_in, vehicle_idle
+from support.order_service_fleet import Fleet, listening, order_in, vehicle_idle
 from support.waiting import PATIENCE, awaited
 
 pytestmark = pytest.mark.broker
@@ -62,15 +62,6 @@ class Host:
 @pytest.fixture
 def host(fleet: Fleet) -> Host:
     return Host(fleet)
-
-
-async def listening(client: httpx.AsyncClient) -> None:
-    """Wait until the order service hears what is published."""
-
-    async def status() -> int:
-        return (await client.get("/readyz")).status_code
-
-    await awaited(status, lambda told: told == 200, seconds=PATIENCE, what="the broker is connected")
 
 
 def misfits(document: dict[str, Any], messages: list[tuple[str, bytes]]) -> tuple[list[str], set[str]]:

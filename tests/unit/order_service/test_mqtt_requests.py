@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from nena_order_service.mqtt_command_bodies import DeliveryCommand
-from nena_order_service.mqtt_requests import read_request, text_in, too_many
+from nena_order_service.mqtt_requests import read_request, text_in
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.mqtt import Inbound
 
@@ -39,10 +39,6 @@ def test_retained_request_is_refused() -> None:
     assert isinstance(problem, Problem)
     assert problem.status == 400
     assert "retain" in problem.detail
-
-
-def test_too_many_are_told_to_wait() -> None:
-    assert too_many().status == 503
 
 
 @pytest.mark.parametrize(

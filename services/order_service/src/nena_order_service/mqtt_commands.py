@@ -33,7 +33,8 @@ from nena_order_service.mqtt_command_bodies import (
     SequencesCommand,
     WithdrawCommand,
 )
-from nena_order_service.mqtt_requests import REQUESTS_LIMIT, read_request, text_in, too_many
+from nena_order_service.mqtt_limits import MqttLimits
+from nena_order_service.mqtt_requests import read_request, text_in
 from nena_order_service.problems import FORESEEN, problem_of
 from nena_order_service.rest.bodies import SOMEBODY, OrderSequencePage
 from nena_order_service.store.sequences import SequenceFilter
@@ -188,10 +189,13 @@ class Verbs:
 class MqttCommands:
     """Takes commands and answers each on the topic of its host."""
 
-    def __init__(self, mqtt: MqttLink, topics: FleetTopics, verbs: Verbs, *, max_body: int) -> None:
+    def __init__(
+        self, mqtt: MqttLink, topics: FleetTopics, verbs: Verbs, *, limits: MqttLimits, max_body: int
+    ) -> None:
         self._mqtt = mqtt
         self._topics = topics
         self._verbs = verbs.by_name
+        self._limits = limits
         self._max_body = max_body
         self._tasks: set[asyncio.Task[None]] = set()
         mqtt.subscribe(topics.commands, self._command_came)
@@ -205,15 +209,18 @@ class MqttCommands:
             return  # somebody clears a retained command
         host, name = self._topics.host_of(message.topic), message.topic.rsplit("/", 1)[-1]
         verb = self._verbs.get(name)
-        if verb is None:
+        if problem := self._limits.refusal(host, len(self._tasks)):
+            self._refuse(host, name, message, problem)
+        elif verb is None:
             self._refuse(host, name, message, _unknown(name))
-            return
+        else:
+            self._take_up(host, name, verb, message)
+
+    def _take_up(self, host: str, name: str, verb: Verb, message: Inbound) -> None:
         command = read_request(message, COMMANDS[name], max_body=self._max_body)
         if isinstance(command, Problem):
             log.warning("command refused", host=host, command=name, reason=command.detail)
             self._refuse(host, name, message, command)
-        elif len(self._tasks) >= REQUESTS_LIMIT:
-            self._refuse(host, name, message, too_many())
         else:
             task = asyncio.create_task(self._do(host, name, verb, command), name=f"{name} for {host}")
             self._tasks.add(task)

@@ -10,7 +10,8 @@ from http import HTTPStatus
 from nena_order_service.ended_orders import EndedOrders
 from nena_order_service.kernel.host_requests import HostRequests
 from nena_order_service.kernel.kernel import Kernel
-from nena_order_service.mqtt_requests import REQUESTS_LIMIT, read_request, text_in, too_many
+from nena_order_service.mqtt_limits import MqttLimits
+from nena_order_service.mqtt_requests import read_request, text_in
 from nena_order_service.problems import FORESEEN, problem_of
 from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.topics import FleetTopics
@@ -51,6 +52,7 @@ class MqttDoor:
         requests: HostRequests,
         *,
         plant_json: bytes,
+        limits: MqttLimits,
         max_body: int,
         end_kept: float,
     ) -> None:
@@ -59,6 +61,7 @@ class MqttDoor:
         self._kernel = kernel
         self._requests = requests
         self._plant_json = plant_json
+        self._limits = limits
         self._max_body = max_body
         self._ended = EndedOrders(end_kept, self._clear)
         self._tasks: set[asyncio.Task[None]] = set()
@@ -118,13 +121,14 @@ class MqttDoor:
             return  # somebody clears a retained request
         host = self._topics.host_of(message.topic)
         self.counters.requests += 1
+        if problem := self._limits.refusal(host, len(self._tasks)):
+            self._refuse(host, message, problem)
+            return
         request = read_request(message, TransportOrderRequest, max_body=self._max_body)
         if isinstance(request, Problem):
             self.counters.malformed += 1
             log.warning("creation request refused", host=host, reason=request.detail, errors=request.errors)
             self._refuse(host, message, request)
-        elif len(self._tasks) >= REQUESTS_LIMIT:
-            self._refuse(host, message, too_many())
         else:
             task = asyncio.create_task(self._create(host, message, request), name=f"creation for {host}")
             self._tasks.add(task)

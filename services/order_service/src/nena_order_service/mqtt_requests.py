@@ -14,9 +14,6 @@ from nena_shared.vda5050.malformed import problems_of
 
 M = TypeVar("M", bound=BaseModel)
 
-REQUESTS_LIMIT = 1000
-"""Requests that may be in work at the same time; one more is answered with 503."""
-
 TEXT_LIMIT = 200
 """Characters of a requestId, name or idempotencyKey at most."""
 
@@ -54,9 +51,3 @@ def text_in(message: Inbound, key: str, *, max_body: int) -> str | None:
         return None
     text = body.get(key) if isinstance(body, dict) else None
     return text if isinstance(text, str) and 0 < len(text) <= TEXT_LIMIT else None
-
-
-def too_many() -> Problem:
-    """Say that no more requests can be taken now."""
-    detail = f"{REQUESTS_LIMIT} requests are in work already. Send again when they are answered."
-    return Problem(title="Too many requests", status=HTTPStatus.SERVICE_UNAVAILABLE, detail=detail)

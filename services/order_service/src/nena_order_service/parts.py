@@ -25,6 +25,7 @@ from nena_order_service.kernel.vehicles import VehicleRegistry
 from nena_order_service.kernel.zone_sets import ZoneSets
 from nena_order_service.mqtt_commands import MqttCommands, Verbs
 from nena_order_service.mqtt_door import MqttDoor
+from nena_order_service.mqtt_limits import MqttLimits
 from nena_order_service.rest.api import make_app
 from nena_order_service.rest.bodies import Readiness
 from nena_order_service.rest.opentcs import app as opentcs
@@ -99,13 +100,14 @@ def build(
     hosts = _make_host_services(settings, plant, finder, kernel, fleet)
     topics = FleetTopics(settings.topic_prefix)
     plant_json = plant.to_json().encode()
-    door = _make_door(settings, mqtt, kernel, hosts, plant_json)
+    limits = MqttLimits(settings.hosts, clock)
+    door = _make_door(settings, mqtt, kernel, hosts, plant_json, limits=limits)
     stream = EventStream(kernel, settings.events)
     kernel.steps.listeners += [door, stream]
     sweep = RetainedSweep(
         settings.mqtt, topics, client_id=f"{client_id}-sweep", mqtt=mqtt, kernel=kernel, door=door
     )
-    commands = MqttCommands(mqtt, topics, Verbs(hosts), max_body=settings.max_body)
+    commands = MqttCommands(mqtt, topics, Verbs(hosts), limits=limits, max_body=settings.max_body)
     app = make_app(
         hosts,
         stream,
@@ -130,7 +132,13 @@ def _make_fleet(settings: OrderServiceSettings, mqtt: MqttLink, kernel: Kernel, 
 
 
 def _make_door(
-    settings: OrderServiceSettings, mqtt: MqttLink, kernel: Kernel, hosts: HostServices, plant_json: bytes
+    settings: OrderServiceSettings,
+    mqtt: MqttLink,
+    kernel: Kernel,
+    hosts: HostServices,
+    plant_json: bytes,
+    *,
+    limits: MqttLimits,
 ) -> MqttDoor:
     return MqttDoor(
         mqtt,
@@ -138,6 +146,7 @@ def _make_door(
         kernel,
         hosts.requests,
         plant_json=plant_json,
+        limits=limits,
         max_body=settings.max_body,
         end_kept=settings.end_kept,
     )

@@ -79,6 +79,15 @@ class EventSettings(SettingsGroup):
     clients: int = Field(100, ge=1, description="Clients that may follow the event stream at a time.")
 
 
+class HostSettings(SettingsGroup):
+    """Hosts that ask over MQTT."""
+
+    requests_per_second: float = Field(
+        200.0, gt=0, description="Requests that one host may make over MQTT in the long run."
+    )
+    burst: int = Field(2000, ge=1, description="Requests that one host may make over MQTT at once.")
+
+
 class OrderServiceSettings(ServiceSettings):
     """What the order service can be told."""
 
@@ -103,6 +112,7 @@ class OrderServiceSettings(ServiceSettings):
     topic_prefix: TopicPrefix = Field(
         "nena/v1", description="First levels of the MQTT topics for hosts; a prefix for each fleet."
     )
+    hosts: HostSettings = Field(default_factory=HostSettings, description="Hosts that ask over MQTT.")
     interface_name: TopicPrefix = Field(
         "uagv", description="First levels of the topics of robots with VDA 5050 2.x."
     )
