@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import psutil
 from pydantic import ValidationError
@@ -13,17 +14,17 @@ from pydantic import ValidationError
 from faults.host import Host
 from faults.site import Site
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
-from nena_shared.vda5050.malformed import MalformedMessageError
-from nena_shared.vda5050.state import State
-from nena_shared.vda5050.v2_1 import CODEC
+from nena_shared.mqtt import Inbound
+from support.executions import Execution, executions
 from support.waiting import awaited, until
 
-WORK = ("pick", "drop")
 ENDED_WITHIN = 240.0
 """Seconds that what was ordered has to come to its end once everything works again."""
 TOLD_WITHIN = 60.0
 MOST_MB = 300.0
 """Resident memory of a program; what grows without a bound passes it."""
+MOST_JOURNAL_KB = 256
+"""Of a robot: a journal holds what the robot is at, and not what it was at before."""
 PAGE = 500
 
 
@@ -34,8 +35,8 @@ class Account:
     store: dict[str, TransportOrderStatus]
     told: dict[str, list[TransportOrderStatus]]
     """By MQTT, in the order in which it came."""
-    done: Counter[str]
-    """How many loads were taken up and set down for each drive order."""
+    done: list[Execution]
+    """Loads that robots have taken up and set down."""
 
 
 async def settled(site: Site, host: Host) -> Account:
@@ -58,43 +59,67 @@ async def settled(site: Site, host: Host) -> Account:
         what="the end of every order (else: why not)",
     )
     await until(
-        lambda: _all_ended(_told(site), host.answered),
+        lambda: _all_ended(told_in(_statuses(site)), host.answered),
         timeout=TOLD_WITHIN,
         what="the end of every order is told",
     )
     account = await account_of(site)
-    assert host.refused == []
-    assert host.answered, "nothing was ordered at all"
-    assert account.store.keys() == host.answered, "orders that nobody gave, or that are lost"
-    _check_work(account, complete=not site.wire_broke)
-    _check_told(account)
+    assert not host.refused, f"refused: {host.refused}"
+    check(account, host.answered, complete=not site.wire_broke)
     _check_programs(site)
+    check_journals(site.journals)
     failed = [each for each in account.store.values() if each.state != "FINISHED"]
     unforeseen = {each.name: each.reason for each in failed if each.processing_vehicle not in site.suspects}
     assert len(unforeseen) <= site.may_fail, unforeseen
-    assert all(each.reason for each in failed)
+    silent = [each.name for each in failed if not each.reason]
+    assert not silent, f"failed without a reason: {silent}"
     return account
 
 
 async def account_of(site: Site) -> Account:
     """Give what is known of all orders by now."""
-    return Account(await _stored(site), _told(site), _done(site))
+    own = {f"{site.interface}/v2/NeNa/{each}/state" for each in site.vehicles}
+    states = (each for each in site.wire.history if each.topic in own)
+    return Account(await _stored(site), told_in(_statuses(site)), executions(states))
+
+
+def check(account: Account, answered: set[str], *, complete: bool) -> None:
+    """See that the accounts agree; where our own line broke they are not ``complete``.
+
+    Raises:
+        AssertionError: an order is lost, done twice, or told otherwise than it was.
+
+    """
+    assert answered, "nothing was ordered at all"
+    lost, strange = answered - account.store.keys(), account.store.keys() - answered
+    assert not lost, f"lost: {lost}"
+    assert not strange, f"orders that nobody gave: {strange}"
+    _check_work(account, complete=complete)
+    _check_told(account)
 
 
 def _check_work(account: Account, *, complete: bool) -> None:
-    """See that each leg was worked off once; where our own line broke, we may not have seen all of it."""
+    """See that each leg was worked off once, and all legs of an order by one robot, which has the load."""
     ordered = {f"{name}-{leg}" for name in account.store for leg in range(2)}
     ended_well = [name for name, each in account.store.items() if each.state == "FINISHED"]
     finished = {f"{name}-{leg}" for name in ended_well for leg in range(2)}
-    assert {order: times for order, times in account.done.items() if times > 1} == {}, "done twice"
-    assert account.done.keys() <= ordered, "done without an order"
-    if complete:
-        assert finished <= account.done.keys(), "told as done, and not done"
+    done: dict[str, list[Execution]] = defaultdict(list)
+    robots: dict[str, set[str]] = defaultdict(set)
+    for each in account.done:
+        done[each.drive_order].append(each)
+        robots[each.drive_order.rpartition("-")[0]].add(each.robot)
+    twice = [each for each in done.values() if len(each) > 1]
+    assert not twice, f"done twice: {twice}"
+    shared = {name: each for name, each in robots.items() if len(each) > 1}
+    assert not shared, f"set down by another robot: {shared}"
+    assert done.keys() <= ordered, f"done without an order: {done.keys() - ordered}"
+    missing = finished - done.keys() if complete else set()
+    assert not missing, f"told as done, and not done: {missing}"
 
 
 def _check_told(account: Account) -> None:
     for name, order in account.store.items():
-        told = account.told[name]
+        told = account.told.get(name, [])
         assert told, f"{name} was never told of"
         assert told[-1].state == order.state, f"{name} was last told as {told[-1].state}"
         ends = {each.state for each in told if each.state.final}
@@ -109,6 +134,14 @@ def _check_programs(site: Site) -> None:
         )
         megabytes = psutil.Process(program.process.pid).memory_info().rss / 1e6
         assert megabytes < MOST_MB, f"{name} has {megabytes:.0f} MB"
+
+
+def check_journals(files: Iterable[Path]) -> None:
+    """See that none has grown."""
+    sizes = {file.name: file.stat().st_size for file in files}
+    assert sizes, "no robot has a journal"
+    large = {name: size for name, size in sizes.items() if size > MOST_JOURNAL_KB * 1024}
+    assert not large, f"journals have grown: {large}"
 
 
 async def _stored(site: Site) -> dict[str, TransportOrderStatus]:
@@ -128,30 +161,16 @@ def _all_ended(told: Mapping[str, list[TransportOrderStatus]], names: Iterable[s
     return all(told.get(name) and told[name][-1].state.final for name in names)
 
 
-def _told(site: Site) -> dict[str, list[TransportOrderStatus]]:
+def _statuses(site: Site) -> list[Inbound]:
+    return site.wire.received("nena/v1/transportOrders/+/status")
+
+
+def told_in(statuses: Iterable[Inbound]) -> dict[str, list[TransportOrderStatus]]:
+    """Give what hosts were told of each order."""
     told: dict[str, list[TransportOrderStatus]] = defaultdict(list)
-    for message in site.wire.received("nena/v1/transportOrders/+/status"):
+    for message in statuses:
         if message.payload:
             with suppress(ValidationError):  # somebody else said it: a hostile message
                 status = TransportOrderStatus.model_validate_json(message.payload)
                 told[status.name].append(status)
     return told
-
-
-def drive_order_of(order_id: str) -> str:
-    """Give the drive order that a VDA 5050 order is for, whichever try of it that is."""
-    return order_id.partition("~")[0]
-
-
-def _done(site: Site) -> Counter[str]:
-    finished: set[tuple[str, str]] = set()
-    own = {f"{site.interface}/v2/NeNa/{each}/state" for each in site.vehicles}
-    for message in (each for each in site.wire.history if each.topic in own):
-        with suppress(MalformedMessageError):  # somebody else said it: a hostile message
-            state = CODEC.decode(State, message.payload)
-            finished |= {
-                (drive_order_of(state.order_id), action.action_id)
-                for action in state.action_states
-                if action.action_status == "FINISHED" and action.action_type in WORK
-            }
-    return Counter(order for order, _ in finished)

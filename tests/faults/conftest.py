@@ -41,13 +41,6 @@ class Trial:
     _looked_at: int = 0
     """So many messages of the wire."""
 
-    def footprints(self) -> dict[str, Footprint]:
-        """What each program takes now."""
-        programs = self.site.programs.items()
-        return {
-            name: Footprint.of(each.process.pid) for name, each in programs if each.process.poll() is None
-        }
-
     def finished(self) -> int:
         """How many orders were told to have ended so far."""
         history = self.site.wire.history
@@ -76,7 +69,7 @@ class Trial:
         """Find out how things are before the first fault."""
         await self.at_work(1)
         self.undisturbed = round(await self._timed(YARDSTICK) * 2 / YARDSTICK, 1)
-        self.before = self.footprints()
+        self.before = self.site.footprints()
 
     def report(self, test: str, account: Account, after: dict[str, Footprint]) -> Record:
         """Sum up what was found."""
@@ -121,7 +114,7 @@ def trial(tmp_path: Path, request: pytest.FixtureRequest) -> Callable[..., Any]:
             host.stop()
             await asyncio.wait_for(ordering, AT_WORK_WITHIN)
             account = await settled(made, host)
-            after = found.footprints()
+            after = made.footprints()
             record = found.report(request.node.nodeid.rsplit("/", 1)[-1], account, after)
             record.append_to(FILE)
             request.node.user_properties.append(("recovery", ", ".join(map(str, record.faults))))

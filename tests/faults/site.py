@@ -9,6 +9,7 @@ from pathlib import Path
 
 import httpx
 
+from faults.footprint import Footprint
 from faults.hall import MAP_ID, start_of, write_hall
 from support.broker import Broker, MqttPeer, free_port
 from support.network import Line
@@ -238,6 +239,18 @@ class Site:
         serial = f"ros-{number}"
         text = f'{self._agent(serial)}[ros]\nnamespace = "r{number}"\ndomain_id = {self._domain}\n'
         return self._robot(serial, text)
+
+    def footprints(self) -> dict[str, Footprint]:
+        """What each program takes now, the broker among them."""
+        running = {
+            name: each.process.pid for name, each in self.programs.items() if each.process.poll() is None
+        }
+        return {name: Footprint.of(pid) for name, pid in {**running, "broker": self.broker.pid}.items()}
+
+    @property
+    def journals(self) -> list[Path]:
+        """What robots keep of their work."""
+        return list(self._data.rglob("*.journal"))
 
     @property
     def aggregator_url(self) -> str:

@@ -68,7 +68,7 @@ async def soak(minutes: float, folder: Path) -> Soaked:
         try:
             await settled(site, host)
         except AssertionError as error:
-            fault = str(error)
+            fault = str(error) or repr(error)
         ended = (await account_of(site)).store.values()
         return Soaked(_windows(start, looks, host.answers, ended), len(site.serials), fault)
     finally:
@@ -83,7 +83,7 @@ async def _watched(site: Site, seconds: float) -> Looks:
         await time_passes(window)
         for name, program in site.programs.items():
             assert program.process.poll() is None, f"{name} has ended:\n{program.log[-3000:]}"
-        found = {name: Footprint.of(each.process.pid) for name, each in site.programs.items()}
+        found = site.footprints()
         looks.append((datetime.now(UTC), found))
         print(f"{number + 1}: {found}", flush=True)  # noqa: T201 - a person waits for hours
     return looks

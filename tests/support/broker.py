@@ -98,6 +98,11 @@ class Broker(BrokerAddress):
         self.start()
 
     @property
+    def pid(self) -> int:
+        """The process's number."""
+        return self._running.pid
+
+    @property
     def log(self) -> str:
         """What the broker has logged."""
         file = self._folder / "mosquitto.log"

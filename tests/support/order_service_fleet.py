@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import ssl
 from collections import Counter
 from collections.abc import AsyncIterator
@@ -18,6 +17,7 @@ from nena_demo.plants import sample_plant_path
 from nena_order_service.app import serve
 from nena_order_service.settings import OrderServiceSettings
 from support.broker import BrokerAddress, MqttPeer, free_port
+from support.executions import executions
 from support.programs import OrderServiceProgram, Program
 from support.waiting import PATIENCE, awaited
 
@@ -233,11 +233,6 @@ async def every_order_ended(client: httpx.AsyncClient, seconds: float = 200) -> 
 
 
 def actions_done(wire: MqttPeer, fleet: Fleet) -> Counter[str]:
-    """Count, over the whole conversation, how many actions of each VDA order were seen FINISHED."""
-    finished: set[tuple[str, str]] = set()
-    for message in wire.received(f"{fleet.interface}/v2/+/+/state"):
-        state = json.loads(message.payload)
-        for action in state["actionStates"]:
-            if action["actionStatus"] == "FINISHED" and action["actionType"] in ("pick", "drop"):
-                finished.add((state["orderId"], action["actionId"]))
-    return Counter(order for order, _ in finished)
+    """Count, over the whole conversation, how often a load was taken up or set down for each drive order."""
+    states = wire.received(f"{fleet.interface}/v2/+/+/state")
+    return Counter(each.drive_order for each in executions(states))

@@ -1,0 +1,261 @@
+"""The checker of the faults finds what it is there for, in conversations that are forged for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import pytest
+
+from faults.checker import MOST_JOURNAL_KB, Account, check, check_journals, told_in
+from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.mqtt import Inbound
+from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.v2_1 import CODEC
+from support.executions import executions
+from support.fleet_examples import order_status, state
+
+NAME = "T-1"
+STATUS = "nena/v1/transportOrders/any/status"
+LATER = 1000.0
+"""Seconds."""
+
+
+class Robot:
+    """Says what it has done, with headers as the edge agent makes them."""
+
+    def __init__(self, serial: str = "loop-1", *, start: float = 0.0) -> None:
+        self._robot = RobotKey("NeNa", serial)
+        self._number = 0
+        self._start = start
+
+    def says(self, order_id: str, status: str, action: str = "") -> Inbound:
+        """Show the action of an order, a second after what was said before."""
+        self._number += 1
+        operation = {
+            "action_id": action or f"of {order_id.partition('~')[0]}",
+            "action_type": "drop" if order_id.startswith(f"{NAME}-1") else "pick",
+            "action_status": status,
+        }
+        said = state(
+            self._number,
+            robot=self._robot,
+            at=self._start + self._number,
+            order_id=order_id,
+            action_states=(operation,),
+        )
+        return Inbound(f"uagv/v2/NeNa/{self._robot.serial_number}/state", CODEC.encode(said), retained=False)
+
+    def does(self, order_id: str, action: str = "") -> list[Inbound]:
+        """Work off an order."""
+        return [self.says(order_id, status, action) for status in ("WAITING", "RUNNING", "FINISHED")]
+
+    def sets_its_clock_back(self) -> None:
+        """Say the same times as before from now on."""
+        self._start -= self._number
+
+    def restarts(self) -> None:
+        """Leave out the headerIds that were set apart on disk."""
+        self._number += 77
+
+
+def status(end: str = "FINISHED", name: str = NAME) -> TransportOrderStatus:
+    return order_status(name, 9, TransportOrderState(end), processing_vehicle="loop-1")
+
+
+def judge(
+    states: Iterable[Inbound],
+    *,
+    store: Iterable[TransportOrderStatus] | None = None,
+    told: Iterable[TransportOrderStatus] | None = None,
+    answered: Iterable[str] = (NAME,),
+    complete: bool = True,
+) -> None:
+    """Let the checker judge an order that was stored and told as finished, unless said otherwise."""
+    stored = [status()] if store is None else list(store)
+    messages = [
+        Inbound(STATUS, each.model_dump_json(by_alias=True).encode(), retained=False)
+        for each in (stored if told is None else told)
+    ]
+    account = Account({each.name: each for each in stored}, told_in(messages), executions(states))
+    check(account, set(answered), complete=complete)
+
+
+def both_legs(robot: Robot) -> list[Inbound]:
+    return [*robot.does(f"{NAME}-0"), *robot.does(f"{NAME}-1")]
+
+
+def test_an_order_that_was_done_once_is_well() -> None:
+    judge(both_legs(Robot()))
+
+
+def test_an_order_that_failed_half_done_is_well() -> None:
+    robot = Robot()
+    failed = status("FAILED")
+
+    judge([*robot.does(f"{NAME}-0"), robot.says(f"{NAME}-1", "FAILED")], store=[failed])
+
+
+def test_nothing_ordered_shows_nothing() -> None:
+    with pytest.raises(AssertionError, match="nothing was ordered"):
+        judge([], store=[], answered=())
+
+
+def test_a_lost_order_is_found() -> None:
+    with pytest.raises(AssertionError, match=r"lost: .*T-2"):
+        judge(both_legs(Robot()), answered=(NAME, "T-2"))
+
+
+def test_an_order_that_nobody_gave_is_found() -> None:
+    with pytest.raises(AssertionError, match=r"nobody gave: .*T-2"):
+        judge(both_legs(Robot()), store=[status(), status(name="T-2")])
+
+
+def test_work_that_nobody_ordered_is_found() -> None:
+    robot = Robot()
+
+    with pytest.raises(AssertionError, match=r"done without an order: .*T-2-0"):
+        judge([*both_legs(robot), *robot.does("T-2-0")])
+
+
+def again_by_the_same_robot(robot: Robot) -> list[Inbound]:
+    return robot.does(f"{NAME}-0")
+
+
+def again_after_a_restart_that_forgot_it(_: Robot) -> list[Inbound]:
+    return Robot(start=LATER).does(f"{NAME}-0")
+
+
+def again_with_the_clock_set_back(robot: Robot) -> list[Inbound]:
+    robot.sets_its_clock_back()
+    return both_legs(robot)
+
+
+def again_by_another_robot(_: Robot) -> list[Inbound]:
+    return Robot("loop-2").does(f"{NAME}-0")
+
+
+def again_by_a_second_try(robot: Robot) -> list[Inbound]:
+    return robot.does(f"{NAME}-0~1", "of the second try")
+
+
+def again_by_a_second_try_with_the_same_action(robot: Robot) -> list[Inbound]:
+    return robot.does(f"{NAME}-0~1")
+
+
+def again_under_a_new_action(robot: Robot) -> list[Inbound]:
+    return robot.does(f"{NAME}-0", "made anew")
+
+
+@pytest.mark.parametrize(
+    "again",
+    [
+        again_by_the_same_robot,
+        again_after_a_restart_that_forgot_it,
+        again_with_the_clock_set_back,
+        again_by_another_robot,
+        again_by_a_second_try,
+        again_by_a_second_try_with_the_same_action,
+        again_under_a_new_action,
+    ],
+)
+@pytest.mark.parametrize("end", ["FINISHED", "FAILED"])
+def test_what_is_done_twice_is_found(again: Callable[[Robot], list[Inbound]], end: str) -> None:
+    robot = Robot()
+    first = both_legs(robot)
+
+    with pytest.raises(AssertionError, match="done twice"):
+        judge([*first, *again(robot)], store=[status(end)], complete=False)
+
+
+def test_a_load_that_another_robot_sets_down_is_found() -> None:
+    with pytest.raises(AssertionError, match="set down by another robot"):
+        judge([*Robot().does(f"{NAME}-0"), *Robot("loop-2").does(f"{NAME}-1")])
+
+
+def test_a_try_that_failed_and_one_that_succeeds_are_done_once() -> None:
+    robot = Robot()
+    failed = [robot.says(f"{NAME}-0", each) for each in ("WAITING", "RUNNING", "FAILED")]
+
+    judge([*failed, *robot.does(f"{NAME}-0~1", "of the second try"), *robot.does(f"{NAME}-1")])
+
+
+def test_an_action_that_the_robot_repeats_after_it_failed_is_done_once() -> None:
+    robot = Robot()
+    failed = [robot.says(f"{NAME}-0", each) for each in ("RUNNING", "RETRIABLE")]
+
+    judge([*failed, *both_legs(robot)])
+
+
+def test_states_that_are_replayed_are_no_second_execution() -> None:
+    said = both_legs(Robot())
+
+    judge([*said, *said, said[0], said[2], said[0], said[2]])
+
+
+def test_states_of_before_a_restart_that_are_replayed_are_no_second_execution() -> None:
+    said = both_legs(Robot())
+    restarted = Robot(start=LATER)
+    now = [restarted.says(f"{NAME}-1", "FINISHED") for _ in range(2)]
+
+    judge([*said, now[0], *said, now[1]])
+
+
+def test_damaged_states_are_no_second_execution() -> None:
+    robot = Robot()
+    said = both_legs(robot)
+    more = robot.does(f"{NAME}-0")
+    damaged = [Inbound(each.topic, each.payload[:-1] + b"\xff", each.retained) for each in more]
+
+    judge([*said, *damaged])
+
+
+def test_a_robot_that_restarts_with_its_journal_does_nothing_twice() -> None:
+    robot = Robot()
+    said = robot.does(f"{NAME}-0")
+    robot.restarts()
+    said += [robot.says(f"{NAME}-0", "FINISHED"), robot.says(f"{NAME}-1", "RUNNING")]
+    robot.restarts()
+    said += [robot.says(f"{NAME}-1", each) for each in ("RUNNING", "FINISHED", "FINISHED")]
+
+    judge(said)
+
+
+def test_a_robot_whose_header_ids_begin_anew_does_nothing_twice() -> None:
+    said = both_legs(Robot())
+    restarted = Robot(start=LATER)
+
+    judge([*said, *(restarted.says(f"{NAME}-1", "FINISHED") for _ in said)])
+
+
+def test_what_is_told_as_done_and_is_not_done_is_found() -> None:
+    said = Robot().does(f"{NAME}-0")
+
+    with pytest.raises(AssertionError, match=r"told as done, and not done: .*T-1-1"):
+        judge(said)
+    judge(said, complete=False)
+
+
+@pytest.mark.parametrize(
+    ("told", "said"),
+    [
+        ([], "was never told of"),
+        ([status("BEING_PROCESSED")], "was last told as BEING_PROCESSED"),
+        ([status("FAILED")], "was last told as FAILED"),
+        ([status("FAILED"), status()], "ended in several ways"),
+    ],
+)
+def test_what_is_told_otherwise_than_stored_is_found(told: list[TransportOrderStatus], said: str) -> None:
+    with pytest.raises(AssertionError, match=said):
+        judge(both_legs(Robot()), told=told)
+
+
+def test_a_journal_that_has_grown_is_found(tmp_path: Path) -> None:
+    for name, size in (("loop-1", MOST_JOURNAL_KB * 1024), ("loop-2", MOST_JOURNAL_KB * 1024 + 1)):
+        (tmp_path / name).write_bytes(bytes(size))
+
+    check_journals([tmp_path / "loop-1"])
+    with pytest.raises(AssertionError, match="loop-2"):
+        check_journals(tmp_path.iterdir())
+    with pytest.raises(AssertionError, match="no robot has a journal"):
+        check_journals([])

@@ -1,0 +1,71 @@
+"""What robots have done by their own account: each time that a load was taken up or set down."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+
+from nena_shared.mqtt import Inbound
+from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.malformed import MalformedMessageError
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.v2_1 import CODEC
+
+WORK = ("pick", "drop")
+
+
+@dataclass(frozen=True, slots=True)
+class Execution:
+    """Of an action that moves a load, to its good end."""
+
+    robot: str
+    """Serial number."""
+    drive_order: str
+    action_id: str
+
+
+def drive_order_of(order_id: str) -> str:
+    """Give the drive order that a VDA 5050 order is for, whichever try of it that is."""
+    return order_id.partition("~")[0]
+
+
+def executions(states: Iterable[Inbound]) -> list[Execution]:
+    """Give what was done, in the order in which robots say so in their states (2.x).
+
+    An action is done when a robot first says FINISHED, and again each time that it says so after it has
+    shown the action as not ended once more. A robot that starts again shows what its journal has: there
+    FINISHED stays FINISHED. Two programs with one serial number count as one robot.
+    """
+    found: list[Execution] = []
+    at_end: set[Execution] = set()
+    for robot, state in _said_once(states):
+        for action in state.action_states:
+            each = Execution(robot, drive_order_of(state.order_id), action.action_id)
+            if not action.action_status.ended:
+                at_end.discard(each)
+            elif (
+                action.action_status is ActionStatus.FINISHED
+                and action.action_type in WORK
+                and each not in at_end
+            ):
+                at_end.add(each)
+                found.append(each)
+    return found
+
+
+def _said_once(states: Iterable[Inbound]) -> Iterator[tuple[str, State]]:
+    """Give each robot's states as they came, which MQTT keeps in order, without what is said again.
+
+    A replayed or redelivered state has its old header. After a restart headerIds may begin anew, and with a
+    clock set back timestamps come again; both together never do.
+    """
+    known = set()
+    for message in states:
+        robot = message.topic.split("/")[-2]
+        with suppress(MalformedMessageError):  # somebody else said it: a hostile message
+            state = CODEC.decode(State, message.payload)
+            header = robot, state.header_id, state.timestamp
+            if header not in known:
+                known.add(header)
+                yield robot, state
