@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -16,6 +17,9 @@ pytestmark = [pytest.mark.e2e, pytest.mark.timeout(BUILD_SECONDS)]
 DEFAULT = {"broker", "order-service", "status-aggregator", "prometheus"}
 ROBOTS = {"robot-simulator", "robot-01", "robot-02"}
 OURS = (DEFAULT | ROBOTS) - {"broker", "prometheus"}
+ALL = DEFAULT | ROBOTS | {"postgres"}
+PROFILES = ("--profile", "demo", "--profile", "postgres")
+CARRY = (("Goods in", "Load cargo"), ("Storage", "Unload cargo"))
 ORDER_WITHIN = 180.0
 
 
@@ -28,7 +32,7 @@ def compose() -> Iterator[Compose]:
         project.run("--profile", "demo", "build", "--quiet", timeout=BUILD_SECONDS)
         project.run("up", "--detach")
         assert set(project.containers()) == DEFAULT
-        project.run("--profile", "demo", "--profile", "postgres", "up", "--detach")
+        project.run(*PROFILES, "up", "--detach")
         yield project
     finally:
         project.close()
@@ -37,8 +41,7 @@ def compose() -> Iterator[Compose]:
 @pytest.fixture
 async def healthy(compose: Compose) -> Compose:
     """Give the stack once each health check is content."""
-
-    await compose.all_healthy(DEFAULT | ROBOTS | {"postgres"})
+    await compose.all_healthy(ALL)
     return compose
 
 
@@ -64,7 +67,7 @@ async def stored(compose: Compose, statement: str, row: str) -> None:
 
 
 async def test_a_robot_in_a_container_does_a_transport_order(healthy: Compose) -> None:
-    name = healthy.create(("Goods in", "Load cargo"), ("Storage", "Unload cargo"))
+    name = healthy.create(*CARRY)
 
     order = await order_ended(healthy, name)
 
@@ -133,12 +136,33 @@ def test_the_page_is_served(compose: Compose) -> None:
 
 
 async def test_orders_and_history_are_in_postgresql(healthy: Compose) -> None:
-    name = healthy.create(("Goods in", "Load cargo"), ("Storage", "Unload cargo"))
+    name = healthy.create(*CARRY)
 
     assert (await order_ended(healthy, name))["state"] == "FINISHED"
 
     await stored(healthy, "select name, state from transport_orders", f"{name}|FINISHED")
     await stored(healthy, "select distinct order_name from happenings", name)
+
+
+async def test_a_backup_brings_a_lost_database_back(healthy: Compose, tmp_path: Path) -> None:
+    """By the commands of docs/operations.md for the container."""
+    before = healthy.create(*CARRY)
+    assert (await order_ended(healthy, before))["state"] == "FINISHED"
+    await stored(healthy, "select name, state from transport_orders", f"{before}|FINISHED")
+    healthy.follow("operations.md", "postgres pg_dump", tmp_path)
+    healthy.lose_volume("postgres", "database")
+    healthy.run(*PROFILES, "up", "--detach", "postgres")
+    await until(lambda: healthy.health()["postgres"] == "healthy", what="an empty database is there")
+
+    healthy.follow("operations.md", "postgres pg_restore", tmp_path)
+    healthy.run(*PROFILES, "up", "--detach")
+    await healthy.all_healthy(ALL)
+
+    order = healthy.order(before)
+    assert order
+    assert order["state"] == "FINISHED"
+    order = await order_ended(healthy, healthy.create(*CARRY))
+    assert order["state"] == "FINISHED", order["reason"]
 
 
 async def test_the_database_wants_its_password(healthy: Compose) -> None:
@@ -187,7 +211,7 @@ async def test_a_robot_with_a_hanging_program_is_unhealthy(healthy: Compose) -> 
 
 
 async def test_everything_ends_in_order(healthy: Compose) -> None:
-    healthy.run("--profile", "demo", "--profile", "postgres", "stop")
+    healthy.run(*PROFILES, "stop")
 
     containers = healthy.containers()
     assert {name: containers[name]["State"]["ExitCode"] for name in OURS} == dict.fromkeys(OURS, 0)

@@ -12,7 +12,7 @@ import pytest
 
 from nena_shared.mqtt import Inbound, MqttLink
 from nena_shared.settings import MqttSettings, MqttTlsSettings
-from support.compose import BUILD_SECONDS, Compose, docker, skip_without_docker
+from support.compose import BUILD_SECONDS, Compose, skip_without_docker
 from support.guides import commands
 from support.waiting import until
 
@@ -127,18 +127,12 @@ def test_a_container_is_as_fenced_in_as_on_one_machine(compose: Compose, service
 
 async def test_a_backup_brings_lost_orders_back(healthy: Compose, tmp_path: Path) -> None:
     """By the commands of docs/operations.md for a store in a volume."""
-
-    def follow_the_guide(holding: str) -> None:
-        healthy.shell(commands("operations.md", holding).replace("/backup/", f"{tmp_path}/"))
-
     before = healthy.create(("Packing", "Load cargo"))
-    follow_the_guide("order-service copy.db >")
+    healthy.follow("operations.md", "order-service copy.db >", tmp_path)
     after = healthy.create(("Packing", "Load cargo"))
-    healthy.run("rm", "--force", "--stop", "order-service")
-    removed = docker("volume", "rm", f"{healthy.name}_orders")
-    assert removed.returncode == 0, removed.stderr
+    healthy.lose_volume("order-service", "orders")
 
-    follow_the_guide("cat > orders.db'")
+    healthy.follow("operations.md", "cat > orders.db'", tmp_path)
     healthy.run("up", "--detach")
     await healthy.all_healthy(SERVICES)
 

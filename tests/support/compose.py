@@ -16,6 +16,7 @@ import httpx
 import pytest
 
 from support.broker import free_port
+from support.guides import commands
 from support.waiting import until
 
 ROOT = Path(__file__).parents[2]
@@ -74,6 +75,10 @@ class Compose:
         known = 'docker-compose() { docker compose "$@"; }\n' if plug_in else ""
         return self._run(["bash", "-euo", "pipefail", "-c", known + commands], timeout)
 
+    def follow(self, page: str, holding: str, backup: Path) -> None:
+        """Run the one block of a guide's commands that holds a text, with another folder for its backups."""
+        self.shell(commands(page, holding).replace("/backup/", f"{backup}/"))
+
     def _run(self, command: list[str], timeout: float) -> str:
         done = subprocess.run(
             command,
@@ -117,6 +122,12 @@ class Compose:
         except AssertionError as error:
             text = f"{self.health()}\n{self.logs()}"
             raise AssertionError(text) from error
+
+    def lose_volume(self, service: str, volume: str) -> None:
+        """Remove a service's container, and what it kept."""
+        self.run("rm", "--force", "--stop", service)
+        removed = docker("volume", "rm", f"{self.name}_{volume}")
+        assert removed.returncode == 0, removed.stderr
 
     def execute(self, service: str, *command: str) -> subprocess.CompletedProcess[str]:
         """Run a command in a container."""
