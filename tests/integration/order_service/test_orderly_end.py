@@ -5,13 +5,21 @@ from __future__ import annotations
 import asyncio
 import json
 import signal
+from itertools import count
 from typing import Any
 
 import httpx
 import pytest
 
+from nena_shared import tasks
 from support.aggregator_process import AggregatorProcess
-from support.order_service_fleet import Fleet, actions_done, every_order_ended, vehicle_idle
+from support.order_service_fleet import (
+    Fleet,
+    actions_done,
+    every_order_ended,
+    listening,
+    vehicle_idle,
+)
 from support.programs import ENDED_WITHIN, Program
 from support.waiting import PATIENCE, awaited, until
 
@@ -72,6 +80,65 @@ async def test_an_order_service_that_ends_under_load_has_all_that_it_answered(fl
     unanswered = set(host.asked) - set(host.answered)
     assert len(unanswered) <= HOSTS
     assert all([(await order_from(again, name)).is_success for name in unanswered])
+
+
+class MqttHosts:
+    """Order over MQTT without a pause, each the next one when the last one is answered."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        self._prefix = f"{fleet.prefix}/hosts"
+        self.peer = fleet.peer(f"{self._prefix}/+/transportOrders/answer")
+        self.asked: list[str] = []
+        self.taken: dict[str, str] = {}
+        """The name of the order for each key that was answered."""
+
+    async def order_on(self, host: str) -> None:
+        for number in count():
+            key = f"{host}-{number}"
+            self.asked.append(key)
+            status, self.taken[key] = await self.order(key)
+            assert status == 201
+
+    async def order(self, key: str) -> tuple[int, str]:
+        topic = f"{self._prefix}/{key.split('-', 1)[0]}/transportOrders"
+        self.peer.publish(f"{topic}/create", json.dumps({"idempotencyKey": key, "destinations": [LOAD]}))
+        sign = f'"idempotencyKey":"{key}"'.encode()
+        message = await self.peer.wait_for(f"{topic}/answer", lambda each: sign in each.payload)
+        answer = json.loads(message.payload)
+        assert "problem" not in answer, answer["problem"]
+        return answer["status"], answer["name"]
+
+
+async def end_while_asked(program: Program, hosts: MqttHosts) -> list[str]:
+    """End the program while hosts go on; give the keys of the requests that were not answered."""
+    asking = [asyncio.create_task(hosts.order_on(f"h{number}")) for number in range(HOSTS)]
+    await until(lambda: len(hosts.taken) > 5 * HOSTS)
+    program.process.send_signal(signal.SIGTERM)
+    await until(lambda: program.process.poll() is not None, what="it ends while hosts go on")
+    assert program.process.returncode == 0, program.log
+    assert [each for each in asking if each.done()] == [], "nobody was refused"
+    await tasks.end(*asking)
+    hosts.peer.clear()
+    return [key for key in hosts.asked if key not in hosts.taken]
+
+
+async def test_orders_over_mqtt_at_its_end_are_answered_and_there_or_taken_when_sent_again(
+    fleet: Fleet,
+) -> None:
+    program, hosts = fleet.order_service(), MqttHosts(fleet)
+    await listening(await program.client())
+
+    unanswered = await end_while_asked(program, hosts)
+    assert len(unanswered) == HOSTS, "each has asked on"
+    client = await fleet.order_service().client()
+    await listening(client)
+
+    known = {key: await hosts.order(key) for key in hosts.taken}
+    assert known == {key: (200, name) for key, name in hosts.taken.items()}, "what was answered is there"
+    again = [await hosts.order(key) for key in unanswered]
+    listed = (await client.get("/v1/transportOrders", params={"limit": 1000})).json()["transportOrders"]
+    names = sorted(each["name"] for each in listed)
+    assert names == sorted([*hosts.taken.values(), *(name for _, name in again)]), "none is lost or twice"
 
 
 async def test_an_agent_that_ends_in_mid_order_goes_on_with_it_later(fleet: Fleet) -> None:
