@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 WORDS = {"extra_forbidden": "there is no such field", "missing": "is missing"}
@@ -11,18 +11,23 @@ PREFIX = "Value error, "
 """What pydantic puts before words of our own."""
 SHOWN = 300
 """Signs of a name or of words that are repeated: both may hold what somebody sent, however long."""
+TOLD = 10
+"""Findings that somebody is told who has sent them by the thousand."""
 
 
-def in_words(findings: Iterable[Any], *, whole: str, root: str = "") -> list[str]:
+def in_words(findings: Sequence[Any], *, whole: str, root: str = "", most: int | None = None) -> list[str]:
     """Give a line for each of pydantic's findings.
 
     Args:
         findings: as ``ValidationError.errors()`` gives them.
         whole: what stands for the path where it is all that does not fit.
         root: the first part of paths that is left out.
+        most: how many findings are told at most; one line more says how many there are besides.
 
     """
-    return [f"{path_of(each['loc'], root) or whole}: {words_of(each)}" for each in findings]
+    lines = [f"{path_of(each['loc'], root) or whole}: {words_of(each)}" for each in findings[:most]]
+    more = len(findings) - len(lines)
+    return [*lines, f"{whole}: {more} more values do not fit"] if more else lines
 
 
 def path_of(location: Iterable[str | int], root: str = "") -> str:

@@ -6,6 +6,7 @@ import stat
 import subprocess
 import sys
 import tomllib
+from base64 import b64decode, b64encode
 from pathlib import Path
 
 import pytest
@@ -99,6 +100,17 @@ def test_a_register_that_is_damaged_is_told_in_a_line(site: Path, content: str) 
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.stderr[:1000]
     assert "is no site of nena-deploy (site.json: " in done.stderr
     assert len(done.stderr) < 1000
+
+
+def test_an_authority_with_a_key_of_a_kind_that_nobody_knows_is_told_in_a_line(site: Path) -> None:
+    file, kind = site / "authority" / "ca-key.pem", bytes.fromhex("06072a8648ce3d0201")
+    first, *middle, last = file.read_text().splitlines()
+    other = b64encode(b64decode("".join(middle)).replace(kind, bytes.fromhex("06072a8648c0fd0201"))).decode()
+    file.write_text(f"{first}\n{other}\n{last}\n")
+    done = run("list", site)
+
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.stderr[:1000]
+    assert "is no site of nena-deploy (" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,10 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.mqtt_command_bodies import DeliveryCommand
+from nena_order_service.mqtt_command_bodies import DeliveryCommand, PutZoneSetCommand
 from nena_order_service.mqtt_requests import read_request, text_in
 from nena_shared.fleet_api.transport_order import Problem
+from nena_shared.misfits import TOLD
 from nena_shared.mqtt import Inbound
 
 
@@ -58,3 +59,17 @@ def test_retained_request_is_refused() -> None:
 )
 def test_who_is_refused_is_told_which_request_it_was(payload: bytes, text: str | None) -> None:
     assert text_in(Inbound("t", payload, retained=False), "requestId", max_body=300) == text
+
+
+@pytest.mark.parametrize("count", [11, 999, 100_000])
+def test_what_does_not_fit_by_the_thousand_has_an_answer_that_can_be_read(count: int) -> None:
+    payload = b'{"zoneSet": {"mapId": "m", "zoneSetId": "s", "zones": [%b]}}' % b",".join([b"1"] * count)
+    problem = read_request(Inbound("t", payload, retained=False), PutZoneSetCommand, max_body=10**6)
+
+    assert isinstance(problem, Problem)
+    assert problem.status == 422
+    assert len(problem.errors) <= TOLD + 1
+    assert problem.errors[-1] in {
+        f"message: {count - TOLD} more values do not fit",
+        f"message: {count} values do not fit",
+    }

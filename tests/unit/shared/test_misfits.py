@@ -57,3 +57,14 @@ def test_what_somebody_sent_is_repeated_in_brief() -> None:
 
     assert line.startswith("xxx")
     assert len(line) < 700
+
+
+def test_of_many_findings_the_first_ones_are_told() -> None:
+    findings = [{"loc": ("parts", each), "type": "missing", "msg": ""} for each in range(5)]
+
+    assert in_words(findings, whole="body", most=2) == [
+        "parts.0: is missing",
+        "parts.1: is missing",
+        "body: 3 more values do not fit",
+    ]
+    assert len(in_words(findings, whole="body", most=5)) == 5

@@ -13,7 +13,8 @@ Stops = Annotated[
     list[str] | None, typer.Argument(help="NAME, NAME:OPERATION or @X,Y,THETA, in the order of driving.")
 ]
 File = Annotated[
-    typer.FileText | None, typer.Option("--file", help="The whole request as JSON; - is standard input.")
+    typer.FileBinaryRead | None,
+    typer.Option("--file", help="The whole request as JSON; - is standard input."),
 ]
 NewName = Annotated[str | None, typer.Option(help="Name; without one the order service makes one.")]
 Vehicle = Annotated[str | None, typer.Option(help="Only this vehicle does it.")]

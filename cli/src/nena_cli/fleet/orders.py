@@ -26,6 +26,7 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderState,
     TransportOrderStatus,
 )
+from nena_shared.misfits import TOLD
 from nena_shared.vda5050.malformed import problems_of
 
 app = typer.Typer(help="Transport orders of a running order service.", no_args_is_help=True)
@@ -191,7 +192,7 @@ def _change(service: Service, name: str, what: str, body: dict[str, JsonValue], 
         _put(service, connection.post(TransportOrderStatus, f"{_path(name)}/{what}", given, headers))
 
 
-def _request(file: typer.FileText | None, **fields: object) -> TransportOrderRequest:
+def _request(file: typer.FileBinaryRead | None, **fields: object) -> TransportOrderRequest:
     """Make a request of a file, or of what the options say."""
     if (file is None) == (not fields["destinations"]):
         message = "give stops, or --file"
@@ -201,7 +202,7 @@ def _request(file: typer.FileText | None, **fields: object) -> TransportOrderReq
             return TransportOrderRequest.model_validate_json(file.read(), by_alias=True, by_name=False)
         return TransportOrderRequest.model_validate(fields)
     except ValidationError as error:
-        raise typer.BadParameter("; ".join(problems_of(error))) from error
+        raise typer.BadParameter("; ".join(problems_of(error, TOLD))) from error
 
 
 def put_or_watch(

@@ -38,7 +38,7 @@ def put(
 ) -> None:
     """Put a zone set at the order service; robots of 3.0 get it, disabled."""
     try:
-        body = from_json(file.read_bytes())
+        body = from_json(file.read_bytes(), allow_inf_nan=False)
     except (OSError, ValueError) as error:
         give_up(f"{file}: {error}")
     with service.connected() as connection:

@@ -8,6 +8,7 @@ from datetime import datetime
 from pathlib import Path, PurePosixPath
 from typing import Self
 
+from cryptography.exceptions import UnsupportedAlgorithm
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from nena_deploy.access_list import access_list
@@ -115,7 +116,7 @@ class Site:
         try:
             register = _Register.model_validate_json((folder / "site.json").read_bytes())
             authority = Authority.load(folder / "authority" / "ca.pem", folder / "authority" / "ca-key.pem")
-        except (OSError, ValueError, TypeError) as error:
+        except (OSError, ValueError, TypeError, UnsupportedAlgorithm) as error:
             message = (
                 f"{folder} is no site of nena-deploy ({_reason(error)}). Make one with `nena-deploy init`."
             )

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import from_json
 
 from nena_shared.fleet_api.transport_order import Problem
+from nena_shared.misfits import TOLD
 from nena_shared.mqtt import Inbound
 from nena_shared.vda5050.malformed import problems_of
 
@@ -32,12 +33,13 @@ def read_request(message: Inbound, model: type[M], *, max_body: int) -> M | Prob
     try:
         return model.model_validate_json(message.payload, by_alias=True, by_name=False)
     except ValidationError as error:
-        no_json = any(item["type"] == "json_invalid" for item in error.errors(include_input=False))
+        problems = problems_of(error, TOLD)
+        no_json = error.error_count() == 1 and error.errors()[0]["type"] == "json_invalid"
         return Problem(
             title="Not JSON" if no_json else "Request does not fit",
             status=HTTPStatus.BAD_REQUEST if no_json else HTTPStatus.UNPROCESSABLE_ENTITY,
             detail="The request has not the form that it needs. Correct what errors names.",
-            errors=tuple(problems_of(error)),
+            errors=tuple(problems),
         )
 
 

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from nena_robot_simulator.pose import Pose
-from nena_shared.misfits import in_words
+from nena_shared.misfits import TOLD, in_words
 
 Metres = Annotated[float, Field(allow_inf_nan=False)]
 Radians = Annotated[float, Field(allow_inf_nan=False)]
@@ -216,7 +216,7 @@ def parse(text: str) -> AnyFault:
     try:
         return _parser.validate_json(text)
     except ValidationError as error:
-        raise FaultRefusedError(in_words(error.errors(), whole="fault")) from error
+        raise FaultRefusedError(in_words(error.errors(), whole="fault", most=TOLD)) from error
 
 
 class Faults:

@@ -14,6 +14,7 @@ REFERENCE_LENGTH = 1024
 """Characters; a longer value refers to nothing that was ever accepted."""
 
 PROBLEMS_SHOWN = 5
+TOO_MANY = 1000
 
 
 class MalformedMessageError(Exception):
@@ -30,10 +31,15 @@ class MalformedMessageError(Exception):
         super().__init__(f"not a valid {kind}: {'; '.join(self.problems)}")
 
 
-def problems_of(error: ValidationError) -> list[str]:
-    """Put pydantic's findings into sentences with the path of the field."""
+def problems_of(error: ValidationError, most: int | None = None) -> list[str]:
+    """Put pydantic's findings into sentences with the path of the field, ``most`` of them at most.
+
+    Very many are only counted: to list a hundred thousand of them keeps a program from its work for seconds.
+    """
+    if error.error_count() > TOO_MANY:
+        return [f"message: {error.error_count()} values do not fit"]
     found = error.errors(include_url=False, include_context=False, include_input=False)
-    return in_words(found, whole="message")
+    return in_words(found, whole="message", most=most)
 
 
 def _readable_references(payload: bytes) -> dict[str, str]:

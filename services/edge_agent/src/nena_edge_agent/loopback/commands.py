@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 from pydantic.alias_generators import to_camel
 
 from nena_edge_agent.driver.port import Circle
-from nena_shared.misfits import in_words
+from nena_shared.misfits import TOLD, in_words
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
 from nena_shared.vda5050.state import EmergencyStop, OperatingMode
 
@@ -227,4 +227,4 @@ def parse(payload: bytes) -> AnyCommand:
     try:
         return _parser.validate_json(payload)
     except ValidationError as error:
-        raise CommandRefusedError(*in_words(error.errors(), whole="command")) from error
+        raise CommandRefusedError(*in_words(error.errors(), whole="command", most=TOLD)) from error

@@ -11,7 +11,7 @@ from starlette.exceptions import HTTPException
 from nena_order_service.problems import FORESEEN, problem_of
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.log import get_logger
-from nena_shared.misfits import in_words
+from nena_shared.misfits import TOLD, in_words
 from nena_shared.web.problem import answer
 
 log = get_logger(__name__)
@@ -60,7 +60,7 @@ def _problem_of_validation(request: Request, error: RequestValidationError) -> P
         title="Request does not fit",
         status=HTTPStatus.UNPROCESSABLE_ENTITY,
         detail="The request has not the form that it needs. Correct what errors names; see /openapi.json.",
-        errors=tuple(in_words(found, whole="body", root="body")),
+        errors=tuple(in_words(found, whole="body", root="body", most=TOLD)),
     )
 
 

@@ -10,7 +10,7 @@ from starlette.exceptions import HTTPException
 
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.log import get_logger
-from nena_shared.misfits import in_words
+from nena_shared.misfits import TOLD, in_words
 from nena_shared.web.problem import answer
 
 log = get_logger(__name__)
@@ -47,7 +47,7 @@ def install(app: FastAPI) -> None:
         return told
 
     async def on_invalid(_request: Request, error: RequestValidationError) -> Response:
-        errors = tuple(in_words(error.errors(), whole="request"))
+        errors = tuple(in_words(error.errors(), whole="request", most=TOLD))
         return response(HTTPStatus.UNPROCESSABLE_ENTITY, "The request does not fit; see errors.", errors)
 
     async def on_failure(request: Request, error: Exception) -> Response:

@@ -40,7 +40,7 @@ def metadata_of(document: dict[str, Any], issuer: str) -> Metadata:
     try:
         found = Metadata.model_validate(document)
     except ValidationError as error:
-        problems = "; ".join(in_words(error.errors()[:PROBLEMS_SHOWN], whole="all of it"))
+        problems = "; ".join(in_words(error.errors(), whole="all of it", most=PROBLEMS_SHOWN))
         message = f"{place_of(issuer)} is not what it has to be: {problems}"
         raise IssuerAwayError(message) from error
     if found.issuer != issuer:

@@ -12,7 +12,7 @@ from starlette.exceptions import HTTPException
 
 from nena_order_service.problems import FORESEEN, problem_of
 from nena_shared.log import get_logger
-from nena_shared.misfits import in_words
+from nena_shared.misfits import TOLD, in_words
 from nena_shared.web.described import describe_errors
 
 log = get_logger(__name__)
@@ -37,11 +37,15 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(RequestValidationError)
     async def malformed(_request: Request, error: RequestValidationError) -> Response:
-        return answer(HTTPStatus.BAD_REQUEST, tuple(in_words(error.errors(), whole="body", root="body")))
+        return answer(
+            HTTPStatus.BAD_REQUEST, tuple(in_words(error.errors(), whole="body", root="body", most=TOLD))
+        )
 
     @app.exception_handler(ValidationError)
     async def misfit(_request: Request, error: ValidationError) -> Response:
-        return answer(HTTPStatus.BAD_REQUEST, tuple(in_words(error.errors(), whole="body", root="body")))
+        return answer(
+            HTTPStatus.BAD_REQUEST, tuple(in_words(error.errors(), whole="body", root="body", most=TOLD))
+        )
 
     @app.exception_handler(HTTPException)
     async def refused(_request: Request, error: HTTPException) -> Response:
