@@ -17,8 +17,8 @@ use_identity_as_username true
 allow_anonymous false
 acl_file {folder}/access.list
 
-# What one client may cost the others.
-max_packet_size 4194304
+# What one client may cost the others. The longest message is the model of a large plant.
+max_packet_size 67108864
 max_inflight_messages 200
 max_queued_messages 10000
 max_connections 5000
