@@ -88,6 +88,7 @@ MINUTES ?= 120
 soak-site: $(STAMP) broker ## a site at work for two hours (or MINUTES=10): memory, latency, drift; writes docs/soak.md
 	PYTHONPATH=tests $(BIN)/python -m faults.soak --minutes $(MINUTES)
 
+# Messages and files go wrong in the same ways each time; NENA_FUZZ_SEED=anything chooses others.
 fuzz: $(STAMP) broker ## every parser and both HTTP interfaces against damaged and generated input, for long
 	NENA_FUZZ_EXAMPLES=200 NENA_FUZZ_MESSAGES=20000 NENA_FUZZ_FILES=5000 $(BIN)/pytest -n $(WORKERS) --timeout 7200 $(FUZZED)
 

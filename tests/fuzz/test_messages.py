@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from functools import cache
-from random import Random
 from typing import Any
 
 import pytest
@@ -19,7 +18,7 @@ from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.versions import CODECS, codec_of_header, reader_of, version_of
 from nena_shared.vda5050.visualization import Visualization
 from support.conversations import FOLDER
-from support.damage import damaged
+from support.damage import damaged, stream
 
 MESSAGES = int(os.environ.get("NENA_FUZZ_MESSAGES", "600"))
 """For each version and topic."""
@@ -59,7 +58,7 @@ def _shown(state: State) -> Visualization:
 
 @pytest.mark.parametrize(("version", "topic"), SAID)
 def test_what_comes_is_read_or_refused(version: str, topic: Topic) -> None:
-    codec, chance = CODECS[version], Random(f"{version} {topic}")
+    codec, chance = CODECS[version], stream(f"{version} {topic}")
     found = samples(version, topic)
     outcomes, longest = {True: 0, False: 0}, 0
     for _ in range(MESSAGES):
@@ -82,7 +81,7 @@ def test_what_comes_is_read_or_refused(version: str, topic: Topic) -> None:
 @pytest.mark.parametrize("topic", BRIEFS)
 @pytest.mark.parametrize("version", CODECS)
 def test_what_is_read_in_brief_is_what_the_codec_takes(version: str, topic: Topic) -> None:
-    codec, chance = CODECS[version], Random(f"{version} {topic} in brief")
+    codec, chance = CODECS[version], stream(f"{version} {topic} in brief")
     found = samples(version, topic)
     for _ in range(MESSAGES):
         payload = damaged(chance.choice(found), chance)
@@ -101,7 +100,7 @@ def test_what_is_read_in_brief_is_what_the_codec_takes(version: str, topic: Topi
 
 @pytest.mark.parametrize("version", CODECS)
 def test_the_checker_says_what_is_wrong_and_goes_on(version: str) -> None:
-    chance, checker = Random(version), Checker()
+    chance, checker = stream(version), Checker()
     entries = [
         entry if chance.random() < 0.5 else Entry(entry.time, entry.topic, damaged(entry.payload, chance))
         for entry in recorded(version)

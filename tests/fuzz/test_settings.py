@@ -10,7 +10,6 @@ from contextlib import redirect_stderr, redirect_stdout, suppress
 from functools import cache
 from io import StringIO
 from pathlib import Path
-from random import Random
 from typing import Any
 from unittest.mock import patch
 
@@ -20,7 +19,7 @@ from hypothesis import strategies as st
 
 from nena_shared.settings import ConfigurationError, load
 from reference.configuration import PROGRAMS, Setting, settings_of
-from support.damage import damaged_text
+from support.damage import damaged_text, stream
 from support.examples import DAMAGED_FILES
 
 ROOT = Path(__file__).parents[2]
@@ -135,7 +134,7 @@ def texts() -> tuple[bytes, ...]:
 
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_a_damaged_file(program: str, file: Path) -> None:
-    chance = Random(program)
+    chance = stream(program)
     for _ in range(EXAMPLES):
         file.write_bytes(damaged_text(chance.choice(texts()), chance))
         assert_for_people(problems(program, "--config", str(file)))

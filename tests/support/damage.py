@@ -7,6 +7,8 @@ from collections.abc import Callable
 from random import Random
 from typing import Any
 
+from support.examples import FUZZ_SEED
+
 VALUES: tuple[Any, ...] = (
     None,
     True,
@@ -43,6 +45,11 @@ VALUES: tuple[Any, ...] = (
 DEPTH = 100_000
 
 
+def stream(name: str) -> Random:
+    """Give the chance by which one test's messages go wrong; FUZZ_SEED chooses another one."""
+    return Random(f"{FUZZ_SEED}{name}")
+
+
 def damaged(payload: bytes, chance: Random) -> bytes:
     """Give one message made from ``payload``: cut, bent, blown up, or another one altogether."""
     return chance.choice(WAYS)(payload, chance)
@@ -50,7 +57,7 @@ def damaged(payload: bytes, chance: Random) -> bytes:
 
 def damaged_text(text: bytes, chance: Random) -> bytes:
     """Give a text of any form, cut, bent, in another encoding, or nested deep."""
-    return chance.choice((_cut, _bent, _bent, _other_encoding, _deep))(text, chance)
+    return chance.choice((_cut, _bent, _bent, _other_encoding, _deep, _deep_toml))(text, chance)
 
 
 def _cut(payload: bytes, chance: Random) -> bytes:
@@ -71,6 +78,10 @@ def _other_encoding(payload: bytes, chance: Random) -> bytes:
 
 def _deep(_payload: bytes, chance: Random) -> bytes:
     return chance.choice([b"[", b'{"a":']) * DEPTH
+
+
+def _deep_toml(_text: bytes, chance: Random) -> bytes:
+    return b"a = " + chance.choice([b"[", b"{a = "]) * chance.choice([200, 600, DEPTH])
 
 
 def _no_json(_payload: bytes, chance: Random) -> bytes:

@@ -19,5 +19,8 @@ KILLS = int(os.environ.get("NENA_KILLS", "5"))
 DAMAGED_FILES = int(os.environ.get("NENA_FUZZ_FILES", "100"))
 """Files that went wrong, of each kind; ``make fuzz`` has more."""
 
+FUZZ_SEED = os.environ.get("NENA_FUZZ_SEED", "")
+"""Chooses how messages and files go wrong; as it is, the same in each run."""
+
 RESTARTS = int(os.environ.get("NENA_RESTARTS", "24"))
 """Moments of each order at which the edge agent dies."""

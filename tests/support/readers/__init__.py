@@ -1,0 +1,1 @@
+"""Readers of what comes from outside, each with what it takes and how it may refuse all else."""

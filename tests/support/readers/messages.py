@@ -1,0 +1,180 @@
+"""Readers of what comes over MQTT, and over ROS to the simulator, besides messages of VDA 5050."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+from unittest.mock import patch
+
+from pydantic import BaseModel
+from pydantic_core import to_json
+
+from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.loopback.bench import Bench
+from nena_edge_agent.loopback.control import ControlDoor
+from nena_edge_agent.loopback.driver import LoopbackDriver
+from nena_edge_agent.loopback.settings import LoopbackSettings
+from nena_edge_agent.protocol.events import Event
+from nena_order_service.mqtt_command_bodies import COMMANDS, CommandAnswer
+from nena_order_service.mqtt_requests import read_request, text_in
+from nena_robot_simulator import faults
+from nena_shared.clock import SystemClock
+from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.fleet_api.transport_order import Problem, TransportOrderRequest
+from nena_shared.mqtt import Inbound, Outbound
+from nena_shared.settings import MqttSettings
+from nena_shared.vda5050.topics import RobotKey
+from nena_status_aggregator.fleet_model.instant import Instant
+from nena_status_aggregator.fleet_model.model import FleetModel, ModelLimits
+from nena_status_aggregator.link import FleetLink
+from nena_status_aggregator.settings import AggregatorSettings
+from support.fleet_examples import order_status, sample_plant, vehicle_status
+from support.readers.reader import Make, NotTakenError, Place, Reader
+from support.robot_maps import robot_map
+
+ROBOT = RobotKey("ACME", "1")
+MAX_BODY = 262_144
+"""Bytes, as the order service has it by default."""
+CORNERS = [{"x": 0, "y": 0}, {"x": 1, "y": 0}, {"x": 1, "y": 1}]
+ZONE = {"zoneId": "z", "zoneType": "BLOCKED", "vertices": CORNERS}
+PROPERTY = {"key": "colour", "value": "red"}
+SEQUENCE = {"name": "S-1", "orderTypes": ["a", "b"], "failureFatal": True, "properties": [PROPERTY]}
+POSE = {"x": 1, "y": 2, "theta": 0.5, "mapId": "hall"}
+BODIES: dict[str, dict[str, Any]] = {
+    "withdraw": {"transportOrder": "T-1", "reason": "late", "immediate": False, "version": 3},
+    "hold": {"transportOrder": "T-1", "by": "ann", "reason": "waits"},
+    "resume": {"transportOrder": "T-1", "by": "ann"},
+    "delivery": {"transportOrder": "T-1"},
+    "assignment": {"transportOrder": "T-1"},
+    "dispatch": {"vehicle": "V-1", "coordinate": {"x": 1, "y": 2}, "priority": 5},
+    "instantAction": {
+        "vehicle": "V-1",
+        "actionType": "initializePosition",
+        "pose": POSE,
+        "parameters": [{"key": "a", "value": {"b": [1, None, "c"]}}],
+    },
+    "lockPath": {"path": "A --- B", "locked": True},
+    "reroute": {"vehicle": "V-1", "type": "FORCED"},
+    "putZoneSet": {"zoneSet": {"mapId": "hall", "zoneSetId": "s1", "zones": [ZONE]}},
+    "enableZoneSet": {"zoneSetId": "s1"},
+    "deleteZoneSet": {"zoneSetId": "s1"},
+    "integrationLevel": {"vehicle": "V-1", "integrationLevel": "TO_BE_UTILIZED"},
+    "acceptableOrderTypes": {"vehicle": "V-1", "acceptableOrderTypes": [{"name": "a", "priority": 1}]},
+    "createOrderSequence": SEQUENCE,
+    "orderSequence": {"orderSequence": "S-1"},
+    "orderSequences": {"finished": True, "limit": 5, "after": "12"},
+    "completeOrderSequence": {"orderSequence": "S-1", "version": 1},
+}
+ORDER = {
+    "name": "T-1",
+    "idempotencyKey": "k",
+    "destinations": [
+        {"locationName": "A", "operation": "Load", "properties": [PROPERTY]},
+        {"coordinate": {"x": 1, "y": 2}},
+    ],
+    "deadline": "2030-01-01T00:00:00Z",
+    "dependencies": ["T-0"],
+    "timeout": 60,
+}
+
+
+def _request(model: type[BaseModel], body: dict[str, Any], _place: Place) -> Reader:
+    def read(data: bytes) -> None:
+        message = Inbound("t", data, retained=False)
+        found = read_request(message, model, max_body=MAX_BODY)
+        if isinstance(found, Problem):
+            known = text_in(message, "requestId", max_body=MAX_BODY)
+            answer = CommandAnswer(status=found.status, request_id=known, problem=found)
+            raise NotTakenError(answer.model_dump_json(by_alias=True, exclude_none=True))
+
+    return Reader(read, (json.dumps(body).encode(),), (NotTakenError,))
+
+
+def loopback_control(_place: Place) -> Reader:
+    """Read commands, and obey them."""
+    said: list[Outbound] = []
+    events: list[Event] = []
+    bench = Bench()
+    start = Pose(0.0, 0.0, 0.0, "m")
+    bench.attach(
+        LoopbackDriver(LoopbackSettings(), start, emit=events.append, clock=SystemClock()), events.append
+    )
+    door = ControlDoor(MqttSettings(), "uagv", {ROBOT: bench})
+
+    def read(data: bytes) -> None:
+        said.clear()
+        with patch.object(door._link, "publish", said.append):
+            door._take(Inbound(f"uagv/loopback/{ROBOT}/control", data, retained=False))
+        problems = [each for answer in said for each in json.loads(answer.payload).get("problems", ())]
+        if problems:
+            raise NotTakenError("; ".join(problems))
+
+    commands: tuple[dict[str, Any], ...] = (
+        {"id": "1", "command": "operatingMode", "mode": "SERVICE"},
+        {"command": "localization", "localized": True},
+        {
+            "command": "error",
+            "errorType": "worn",
+            "errorLevel": "URGENT",
+            "errorReferences": {"part": "belt"},
+        },
+        {"command": "pauseButton", "pressed": True},
+    )
+    return Reader(read, tuple(json.dumps(each).encode() for each in commands), (NotTakenError,))
+
+
+def fault_of_the_simulator(_place: Place) -> Reader:
+    samples = (
+        b'{"kind": "unreachable", "circles": [{"x": 1, "y": 2, "radius": 0.5}], "goals": 2}',
+        b'{"kind": "foreign_goal", "x": 1, "y": -2}',
+    )
+    return Reader(
+        lambda data: faults.parse(data.decode(errors="replace")), samples, (faults.FaultRefusedError,)
+    )
+
+
+def _at_the_aggregator(topic: str, sample: Callable[[], bytes], _place: Place) -> Reader:
+    """Read a message as the aggregator does, and show what has become of the fleet."""
+    clock = SystemClock()
+    model = FleetModel(ModelLimits())
+    link = FleetLink(AggregatorSettings(), model, clock)
+
+    def read(data: bytes) -> None:
+        link._problems.clear()
+        for handler in link.mqtt._handlers(topic):
+            handler(Inbound(topic, data, retained=True))
+        to_json(model.flush(Instant.of(clock)))
+        if link._problems:
+            raise NotTakenError("; ".join(link._problems.values()))
+
+    return Reader(read, (sample(),), (NotTakenError,))
+
+
+def _json(made: BaseModel) -> bytes:
+    return made.model_dump_json(by_alias=True).encode()
+
+
+TOPICS = FleetTopics()
+MESSAGES: dict[str, Make] = {
+    "creation": partial(_request, TransportOrderRequest, ORDER),
+    **{
+        f"command {name}": partial(_request, model, {"requestId": "17", **BODIES[name]})
+        for name, model in COMMANDS.items()
+    },
+    "control of a loopback robot": loopback_control,
+    "fault of the simulator": fault_of_the_simulator,
+    "robot's map at the aggregator": partial(
+        _at_the_aggregator, f"uagv/v2/{ROBOT}/nena/map", lambda: _json(robot_map())
+    ),
+    "order at the aggregator": partial(
+        _at_the_aggregator, TOPICS.order_status("TO-1"), lambda: _json(order_status())
+    ),
+    "vehicle at the aggregator": partial(
+        _at_the_aggregator, TOPICS.vehicle_status("r1"), lambda: _json(vehicle_status())
+    ),
+    "plant model at the aggregator": partial(
+        _at_the_aggregator, TOPICS.plant_model, lambda: sample_plant().to_json().encode()
+    ),
+}
