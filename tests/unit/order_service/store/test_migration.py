@@ -61,6 +61,15 @@ def test_store_of_the_first_release_keeps_all_that_is_in_it(sqlite_url: str) -> 
     assert [number for number, _ in read_changes(engine, 3, 10)] == [4, 5]
 
 
+def test_the_first_release_refuses_its_store_once_it_is_brought_up_to_date(sqlite_url: str) -> None:
+    file = first_store(sqlite_url)
+    for _ in range(2):
+        open_database(sqlite_url).dispose()
+        with sqlite3.connect(file) as store:
+            looked_at_by_it = store.execute("SELECT version FROM schema_version").fetchall()
+        assert looked_at_by_it == [(2,)], "it works on with a store of version 1, or of none"
+
+
 def test_migrating_again_changes_nothing(url: str) -> None:
     engine = open_database(url)
     order = dispatchable_order()

@@ -17,7 +17,10 @@ from nena_shared.log import get_logger
 log = get_logger(__name__)
 
 FIRST = "0001"
-"""The tables of stores that were made before there were migrations; they say version 1."""
+"""The tables of stores that were made before there were migrations; they say version 1.
+
+Brought up to date they say 2: releases from then look there, and would work on tables that they do not know.
+"""
 
 
 def migrate(engine: Engine) -> None:
@@ -37,12 +40,12 @@ def migrate(engine: Engine) -> None:
         try:
             if _is_from_before_migrations(connection):
                 command.stamp(config, FIRST)
-                connection.execute(text("DROP TABLE schema_version"))
+                connection.execute(text("UPDATE schema_version SET version = 2"))
             command.upgrade(config, "head")
         except CommandError as error:
             message = (
                 f"the tables of the store are of another release ({error}): "
-                "use the release that made the store, or another store.url"
+                "use the release that made the store, go back to a copy of it, or name another store.url"
             )
             raise StoreError(message) from error
         if before != (now := _revision(connection)):
