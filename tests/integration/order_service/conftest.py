@@ -9,6 +9,7 @@ import httpx
 import pytest
 
 from support.broker import Broker
+from support.keepers import Keeper, PostgresKeeper, SqliteKeeper
 from support.order_service_fleet import Fleet, running
 from support.published import problems_in
 
@@ -30,3 +31,16 @@ async def service(fleet: Fleet) -> AsyncIterator[Callable[..., Awaitable[httpx.A
             return await stack.enter_async_context(running(fleet.settings(**settings)))
 
         yield start
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def keeper(request: pytest.FixtureRequest, fleet: Fleet, tmp_path: Path) -> Iterator[Keeper]:
+    """Give the fleet's store."""
+    if request.param == "sqlite":
+        made: Keeper = SqliteKeeper(tmp_path)
+    else:
+        made = PostgresKeeper(request.getfixturevalue("postgres_server"), tmp_path)
+    fleet.store_url = made.url
+    yield made
+    fleet.stack.close()
+    made.destroy()

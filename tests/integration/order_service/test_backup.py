@@ -4,162 +4,27 @@ from __future__ import annotations
 
 import os
 import runpy
-import signal
 import sqlite3
 import stat
 import subprocess
 import sys
-from abc import ABC, abstractmethod
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
-from sqlalchemy import NullPool, create_engine, text
 
 from support.aggregator_process import AggregatorProcess
 from support.broker import free_port
+from support.keepers import Keeper
 from support.order_service_fleet import Fleet, actions_done, every_order_ended
-from support.postgres import Postgres
-from support.programs import ENDED_WITHIN, OrderServiceProgram
+from support.order_service_work import ended, finished, order, orders_of, start_robots, started
 from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e, pytest.mark.timeout(900)]
 
 ROOT = Path(__file__).parents[3]
-LOAD = {"locationName": "Goods in", "operation": "Load cargo"}
-UNLOAD = {"locationName": "Storage", "operation": "Unload cargo"}
 ORDERS = tuple(f"T-{number}" for number in range(6))
-
-
-class Keeper(ABC):
-    """A store that can be backed up, destroyed and restored."""
-
-    url: str
-
-    @abstractmethod
-    def back_up(self) -> None: ...
-
-    @abstractmethod
-    def destroy(self) -> None: ...
-
-    @abstractmethod
-    def restore(self) -> None: ...
-
-
-class SqliteKeeper(Keeper):
-    def __init__(self, folder: Path) -> None:
-        self._folder, self._copy = folder / "store", folder / "backup" / "orders.db"
-        for each in (self._folder, self._copy.parent):
-            each.mkdir()
-        self.url = f"sqlite:///{self._folder}/orders.db"
-
-    def back_up(self) -> None:
-        run(sys.executable, ROOT / "deploy" / "backup", self._folder / "orders.db", self._copy)
-
-    def destroy(self) -> None:
-        for each in self._folder.iterdir():
-            each.unlink()
-
-    def restore(self) -> None:
-        (self._folder / "orders.db").write_bytes(self._copy.read_bytes())
-
-
-class PostgresKeeper(Keeper):
-    def __init__(self, server: Postgres, folder: Path) -> None:
-        self._server, self._copy = server, folder / "orders.dump"
-        self._place = ("--host", server.url.rpartition("host=")[2], "--username", "nena")
-        self.destroy()
-        self._create()
-        self.url = server.url.replace("/postgres?", "/nena?")
-
-    def back_up(self) -> None:
-        run("pg_dump", *self._place, "--format=custom", "--file", self._copy, "nena")
-
-    def destroy(self) -> None:
-        self._sql("DROP DATABASE IF EXISTS nena WITH (FORCE)")
-
-    def restore(self) -> None:
-        self._create()
-        run("pg_restore", *self._place, "--dbname=nena", "--exit-on-error", self._copy)
-
-    def _create(self) -> None:
-        self._sql("CREATE DATABASE nena")
-
-    def _sql(self, statement: str) -> None:
-        engine = create_engine(self._server.url, poolclass=NullPool, isolation_level="AUTOCOMMIT")
-        with engine.connect() as connection:
-            connection.execute(text(statement))
-
-
-def run(*command: object) -> None:
-    done = subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=PATIENCE, check=False)
-    assert done.returncode == 0, done.stderr
-
-
-@pytest.fixture(params=["sqlite", "postgresql"])
-def keeper(request: pytest.FixtureRequest, fleet: Fleet, tmp_path: Path) -> Iterator[Keeper]:
-    """Give the fleet's store."""
-    if request.param == "sqlite":
-        made: Keeper = SqliteKeeper(tmp_path)
-    else:
-        made = PostgresKeeper(request.getfixturevalue("postgres_server"), tmp_path)
-    fleet.store_url = made.url
-    yield made
-    fleet.stack.close()
-    made.destroy()
-
-
-def start_robots(fleet: Fleet) -> None:
-    """Start two robots that do not mind what they carry, as if somebody had unloaded them where need be."""
-    for number, (x, y) in enumerate([(3.0, 2.0), (15.0, 2.0)], start=1):
-        serial = f"robot-0{number}"
-        text = fleet.agent_file(serial, x=x, y=y)
-        fleet.agent_of(text.replace('load = "take"\n', "").replace('load = "give"\n', ""), serial)
-
-
-async def order(client: httpx.AsyncClient, name: str) -> int:
-    body = {"name": name, "idempotencyKey": name, "destinations": [LOAD, UNLOAD]}
-    answer = await client.post("/v1/transportOrders", json=body)
-    assert answer.is_success, answer.text
-    return answer.status_code
-
-
-async def orders_of(client: httpx.AsyncClient) -> dict[str, dict[str, Any]]:
-    try:
-        found = await client.get("/v1/transportOrders", params={"limit": 1000})
-        return {each["name"]: each for each in found.json()["transportOrders"]}
-    except (httpx.TransportError, KeyError):
-        return {}
-
-
-async def finished(client: httpx.AsyncClient, number: int) -> None:
-    async def look() -> list[tuple[str, str]]:
-        return [(each["state"], each["reason"]) for each in (await orders_of(client)).values()]
-
-    await awaited(
-        look,
-        lambda found: sum(state == "FINISHED" for state, _ in found) >= number,
-        seconds=2 * PATIENCE,
-        what=f"{number} orders are FINISHED",
-    )
-
-
-async def started(program: OrderServiceProgram) -> httpx.AsyncClient:
-    """Wait until an order service is the active one."""
-    client = await program.client()
-
-    async def look() -> bool:
-        return (await client.get("/v1/transportOrders")).is_success
-
-    await awaited(look, bool, seconds=PATIENCE, what="it answers")
-    return client
-
-
-def ended(program: OrderServiceProgram) -> None:
-    program.process.send_signal(signal.SIGTERM)
-    assert program.process.wait(ENDED_WITHIN) == 0, program.log
 
 
 @pytest.mark.parametrize("keeper", ["sqlite"], indirect=True)

@@ -1,0 +1,74 @@
+"""Work of a fleet that is stopped and goes on: robots, orders, and programs that end in order."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Sequence
+from typing import Any
+
+import httpx
+
+from support.order_service_fleet import Fleet
+from support.programs import ENDED_WITHIN, OrderServiceProgram
+from support.waiting import PATIENCE, awaited
+
+LOAD = {"locationName": "Goods in", "operation": "Load cargo"}
+UNLOAD = {"locationName": "Storage", "operation": "Unload cargo"}
+PLACES = ((3.0, 2.0), (15.0, 2.0))
+"""Where robots stand, m."""
+
+
+def start_robots(fleet: Fleet, places: Sequence[tuple[float, float]] = PLACES) -> None:
+    """Start robots that do not mind what they carry, as if somebody had unloaded them where need be."""
+    for number, (x, y) in enumerate(places, start=1):
+        serial = f"robot-0{number}"
+        text = fleet.agent_file(serial, x=x, y=y)
+        fleet.agent_of(text.replace('load = "take"\n', "").replace('load = "give"\n', ""), serial)
+
+
+async def order(client: httpx.AsyncClient, name: str) -> int:
+    """Order a transport under this name, and give the status of the answer: 201 new, 200 known."""
+    body = {"name": name, "idempotencyKey": name, "destinations": [LOAD, UNLOAD]}
+    answer = await client.post("/v1/transportOrders", json=body)
+    assert answer.is_success, answer.text
+    return answer.status_code
+
+
+async def orders_of(client: httpx.AsyncClient) -> dict[str, dict[str, Any]]:
+    """Give all orders by their names; none while nobody answers."""
+    try:
+        found = await client.get("/v1/transportOrders", params={"limit": 1000})
+        return {each["name"]: each for each in found.json()["transportOrders"]}
+    except (httpx.TransportError, KeyError):
+        return {}
+
+
+async def finished(client: httpx.AsyncClient, number: int) -> None:
+    """Wait until so many orders are FINISHED."""
+
+    async def look() -> list[tuple[str, str]]:
+        return [(each["state"], each["reason"]) for each in (await orders_of(client)).values()]
+
+    await awaited(
+        look,
+        lambda found: sum(state == "FINISHED" for state, _ in found) >= number,
+        seconds=2 * PATIENCE,
+        what=f"{number} orders are FINISHED",
+    )
+
+
+async def started(program: OrderServiceProgram) -> httpx.AsyncClient:
+    """Wait until an order service is the active one."""
+    client = await program.client()
+
+    async def look() -> bool:
+        return (await client.get("/v1/transportOrders")).is_success
+
+    await awaited(look, bool, seconds=PATIENCE, what="it answers")
+    return client
+
+
+def ended(program: OrderServiceProgram) -> None:
+    """End a program in order."""
+    program.process.send_signal(signal.SIGTERM)
+    assert program.process.wait(ENDED_WITHIN) == 0, program.log
