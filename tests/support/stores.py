@@ -1,22 +1,64 @@
-"""Stores of the order service, also such as older releases have made."""
+"""Stores of the order service, also such as older releases have made, and newer ones will."""
 
 from __future__ import annotations
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
+from alembic import command
+from alembic.config import Config
+from sqlalchemy import Connection, text
+
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.store import schema
 from nena_order_service.store.changes import Changes
+from nena_order_service.store.engine import is_shared, make_engine
+from nena_order_service.store.migration import FIRST
 
 FIRST_STORE = Path(__file__).parents[1] / "fixtures" / "stores" / "version_1.sql"
+FIRST_TABLES = ("transport_orders", "history", "missions")
 
 
 def first_store(url: str) -> Path:
     """Put the store of a first release, which was killed at work, where a SQLite URL says; give the file."""
     file = Path(url.removeprefix("sqlite:///"))
-    with sqlite3.connect(file) as store:
+    with closing(sqlite3.connect(file)) as store:
         store.executescript(FIRST_STORE.read_text(encoding="utf-8"))
     return file
+
+
+def first_tables(url: str) -> None:
+    """Put what is in :func:`first_store` into any database.
+
+    That release knew SQLite only: on PostgreSQL its tables are those of the first migration.
+    """
+    if not is_shared(url):
+        first_store(url)
+        return
+    with make_engine(url, pooled=False).begin() as connection, closing(sqlite3.connect(":memory:")) as first:
+        config = Config()
+        config.set_main_option("script_location", "nena_order_service.store:migrations")
+        config.attributes["connection"] = connection
+        command.upgrade(config, FIRST)
+        first.executescript(FIRST_STORE.read_text(encoding="utf-8"))
+        for table in FIRST_TABLES:
+            _copy(first, connection, table)
+
+
+def _copy(first: sqlite3.Connection, connection: Connection, table: str) -> None:
+    rows = first.execute(f"SELECT * FROM {table}")  # noqa: S608 - one of the names above
+    names = [each[0] for each in rows.description]
+    places = ", ".join(f":{name}" for name in names)
+    insert = text(f"INSERT INTO {table} ({', '.join(names)}) VALUES ({places})")  # noqa: S608
+    connection.execute(insert, [dict(zip(names, row, strict=True)) for row in rows])
+
+
+def make_newer(url: str) -> None:
+    """Have a store as if a newer release had brought it up to date."""
+    with make_engine(url, pooled=False).begin() as connection:
+        connection.execute(text(f"UPDATE {schema.VERSION_TABLE} SET version_num = '9999'"))  # noqa: S608
+        connection.execute(text("CREATE TABLE of_a_newer_release (number INTEGER)"))
 
 
 def changes(*versions: tuple[TransportOrder, TransportOrder | None]) -> Changes:

@@ -1,0 +1,136 @@
+"""Upgrade, and back: the programs on the store of the first release, and on one of a newer release."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from contextlib import closing
+from typing import Any
+
+import pytest
+
+from nena_order_service.fleet.outgoing import Outgoing
+from nena_order_service.fleet.outputs import PublishOrder
+from nena_order_service.kernel.mission_record import MissionRecord
+from nena_shared.clock import SystemClock
+from nena_shared.program import EXIT_FAILED
+from nena_shared.vda5050.v2_1 import CODEC
+from support.broker import MqttPeer
+from support.keepers import Keeper
+from support.order_service_fleet import Fleet, actions_done, every_order_ended
+from support.order_service_work import ended, finished, order, start_robots, started
+from support.stores import FIRST_STORE, first_tables, make_newer
+from support.waiting import PATIENCE
+
+pytestmark = [pytest.mark.broker, pytest.mark.e2e, pytest.mark.timeout(900)]
+
+AT_STORAGE, AT_SOUTH_3 = (9.0, 9.5), (15.0, 2.0)
+ENDED = {"done-1": "FINISHED", "withdrawn-2": "FAILED", "unroutable-3": "UNROUTABLE"}
+OPEN = ("running-4", "waiting-5")
+ORDERS = tuple(f"T-{number}" for number in range(3))
+
+
+def in_first_store(query: str) -> list[Any]:
+    """Give the JSON documents that a query finds in the store of the first release."""
+    with closing(sqlite3.connect(":memory:")) as store:
+        store.executescript(FIRST_STORE.read_text(encoding="utf-8"))
+        return [json.loads(document) for (document,) in store.execute(query)]
+
+
+def first_orders() -> dict[str, dict[str, Any]]:
+    return {each["name"]: each for each in in_first_store("SELECT document FROM transport_orders")}
+
+
+def assert_kept(before: Any, now: Any) -> None:
+    """Fail where something of ``before`` is not there any more; fields may have come."""
+    if isinstance(before, dict):
+        for name, value in before.items():
+            assert_kept(value, now[name])
+    elif isinstance(before, list):
+        for one, other in zip(before, now, strict=True):
+            assert_kept(one, other)
+    else:
+        assert now == before
+
+
+async def robot_takes_its_order(fleet: Fleet, wire: MqttPeer) -> None:
+    """Send the robot what the first release had noted to send, as if it had been killed after that."""
+    (noted,) = in_first_store("SELECT document FROM missions")
+    record = MissionRecord.model_validate_json(json.dumps(noted))
+    topic = f"{fleet.interface}/v2/NeNa/robot-01"
+    await wire.wait_for(f"{topic}/state")
+    _, message = Outgoing(SystemClock()).message(PublishOrder(record.robot, record.mission), "2.1.0")
+    wire.publish(f"{topic}/order", CODEC.encode(message))
+    await wire.wait_for(f"{topic}/state", lambda state: b'"orderId":"running-4-0"' in state.payload)
+
+
+@pytest.mark.parametrize("sent", [False, True], ids=["order not sent yet", "robot has its order"])
+async def test_what_was_under_way_in_the_first_release_comes_to_its_end(
+    fleet: Fleet, keeper: Keeper, *, sent: bool
+) -> None:
+    first_tables(keeper.url)
+    wire = fleet.peer()
+    start_robots(fleet, [AT_STORAGE, AT_SOUTH_3])
+    if sent:
+        await robot_takes_its_order(fleet, wire)
+
+    client = await started(fleet.order_service())
+    assert await order(client, "new-6") == 201
+
+    orders = {each["name"]: each for each in await every_order_ended(client)}
+    states = {name: each["state"] for name, each in orders.items()}
+    assert states == ENDED | dict.fromkeys((*OPEN, "new-6"), "FINISHED")
+    for name in ENDED:
+        assert_kept(first_orders()[name], orders[name])
+    history = in_first_store("SELECT document FROM history WHERE order_number = 1 ORDER BY entry")
+    assert orders["done-1"]["history"] == history
+    legs = ["running-4-0", "running-4-1", "waiting-5-0", "new-6-0", "new-6-1"]
+    assert actions_done(wire, fleet) == dict.fromkeys(legs, 1)
+
+
+async def test_hosts_that_ask_again_after_the_upgrade_are_told_the_orders_of_before(
+    fleet: Fleet, keeper: Keeper
+) -> None:
+    first_tables(keeper.url)
+    client = await started(fleet.order_service())
+    for name in ("done-1", "running-4"):
+        before = first_orders()[name]
+        stops = [each["destination"] for each in before["driveOrders"]]
+        body = {
+            "name": name,
+            "idempotencyKey": f"key-{name}",
+            "destinations": [{key: stop[key] for key in ("locationName", "operation")} for stop in stops],
+            **{key: before[key] for key in ("priority", "properties")},
+        }
+        answer = await client.post("/v1/transportOrders", json=body)
+        assert answer.status_code == 200, answer.text
+        assert answer.json()["created"] == before["created"]
+
+
+async def test_the_way_back_is_the_copy_from_before_the_upgrade(fleet: Fleet, keeper: Keeper) -> None:
+    """This release plays the older one: the store is such as the next one would leave."""
+    wire = fleet.peer()
+    program = fleet.order_service()
+    client = await started(program)
+    start_robots(fleet)
+    for name in ORDERS:
+        await order(client, name)
+    await finished(client, 1)
+    ended(program)
+    keeper.back_up()
+    make_newer(keeper.url)
+
+    older = fleet.order_service(name="older")
+    assert older.process.wait(PATIENCE) == EXIT_FAILED
+    (line,) = (each for each in older.log.splitlines() if "9999" in each)
+    assert "the tables of the store are of another release" in line
+    assert "go back to a copy of it" in line
+    assert "Traceback" not in older.log
+
+    keeper.destroy()
+    keeper.restore()
+    client = await started(fleet.order_service())
+    assert [await order(client, name) for name in ORDERS] == [200] * len(ORDERS)
+    orders = await every_order_ended(client)
+    assert {each["name"]: each["state"] for each in orders} == dict.fromkeys(ORDERS, "FINISHED")
+    assert actions_done(wire, fleet) == {f"{name}-{leg}": 1 for name in ORDERS for leg in range(2)}
