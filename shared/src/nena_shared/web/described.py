@@ -1,4 +1,4 @@
-"""What an interface says of its errors: all have one form, as problems (RFC 9457) do."""
+"""What an interface says of its errors: they are problems (RFC 9457), whatever the operation."""
 
 from __future__ import annotations
 
@@ -22,30 +22,21 @@ ERRORS = {
 }
 
 
-def describe_problems(app: FastAPI) -> None:
-    """Have the OpenAPI description of ``app`` tell of problems at each operation.
+def describe_problems(app: FastAPI, others: Mapping[str, Any] = MappingProxyType({})) -> None:
+    """Have the OpenAPI description of ``app`` tell of errors at each operation: of problems.
 
     Errors that a route describes by their exact status stay as they are described.
-    """
-    _, known = models_json_schema([(Problem, "serialization")], ref_template=REFERENCES)
-    describe_errors(app, MEDIA_TYPE, {"$ref": REFERENCES.format(model=Problem.__name__)}, known["$defs"])
-
-
-def describe_errors(
-    app: FastAPI, media_type: str, schema: dict[str, Any], parts: Mapping[str, Any] = MappingProxyType({})
-) -> None:
-    """Have the description tell of errors at each operation, with bodies of one form.
 
     Args:
         app: is described.
-        media_type: of every error.
-        schema: of every error; may refer to ``parts``.
-        parts: schemas by their names.
+        others: schemas of further forms that errors have, by their media types.
 
     """
     plain = app.openapi
-    content = {media_type: {"schema": schema}}
+    problem = {"$ref": REFERENCES.format(model=Problem.__name__)}
+    content = {kind: {"schema": schema} for kind, schema in {MEDIA_TYPE: problem, **others}.items()}
     errors = {status: {"description": text, "content": content} for status, text in ERRORS.items()}
+    _, known = models_json_schema([(Problem, "serialization")], ref_template=REFERENCES)
 
     def described() -> dict[str, Any]:
         document = plain()
@@ -55,7 +46,7 @@ def describe_errors(
                 responses.pop(VALIDATION, None)
                 responses |= errors
         schemas = document.setdefault("components", {}).setdefault("schemas", {})
-        schemas |= parts
+        schemas |= known["$defs"]
         return document
 
     app.openapi = described  # type: ignore[method-assign]

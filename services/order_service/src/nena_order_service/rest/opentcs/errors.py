@@ -13,7 +13,7 @@ from starlette.exceptions import HTTPException
 from nena_order_service.problems import FORESEEN, problem_of
 from nena_shared.log import get_logger
 from nena_shared.misfits import TOLD, in_words
-from nena_shared.web.described import describe_errors
+from nena_shared.web.described import describe_problems
 
 log = get_logger(__name__)
 
@@ -32,8 +32,11 @@ def answer(status: int, reasons: tuple[str, ...], headers: dict[str, str] | None
 
 
 def install(app: FastAPI) -> None:
-    """Let every error of ``app`` be answered, and described, as openTCS does."""
-    describe_errors(app, "application/json", {"type": "array", "items": {"type": "string"}})
+    """Let every error of ``app`` be answered as openTCS does, and described.
+
+    What is refused before it comes here (too much, too often, by nobody known) is answered with a problem.
+    """
+    describe_problems(app, {"application/json": {"type": "array", "items": {"type": "string"}}})
 
     @app.exception_handler(RequestValidationError)
     async def malformed(_request: Request, error: RequestValidationError) -> Response:
