@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
-from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from nena_shared.mqtt import Inbound, MqttLink
 from nena_shared.settings import MqttSettings, MqttTlsSettings
 from support.compose import BUILD_SECONDS, Compose, skip_without_docker
 from support.guides import commands
+from support.running_site import Client, connected, identity_in
 from support.waiting import until
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(BUILD_SECONDS)]
@@ -51,39 +49,20 @@ async def healthy(compose: Compose) -> Compose:
     return compose
 
 
-class Client:
-    """Somebody who tries to get into the site's broker, and the plant models that came."""
-
-    def __init__(self, compose: Compose, port: str, tls: MqttTlsSettings) -> None:
-        settings = MqttSettings(
-            host="localhost", port=compose.ports[port], tls=tls, reconnect_min=0.05, reconnect_max=0.2
-        )
-        self.link = MqttLink(settings, client_id="nena-test")
-        self.came: list[Inbound] = []
-        self.link.subscribe("nena/v1/plantModel", self.came.append)
-
-
-@asynccontextmanager
-async def trying(client: Client) -> AsyncIterator[Client]:
-    task = asyncio.create_task(client.link.run())
-    try:
-        yield client
-    finally:
-        task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
-
-
-def identity(folder: Path) -> MqttTlsSettings:
-    """Give what nena-deploy has put into an identity's folder."""
-    return MqttTlsSettings(
-        ca=folder / "ca.pem", certificate=folder / "certificate.pem", key=folder / "key.pem"
+def client_at(compose: Compose, port: str, tls: MqttTlsSettings) -> Client:
+    """Give somebody who tries to get into the site's broker, for the plant model."""
+    settings = MqttSettings(
+        host="localhost", port=compose.ports[port], tls=tls, reconnect_min=0.05, reconnect_max=0.2
     )
+    return Client(settings, "nena-test", "nena/v1/plantModel")
 
 
 async def test_services_and_clients_with_certificates_meet_at_the_broker(
     healthy: Compose, folder: Path
 ) -> None:
-    async with trying(Client(healthy, "MQTTS_PORT", identity(folder / "hosts" / "health"))) as client:
+    async with connected(
+        client_at(healthy, "MQTTS_PORT", identity_in(folder / "hosts" / "health"))
+    ) as client:
         await until(lambda: client.came, what="the plant model comes from the order service")
 
 
@@ -94,7 +73,7 @@ async def test_who_has_no_certificate_is_not_let_in(
     healthy: Compose, folder: Path, port: str, authority: str | None
 ) -> None:
     tls = MqttTlsSettings(ca=folder / authority) if authority else MqttTlsSettings()
-    async with trying(Client(healthy, port, tls)) as nobody:
+    async with connected(client_at(healthy, port, tls)) as nobody:
         await until(lambda: nobody.link.state.last_error, what="it is told why")
 
         assert nobody.link.state.connects == 0
@@ -105,14 +84,14 @@ async def test_who_is_removed_is_not_let_in_again(healthy: Compose, tmp_path: Pa
     stolen = tmp_path / "wms"
     healthy.shell(f"nena-deploy host add $SITE wms && cp -r $SITE/hosts/wms {stolen}")
     healthy.run("kill", "-s", "HUP", "broker")
-    async with trying(Client(healthy, "MQTTS_PORT", identity(stolen))) as host:
+    async with connected(client_at(healthy, "MQTTS_PORT", identity_in(stolen))) as host:
         await until(lambda: host.came, what="a new host has its rights without a restart")
 
     healthy.shell("nena-deploy host remove $SITE wms")
     healthy.run("restart", "broker")
     await healthy.all_healthy(SERVICES)
 
-    async with trying(Client(healthy, "MQTTS_PORT", identity(stolen))) as gone:
+    async with connected(client_at(healthy, "MQTTS_PORT", identity_in(stolen))) as gone:
         await until(lambda: gone.link.state.last_error, what="it is told why")
         assert gone.link.state.connects == 0
 

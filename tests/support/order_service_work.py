@@ -57,6 +57,17 @@ async def finished(client: httpx.AsyncClient, number: int) -> None:
     )
 
 
+async def in_mid_work(fleet: Fleet, names: Sequence[str]) -> tuple[OrderServiceProgram, httpx.AsyncClient]:
+    """Start an order service and robots, give it orders, and wait until one of them is FINISHED."""
+    program = fleet.order_service()
+    client = await started(program)
+    start_robots(fleet)
+    for name in names:
+        await order(client, name)
+    await finished(client, 1)
+    return program, client
+
+
 async def started(program: OrderServiceProgram) -> httpx.AsyncClient:
     """Wait until an order service is the active one."""
     client = await program.client()

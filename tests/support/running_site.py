@@ -47,6 +47,13 @@ class Client:
         return [each.topic for each in self.came]
 
 
+def identity_in(folder: Path) -> MqttTlsSettings:
+    """Give what nena-deploy has put into an identity's folder."""
+    return MqttTlsSettings(
+        ca=folder / "ca.pem", certificate=folder / "certificate.pem", key=folder / "key.pem"
+    )
+
+
 class RunningSite:
     """A site with its broker."""
 
@@ -85,10 +92,7 @@ class RunningSite:
         return self.site.folder_of(identity)
 
     def settings_in(self, folder: Path) -> MqttSettings:
-        tls = MqttTlsSettings(
-            ca=folder / "ca.pem", certificate=folder / "certificate.pem", key=folder / "key.pem"
-        )
-        return MqttSettings(port=self.port, tls=tls, reconnect_min=0.05, reconnect_max=0.2)
+        return MqttSettings(port=self.port, tls=identity_in(folder), reconnect_min=0.05, reconnect_max=0.2)
 
     @asynccontextmanager
     async def client(self, who: tuple[Kind, str], *filters: str) -> AsyncIterator[Client]:

@@ -18,7 +18,7 @@ from support.aggregator_process import AggregatorProcess
 from support.broker import free_port
 from support.keepers import Keeper
 from support.order_service_fleet import Fleet, actions_done, every_order_ended
-from support.order_service_work import ended, finished, order, orders_of, start_robots, started
+from support.order_service_work import ended, finished, in_mid_work, order, orders_of, started
 from support.waiting import PATIENCE, awaited
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e, pytest.mark.timeout(900)]
@@ -30,12 +30,7 @@ ORDERS = tuple(f"T-{number}" for number in range(6))
 @pytest.mark.parametrize("keeper", ["sqlite"], indirect=True)
 async def test_a_planned_move_in_mid_work_loses_nothing(fleet: Fleet, keeper: Keeper) -> None:
     wire = fleet.peer()
-    program = fleet.order_service()
-    client = await started(program)
-    start_robots(fleet)
-    for name in ORDERS:
-        await order(client, name)
-    await finished(client, 1)
+    program, _ = await in_mid_work(fleet, ORDERS)
 
     ended(program)
     keeper.back_up()
@@ -55,12 +50,7 @@ async def test_after_a_loss_the_site_goes_on_from_its_last_backup(fleet: Fleet, 
     options = (*names, "--topic_prefix", fleet.prefix, "--mqtt.port", str(fleet.broker.port))
     with AggregatorProcess(*options, "--http.port", "0") as aggregator:
         panel = httpx.AsyncClient(base_url=await aggregator.url(), timeout=PATIENCE)
-        program = fleet.order_service()
-        client = await started(program)
-        start_robots(fleet)
-        for name in ORDERS:
-            await order(client, name)
-        await finished(client, 1)
+        program, client = await in_mid_work(fleet, ORDERS)
         keeper.back_up()
         for name in ("L-0", "L-1"):
             assert await order(client, name) == 201

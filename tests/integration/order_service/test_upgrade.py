@@ -18,7 +18,7 @@ from nena_shared.vda5050.v2_1 import CODEC
 from support.broker import MqttPeer
 from support.keepers import Keeper
 from support.order_service_fleet import Fleet, actions_done, every_order_ended
-from support.order_service_work import ended, finished, order, start_robots, started
+from support.order_service_work import ended, in_mid_work, order, start_robots, started
 from support.stores import FIRST_STORE, first_tables, make_newer
 from support.waiting import PATIENCE
 
@@ -110,12 +110,7 @@ async def test_hosts_that_ask_again_after_the_upgrade_are_told_the_orders_of_bef
 async def test_the_way_back_is_the_copy_from_before_the_upgrade(fleet: Fleet, keeper: Keeper) -> None:
     """This release plays the older one: the store is such as the next one would leave."""
     wire = fleet.peer()
-    program = fleet.order_service()
-    client = await started(program)
-    start_robots(fleet)
-    for name in ORDERS:
-        await order(client, name)
-    await finished(client, 1)
+    program, _ = await in_mid_work(fleet, ORDERS)
     ended(program)
     keeper.back_up()
     make_newer(keeper.url)
