@@ -111,7 +111,10 @@ class MqttSettings(SettingsGroup):
         10.0, gt=0, le=600, description="Longest pause between tries to connect, seconds."
     )
     outgoing_limit: int = Field(
-        1000, ge=1, description="Messages that may wait for the broker; above that the oldest is dropped."
+        1000,
+        ge=1,
+        description="Messages that may wait for the broker; above that the oldest is dropped. Retained ones "
+        "do not count: the last one of each topic always waits.",
     )
     incoming_limit: int = Field(
         10_000,

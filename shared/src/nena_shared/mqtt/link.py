@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
+from time import monotonic
 
 import aiomqtt
 
 from nena_shared.log import get_logger
 from nena_shared.mqtt.client import Client
 from nena_shared.mqtt.message import Inbound, Outbound
+from nena_shared.mqtt.outbox import Outbox
 from nena_shared.mqtt.pauses import Pauses
 from nena_shared.mqtt.tls import tls_context
 from nena_shared.mqtt.topic_filter import matches
@@ -29,6 +30,9 @@ CONNECT_TIMEOUT = 10.0
 
 IN_FLIGHT_LIMIT = 200
 """Messages of QoS 1 that may be without the broker's answer at the same time."""
+
+DROPS_LOGGED_EVERY = 60.0
+"""Minimum seconds between two log lines about messages that the full queue dropped."""
 
 
 @dataclass(slots=True)
@@ -72,8 +76,9 @@ class MqttLink:
 
     Sessions are clean on purpose: what was missed while the link was down is answered by the protocols above
     (retained messages, states in full, orders resent until a state echoes them), never by a broker's queue of
-    old commands. Messages to publish wait in a bounded outbox while the link is down; when it is full the
-    oldest is dropped and counted. Those with ``keep=False`` do not wait at all.
+    old commands. Messages to publish wait in an :class:`Outbox` while the link is down or the broker is slow:
+    it never loses the last retained message of a topic, and counts and logs what it drops. Messages with
+    ``keep=False`` are not kept over a break.
     """
 
     def __init__(
@@ -111,7 +116,9 @@ class MqttLink:
         self._on_lost = on_lost
         self._on_subscribed = on_subscribed
         self._subscriptions: list[_Subscription] = []
-        self._outbox: deque[Outbound] = deque()
+        self._outbox = Outbox(settings.outgoing_limit)
+        self._drops_to_log = 0
+        self._drops_logged_at = -DROPS_LOGGED_EVERY
         self._session: _Session | None = None
         self._greeting = False
         """Whether a session has begun that is about to stand."""
@@ -129,7 +136,7 @@ class MqttLink:
             self._subscribe_late(self._session)
 
     def publish(self, message: Outbound) -> None:
-        """Send ``message`` now, or when the link stands again if it is to be kept."""
+        """Send ``message`` now, or when the link stands again if it is to be kept; see :class:`Outbox`."""
         if self._session and len(self._session.deliveries) < IN_FLIGHT_LIMIT and not self._outbox:
             self._deliver(self._session, message)
         elif self._session or message.keep:
@@ -259,9 +266,12 @@ class MqttLink:
         self._settled.set()
         if session.subscribing:
             session.subscribing.cancel()
-        kept = [message for message in unsent if message.keep][-self._settings.outgoing_limit :]
-        self._outbox = deque(kept)
-        self.state.dropped += len(unsent) - len(kept)
+        self._outbox.clear()
+        for message in unsent:
+            if message.keep:
+                self._put_aside(message)
+            else:
+                self.state.dropped += 1
         if self._session is session:
             self._session = None
             self.state.connected = False
@@ -280,10 +290,20 @@ class MqttLink:
         return tuple(each.handler for each in self._subscriptions if matches(each.topic_filter, topic))
 
     def _put_aside(self, message: Outbound) -> None:
-        if len(self._outbox) >= self._settings.outgoing_limit:
-            self._outbox.popleft()
-            self.state.dropped += 1
-        self._outbox.append(message)
+        dropped = self._outbox.add(message)
+        if dropped is None:
+            return
+        self.state.dropped += 1
+        self._drops_to_log += 1
+        now = monotonic()
+        if now - self._drops_logged_at >= DROPS_LOGGED_EVERY:
+            log.error(
+                "the queue to the broker is full; its oldest messages that are not retained are dropped",
+                dropped=self._drops_to_log,
+                limit=self._settings.outgoing_limit,
+                topic=dropped.topic,
+            )
+            self._drops_to_log, self._drops_logged_at = 0, now
 
     def _deliver(self, session: _Session, message: Outbound) -> None:
         session.sent += 1
@@ -309,7 +329,7 @@ class MqttLink:
     def _refill(self) -> None:
         session = self._session
         while session and self._outbox and len(session.deliveries) < IN_FLIGHT_LIMIT:
-            self._deliver(session, self._outbox.popleft())
+            self._deliver(session, self._outbox.pop())
 
     def _tell_suspicion(self) -> None:
         log.error(

@@ -274,6 +274,34 @@ async def test_outbox_drops_the_oldest_when_it_is_full(own_broker: Broker) -> No
         assert numbers(peer.payloads()) == list(range(15, 25))
 
 
+async def test_a_burst_of_statuses_leaves_the_last_one_of_each_topic_at_the_broker(
+    own_broker: Broker,
+) -> None:
+    """More than fit in flight and into the queue, as when a whole fleet changes at once."""
+    topics = [f"vehicles/{number}/status" for number in range(2500)]
+    link = MqttLink(own_broker.settings, client_id="link")
+    async with running(link):
+        for value in (b"before", b"after"):
+            for topic in topics:
+                link.publish(Outbound(topic, value, retain=True))
+        assert await link.drain(PATIENCE)
+    with MqttPeer(own_broker, "vehicles/#") as peer:
+        await until(lambda: len(peer.received()) >= len(topics))
+
+        assert {each.topic: each.payload for each in peer.received()} == dict.fromkeys(topics, b"after")
+    assert link.state.dropped == 0
+
+
+async def test_dropped_messages_are_counted_and_logged_once_a_minute(own_broker: Broker) -> None:
+    link = MqttLink(own_broker.settings.model_copy(update={"outgoing_limit": 10}), client_id="link")
+    with capture_logs() as logs:
+        for message in numbered("numbers", range(25)):
+            link.publish(message)
+
+    assert link.state.dropped == 15
+    assert [(line["dropped"], line["topic"]) for line in logs] == [(1, "numbers")]
+
+
 async def test_taking_back_keeps_to_the_limit(own_broker: Broker) -> None:
     link = MqttLink(own_broker.settings.model_copy(update={"outgoing_limit": 10}), client_id="link")
     with MqttPeer(own_broker, "numbers") as peer:

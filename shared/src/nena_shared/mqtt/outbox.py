@@ -1,0 +1,73 @@
+"""Messages that wait for the broker: in order, with at most one status per retained topic."""
+
+from __future__ import annotations
+
+from collections import OrderedDict, deque
+from collections.abc import Iterator
+from itertools import count
+
+from nena_shared.mqtt.message import Outbound
+
+_Key = str | int | tuple[str]
+"""A retained topic, the same in a tuple for what clears it, or the number of any other message."""
+
+
+class Outbox:
+    """A queue with a written overflow rule.
+
+    - A retained message replaces the one that waits on its topic and takes its place in the queue. It is
+      never dropped: the queue holds at most one status, and one message that clears it, per topic.
+    - A message that clears a topic waits behind the last status of that topic, so that subscribers still see
+      how an order ended.
+    - Of all other messages at most ``limit`` wait; the oldest one makes room for a new one.
+    """
+
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
+        self._waiting: OrderedDict[_Key, Outbound] = OrderedDict()
+        self._numbers = count()
+        self._droppable: deque[int] = deque()
+        """Keys of the messages that are not retained, oldest first."""
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def __iter__(self) -> Iterator[Outbound]:
+        return iter(self._waiting.values())
+
+    def add(self, message: Outbound) -> Outbound | None:
+        """Append a message; return the one that was dropped for it, if any."""
+        if not message.retain:
+            return self._add_droppable(message)
+        if message.payload:
+            self._waiting.pop((message.topic,), None)
+            self._waiting[message.topic] = message
+        else:
+            self._waiting[message.topic,] = message
+        return None
+
+    def pop(self) -> Outbound:
+        """Remove and return the message that has waited longest.
+
+        Raises:
+            KeyError: the queue is empty.
+
+        """
+        key, message = self._waiting.popitem(last=False)
+        if isinstance(key, int):
+            self._droppable.popleft()
+        return message
+
+    def clear(self) -> None:
+        """Remove all messages."""
+        self._waiting.clear()
+        self._droppable.clear()
+
+    def _add_droppable(self, message: Outbound) -> Outbound | None:
+        dropped = None
+        if len(self._droppable) >= self._limit:
+            dropped = self._waiting.pop(self._droppable.popleft())
+        number = next(self._numbers)
+        self._waiting[number] = message
+        self._droppable.append(number)
+        return dropped
