@@ -19,7 +19,7 @@ from nena_shared.vda5050.v2_1 import CODEC
 from nena_shared.web.server import HttpServer
 from nena_shared.web.settings import HttpSettings
 from nena_status_aggregator.aggregator import Aggregator
-from nena_status_aggregator.rest.app import make_app
+from nena_status_aggregator.api.app import make_app
 from nena_status_aggregator.settings import AggregatorSettings, HistorySettings
 from support.pausing import turn_passes
 

@@ -17,9 +17,8 @@ from nena_order_service.settings import OrderServiceSettings
 from nena_shared.settings import ServiceSettings, load
 from nena_shared.web.exposure import check_exposure
 from nena_shared.web.users import Role
-from nena_status_aggregator.rest.roles import make_rule
-from nena_status_aggregator.settings import AggregatorSettings
-from nena_status_aggregator.share import Share
+from nena_status_aggregator.api.session import make_rule
+from nena_status_aggregator.settings import AggregatorSettings, Share
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "deploy" / "kubernetes"

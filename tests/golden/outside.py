@@ -29,9 +29,9 @@ from nena_shared.fleet_api.robot_map import topics_of_maps
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_status_aggregator.aggregator import Aggregator
+from nena_status_aggregator.api.app import make_app
+from nena_status_aggregator.api.session import make_rule
 from nena_status_aggregator.metrics.exposition import Exposition
-from nena_status_aggregator.rest.app import make_app
-from nena_status_aggregator.rest.roles import make_rule
 from nena_status_aggregator.settings import AggregatorHttpSettings, AggregatorSettings
 from reference.configuration import PROGRAMS, settings_of
 

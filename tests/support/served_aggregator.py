@@ -15,7 +15,7 @@ from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.v2_1 import CODEC
-from nena_status_aggregator.service import serve
+from nena_status_aggregator.__main__ import serve
 from nena_status_aggregator.settings import AggregatorHttpSettings, AggregatorSettings, HistorySettings
 from support.broker import Broker, MqttPeer, free_port
 from support.fleet_examples import ROBOT

@@ -10,7 +10,7 @@ from playwright.async_api import Browser, Page, Route, expect
 
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey, Topic
-from nena_status_aggregator.rest.app import PANEL
+from nena_status_aggregator.api.app import PANEL
 from support.broker import free_port
 from support.fleet_examples import (
     ROBOT,

@@ -26,9 +26,9 @@ from nena_shared.fleet_api.transport_order import Problem, TransportOrderRequest
 from nena_shared.mqtt import Inbound, Outbound
 from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.topics import RobotKey
-from nena_status_aggregator.fleet_model.instant import Instant
-from nena_status_aggregator.fleet_model.model import FleetModel, ModelLimits
-from nena_status_aggregator.link import FleetLink
+from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
+from nena_status_aggregator.fleet.robot import Instant
+from nena_status_aggregator.mqtt import FleetLink
 from nena_status_aggregator.settings import AggregatorSettings
 from support.fleet_examples import order_status, sample_plant, vehicle_status
 from support.readers.reader import Make, NotTakenError, Place, Reader

@@ -9,13 +9,12 @@ from pydantic_core import to_json
 
 from nena_shared.clock import Clock
 from nena_shared.utc import iso
-from nena_status_aggregator.event_stream import EventStream
-from nena_status_aggregator.fleet_model.instant import Instant
-from nena_status_aggregator.fleet_model.model import FleetModel, ModelLimits
+from nena_status_aggregator.api.events import EventStream
+from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
+from nena_status_aggregator.fleet.robot import Instant
 from nena_status_aggregator.history.history import History
-from nena_status_aggregator.link import FleetLink
-from nena_status_aggregator.settings import AggregatorSettings, HistorySettings
-from nena_status_aggregator.share import Share
+from nena_status_aggregator.mqtt import FleetLink
+from nena_status_aggregator.settings import AggregatorSettings, HistorySettings, Share
 
 LINGER = 30.0
 """Seconds for which changes are still made when the last client has gone: it may only have lost its line."""

@@ -31,8 +31,8 @@ from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.state import State
-from nena_status_aggregator.fleet_model.instant import Instant
-from nena_status_aggregator.fleet_model.model import FleetModel, ModelLimits
+from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
+from nena_status_aggregator.fleet.robot import Instant
 from support.conversations import FOLDER
 
 FILES = sorted(FOLDER.glob("*.jsonl"))

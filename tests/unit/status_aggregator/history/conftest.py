@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import Engine
 
-from nena_status_aggregator.history import database, schema
+from nena_status_aggregator.history import database
 from support.postgres import Postgres
 
 
@@ -24,7 +24,7 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 def engine(url: str) -> Iterator[Engine]:
     """Give an empty history."""
     made = database.make_engine(url)
-    schema.metadata.drop_all(made)
+    database.metadata.drop_all(made)
     database.prepare(made)
     yield made
     made.dispose()

@@ -7,10 +7,9 @@ import pytest
 from sqlalchemy import Engine, update
 from sqlalchemy.exc import OperationalError
 
-from nena_status_aggregator.fleet_model.happening import Code, Happening
-from nena_status_aggregator.history import database, schema
-from nena_status_aggregator.history.database import HistoryError
-from nena_status_aggregator.history.entry import HistoryFilter
+from nena_status_aggregator.fleet.events import Code, Happening
+from nena_status_aggregator.history import database
+from nena_status_aggregator.history.database import HistoryError, HistoryFilter
 from support.fleet_examples import START
 
 ALL = HistoryFilter()
@@ -77,7 +76,7 @@ def test_odd_texts_are_kept_as_far_as_databases_can(engine: Engine) -> None:
     database.write(engine, [happening(0, robot="r" * 999, text=odd)])
     (entry,) = database.read_newest(engine, ALL, before=None, limit=1)
     assert entry["text"] == odd.replace("\x00", "\ufffd")
-    assert entry["robot"] == "r" * schema.ROBOT_LENGTH
+    assert entry["robot"] == "r" * database.ROBOT_LENGTH
 
 
 def test_what_is_too_old_goes(engine: Engine) -> None:
@@ -97,7 +96,7 @@ def test_tables_are_made_once_and_another_version_is_refused(engine: Engine) -> 
     database.prepare(engine)
     assert texts(engine, ALL) == ["at 0"]
     with engine.begin() as connection:
-        connection.execute(update(schema.schema_version).values(version=99))
+        connection.execute(update(database.schema_version).values(version=99))
     with pytest.raises(HistoryError, match="version 99"):
         database.prepare(engine)
 
@@ -127,3 +126,22 @@ def test_a_folder_that_is_not_there_is_an_error_of_the_database(tmp_path: Path) 
     engine = database.make_engine(f"sqlite:///{tmp_path / 'missing' / 'history.db'}")
     with pytest.raises(OperationalError):
         database.prepare(engine)
+
+
+def test_the_tables_are_those_that_a_history_of_today_has() -> None:
+    tables = {
+        table.name: {column.name: str(column.type) for column in table.columns}
+        for table in database.metadata.sorted_tables
+    }
+    assert tables == {
+        "history_schema_version": {"version": "INTEGER"},
+        "happenings": {
+            "id": "BIGINT",
+            "time": "BIGINT",
+            "code": "VARCHAR(40)",
+            "robot": "VARCHAR(300)",
+            "order_name": "VARCHAR(600)",
+            "text": "TEXT",
+            "details": "TEXT",
+        },
+    }

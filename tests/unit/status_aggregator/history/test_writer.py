@@ -11,11 +11,10 @@ import pytest
 from sqlalchemy import Engine
 
 from nena_shared.clock import ManualClock
-from nena_status_aggregator.fleet_model.happening import Code, Happening
-from nena_status_aggregator.history import database, schema
+from nena_status_aggregator.fleet.events import Code, Happening
+from nena_status_aggregator.history import database
 from nena_status_aggregator.history import writer as writer_module
-from nena_status_aggregator.history.database import HistoryError
-from nena_status_aggregator.history.entry import HistoryEntry, HistoryFilter
+from nena_status_aggregator.history.database import HistoryEntry, HistoryError, HistoryFilter
 from nena_status_aggregator.history.writer import HistoryWriter
 from nena_status_aggregator.settings import HistorySettings
 from support.fleet_examples import START
@@ -85,7 +84,7 @@ async def test_too_many_push_out_the_oldest_and_a_gap_tells_of_it(engine: Engine
 async def test_a_failure_of_the_database_is_survived(engine: Engine) -> None:
     writer = writer_of(engine, queue_limit=5)
     async with running(writer):
-        schema.metadata.drop_all(engine)
+        database.metadata.drop_all(engine)
         for number in range(3):
             writer.tell(happening(number))
         await until(lambda: writer.written == 3, what="entries in tables that were made again")
@@ -97,7 +96,7 @@ async def test_a_server_that_is_away_is_waited_for_and_the_queue_keeps_its_limit
     postgres: Postgres,
 ) -> None:
     engine = database.make_engine(postgres.url)
-    schema.metadata.drop_all(engine)
+    database.metadata.drop_all(engine)
     postgres.stop()
     writer = writer_of(engine, queue_limit=10, batch_limit=10)
     try:

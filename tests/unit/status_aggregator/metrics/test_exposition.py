@@ -14,7 +14,7 @@ from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.aggregator import Aggregator
-from nena_status_aggregator.fleet_model.message_kind import MessageKind
+from nena_status_aggregator.fleet.messages import MessageKind
 from nena_status_aggregator.metrics.exposition import Exposition
 from nena_status_aggregator.metrics.robot_series import OF_ROBOT, OF_STATE
 from nena_status_aggregator.settings import AggregatorSettings

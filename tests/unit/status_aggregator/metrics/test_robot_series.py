@@ -5,8 +5,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from nena_shared.clock import ManualClock
 from nena_shared.vda5050.topics import RobotKey
-from nena_status_aggregator.fleet_model.instant import Instant
-from nena_status_aggregator.fleet_model.robot import Robot
+from nena_status_aggregator.fleet.robot import Instant, Robot
 from nena_status_aggregator.metrics.robot_series import RobotSeries
 from support.fleet_briefs import state
 from support.fleet_examples import ROBOT, START, connection, position, way

@@ -13,10 +13,9 @@ from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorLevel
 from nena_shared.vda5050.state import OperatingMode
-from nena_status_aggregator.fleet_model.condition import TEXTS, Condition
-from nena_status_aggregator.fleet_model.happening import Code
-from nena_status_aggregator.fleet_model.session import SessionState
-from nena_status_aggregator.rest.app import PANEL
+from nena_status_aggregator.api.app import PANEL
+from nena_status_aggregator.fleet.condition import TEXTS, Condition, SessionState
+from nena_status_aggregator.fleet.events import Code
 
 LANGUAGES = ("en", "nl", "de")
 SCRIPTS = sorted(path for path in PANEL.rglob("*.js") if "texts" not in path.parts)

@@ -4,22 +4,94 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from sqlalchemy import URL, Engine, Select, create_engine, delete, event, insert, select
+from sqlalchemy import (
+    URL,
+    BigInteger,
+    Column,
+    Engine,
+    Index,
+    Integer,
+    MetaData,
+    Select,
+    String,
+    Table,
+    Text,
+    create_engine,
+    delete,
+    event,
+    insert,
+    select,
+)
 from sqlalchemy.engine import Row, make_url
 from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.exc import ArgumentError
 from sqlalchemy.pool import ConnectionPoolEntry
+from typing_extensions import TypedDict
 
 from nena_shared.database_lines import remember
 from nena_shared.program import StartError
 from nena_shared.utc import iso
-from nena_status_aggregator.fleet_model.happening import Code, Happening
-from nena_status_aggregator.history import schema
-from nena_status_aggregator.history.entry import HistoryEntry, HistoryFilter
-from nena_status_aggregator.history.schema import ORDER_LENGTH, ROBOT_LENGTH
+from nena_status_aggregator.fleet.events import Code, Happening, Values
+
+SCHEMA_VERSION = 1
+"""One more with each change of the tables; a history of another version is refused."""
+
+ROBOT_LENGTH = 300
+ORDER_LENGTH = 600
+"""Characters of names that are kept."""
+
+metadata = MetaData()
+
+schema_version = Table("history_schema_version", metadata, Column("version", Integer, primary_key=True))
+
+event_table = Table(
+    "happenings",
+    metadata,
+    # SQLite numbers rows by itself only in a column that is INTEGER to the letter.
+    Column("id", BigInteger().with_variant(Integer, "sqlite"), primary_key=True, autoincrement=True),
+    Column("time", BigInteger, nullable=False),
+    Column("code", String(40), nullable=False),
+    Column("robot", String(ROBOT_LENGTH)),
+    Column("order_name", String(ORDER_LENGTH)),
+    Column("text", Text, nullable=False),
+    Column("details", Text, nullable=False),
+    Index("happenings_by_time", "time"),
+    Index("happenings_by_robot", "robot", "id"),
+    Index("happenings_by_order", "order_name", "id"),
+    Index("happenings_by_code", "code", "time"),
+)
+"""``time`` in ms since 1970 UTC; ``details`` are the values as JSON."""
+
+
+class HistoryEntry(TypedDict):
+    """A happening, and its number: the later one has the greater."""
+
+    id: int
+    time: str
+    code: str
+    robot: str | None
+    order: str | None
+    text: str
+    values: Values
+
+
+@dataclass(frozen=True, slots=True)
+class HistoryFilter:
+    """Which entries are wanted; None and empty: all."""
+
+    robot: str | None = None
+    order: str | None = None
+    codes: tuple[Code, ...] = ()
+    """Empty: all but the positions, which are many."""
+    since: datetime | None = None
+    """From this time on."""
+    until: datetime | None = None
+    """Before this time."""
+
 
 EXPIRED_PER_COMMIT = 5000
 """Rows that are deleted together, so that writers never wait long."""
@@ -91,22 +163,22 @@ def prepare(engine: Engine) -> None:
 
     """
     with engine.begin() as connection:
-        schema.metadata.create_all(connection)
-        version = connection.execute(select(schema.schema_version.c.version)).scalar()
+        metadata.create_all(connection)
+        version = connection.execute(select(schema_version.c.version)).scalar()
         if version is None:
-            connection.execute(insert(schema.schema_version).values(version=schema.SCHEMA_VERSION))
-        elif version != schema.SCHEMA_VERSION:
+            connection.execute(insert(schema_version).values(version=SCHEMA_VERSION))
+        elif version != SCHEMA_VERSION:
             message = (
-                f"the history has tables of version {version}, this program needs {schema.SCHEMA_VERSION}: "
+                f"the history has tables of version {version}, this program needs {SCHEMA_VERSION}: "
                 "use the release that made them, or another history.url"
             )
             raise HistoryError(message)
 
 
-def write(engine: Engine, happenings: Sequence[Happening]) -> None:
-    """Commit ``happenings`` together, in their order."""
+def write(engine: Engine, events: Sequence[Happening]) -> None:
+    """Commit ``events`` together, in their order."""
     with engine.begin() as connection:
-        connection.execute(insert(schema.happenings), [_row(each) for each in happenings])
+        connection.execute(insert(event_table), [_row(each) for each in events])
 
 
 def _row(happening: Happening) -> dict[str, object]:
@@ -132,7 +204,7 @@ def read_newest(
     engine: Engine, wanted: HistoryFilter, *, before: int | None, limit: int
 ) -> list[HistoryEntry]:
     """Read a page, newest first; ``before`` is the number of the last entry had already."""
-    table = schema.happenings
+    table = event_table
     query = _filtered(wanted).order_by(table.c.id.desc()).limit(limit)
     return _read(engine, query if before is None else query.where(table.c.id < before))
 
@@ -141,13 +213,13 @@ def read_oldest(
     engine: Engine, wanted: HistoryFilter, *, after: int, upto: int, limit: int
 ) -> list[HistoryEntry]:
     """Read a page, oldest first, of the entries with numbers above ``after`` and not above ``upto``."""
-    number = schema.happenings.c.id
+    number = event_table.c.id
     query = _filtered(wanted).where(number > after, number <= upto)
     return _read(engine, query.order_by(number).limit(limit))
 
 
 def _filtered(wanted: HistoryFilter) -> Select[Any]:
-    table = schema.happenings
+    table = event_table
     query = select(table)
     if wanted.robot is not None:
         query = query.where(table.c.robot == wanted.robot)
@@ -190,7 +262,7 @@ def expire(engine: Engine, *, before: datetime, code: Code | None = None) -> int
         code: only this kind; None: all kinds.
 
     """
-    table = schema.happenings
+    table = event_table
     old = select(table.c.id).where(table.c.time < _milliseconds(before)).limit(EXPIRED_PER_COMMIT)
     if code is not None:
         old = old.where(table.c.code == code.value)

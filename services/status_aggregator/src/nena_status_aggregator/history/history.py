@@ -3,15 +3,50 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+import csv
+import json
+from collections.abc import AsyncIterator, Callable, Iterable
+from io import StringIO
 
 from sqlalchemy.exc import SQLAlchemyError
 
 from nena_shared.clock import Clock
 from nena_status_aggregator.history import database
-from nena_status_aggregator.history.entry import HistoryEntry, HistoryFilter
+from nena_status_aggregator.history.database import HistoryEntry, HistoryFilter
 from nena_status_aggregator.history.writer import HistoryWriter
 from nena_status_aggregator.settings import HistorySettings
+
+COLUMNS = ("id", "time", "code", "robot", "order", "text", "values")
+
+FORMULA_SIGNS = ("=", "+", "-", "@", "\t", "\r")
+"""A cell that begins so is run by spreadsheets; what robots say must not be."""
+
+Form = Callable[[Iterable[HistoryEntry]], str]
+
+
+def csv_head() -> str:
+    """Write the names of the columns."""
+    return ",".join(COLUMNS) + "\r\n"
+
+
+def as_csv(entries: Iterable[HistoryEntry]) -> str:
+    """Write entries as rows (RFC 4180); the values are JSON in one cell."""
+    text = StringIO(newline="")
+    writer = csv.writer(text)
+    for entry in entries:
+        cells = (entry["robot"], entry["order"], entry["text"], json.dumps(entry["values"]))
+        writer.writerow((entry["id"], entry["time"], entry["code"], *map(_harmless, cells)))
+    return text.getvalue()
+
+
+def as_json_lines(entries: Iterable[HistoryEntry]) -> str:
+    """Write each entry as JSON in a line of its own."""
+    return "".join(f"{json.dumps(entry)}\n" for entry in entries)
+
+
+def _harmless(cell: str | None) -> str:
+    return f"'{cell}" if cell and cell.startswith(FORMULA_SIGNS) else cell or ""
+
 
 PAGE = 1000
 """Entries that an export reads at a time, so that its length does not matter."""

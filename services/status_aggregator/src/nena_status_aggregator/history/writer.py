@@ -16,7 +16,7 @@ from sqlalchemy.exc import DataError, IntegrityError, SQLAlchemyError
 from nena_shared.clock import Clock
 from nena_shared.database_lines import hang_up
 from nena_shared.log import get_logger
-from nena_status_aggregator.fleet_model.happening import Code, Happening
+from nena_status_aggregator.fleet.events import Code, Happening
 from nena_status_aggregator.history import database
 from nena_status_aggregator.history.database import HistoryError
 from nena_status_aggregator.settings import HistorySettings

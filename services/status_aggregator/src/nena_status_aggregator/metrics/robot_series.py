@@ -11,10 +11,21 @@ from nena_shared.vda5050.brief.state import StateBrief
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.state import EmergencyStop
 from nena_shared.vda5050.topics import RobotKey
-from nena_status_aggregator.fleet_model.instant import Instant
-from nena_status_aggregator.fleet_model.robot import Robot
-from nena_status_aggregator.fleet_model.robot_view import is_active
-from nena_status_aggregator.metrics.text_format import head, labels_text
+from nena_status_aggregator.fleet.robot import Instant, Robot
+from nena_status_aggregator.fleet.view_builder import is_active
+
+ESCAPES = str.maketrans({"\\": r"\\", '"': r"\"", "\n": r"\n"})
+
+
+def labels_text(**labels: str) -> str:
+    """Write labels, without the braces around them."""
+    return ",".join(f'{name}="{value.translate(ESCAPES)}"' for name, value in labels.items())
+
+
+def head(name: str, kind: str, text: str) -> str:
+    """Write what stands before the samples of a family; ``name`` as the samples have it."""
+    return f"# HELP {name} {text}\n# TYPE {name} {kind}\n"
+
 
 S = TypeVar("S", Robot, StateBrief)
 

@@ -29,7 +29,7 @@ def test_without_its_libraries_it_says_what_to_install(monkeypatch: pytest.Monke
 
 
 def test_a_service_without_it_loads_none_of_its_libraries() -> None:
-    code = "import nena_order_service.app, nena_status_aggregator.service, sys; print('jwt' in sys.modules)"
+    code = "import nena_order_service.app, nena_status_aggregator.__main__, sys; print('jwt' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
 
     assert done.stdout.strip() == "False"

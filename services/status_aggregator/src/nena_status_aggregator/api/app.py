@@ -1,0 +1,143 @@
+"""Headers that keep a browser from doing anything with our answers but show them."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from importlib.metadata import version
+from pathlib import Path
+
+from fastapi import APIRouter, FastAPI
+from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
+from starlette.datastructures import MutableHeaders
+from starlette.responses import PlainTextResponse, Response, StreamingResponse
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from nena_shared.clock import SystemClock
+from nena_shared.web.access import AccessControl
+from nena_shared.web.described import describe_problems
+from nena_shared.web.oidc.enabled import access_tokens_of
+from nena_shared.web.settings import HttpSettings
+from nena_shared.web.users import users_of
+from nena_status_aggregator import panel
+from nena_status_aggregator.aggregator import Aggregator
+from nena_status_aggregator.api import control, events, fleet, history, oidc, problems, session
+from nena_status_aggregator.api.oidc import sign_in_of
+from nena_status_aggregator.api.problems import ProblemError
+from nena_status_aggregator.api.session import make_rule
+from nena_status_aggregator.metrics.exposition import DISTRIBUTION, Exposition
+from nena_status_aggregator.settings import OrderServiceSettings
+
+CONTENT_SECURITY_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+"""Everything from this server, nothing inline, nothing from elsewhere."""
+
+HEADERS = {
+    "content-security-policy": CONTENT_SECURITY_POLICY,
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+}
+
+
+class SecurityHeaders:
+    """Adds the headers to every answer; a plain ASGI layer, so that streams pass unbuffered."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on."""
+
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                MutableHeaders(scope=message).update(HEADERS)
+            await send(message)
+
+        await self._app(scope, receive, send_with_headers)
+
+
+def make_health_router(aggregator: Aggregator, exposition: Exposition) -> APIRouter:
+    """Make the routes."""
+    router = APIRouter(tags=["operation"])
+
+    @router.get("/healthz")
+    async def healthz() -> dict[str, str]:
+        """Tell that the program lives."""
+        return {"status": "ok"}
+
+    @router.get("/readyz")
+    async def readyz() -> dict[str, str]:
+        """Tell whether the link to the broker stands and brings all; without it everything here grows old."""
+        if not aggregator.model.link_up:
+            detail = "No link to the MQTT broker. Is it running, and do --mqtt.host and --mqtt.port name it?"
+            raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, detail)
+        if refused := aggregator.link.mqtt.state.refused:
+            detail = f"The MQTT broker refuses to tell of {', '.join(refused)}: look at its access list."
+            raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, detail)
+        return {"status": "ready"}
+
+    @router.get("/metrics", response_class=PlainTextResponse)
+    async def metrics() -> StreamingResponse:
+        """Give all metrics in Prometheus's text format."""
+        return StreamingResponse(exposition.stream(), media_type=CONTENT_TYPE_PLAIN_0_0_4)
+
+    return router
+
+
+PANEL = Path(panel.__file__).parent / "static"
+
+
+class PanelFiles(StaticFiles):
+    """The page's files; a browser asks each time whether they are still the same."""
+
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        """Give one file."""
+        response = await super().get_response(path, scope)
+        response.headers["cache-control"] = "no-cache"
+        return response
+
+
+def make_app(
+    aggregator: Aggregator, http: HttpSettings, order_service: OrderServiceSettings | None = None
+) -> FastAPI:
+    """Make the application over ``aggregator``; it starts nothing by itself.
+
+    Without ``order_service`` the panel gives no commands.
+
+    Raises:
+        ConfigurationError: the file of users or a setting of the issuer cannot be used.
+
+    """
+    tokens = access_tokens_of(http)
+    app = FastAPI(
+        title="NeNa status aggregator",
+        version=version(DISTRIBUTION),
+        openapi_url="/api/v1/openapi.json",
+        docs_url=None,  # the interactive pages would load scripts from another host
+        redoc_url=None,
+    )
+    problems.install(app)
+    app.add_middleware(
+        AccessControl,
+        settings=http,
+        role_needed=make_rule(http),
+        book=users_of(http),
+        cookies=True,
+        oidc=tokens,
+    )
+    app.add_middleware(SecurityHeaders)
+    app.include_router(session.make_router())
+    app.include_router(oidc.make_router(sign_in_of(tokens), SystemClock()))
+    app.include_router(fleet.make_router(aggregator))
+    app.include_router(fleet.make_robots_router(aggregator))
+    app.include_router(history.make_router(aggregator.history))
+    app.include_router(control.make_router(order_service or OrderServiceSettings()))
+    app.include_router(events.make_router(aggregator.events))
+    app.include_router(make_health_router(aggregator, Exposition(aggregator)))
+    describe_problems(app)
+    app.mount("/", PanelFiles(directory=PANEL, html=True), name="panel")
+    return app

@@ -1,0 +1,109 @@
+"""One robot at a time, below ``/api/v1/robots``."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter, Response
+from typing_extensions import TypedDict
+
+from nena_shared.utc import iso
+from nena_shared.vda5050.topics import RobotKey
+from nena_status_aggregator.aggregator import Aggregator
+from nena_status_aggregator.api.problems import as_json, found
+from nena_status_aggregator.fleet.view_builder import view_known_actions
+from nena_status_aggregator.fleet.views import (
+    KnownActionView,
+    LinkView,
+    MalformedView,
+    OrderView,
+    PlantView,
+    RobotView,
+)
+
+
+class RobotResource(RobotView):
+    """A robot, and how old its last state is at the time of the answer, s; None before the first."""
+
+    stateAge: float | None  # noqa: N815 - the name on the wire
+
+
+def with_age(aggregator: Aggregator, view: RobotView) -> RobotResource:
+    """Give a robot with the age of its last state."""
+    robot = aggregator.model.robots.get(RobotKey(view["manufacturer"], view["serialNumber"]))
+    age = robot.age(aggregator.now()) if robot else None
+    return {**view, "stateAge": None if age is None else round(age, 3)}
+
+
+def make_robots_router(aggregator: Aggregator) -> APIRouter:
+    """Make the routes over ``aggregator``."""
+    router = APIRouter(prefix="/api/v1/robots/{manufacturer}/{serial}", tags=["fleet"])
+    model = aggregator.model
+
+    @router.get("", responses={200: {"model": RobotResource}})
+    async def robot(manufacturer: str, serial: str) -> Response:
+        """One robot."""
+        aggregator.publish_changes()
+        view = model.robot_view(RobotKey(manufacturer, serial))
+        unheard = f"No robot {manufacturer}/{serial} has been heard of. /api/v1/fleet lists those that have."
+        return as_json(with_age(aggregator, found(view, unheard)))
+
+    @router.get("/actions", responses={200: {"model": list[KnownActionView]}})
+    async def actions(manufacturer: str, serial: str) -> Response:
+        """The actions that one robot's factsheet lists, with their parameters."""
+        known = model.robots.get(RobotKey(manufacturer, serial))
+        missing = f"No factsheet of {manufacturer}/{serial} has come; the robot sends it when asked for it."
+        return as_json(view_known_actions(found(known.factsheet if known else None, missing)))
+
+    @router.get("/map", response_class=Response)
+    async def robot_map(manufacturer: str, serial: str) -> Response:
+        """What one robot's own map looks like: a PNG image; the robot's `grid` says where it lies."""
+        known = model.robots.get(RobotKey(manufacturer, serial))
+        missing = f"No map of {manufacturer}/{serial} has come; NeNa's edge agent sends that of its Nav2."
+        image = found(known.map if known else None, missing).png
+        return Response(image, media_type="image/png", headers={"cache-control": "no-cache"})
+
+    return router
+
+
+class FleetResource(TypedDict):
+    """Everything. ``time`` is the time of the answer, ``id`` the number of the last change in it.
+
+    ``share`` tells which share of the robots it is: ``1/1`` for all of them.
+    """
+
+    time: str
+    share: str
+    id: int
+    robots: list[RobotResource]
+    orders: list[OrderView]
+    plant: PlantView | None
+    link: LinkView
+    malformed: MalformedView
+
+
+def make_router(aggregator: Aggregator) -> APIRouter:
+    """Make the routes over ``aggregator``."""
+    router = APIRouter(prefix="/api/v1", tags=["fleet"])
+    model = aggregator.model
+
+    @router.get("/fleet", responses={200: {"model": FleetResource}})
+    async def fleet() -> Response:
+        """Everything: robots, orders, whether there is a plant model, the link to the broker."""
+        aggregator.publish_changes()
+        view = model.snapshot()
+        robots = [with_age(aggregator, each) for each in view["robots"]]
+        time, share = iso(aggregator.now().utc), str(aggregator.share)
+        return as_json({**view, "time": time, "share": share, "robots": robots})
+
+    @router.get("/orders", responses={200: {"model": list[OrderView]}})
+    async def orders() -> Response:
+        """All transport orders that are kept."""
+        aggregator.publish_changes()
+        return as_json(model.snapshot()["orders"])
+
+    @router.get("/plant")
+    async def plant() -> Response:
+        """The plant model, as the order service publishes it."""
+        missing = "There is no plant model. Start the order service with one, on the same broker and prefix."
+        return Response(found(model.plant, missing).to_json(), media_type="application/json")
+
+    return router

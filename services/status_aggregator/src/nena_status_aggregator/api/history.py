@@ -1,0 +1,125 @@
+"""The history under ``/api/v1/history``."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from datetime import datetime
+from http import HTTPStatus
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Query
+from pydantic import AfterValidator
+from starlette.responses import StreamingResponse
+from typing_extensions import TypedDict
+
+from nena_shared.utc import in_utc
+from nena_status_aggregator.api.problems import ProblemError
+from nena_status_aggregator.fleet.events import Code
+from nena_status_aggregator.history.database import HistoryEntry, HistoryFilter
+from nena_status_aggregator.history.history import (
+    Form,
+    History,
+    HistoryAwayError,
+    as_csv,
+    as_json_lines,
+    csv_head,
+)
+
+Moment = Annotated[datetime, AfterValidator(in_utc)]
+
+LAST_ID = 2**63 - 1
+"""Databases know no higher numbers."""
+
+NO_NUL = r"^[^\x00]*$"
+"""PostgreSQL takes no such text."""
+
+
+class HistoryPage(TypedDict):
+    """Entries, newest first; ``next`` is the ``before`` of the next page, None on the last."""
+
+    entries: list[HistoryEntry]
+    next: int | None
+
+
+def wanted(
+    robot: Annotated[
+        str | None,
+        Query(description="Manufacturer and serial number: `ACME/r1`.", max_length=300, pattern=NO_NUL),
+    ] = None,
+    order: Annotated[
+        str | None, Query(description="Name of a transport order.", max_length=600, pattern=NO_NUL)
+    ] = None,
+    code: Annotated[tuple[Code, ...], Query(description="Only these kinds; none: all but `position`.")] = (),
+    since: Annotated[Moment | None, Query(description="From this time on, ISO 8601.")] = None,
+    until: Annotated[Moment | None, Query(description="Before this time, ISO 8601.")] = None,
+) -> HistoryFilter:
+    """Make the filter of a request."""
+    return HistoryFilter(robot, order, code, since, until)
+
+
+Wanted = Annotated[HistoryFilter, Depends(wanted)]
+
+
+def make_router(history: History | None) -> APIRouter:
+    """Make the routes over ``history``; None: none is kept."""
+    router = APIRouter(prefix="/api/v1", tags=["history"])
+
+    @router.get("/history")
+    async def page(
+        chosen: Wanted,
+        before: Annotated[
+            int | None, Query(ge=1, le=LAST_ID, description="`next` of the page before.")
+        ] = None,
+        limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+    ) -> HistoryPage:
+        """What happened, newest first."""
+        try:
+            entries = await _kept(history).newest(chosen, before=before, limit=limit)
+        except HistoryAwayError as error:
+            raise _away() from error
+        return {"entries": entries, "next": entries[-1]["id"] if len(entries) == limit else None}
+
+    @router.get("/history.csv", response_class=StreamingResponse)
+    async def csv(chosen: Wanted) -> StreamingResponse:
+        """What happened, oldest first, for spreadsheets (RFC 4180)."""
+        return await _file(_kept(history), chosen, as_csv, "text/csv; charset=utf-8", head=csv_head())
+
+    @router.get("/history.jsonl", response_class=StreamingResponse)
+    async def json_lines(chosen: Wanted) -> StreamingResponse:
+        """What happened, oldest first, one JSON object in each line."""
+        return await _file(_kept(history), chosen, as_json_lines, "application/jsonl")
+
+    return router
+
+
+NOTHING: list[HistoryEntry] = []
+
+
+def _kept(history: History | None) -> History:
+    if history is None:
+        detail = "No history is kept. Set --history.url, e.g. to sqlite:///nena-history.db."
+        raise ProblemError(HTTPStatus.NOT_FOUND, detail)
+    return history
+
+
+def _away() -> ProblemError:
+    detail = "The database of the history does not answer; the log says why. Try again later."
+    return ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, detail)
+
+
+async def _file(
+    history: History, chosen: HistoryFilter, form: Form, media_type: str, *, head: str = ""
+) -> StreamingResponse:
+    """Answer with all entries; the first page is read before, so that errors still have their status."""
+    pages = history.pages(chosen)
+    try:
+        first = await anext(pages, NOTHING)
+    except HistoryAwayError as error:
+        raise _away() from error
+
+    async def text() -> AsyncIterator[str]:
+        yield head + form(first)
+        async for page in pages:
+            yield form(page)
+
+    return StreamingResponse(text(), media_type=media_type)

@@ -1,0 +1,77 @@
+"""Errors as problem details (RFC 9457)."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from typing import Any, TypeVar
+
+from fastapi import FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from pydantic_core import to_json
+from starlette.exceptions import HTTPException
+
+from nena_shared.fleet_api.transport_order import Problem
+from nena_shared.log import get_logger
+from nena_shared.misfits import TOLD, in_words
+from nena_shared.web.problem import answer
+
+log = get_logger(__name__)
+
+
+class ProblemError(Exception):
+    """A request that cannot be answered as wished; ``detail`` says what to do."""
+
+    def __init__(self, status: HTTPStatus, detail: str) -> None:
+        super().__init__(detail)
+        self.status = status
+        self.detail = detail
+
+
+def response(status: int, detail: str, errors: tuple[str, ...] = ()) -> Response:
+    """Make the answer that tells a problem."""
+    return answer(Problem(title=HTTPStatus(status).phrase, status=status, detail=detail, errors=errors))
+
+
+def install(app: FastAPI) -> None:
+    """Have every error of ``app`` answered with a problem."""
+
+    async def on_problem(_request: Request, error: ProblemError) -> Response:
+        return response(error.status, error.detail)
+
+    async def on_http_error(request: Request, error: HTTPException) -> Response:
+        detail = str(error.detail)
+        if error.status_code == HTTPStatus.NOT_FOUND:
+            detail = (
+                f"There is nothing at {request.url.path}. The resources are listed in /api/v1/openapi.json."
+            )
+        told = response(error.status_code, detail)
+        told.headers.update(error.headers or {})
+        return told
+
+    async def on_invalid(_request: Request, error: RequestValidationError) -> Response:
+        errors = tuple(in_words(error.errors(), whole="request", most=TOLD))
+        return response(HTTPStatus.UNPROCESSABLE_ENTITY, "The request does not fit; see errors.", errors)
+
+    async def on_failure(request: Request, error: Exception) -> Response:
+        log.error("request failed", path=request.url.path, exc_info=error)
+        return response(HTTPStatus.INTERNAL_SERVER_ERROR, "The request failed; the log says why.")
+
+    app.exception_handler(ProblemError)(on_problem)
+    app.exception_handler(HTTPException)(on_http_error)
+    app.exception_handler(RequestValidationError)(on_invalid)
+    app.exception_handler(Exception)(on_failure)
+
+
+T = TypeVar("T")
+
+
+def found(thing: T | None, detail: str) -> T:
+    """Give ``thing``; where there is none, the answer is 404 with ``detail``."""
+    if thing is None:
+        raise ProblemError(HTTPStatus.NOT_FOUND, detail)
+    return thing
+
+
+def as_json(content: Any) -> Response:  # noqa: ANN401 - any of the views
+    """Give it as it is: the views have the names on the wire."""
+    return Response(to_json(content), media_type="application/json")

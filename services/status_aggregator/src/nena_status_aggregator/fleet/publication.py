@@ -1,0 +1,164 @@
+"""Changes between two views of the fleet: small, numbered, and enough to make the second from the first.
+
+A delta names only what changed: of robots and orders the ``id`` and the fields with their new values (a value
+replaces the old one whole), the ids of those that are gone, and the other parts whole. Its own ``id`` is one
+more than that of the view that it applies to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Generic, NotRequired, TypedDict, TypeVar, cast
+
+from nena_shared.vda5050.topics import RobotKey
+from nena_status_aggregator.fleet.views import (
+    FleetView,
+    LinkView,
+    MalformedView,
+    OrderView,
+    PlantView,
+    RobotView,
+)
+
+V = TypeVar("V", RobotView, OrderView)
+
+Patch = dict[str, Any]
+"""``id``, and the fields that changed."""
+
+
+class Delta(TypedDict):
+    """What changed; a part that is not there did not."""
+
+    id: int
+    robots: NotRequired[list[Patch]]
+    robotsGone: NotRequired[list[str]]
+    orders: NotRequired[list[Patch]]
+    ordersGone: NotRequired[list[str]]
+    plant: NotRequired[PlantView | None]
+    link: NotRequired[LinkView]
+    malformed: NotRequired[MalformedView]
+
+
+def apply(delta: Delta, view: FleetView) -> FleetView:
+    """Make the view after ``delta`` from the one before it, as every reader of the event stream does."""
+    return {
+        "id": delta["id"],
+        "robots": _patched(view["robots"], delta.get("robots", ()), delta.get("robotsGone", ())),
+        "orders": _patched(view["orders"], delta.get("orders", ()), delta.get("ordersGone", ())),
+        "plant": delta["plant"] if "plant" in delta else view["plant"],
+        "link": delta.get("link", view["link"]),
+        "malformed": delta.get("malformed", view["malformed"]),
+    }
+
+
+def _patched(views: list[V], patches: Iterable[Patch], gone: Iterable[str]) -> list[V]:
+    result = {view["id"]: cast("Patch", view) for view in views}
+    for name in gone:
+        result.pop(name, None)
+    for patch in patches:
+        result[patch["id"]] = {**result.get(patch["id"], {}), **patch}
+    return cast("list[V]", list(result.values()))
+
+
+K = TypeVar("K", RobotKey, str)
+
+
+class Told(Generic[K, V]):
+    """The views of one kind as they have been told, and which of them may have changed since."""
+
+    def __init__(self) -> None:
+        self.views: dict[K, V] = {}
+        self.touched: dict[K, None] = {}
+
+    def touch(self, key: K) -> None:
+        """Have this one looked at by the next :meth:`changes`."""
+        self.touched[key] = None
+
+    def changes(self, look: Callable[[K], V | None]) -> tuple[list[Patch], list[str]]:
+        """Look at what was touched; give the changes, and the ids of what is there no more."""
+        patches: list[Patch] = []
+        gone: list[str] = []
+        for key in self.touched:
+            view = look(key)
+            old = self.views.pop(key, None) if view is None else self.views.get(key)
+            if view is not None:
+                self.views[key] = view
+                patches += _patch(old, view)
+            elif old is not None:
+                gone.append(old["id"])
+        self.touched.clear()
+        return patches, gone
+
+
+def _patch(old: RobotView | OrderView | None, new: RobotView | OrderView) -> list[Patch]:
+    if old is None:
+        return [dict(new)]
+    before = cast("Mapping[str, Any]", old)
+    changed = {name: value for name, value in new.items() if before[name] != value}
+    return [{"id": new["id"], **changed}] if changed else []
+
+
+class Publication:
+    """Numbers the changes, so that a reader can tell where it stands."""
+
+    def __init__(self) -> None:
+        self.robots: Told[RobotKey, RobotView] = Told()
+        self.orders: Told[str, OrderView] = Told()
+        self.plant: PlantView | None = None
+        self.link: LinkView = {"connected": False, "since": None}
+        self.malformed: MalformedView = {
+            "counts": {},
+            "lastTopic": None,
+            "lastProblem": None,
+            "lastTime": None,
+        }
+        self._told: FleetView = self._fleet(0)
+
+    def flush(
+        self,
+        robot: Callable[[RobotKey], RobotView | None],
+        order: Callable[[str], OrderView | None],
+    ) -> Delta | None:
+        """Give what changed since the last call; None: nothing. The arguments give views as they are now."""
+        delta: Delta = {"id": self._told["id"] + 1}
+        robots, robots_gone = self.robots.changes(robot)
+        orders, orders_gone = self.orders.changes(order)
+        if robots:
+            delta["robots"] = robots
+        if robots_gone:
+            delta["robotsGone"] = robots_gone
+        if orders:
+            delta["orders"] = orders
+        if orders_gone:
+            delta["ordersGone"] = orders_gone
+        self._tell_parts(delta)
+        if len(delta) == 1:
+            return None
+        self._told = self._fleet(delta["id"])
+        return delta
+
+    def snapshot(self) -> FleetView:
+        """Give everything as of the last :meth:`flush`."""
+        return {
+            **self._told,
+            "robots": list(self.robots.views.values()),
+            "orders": list(self.orders.views.values()),
+        }
+
+    def _tell_parts(self, delta: Delta) -> None:
+        if self.plant != self._told["plant"]:
+            delta["plant"] = self.plant
+        if self.link != self._told["link"]:
+            delta["link"] = self.link
+        if self.malformed != self._told["malformed"]:
+            delta["malformed"] = self.malformed
+
+    def _fleet(self, number: int) -> FleetView:
+        return {
+            "id": number,
+            "robots": [],
+            "orders": [],
+            "plant": self.plant,
+            "link": self.link,
+            "malformed": self.malformed,
+        }

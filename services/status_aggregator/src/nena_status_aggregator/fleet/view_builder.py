@@ -1,0 +1,352 @@
+"""From what is known of a robot to what is told of it."""
+
+from __future__ import annotations
+
+from nena_shared.fleet_api.failure_policy import Hold
+from nena_shared.fleet_api.transport_order import Destination
+from nena_shared.utc import iso
+from nena_shared.vda5050.brief.state import (
+    ActionBrief,
+    ErrorBrief,
+    InformationBrief,
+    NodeBrief,
+    ReferenceBrief,
+    StateBrief,
+)
+from nena_shared.vda5050.factsheet import Factsheet, MobileRobotGeometry
+from nena_status_aggregator.fleet.condition import ros_session, session_of
+from nena_status_aggregator.fleet.orders import TrackedOrder, progress
+from nena_status_aggregator.fleet.robot import Robot
+from nena_status_aggregator.fleet.views import (
+    ActionView,
+    AheadView,
+    BatteryView,
+    BodyView,
+    ErrorView,
+    GridView,
+    HoldView,
+    InformationView,
+    KnownActionView,
+    LoadView,
+    MapView,
+    OrderView,
+    PositionView,
+    RobotOrderView,
+    RobotView,
+    RosSessionView,
+    VehicleView,
+    VelocityView,
+)
+
+TEXT_LIMIT = 500
+"""Characters of a free text that are passed on."""
+
+LIST_LIMIT = 200
+"""Entries of a list that are passed on: errors, actions, loads, nodes ahead."""
+
+
+def short(text: str | None) -> str | None:
+    """Cut a free text to what people will read."""
+    return text if text is None or len(text) <= TEXT_LIMIT else f"{text[: TEXT_LIMIT - 1]}…"
+
+
+def view_robot(robot: Robot, *, silence_limit: float, skew_limit: float) -> RobotView:
+    """Tell everything about ``robot`` that does not change by waiting.
+
+    ``clockSkew`` is None while it is below ``skew_limit`` (s), so that noise makes no changes.
+    """
+    state, vehicle = robot.state, robot.vehicle
+    header = state or robot.connection or robot.factsheet
+    skew = robot.skew.seconds
+    return {
+        "id": robot.id,
+        "manufacturer": robot.key.manufacturer,
+        "serialNumber": robot.key.serial_number,
+        "name": vehicle.name if vehicle else robot.key.serial_number,
+        "protocolVersion": header.version if header else None,
+        "condition": robot.condition.value,
+        "conditionSince": iso(robot.condition_since),
+        "reason": short(robot.reason.text) or "",
+        "reasonCode": robot.reason.code,
+        "reasonValues": robot.reason.values,
+        "connection": robot.connection.connection_state.value if robot.connection else None,
+        "connectionSince": iso(robot.connection_since) if robot.connection else None,
+        "session": session_of(robot.condition, state).value,
+        "rosSession": _ros_session(state) if state else None,
+        "lastState": iso(robot.state_at.utc) if state else None,
+        "silenceLimit": silence_limit,
+        "clockSkew": None if skew is None or abs(skew) < skew_limit else float(round(skew)),
+        "operatingMode": state.operating_mode.value if state else None,
+        "driving": state.driving if state else None,
+        "paused": state.paused if state else None,
+        "position": _position(robot),
+        "velocity": _velocity(robot),
+        "battery": _battery(state) if state else None,
+        "maps": _maps(state) if state else None,
+        "grid": _grid(robot),
+        "plan": _plan(robot, state) if state else None,
+        "loads": _loads(state) if state else None,
+        "errors": [_error(each) for each in state.errors[:LIST_LIMIT]] if state else [],
+        "information": [_information(each) for each in (state.information or ())[:LIST_LIMIT]]
+        if state
+        else [],
+        "actions": [_action(each) for each in _all_actions(state)[:LIST_LIMIT]] if state else [],
+        "order": _order(robot, state) if state and state.order_id else None,
+        "body": _body(robot),
+        "vehicle": _vehicle(robot),
+        "malformed": robot.malformed,
+        "problem": short(robot.problem) or None,
+    }
+
+
+def _ros_session(state: StateBrief) -> RosSessionView | None:
+    told = ros_session(state)
+    if told is None:
+        return None
+    return {
+        "state": told.state.value,
+        "namespace": short(told.namespace) or "",
+        "domainId": short(told.domain_id) or "",
+    }
+
+
+def _position(robot: Robot) -> PositionView | None:
+    at = robot.position
+    if at is None:
+        return None
+    return {
+        "x": round(at.x, 3),
+        "y": round(at.y, 3),
+        "theta": round(at.theta, 4),
+        "mapId": at.map_id,
+        "localized": at.localized,
+    }
+
+
+def _velocity(robot: Robot) -> VelocityView | None:
+    speed = robot.velocity
+    return {"vx": speed.vx, "vy": speed.vy, "omega": speed.omega} if speed else None
+
+
+def _battery(state: StateBrief) -> BatteryView:
+    power = state.power_supply
+    return {
+        "charge": power.state_of_charge,
+        "charging": power.charging,
+        "voltage": power.battery_voltage,
+        "range": power.range,
+    }
+
+
+def _maps(state: StateBrief) -> list[MapView] | None:
+    if state.maps is None:
+        return None
+    return [
+        {"mapId": each.map_id, "mapVersion": each.map_version, "status": each.map_status.value}
+        for each in state.maps[:LIST_LIMIT]
+    ]
+
+
+def _plan(robot: Robot, state: StateBrief) -> list[tuple[float, float]] | None:
+    path, at = state.intermediate_path, robot.reported
+    if path is None:
+        return None
+    map_id, sheet = at.map_id if at else None, robot.factsheet
+    points = path.polyline[:LIST_LIMIT]
+    places = (robot.frame.place(each.x, each.y, map_id, sheet) for each in points)
+    return [(round(place[0], 2), round(place[1], 2)) for place in places if place]
+
+
+def _grid(robot: Robot) -> GridView | None:
+    found = robot.map
+    if found is None:
+        return None
+    width, height = found.size
+    return {
+        "digest": found.digest,
+        "mapId": found.map_id,
+        "x": round(found.x, 4),
+        "y": round(found.y, 4),
+        "theta": round(found.theta, 6),
+        "resolution": found.resolution,
+        "width": width,
+        "height": height,
+    }
+
+
+def _loads(state: StateBrief) -> list[LoadView] | None:
+    if state.loads is None:
+        return None
+    return [
+        {
+            "loadId": each.load_id,
+            "loadType": each.load_type,
+            "loadPosition": each.load_position,
+            "weight": each.weight,
+        }
+        for each in state.loads[:LIST_LIMIT]
+    ]
+
+
+def _error(entry: ErrorBrief) -> ErrorView:
+    return {
+        "errorType": short(entry.error_type) or "",
+        "errorLevel": entry.error_level.value,
+        "description": short(entry.error_description),
+        "hint": short(entry.error_hint),
+        "references": _references(entry.error_references),
+    }
+
+
+def _information(entry: InformationBrief) -> InformationView:
+    return {
+        "infoType": short(entry.info_type) or "",
+        "infoLevel": entry.info_level.value,
+        "description": short(entry.info_descriptor),
+        "references": _references(entry.info_references),
+    }
+
+
+def _references(references: tuple[ReferenceBrief, ...]) -> dict[str, str]:
+    return {each.reference_key: short(each.reference_value) or "" for each in references[:LIST_LIMIT]}
+
+
+def _all_actions(state: StateBrief) -> tuple[ActionBrief, ...]:
+    return (*state.action_states, *state.instant_action_states)
+
+
+def _action(action: ActionBrief) -> ActionView:
+    return {
+        "actionId": action.action_id,
+        "actionType": action.action_type,
+        "status": action.action_status.value,
+        "result": short(action.action_result),
+    }
+
+
+def _order(robot: Robot, state: StateBrief) -> RobotOrderView:
+    return {
+        "orderId": state.order_id,
+        "orderUpdateId": state.order_update_id,
+        "active": is_active(state),
+        "lastNodeId": state.last_node_id,
+        "nodes": robot.progress.nodes,
+        "nodesLeft": robot.progress.nodes_left,
+        "progress": robot.progress.percent,
+        "ahead": [_ahead(robot, each) for each in state.node_states[:LIST_LIMIT]],
+    }
+
+
+def is_active(state: StateBrief) -> bool:
+    """Tell whether the robot still has to do with its order (the reverse of idle, 3.0 section 6.6.8)."""
+    return bool(state.node_states or state.edge_states) or not all(
+        each.action_status.ended for each in state.action_states
+    )
+
+
+def _ahead(robot: Robot, node: NodeBrief) -> AheadView:
+    at = node.node_position
+    place = robot.frame.place(at.x, at.y, at.map_id, robot.factsheet) if at else None
+    x, y = place or (None, None)
+    return {"nodeId": node.node_id, "released": node.released, "x": x, "y": y}
+
+
+def _body(robot: Robot) -> BodyView | None:
+    sheet = robot.factsheet
+    if sheet is None:
+        return None
+    return {
+        "seriesName": sheet.type_specification.series_name,
+        "robotClass": sheet.type_specification.mobile_robot_class,
+        "kinematics": sheet.type_specification.mobile_robot_kinematics,
+        "length": sheet.physical_parameters.length,
+        "width": sheet.physical_parameters.width,
+        "maximumSpeed": sheet.physical_parameters.maximum_speed,
+        "outline": _outline(sheet.mobile_robot_geometry),
+    }
+
+
+def view_known_actions(sheet: Factsheet) -> list[KnownActionView]:
+    """Tell which actions a robot can do, in the same names for each version of VDA 5050."""
+    return [
+        {
+            "actionType": each.action_type,
+            "description": short(each.action_description),
+            "actionScopes": [scope.value for scope in each.action_scopes],
+            "actionParameters": [
+                {
+                    "key": parameter.key,
+                    "valueDataType": parameter.value_data_type.value,
+                    "description": short(parameter.description),
+                    "isOptional": bool(parameter.is_optional),
+                }
+                for parameter in (each.action_parameters or ())[:LIST_LIMIT]
+            ],
+        }
+        for each in sheet.protocol_features.mobile_robot_actions[:LIST_LIMIT]
+    ]
+
+
+def _outline(geometry: MobileRobotGeometry) -> list[tuple[float, float]] | None:
+    """Give the first footprint that the factsheet has."""
+    envelopes = geometry.envelopes2d
+    return [(each.x, each.y) for each in envelopes[0].vertices[:LIST_LIMIT]] if envelopes else None
+
+
+def _vehicle(robot: Robot) -> VehicleView | None:
+    status = robot.vehicle
+    if status is None:
+        return None
+    return {
+        "name": status.name,
+        "state": status.state.value,
+        "processingState": status.processing_state.value,
+        "reason": short(status.reason) or "",
+        "transportOrder": status.transport_order,
+        "currentPosition": status.current_position,
+    }
+
+
+def view_order(order: TrackedOrder, last_node: str | None) -> OrderView:
+    """Tell everything about an order; ``last_node``: where its vehicle was last."""
+    status = order.status
+    return {
+        "id": status.name,
+        "name": status.name,
+        "version": status.version,
+        "state": status.state.value,
+        "final": status.state.final,
+        "confirmed": order.confirmed,
+        "reason": short(status.reason) or "",
+        "held": held(status.held) if status.held else None,
+        "type": status.type,
+        "priority": status.priority,
+        "intendedVehicle": status.intended_vehicle,
+        "processingVehicle": status.processing_vehicle,
+        "destinations": [
+            {
+                "place": place(each.destination),
+                "operation": each.destination.operation,
+                "state": each.state.value,
+            }
+            for each in status.drive_orders
+        ],
+        "currentDestination": status.current_drive_order_index,
+        "progress": progress(status, last_node),
+        "deadline": iso(status.deadline) if status.deadline else None,
+        "created": iso(status.created),
+        "finished": iso(status.finished) if status.finished else None,
+    }
+
+
+def held(hold: Hold) -> HoldView:
+    """Tell who holds an order."""
+    return {"by": hold.by, "reason": short(hold.reason) or "", "since": iso(hold.since)}
+
+
+def place(destination: Destination) -> str:
+    """Name a destination: the point or location, or the coordinate in m."""
+    at = destination.coordinate
+    if at is None:
+        return destination.location_name or ""
+    return f"({at.x:.2f}, {at.y:.2f})"

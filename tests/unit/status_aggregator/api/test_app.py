@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+import httpx
+import pytest
+
+from nena_status_aggregator.aggregator import Aggregator
+
+
+async def test_files_outside_the_page_are_out_of_reach(client: httpx.AsyncClient) -> None:
+    assert (await client.get("/..%2f__init__.py")).status_code == 404
+
+
+async def test_the_interface_is_described(client: httpx.AsyncClient) -> None:
+    described = (await client.get("/api/v1/openapi.json")).json()
+    assert {
+        "/api/v1/fleet",
+        "/api/v1/robots/{manufacturer}/{serial}",
+        "/api/v1/robots/{manufacturer}/{serial}/actions",
+        "/api/v1/robots/{manufacturer}/{serial}/map",
+        "/api/v1/orders",
+        "/api/v1/plant",
+        "/api/v1/session",
+        "/api/v1/session/oidc",
+        "/api/v1/control",
+        "/api/v1/control/{path}",
+        "/api/v1/events",
+        "/healthz",
+        "/api/v1/history",
+        "/api/v1/history.csv",
+        "/api/v1/history.jsonl",
+        "/readyz",
+        "/metrics",
+    } == set(described["paths"])
+    assert "stateAge" in described["components"]["schemas"]["RobotResource"]["properties"]
+
+
+async def test_the_page_comes_with_a_strict_policy(client: httpx.AsyncClient) -> None:
+    page = await client.get("/")
+    assert page.headers["content-type"].startswith("text/html")
+    policy = page.headers["content-security-policy"]
+    assert "default-src 'none'" in policy
+    assert "unsafe" not in policy
+    assert "*" not in policy
+    assert page.headers["cache-control"] == "no-cache"
+    script = await client.get("/main.js")
+    assert script.headers["content-type"].split(";")[0] in ("text/javascript", "application/javascript")
+    assert script.headers["x-content-type-options"] == "nosniff"
+
+
+async def test_health_and_readiness(client: httpx.AsyncClient, aggregator: Aggregator) -> None:
+    assert (await client.get("/healthz")).status_code == 200
+    unready = await client.get("/readyz")
+    assert unready.status_code == 503
+    assert "broker" in unready.json()["detail"]
+    aggregator.model.on_link(connected=True, at=aggregator.now())
+    assert (await client.get("/readyz")).json() == {"status": "ready"}
+
+
+@pytest.mark.usefixtures("populated")
+async def test_metrics(client: httpx.AsyncClient) -> None:
+    answer = await client.get("/metrics")
+    assert answer.headers["content-type"].startswith("text/plain; version=0.0.4")
+    assert 'nena_robots{condition="IDLE"} 1.0' in answer.text
+    assert "process_resident_memory_bytes" in answer.text

@@ -1,0 +1,184 @@
+"""Commands: what is passed on to an order service, here a small real HTTP server, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import AsyncIterator, Iterator
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+import httpx
+import pytest
+from pydantic import HttpUrl
+
+from nena_shared.clock import ManualClock
+from nena_shared.web.access import COOKIE
+from nena_status_aggregator.aggregator import Aggregator
+from nena_status_aggregator.api.app import make_app
+from nena_status_aggregator.api.control import BODY_LIMIT
+from nena_status_aggregator.settings import AggregatorSettings, HistorySettings, OrderServiceSettings
+from support.broker import free_port
+from support.fleet_examples import START
+
+ORDER = {"destinations": [{"locationName": "A"}]}
+
+
+@dataclass
+class Far:
+    """What the server on the other side has been asked."""
+
+    port: int = 0
+    asked: list[tuple[str, str, Any]] = field(default_factory=list)
+    cookies: list[str | None] = field(default_factory=list)
+    authorized: list[str | None] = field(default_factory=list)
+
+
+@pytest.fixture
+def far() -> Iterator[Far]:
+    far = Far()
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self._answer(None)
+
+        def do_POST(self) -> None:
+            self._answer(json.loads(self.rfile.read(int(self.headers["content-length"]))))
+
+        def _answer(self, body: Any) -> None:
+            far.asked.append((self.command, self.path, body))
+            far.cookies.append(self.headers.get("cookie"))
+            far.authorized.append(self.headers.get("authorization"))
+            status = 409 if "taken" in self.path else 201 if body else 200
+            self.send_response(status)
+            self.send_header(
+                "content-type", "application/problem+json" if status == 409 else "application/json"
+            )
+            self.send_header("set-cookie", "a=b")
+            self.end_headers()
+            self.wfile.write(b'{"name": "TO-1"}')
+
+        def log_message(self, *_: Any) -> None:
+            """Say nothing."""
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        far.port = server.server_address[1]
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,), name="far")
+        thread.start()
+        yield far
+        server.shutdown()
+        thread.join(5)
+
+
+def client_of(port: int | None, base: str = "http://127.0.0.1:8080") -> httpx.AsyncClient:
+    settings = AggregatorSettings(history=HistorySettings(url=None))
+    url = HttpUrl(f"http://127.0.0.1:{port}") if port else None
+    aggregator = Aggregator(settings, ManualClock(start=START))
+    app = make_app(aggregator, settings.http, OrderServiceSettings(url=url, timeout=5))
+    transport = httpx.ASGITransport(app, raise_app_exceptions=False)
+    return httpx.AsyncClient(transport=transport, base_url=f"{base}/api/v1/control")
+
+
+@pytest.fixture
+async def client(far: Far) -> AsyncIterator[httpx.AsyncClient]:
+    async with client_of(far.port) as made:
+        yield made
+
+
+async def test_a_command_is_passed_on_with_its_answer(client: httpx.AsyncClient, far: Far) -> None:
+    answer = await client.post("/transportOrders", json=ORDER, headers={"cookie": "secret=1"})
+    assert (answer.status_code, answer.json()) == (201, {"name": "TO-1"})
+    assert "set-cookie" not in answer.headers
+    assert far.asked == [("POST", "/v1/transportOrders", ORDER)]
+    assert (far.cookies, far.authorized) == ([None], [None])
+
+
+@pytest.mark.parametrize("headers", [{"authorization": "Bearer t"}, {"cookie": f"{COOKIE}=t"}])
+async def test_the_order_service_hears_who_asks(
+    headers: dict[str, str], client: httpx.AsyncClient, far: Far
+) -> None:
+    await client.post("/transportOrders", json=ORDER, headers=headers)
+
+    assert (far.cookies, far.authorized) == ([None], ["Bearer t"])
+
+
+async def test_questions_keep_their_query_and_names_their_signs(client: httpx.AsyncClient, far: Far) -> None:
+    await client.get("/vehicles/Robot%2F1%20a")
+    await client.get("/transportOrders?state=FAILED&limit=5")
+    assert [path for _, path, _ in far.asked] == [
+        "/v1/vehicles/Robot%2F1%20a",
+        "/v1/transportOrders?state=FAILED&limit=5",
+    ]
+
+
+async def test_problems_of_the_order_service_are_told_as_they_are(client: httpx.AsyncClient) -> None:
+    answer = await client.post("/vehicles/taken/dispatch", json={"point": "A"})
+    assert (answer.status_code, answer.headers["content-type"]) == (409, "application/problem+json")
+
+
+@pytest.mark.parametrize(
+    "path", ["/readyz", "/plantModel", "/transportOrders/a/b/c", "/vehicles/%2e%2e/x", "/vehicles/../readyz"]
+)
+async def test_nothing_else_of_the_order_service_is_reachable(
+    client: httpx.AsyncClient, far: Far, path: str
+) -> None:
+    answer = await client.get(path)
+    assert answer.status_code == 404
+    assert far.asked == []
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"origin": "http://evil.example"},
+        {"origin": "null"},
+        {"origin": "http://127.0.0.1:9999"},
+        {"sec-fetch-site": "cross-site"},
+        {"sec-fetch-site": "same-site"},
+        {"host": "evil.example:8080"},
+        {"host": ""},
+        {"host": "["},
+        {"origin": "http://["},
+    ],
+    ids=str,
+)
+async def test_pages_of_others_give_no_commands(
+    client: httpx.AsyncClient, far: Far, headers: dict[str, str]
+) -> None:
+    answer = await client.post("/transportOrders", json=ORDER, headers=headers)
+    assert answer.status_code == 403
+    assert far.asked == []
+
+
+async def test_our_own_page_does(client: httpx.AsyncClient) -> None:
+    headers = {"origin": "http://127.0.0.1:8080", "sec-fetch-site": "same-origin"}
+    assert (await client.post("/transportOrders", json=ORDER, headers=headers)).status_code == 201
+
+
+async def test_what_a_form_of_another_page_could_send_is_refused(client: httpx.AsyncClient, far: Far) -> None:
+    answer = await client.post("/transportOrders", content=b"{}", headers={"content-type": "text/plain"})
+    assert answer.status_code == 415
+    assert far.asked == []
+
+
+async def test_a_body_without_end_is_refused(client: httpx.AsyncClient, far: Far) -> None:
+    headers = {"content-type": "application/json"}
+    answer = await client.post("/transportOrders", content=b" " * (BODY_LIMIT + 1), headers=headers)
+    assert answer.status_code == 413
+    assert far.asked == []
+
+
+async def test_without_an_order_service_commands_are_off() -> None:
+    async with client_of(None) as client:
+        assert (await client.get("http://127.0.0.1:8080/api/v1/control")).json() == {"enabled": False}
+        answer = await client.post("/transportOrders", json=ORDER)
+    assert (answer.status_code, "--order_service.url" in answer.json()["detail"]) == (404, True)
+
+
+async def test_an_order_service_that_is_away_is_a_problem_that_says_so() -> None:
+    async with client_of(free_port()) as client:
+        assert (await client.get("http://127.0.0.1:8080/api/v1/control")).json() == {"enabled": True}
+        answer = await client.post("/transportOrders", json=ORDER)
+    assert answer.status_code == 502
+    assert "Is it running" in answer.json()["detail"]

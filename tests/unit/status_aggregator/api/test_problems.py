@@ -1,0 +1,63 @@
+from __future__ import annotations
+
+import json
+
+import httpx
+import pytest
+
+from nena_status_aggregator.aggregator import Aggregator
+from nena_status_aggregator.api.problems import ProblemError, as_json, found
+
+
+@pytest.mark.parametrize(
+    ("path", "word"),
+    [
+        ("/api/v1/plant", "Start the order service"),
+        ("/api/v1/robots/ACME/none", "/api/v1/fleet lists"),
+        ("/api/v1/nothing", "openapi.json"),
+        ("/nothing.js", "openapi.json"),
+    ],
+)
+async def test_what_is_not_there_is_a_problem_that_says_what_to_do(
+    client: httpx.AsyncClient, path: str, word: str
+) -> None:
+    answer = await client.get(path)
+    assert answer.status_code == 404
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert answer.json()["status"] == 404
+    assert word in answer.json()["detail"]
+
+
+async def test_a_wrong_method_and_a_wrong_value_are_problems(client: httpx.AsyncClient) -> None:
+    refused = await client.post("/api/v1/fleet")
+    assert (refused.status_code, refused.json()["status"]) == (405, 405)
+    assert "GET" in refused.headers["allow"]
+    invalid = await client.get("/api/v1/events", params={"after": "x" * 101})
+    assert invalid.status_code == 422
+    assert invalid.json()["errors"][0].startswith("query.after:")
+
+
+async def test_a_failure_inside_is_a_problem_without_its_innards(
+    client: httpx.AsyncClient, aggregator: Aggregator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(aggregator.model, "snapshot", lambda: 1 / 0)
+    answer = await client.get("/api/v1/fleet")
+    assert answer.status_code == 500
+    assert "division" not in answer.text
+
+
+def test_what_is_there_is_given_also_when_it_is_empty() -> None:
+    assert found([], "nothing") == []
+    assert found(0, "nothing") == 0
+
+
+def test_what_is_not_there_is_a_problem_with_what_to_do() -> None:
+    with pytest.raises(ProblemError, match="Start one") as caught:
+        found(None, "Start one.")
+    assert caught.value.status == 404
+
+
+def test_views_are_written_as_they_are() -> None:
+    answer = as_json({"stateAge": None, "robots": ("ä",)})
+    assert answer.headers["content-type"] == "application/json"
+    assert json.loads(bytes(answer.body)) == {"stateAge": None, "robots": ["ä"]}

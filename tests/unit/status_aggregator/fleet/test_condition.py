@@ -1,0 +1,233 @@
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Any
+
+import pytest
+
+from nena_shared.vda5050.brief.state import StateBrief
+from nena_shared.vda5050.connection import ConnectionState
+from nena_status_aggregator.fleet.condition import (
+    TEXTS,
+    Condition,
+    Evidence,
+    RosSession,
+    SessionState,
+    judge,
+    ros_session,
+    session_of,
+)
+from support.fleet_briefs import state
+from support.fleet_examples import position, way
+
+
+def conclude(**fields: Any) -> tuple[Condition, str]:
+    evidence: dict[str, Any] = {
+        "connection": ConnectionState.ONLINE,
+        "connection_since": datetime(2026, 1, 1, 8, tzinfo=UTC),
+        "state": state(),
+        "state_time": datetime(2026, 1, 1, 8, 0, 5, tzinfo=UTC),
+        "state_after_connection": True,
+        "overdue": False,
+        "silence_limit": 35.0,
+        "link_up": True,
+        **fields,
+    }
+    condition, reason = judge(Evidence(**evidence))
+    return condition, reason.text
+
+
+def conclude_of(**fields: Any) -> tuple[Condition, str]:
+    return conclude(state=state(**fields))
+
+
+def test_free() -> None:
+    assert conclude() == (Condition.IDLE, "Free.")
+
+
+def test_free_says_why_in_the_words_of_the_order_service() -> None:
+    assert conclude(fleet_remark="No order waits.") == (Condition.IDLE, "No order waits.")
+
+
+def test_silent_says_since_when() -> None:
+    assert conclude(overdue=True) == (
+        Condition.SILENT,
+        "No state since 08:00:05 UTC; one was due within 35 s.",
+    )
+
+
+def test_silence_is_not_the_robots_when_we_are_blind() -> None:
+    condition, text = conclude(overdue=True, link_up=False)
+    assert condition is Condition.SILENT
+    assert "no link to the broker" in text
+
+
+def test_no_state_ever() -> None:
+    condition, text = conclude(state=None)
+    assert condition is Condition.SILENT
+    assert text.startswith("No state has come yet")
+
+
+def test_a_vehicle_that_only_the_order_service_knows_is_not_silent() -> None:
+    condition, text = conclude(state=None, connection=None, fleet_remark="Never connected.")
+    assert condition is Condition.OFFLINE
+    assert text.startswith("Nothing has been heard of it yet")
+
+
+def test_no_state_that_could_be_read() -> None:
+    condition, text = conclude(state=None, problem="headerId: missing")
+    assert (condition, text) == (Condition.SILENT, "No state that could be read: headerId: missing")
+
+
+def test_broken_by_the_will_even_while_the_last_state_is_fresh() -> None:
+    condition, text = conclude(connection=ConnectionState.CONNECTION_BROKEN, state_after_connection=False)
+    assert condition is Condition.BROKEN
+    assert "08:00:00 UTC" in text
+
+
+def test_a_robot_that_still_sends_states_is_not_broken() -> None:
+    connection = ConnectionState.CONNECTION_BROKEN
+    assert conclude(connection=connection, state_after_connection=True)[0] is Condition.IDLE
+
+
+@pytest.mark.parametrize(
+    ("connection", "word"),
+    [(ConnectionState.OFFLINE, "Logged off"), (ConnectionState.HIBERNATING, "Sleeps")],
+)
+def test_away_on_purpose_is_not_silent(connection: ConnectionState, word: str) -> None:
+    condition, text = conclude(connection=connection, overdue=True)
+    assert condition is Condition.OFFLINE
+    assert text.startswith(word)
+
+
+@pytest.mark.parametrize("mode", ["MANUAL", "SERVICE", "TEACH_IN", "STARTUP", "INTERVENED"])
+def test_modes_without_fleet_control(mode: str) -> None:
+    condition, text = conclude_of(operating_mode=mode, **way("B"))
+    assert condition is Condition.MANUAL
+    assert mode in text
+
+
+def test_semiautomatic_is_under_fleet_control() -> None:
+    assert conclude_of(operating_mode="SEMIAUTOMATIC")[0] is Condition.IDLE
+
+
+def test_the_worst_error_is_the_reason() -> None:
+    errors = (
+        {"error_type": "small", "error_level": "WARNING"},
+        {
+            "error_type": "nodeUnreachable",
+            "error_level": "FATAL",
+            "error_description": "No way to B.",
+            "error_hint": "Clear the aisle.",
+        },
+    )
+    assert conclude_of(errors=errors, driving=True) == (
+        Condition.ERROR,
+        "nodeUnreachable: No way to B. Clear the aisle.",
+    )
+
+
+@pytest.mark.parametrize("level", ["WARNING", "URGENT"])
+def test_a_warning_does_not_stop_anybody(level: str) -> None:
+    errors = ({"error_type": "small", "error_level": level},)
+    assert conclude_of(errors=errors)[0] is Condition.IDLE
+
+
+@pytest.mark.parametrize(
+    ("fields", "word"),
+    [
+        ({"safety_state": {"active_emergency_stop": "MANUAL", "field_violation": False}}, "at the robot"),
+        ({"safety_state": {"active_emergency_stop": "REMOTE", "field_violation": False}}, "remotely"),
+        ({"safety_state": {"active_emergency_stop": "NONE", "field_violation": True}}, "protective field"),
+        ({"mobile_robot_position": position(0, 0, localized=False)}, "where it is"),
+        ({"paused": True}, "Paused"),
+    ],
+)
+def test_blocked_says_by_what(fields: dict[str, Any], word: str) -> None:
+    condition, text = conclude_of(**fields, **way("B"))
+    assert condition is Condition.BLOCKED
+    assert word in text
+
+
+@pytest.mark.parametrize(
+    ("fields", "text"),
+    [
+        ({"driving": True, **way("B", "C")}, "Drives to B."),
+        ({"driving": False, **way("B")}, "Stands at A on the way to B."),
+        ({"driving": False, **way("B", released=0)}, "Waits at A until the way to B is released."),
+        ({"driving": True}, "Drives without an order."),
+    ],
+)
+def test_busy_says_with_what(fields: dict[str, Any], text: str) -> None:
+    assert conclude_of(last_node_id="A", **fields) == (Condition.BUSY, text)
+
+
+@pytest.mark.parametrize(
+    ("status", "text"), [("RUNNING", "Does pick at A."), ("WAITING", "Waits at A to begin pick.")]
+)
+def test_busy_with_an_action(status: str, text: str) -> None:
+    actions = (
+        {"action_id": "1", "action_type": "beep", "action_status": "FINISHED"},
+        {"action_id": "2", "action_type": "pick", "action_status": status},
+    )
+    assert conclude_of(last_node_id="A", action_states=actions) == (Condition.BUSY, text)
+
+
+def test_an_action_under_way_explains_why_it_stands() -> None:
+    actions = (
+        {"action_id": "1", "action_type": "drop", "action_status": "WAITING"},
+        {"action_id": "2", "action_type": "pick", "action_status": "RUNNING"},
+    )
+    assert conclude_of(last_node_id="A", action_states=actions, **way("B"))[1] == "Does pick at A."
+
+
+def test_charging_while_there_is_nothing_else() -> None:
+    power = {"state_of_charge": 41.6, "charging": True}
+    assert conclude_of(power_supply=power) == (Condition.CHARGING, "Charges, 42 %.")
+    assert conclude_of(power_supply=power, driving=True, **way("B"))[0] is Condition.BUSY
+
+
+def test_braces_of_a_robots_text_do_no_harm() -> None:
+    errors = ({"error_type": "{x}", "error_level": "FATAL", "error_description": "{0} {type}"},)
+    assert conclude_of(errors=errors)[1] == "{x}: {0} {type}"
+
+
+def test_all_sentences_end_as_sentences_do() -> None:
+    assert [text for text in TEXTS.values() if text[-1] not in ".?}"] == []
+
+
+BLIND = state(errors=({"error_type": "NAVIGATION_NOT_AVAILABLE", "error_level": "WARNING"},))
+
+
+def telling(told: str, **fields: Any) -> StateBrief:
+    """Give a state of a robot whose edge agent tells of its ROS session."""
+    facts = {"state": told, "namespace": "/r1", "domainId": "7"}
+    references = [{"reference_key": key, "reference_value": value} for key, value in facts.items()]
+    entry = {"info_type": "rosSession", "info_level": "INFO", "info_references": references}
+    return state(information=(entry,), **fields)
+
+
+@pytest.mark.parametrize(
+    ("condition", "last", "session"),
+    [
+        (Condition.OFFLINE, state(), "NOT_ACTIVE"),
+        (Condition.BROKEN, state(), "FAILED"),
+        (Condition.SILENT, None, "INITIATING"),
+        (Condition.SILENT, state(), "FAILED"),
+        (Condition.IDLE, state(), "ACTIVE"),
+        (Condition.MANUAL, state(), "ACTIVE"),
+        (Condition.IDLE, BLIND, "FAILED"),
+        *((Condition.IDLE, telling(each), each) for each in SessionState),
+        (Condition.IDLE, telling("ACTIVE", errors=BLIND.errors), "ACTIVE"),
+        (Condition.IDLE, telling("DREAMING"), "ACTIVE"),
+        (Condition.SILENT, telling("ACTIVE"), "FAILED"),
+        (Condition.OFFLINE, telling("ACTIVE"), "NOT_ACTIVE"),
+    ],
+)
+def test_the_state_of_a_node(condition: Condition, last: StateBrief | None, session: str) -> None:
+    assert session_of(condition, last).value == session
+
+
+def test_where_the_session_is() -> None:
+    assert ros_session(telling("FAILED")) == RosSession(SessionState.FAILED, "/r1", "7")
+    assert ros_session(state()) is None

@@ -1,0 +1,129 @@
+"""What the model tells of what happened, and what it counts of it."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from typing import Any
+
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.vda5050.topics import RobotKey
+from nena_status_aggregator.fleet.events import Code, Happening, Outcome
+from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
+from nena_status_aggregator.fleet.robot import Instant
+from support.fleet_briefs import state
+from support.fleet_examples import ROBOT, START, connection, order_status, vehicle_status, way
+
+
+def at(seconds: float) -> Instant:
+    return Instant(seconds, START + timedelta(seconds=seconds))
+
+
+class Recorded:
+    """A model and what it has told."""
+
+    def __init__(self, **limits: Any) -> None:
+        self.told: list[Happening] = []
+        self.model = FleetModel(ModelLimits(**limits), self.told.append)
+        self.model.on_link(connected=True, at=at(0))
+
+    def codes(self) -> list[str]:
+        return [each.code.value for each in self.told]
+
+    def last(self, code: Code) -> Happening:
+        return [each for each in self.told if each.code is code][-1]
+
+
+def test_a_connection_is_told_once() -> None:
+    recorded = Recorded()
+    for number in range(3):
+        recorded.model.on_connection(ROBOT, connection(number=number), at(number))
+    happening = recorded.last(Code.CONNECTION)
+    assert recorded.codes().count("connection") == 1
+    assert (happening.robot, happening.time) == ("ACME/r1", START)
+    assert happening.values == {"state": "ONLINE", "before": None}
+
+
+def test_conditions_are_told_with_the_reason_and_new_reasons_to_stand_too() -> None:
+    recorded = Recorded()
+    stop = {"active_emergency_stop": "MANUAL", "field_violation": False}
+    scenes: tuple[dict[str, Any], ...] = (
+        {},
+        {"safety_state": stop},
+        {"paused": True},
+        {"driving": True},
+        {"driving": True, "order_id": "o"},
+    )
+    for number, fields in enumerate(scenes):
+        recorded.model.on_state(ROBOT, state(number + 1, at=number, **fields), at(number))
+        recorded.model.flush(at(number))
+    conditions = [each for each in recorded.told if each.code is Code.CONDITION]
+    assert [(each.values["condition"], each.values["reason"]) for each in conditions] == [
+        ("IDLE", "idle"),
+        ("BLOCKED", "emergency_stop"),
+        ("BLOCKED", "paused"),
+        ("BUSY", "driving_free"),
+    ]
+    assert conditions[1].text == "Emergency stop is active; it is reset at the robot."
+
+
+def test_silence_is_told_without_a_message() -> None:
+    recorded = Recorded(silence=5)
+    recorded.model.on_state(ROBOT, state(), at(0))
+    recorded.model.flush(at(0))
+    recorded.model.flush(at(6))
+    assert recorded.last(Code.CONDITION).values["condition"] == "SILENT"
+    assert recorded.last(Code.CONDITION).time == at(6).utc
+
+
+def test_what_a_robot_does_is_told_with_its_order_and_counted() -> None:
+    recorded = Recorded()
+    model = recorded.model
+    model.on_state(ROBOT, state(last_node_id="A"), at(0))
+    model.on_state(ROBOT, state(2, at=1, order_id="v1", last_node_id="A", **way("B")), at(1))
+    model.on_vehicle_status(vehicle_status(transport_order="TO-1"), at(1))
+    done = state(3, at=2, order_id="v1", last_node_id="B", last_node_sequence_id=2)
+    model.on_state(ROBOT, done, at(2))
+    model.on_state(ROBOT, done, at(2))
+    assert [(each.code, each.order) for each in recorded.told[1:]] == [
+        (Code.ORDER_TAKEN, "v1"),
+        (Code.ORDER_ENDED, "TO-1"),
+        (Code.NODE_REACHED, "TO-1"),
+    ]
+    counted = model.statistics
+    assert (counted.robot_orders_taken, counted.nodes_reached) == (1, 1)
+    assert counted.robot_orders_ended == {
+        Outcome.COMPLETED: 1,
+        Outcome.ABANDONED: 0,
+        Outcome.UNSEEN: 0,
+    }
+
+
+def test_transport_orders_are_told_when_their_state_or_reason_changes() -> None:
+    recorded = Recorded()
+    for version, (order_state, reason) in enumerate(
+        (
+            (TransportOrderState.DISPATCHABLE, "Waits."),
+            (TransportOrderState.DISPATCHABLE, "Waits."),
+            (TransportOrderState.DISPATCHABLE, "No vehicle is free."),
+            (TransportOrderState.BEING_PROCESSED, "Drives."),
+        )
+    ):
+        status = order_status(version=version + 1, state=order_state, reason=reason)
+        recorded.model.on_order_status(status, at(version))
+    orders = [each for each in recorded.told if each.code is Code.TRANSPORT_ORDER]
+    assert [each.text for each in orders] == [
+        "DISPATCHABLE: Waits.",
+        "DISPATCHABLE: No vehicle is free.",
+        "BEING_PROCESSED: Drives.",
+    ]
+    assert (orders[-1].order, orders[-1].values["before"]) == ("TO-1", "DISPATCHABLE")
+
+
+def test_a_robot_that_makes_room_and_a_lost_link_are_told() -> None:
+    recorded = Recorded(robots=1, silence=1)
+    recorded.model.on_state(ROBOT, state(), at(0))
+    other = RobotKey("ACME", "r2")
+    recorded.model.on_state(other, state(robot=other), at(10))
+    recorded.model.on_link(connected=False, at=at(11))
+    assert recorded.last(Code.ROBOT_FORGOTTEN).robot == "ACME/r1"
+    assert recorded.last(Code.LINK).values == {"connected": False}

@@ -1,0 +1,104 @@
+from __future__ import annotations
+
+from datetime import timedelta
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nena_status_aggregator.fleet.messages import GREATEST_HEADER_ID, SAMPLES, ClockSkew, Sequence, Verdict
+from support.fleet_examples import START
+
+
+def judge(sequence: Sequence, number: int, seconds: float) -> Verdict:
+    return sequence.judge(number, START + timedelta(seconds=seconds))
+
+
+def judged(*messages: tuple[int, float]) -> list[str]:
+    sequence = Sequence()
+    return [judge(sequence, number, seconds).name for number, seconds in messages]
+
+
+def test_rising_messages_are_taken() -> None:
+    assert judged((5, 0), (6, 1), (7, 1)) == ["TAKEN"] * 3
+
+
+def test_the_same_message_again_is_repeated() -> None:
+    assert judged((5, 0), (6, 1), (6, 1)) == ["TAKEN", "TAKEN", "REPEATED"]
+
+
+def test_an_older_message_is_late() -> None:
+    assert judged((5, 5), (9, 9), (7, 7)) == ["TAKEN", "TAKEN", "LATE"]
+
+
+def test_two_older_messages_that_do_not_continue_each_other_are_both_late() -> None:
+    assert judged((5, 5), (9, 9), (5, 5), (7, 7)) == ["TAKEN", "TAKEN", "LATE", "LATE"]
+
+
+def test_a_restart_at_zero_is_taken_even_with_an_older_clock() -> None:
+    assert judged((5, 1000), (0, 10), (1, 11)) == ["TAKEN"] * 3
+
+
+def test_the_first_message_of_a_session_repeated_later_is_no_restart() -> None:
+    assert judged((0, 0), (1, 1), (0, 0), (2, 2)) == ["TAKEN", "TAKEN", "REPEATED", "TAKEN"]
+
+
+def test_a_lower_number_with_a_later_time_is_a_restart() -> None:
+    sequence = Sequence()
+    assert judge(sequence, 50, 0) is Verdict.TAKEN
+    assert judge(sequence, 1, 10) is Verdict.TAKEN
+    assert sequence.restarts == 1
+
+
+def test_a_clock_set_back_does_not_lock_the_robot_out() -> None:
+    assert judged((5, 1000), (6, 10), (7, 11)) == ["TAKEN"] * 3
+
+
+def test_a_restart_at_one_with_an_older_clock_is_believed_at_its_second_message() -> None:
+    assert judged((50, 1000), (1, 10), (2, 11), (3, 12)) == ["TAKEN", "LATE", "TAKEN", "TAKEN"]
+
+
+def test_numbers_that_wrap_around_are_no_restart() -> None:
+    sequence = Sequence()
+    judge(sequence, GREATEST_HEADER_ID, 0)
+    assert judge(sequence, 0, 1) is Verdict.TAKEN
+    assert sequence.restarts == 0
+
+
+def test_gaps_are_counted() -> None:
+    sequence = Sequence()
+    judge(sequence, 3, 0)
+    judge(sequence, 7, 1)
+    assert sequence.missed == 3
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 30), st.integers(0, 30)), max_size=40))
+def test_a_sender_is_never_locked_out(before: list[tuple[int, int]]) -> None:
+    sequence = Sequence()
+    for number, seconds in before:
+        judge(sequence, number, seconds)
+    following = [judge(sequence, number, number) for number in range(100, 104)]
+    assert following[1:] == [Verdict.TAKEN] * 3
+
+
+def measured(*differences: float) -> float | None:
+    skew = ClockSkew()
+    for each in differences:
+        skew.measure(START + timedelta(seconds=each), START)
+    return skew.seconds
+
+
+def test_nothing_is_known_before_the_first_message() -> None:
+    assert measured() is None
+
+
+def test_delays_do_not_count_as_skew() -> None:
+    assert measured(-0.1, -30.0, -2.0) == -0.1
+
+
+def test_a_fast_clock_shows() -> None:
+    assert measured(59.8, 60.0, 59.9) == 60.0
+
+
+def test_a_clock_that_was_put_right_is_believed_after_some_messages() -> None:
+    assert measured(60.0, *[0.0] * SAMPLES) == 0.0

@@ -1,0 +1,108 @@
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
+from nena_status_aggregator.fleet.orders import OrderBook, progress
+from support.fleet_examples import START, drive_order, order_status
+
+FINISHED = TransportOrderState.FINISHED
+
+
+def names(book: OrderBook) -> set[str]:
+    return {order.status.name for order in book}
+
+
+def test_a_newer_version_replaces_an_older_one_and_not_the_other_way_round() -> None:
+    book = OrderBook(10)
+    assert book.take(order_status(version=2))
+    assert not book.take(order_status(version=1))
+    assert not book.take(order_status(version=2))
+    assert book.take(order_status(version=3, state=FINISHED))
+    assert [order.status.version for order in book] == [3]
+
+
+def test_a_name_given_anew_starts_again() -> None:
+    book = OrderBook(10)
+    book.take(order_status(version=9, state=FINISHED))
+    assert book.take(order_status(version=1, created=START + timedelta(hours=1)))
+    assert [order.status.version for order in book] == [1]
+
+
+def test_an_ended_order_outlives_the_broker() -> None:
+    book = OrderBook(10)
+    book.take(order_status(state=FINISHED))
+    assert not book.clear("TO-1")
+    assert names(book) == {"TO-1"}
+
+
+def test_a_living_order_goes_when_the_broker_has_it_no_more() -> None:
+    book = OrderBook(10)
+    book.take(order_status())
+    assert book.clear("TO-1")
+    assert names(book) == set()
+
+
+def test_after_a_lost_link_a_living_order_is_doubted_until_it_is_heard_again() -> None:
+    book = OrderBook(10)
+    book.take(order_status("living"))
+    book.take(order_status("ended", state=FINISHED))
+    book.doubt()
+    assert {order.status.name: order.confirmed for order in book} == {"living": False, "ended": True}
+    assert book.take(order_status("living"))
+    assert all(order.confirmed for order in book)
+    assert not book.take(order_status("living"))
+
+
+def test_when_there_are_too_many_the_one_that_ended_first_goes_first() -> None:
+    book = OrderBook(2)
+    book.take(order_status("old", state=FINISHED))
+    book.take(order_status("living"))
+    book.take(order_status("new", state=FINISHED))
+    assert book.shrink() == ["old"]
+    book.take(order_status("another"))
+    assert book.shrink() == ["new"]
+    book.take(order_status("third"))
+    assert book.shrink() == ["living"]
+
+
+@settings(deadline=None)
+@given(
+    st.lists(st.tuples(st.sampled_from("abcdef"), st.integers(1, 5), st.sampled_from(TransportOrderState)))
+)
+def test_never_more_than_the_limit_and_never_one_twice(
+    heard: list[tuple[str, int, TransportOrderState]],
+) -> None:
+    book = OrderBook(3)
+    for name, version, state in heard:
+        book.take(order_status(name, version, state))
+        book.shrink()
+        kept = [order.status.name for order in book]
+        assert len(kept) == len(set(kept)) <= 3
+
+
+@pytest.mark.parametrize(
+    ("last_node", "percent"), [(None, 0), ("A", 0), ("C", 22.5), ("E", 45), ("elsewhere", 0)]
+)
+def test_progress_on_the_way_to_the_first_of_two(last_node: str | None, percent: float) -> None:
+    assert progress(order_status(), last_node) == percent
+
+
+def test_progress_of_an_order_that_ended() -> None:
+    assert progress(order_status(state=FINISHED), None) == 100
+    assert progress(order_status(state=TransportOrderState.FAILED), None) is None
+
+
+def test_progress_counts_destinations() -> None:
+    done = drive_order("Goods in", "Load", DriveOrderState.FINISHED)
+    operating = drive_order("Packing", "Unload", DriveOrderState.OPERATING, ("A", "B"))
+    status = order_status(drive_orders=(done, operating), current_drive_order_index=1)
+    assert progress(status, "B") == 95
+
+
+def test_progress_before_the_order_is_planned() -> None:
+    assert progress(order_status(drive_orders=(), current_drive_order_index=-1), None) == 0

@@ -1,0 +1,82 @@
+"""A reader that applies each delta to what it had knows what a snapshot says."""
+
+from __future__ import annotations
+
+from typing import cast
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_shared.vda5050.topics import RobotKey
+from nena_status_aggregator.fleet.publication import Publication, apply
+from nena_status_aggregator.fleet.views import OrderView, RobotView
+
+NAMES = ("r1", "r2", "r3")
+STEPS = st.lists(
+    st.one_of(
+        st.tuples(st.just("robot"), st.sampled_from(NAMES), st.none() | st.integers(0, 2)),
+        st.tuples(st.just("order"), st.sampled_from(NAMES), st.none() | st.integers(0, 2)),
+        st.tuples(st.just("link"), st.just(""), st.integers(0, 1)),
+        st.tuples(st.just("flush"), st.just(""), st.none()),
+    ),
+    max_size=30,
+)
+
+
+def robot(name: str, number: int | None) -> RobotView | None:
+    return None if number is None else cast("RobotView", {"id": name, "number": number, "same": 1})
+
+
+def order(name: str, number: int | None) -> OrderView | None:
+    return None if number is None else cast("OrderView", {"id": name, "number": number, "same": 1})
+
+
+@given(STEPS)
+def test_deltas_lead_from_one_snapshot_to_the_next(steps: list[tuple[str, str, int | None]]) -> None:
+    publication = Publication()
+    robots: dict[str, int | None] = {}
+    orders: dict[str, int | None] = {}
+    reader = publication.snapshot()
+    for kind, name, number in [*steps, ("flush", "", None)]:
+        if kind == "robot":
+            robots[name] = number
+            publication.robots.touch(RobotKey("ACME", name))
+        elif kind == "order":
+            orders[name] = number
+            publication.orders.touch(name)
+        elif kind == "link":
+            publication.link = {"connected": bool(number), "since": None}
+        else:
+            delta = publication.flush(
+                lambda key: robot(key.serial_number, robots.get(key.serial_number)),
+                lambda key: order(key, orders.get(key)),
+            )
+            snapshot = publication.snapshot()
+            if delta is None:
+                assert snapshot["id"] == reader["id"]
+            else:
+                assert delta["id"] == reader["id"] + 1
+                reader = apply(delta, reader)
+            assert {each["id"]: each for each in reader["robots"]} == {
+                each["id"]: each for each in snapshot["robots"]
+            }
+            assert {each["id"]: each for each in reader["orders"]} == {
+                each["id"]: each for each in snapshot["orders"]
+            }
+            assert reader["link"] == snapshot["link"]
+
+
+def test_only_what_changed_is_told() -> None:
+    publication = Publication()
+    numbers = {"r1": 1}
+    key = RobotKey("ACME", "r1")
+    publication.robots.touch(key)
+    publication.flush(lambda each: robot(each.serial_number, numbers.get(each.serial_number)), lambda _: None)
+    numbers["r1"] = 2
+    publication.robots.touch(key)
+
+    told = publication.flush(
+        lambda each: robot(each.serial_number, numbers.get(each.serial_number)), lambda _: None
+    )
+
+    assert told == {"id": 2, "robots": [{"id": "r1", "number": 2}]}

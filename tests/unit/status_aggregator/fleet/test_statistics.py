@@ -1,0 +1,41 @@
+from __future__ import annotations
+
+from datetime import timedelta
+
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_status_aggregator.fleet.statistics import (
+    DURATION_BOUNDS,
+    LABEL_LENGTH,
+    BoundedLabels,
+    Histogram,
+    Statistics,
+)
+from support.fleet_examples import START, order_status
+
+
+def test_labels_stay_bounded() -> None:
+    labels = BoundedLabels(2, {"known"})
+    assert [labels.of(each) for each in ("known", "a", "b", "a")] == ["known", "a", "other", "a"]
+
+
+def test_labels_that_make_no_sense_are_other() -> None:
+    labels = BoundedLabels(10)
+    assert labels.of("x" * (LABEL_LENGTH + 1)) == "other"
+    assert labels.of("two\nlines") == "other"
+
+
+def test_durations_fall_into_classes() -> None:
+    histogram = Histogram()
+    for seconds in (5.0, 5.1, 1e9):
+        histogram.observe(seconds)
+    assert histogram.counts == [1, 1, *[0] * (len(DURATION_BOUNDS) - 2), 1]
+    assert histogram.total == 1e9 + 10.1
+
+
+def test_an_end_is_counted_with_its_duration() -> None:
+    statistics = Statistics()
+    statistics.count_end(
+        order_status(state=TransportOrderState.FINISHED, finished=START + timedelta(seconds=42))
+    )
+    assert statistics.orders_ended == {"FINISHED": 1}
+    assert statistics.order_durations["FINISHED"].total == 42
