@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from nena_shared.clock import SystemClock
 from nena_shared.program import run
 from nena_shared.tasks import Supervisor
-from nena_shared.web.server import SHUTDOWN_PATIENCE, HttpServer
+from nena_shared.web.server import SHUTDOWN_TIMEOUT, HttpServer
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.app import make_app
 from nena_status_aggregator.settings import AggregatorSettings
@@ -45,7 +45,7 @@ async def serve(settings: AggregatorSettings, stop: asyncio.Event) -> None:
         finally:
             aggregator.events.close()
             server.stop()
-            await asyncio.wait([http], timeout=SHUTDOWN_PATIENCE + 1)
+            await asyncio.wait([http], timeout=SHUTDOWN_TIMEOUT + 1)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -1,39 +1,61 @@
-"""A connection to the HTTP server: who asks nothing does not keep it, and no address has all of them."""
+"""Connections to the HTTP server: how many are accepted, and how long each may take for what it sends."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import resource
+import socket
+import ssl
 import time
+from collections import defaultdict
+from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from nena_shared.log import get_logger
+from nena_shared.web.addresses import network_of
 from nena_shared.web.rate_limit import RateLimit
 
 log = get_logger(__name__)
 
-HEAD_PATIENCE = 10.0
-"""Seconds that the head of a request may take, from the connection or from its first byte on."""
+HANDSHAKE_TIMEOUT = 5.0
+"""Seconds from accepting a connection to the end of its TLS handshake."""
+
+HEAD_TIMEOUT = 10.0
+"""Seconds for the head of a request, from the connection or from the head's first byte on."""
+
+BODY_TIMEOUT = 60.0
+"""Seconds for the body of a request, from the end of its head on."""
 
 PER_ADDRESS = 256
-"""Connections that one address may have; a proxy, from whose address all of them come, is not counted.
-Without a bound one machine takes all that the system lets a program have open, 1024 by default."""
+"""Connections of one address, counted from accept on; not behind a proxy, from whose address all come.
+Without a limit one machine could use up all files that the system allows a process, 1024 by default."""
 
-_told = RateLimit(rate=1 / 60, burst=1)
+RESERVED_FILES = 128
+"""Files that are left for the store, the broker and the log, however many clients connect."""
+
+ACCEPTED_AT_ONCE = 64
+"""Connections accepted in one turn of the event loop."""
+
+NO_FILES_PAUSE = 1.0
+"""Seconds until accepting is tried again where the system has no more files."""
+
+_logged = RateLimit(rate=1 / 60, burst=1)
 
 
 class _Seldom(logging.Filter):
-    """Lets the same warning pass once in a minute: each broken request would write a line."""
+    """Passes the same warning once a minute: each broken request would write a line."""
 
     def __init__(self) -> None:
         super().__init__()
         self._passed: Final = RateLimit(rate=1 / 60, burst=1)
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Tell whether a record passes; errors all do."""
+        """Return whether a record passes; errors always do."""
         return record.levelno > logging.WARNING or not self._passed.wait(str(record.msg), time.monotonic())
 
 
@@ -41,49 +63,164 @@ SELDOM: Final = _Seldom()
 """For uvicorn's own log."""
 
 
-class Connection(H11Protocol):
-    """Speaks HTTP as uvicorn does, which by itself waits for a request for ever."""
+def most_connections() -> int:
+    """Return how many connections leave enough files for the rest of the process."""
+    allowed, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return max(allowed - RESERVED_FILES, allowed // 2)
 
-    _late: asyncio.TimerHandle | None = None
+
+class Connection(H11Protocol):
+    """Speaks HTTP as uvicorn does, with a time limit for heads and bodies; uvicorn alone waits forever."""
+
+    release: Callable[[], None] | None = None
+    """Is called when the connection has ended."""
+    _deadline: asyncio.TimerHandle | None = None
+    _awaited: type[h11.IDLE | h11.SEND_BODY] | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin, unless the address has too many connections already."""
+        """Wait for the first request."""
         super().connection_made(transport)
-        if self.config.proxy_headers or not self._has_too_many():
-            self._await_head()
-        else:
-            transport.abort()
+        self._await(h11.IDLE)
 
     def data_received(self, data: bytes) -> None:
-        """Take a part of a request."""
+        """Read a part of a request."""
         super().data_received(data)
-        if self.conn.their_state is h11.IDLE:
-            self._await_head()
-        else:
-            self._stop_waiting()
+        state = self.conn.their_state
+        self._await(state if state in (h11.IDLE, h11.SEND_BODY) else None)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """End."""
-        self._stop_waiting()
+        """Let another connection have the place."""
+        self._await(None)
         super().connection_lost(exc)
+        if self.release:
+            self.release()
 
     def _unsupported_upgrade_warning(self) -> None:
-        """Say nothing: Java's client offers HTTP/2 with each request, and is answered all the same."""
+        """Log nothing: Java's client offers HTTP/2 with each request, and is answered all the same."""
 
-    def _await_head(self) -> None:
-        if self._late is None:
-            self._late = self.loop.call_later(HEAD_PATIENCE, self.transport.abort)
+    def _await(self, part: type[h11.IDLE | h11.SEND_BODY] | None) -> None:
+        """Abort the connection unless this part of a request ends in time; None: none is awaited."""
+        if part is self._awaited:
+            return
+        if self._deadline is not None:
+            self._deadline.cancel()
+        self._awaited = part
+        seconds = BODY_TIMEOUT if part is h11.SEND_BODY else HEAD_TIMEOUT
+        self._deadline = self.loop.call_later(seconds, self.transport.abort) if part else None
 
-    def _stop_waiting(self) -> None:
-        if self._late is not None:
-            self._late.cancel()
-            self._late = None
 
-    def _has_too_many(self) -> bool:
-        address = self.client[0] if self.client else ""
-        others = (each.client for each in self.connections if isinstance(each, Connection))
-        if sum(client is not None and client[0] == address for client in others) <= PER_ADDRESS:
-            return False
-        if not _told.wait(address, self.loop.time()):
-            log.warning("an address has too many connections: more are closed", address=address)
-        return True
+class Listener:
+    """Accepts connections, and counts them from there on: before the TLS handshake, not after it.
+
+    asyncio's own server tells nothing of a connection before its handshake has ended, so that clients who
+    never begin one would neither be counted nor, for a minute, closed.
+    """
+
+    def __init__(
+        self,
+        listening: socket.socket,
+        make: Callable[[], Connection],
+        *,
+        encryption: ssl.SSLContext | None,
+        per_address: int | None,
+    ) -> None:
+        """Accept from now on.
+
+        Args:
+            listening: the socket; closed by whoever made it.
+            make: makes the protocol of one connection.
+            encryption: the TLS context; None: no TLS.
+            per_address: connections that one address may have; None: no limit, as behind a proxy.
+
+        """
+        self._socket = listening
+        self._make = make
+        self._encryption = encryption
+        self._per_address = per_address
+        self._most = most_connections()
+        self._open: defaultdict[str, set[socket.socket]] = defaultdict(set)
+        self._count = 0
+        self._handshakes: set[asyncio.Task[None]] = set()
+        self._resuming: asyncio.TimerHandle | None = None
+        self._loop = asyncio.get_running_loop()
+        listening.settimeout(0)
+        self._resume()
+
+    def close(self) -> None:
+        """Accept no more connections, and abort those whose handshake has not ended."""
+        self._loop.remove_reader(self._socket)
+        if self._resuming:
+            self._resuming.cancel()
+        for each in self._handshakes:
+            each.cancel()
+
+    async def wait_closed(self) -> None:
+        """Wait until the aborted handshakes have ended."""
+        await asyncio.gather(*self._handshakes, return_exceptions=True)
+
+    def _resume(self) -> None:
+        self._loop.add_reader(self._socket, self._accept)
+
+    def _accept(self) -> None:
+        for _ in range(ACCEPTED_AT_ONCE):
+            try:
+                accepted, address = self._socket.accept()
+            except (BlockingIOError, InterruptedError, ConnectionAbortedError):
+                return
+            except OSError as error:
+                log.error("cannot accept connections, trying again", reason=error.strerror)  # noqa: TRY400
+                self._loop.remove_reader(self._socket)
+                self._resuming = self._loop.call_later(NO_FILES_PAUSE, self._resume)
+                return
+            self._take(accepted, str(address[0]))
+
+    def _take(self, accepted: socket.socket, address: str) -> None:
+        network = network_of(address)
+        of_network = len(self._open[network]) if network in self._open else 0
+        if self._per_address is not None and of_network >= self._per_address:
+            self._refuse(accepted, "an address has too many connections: more are closed", address)
+        elif self._count >= self._most:
+            self._refuse(accepted, "too many connections: more are closed", address)
+        else:
+            accepted.settimeout(0)
+            self._open[network].add(accepted)
+            self._count += 1
+            task = self._loop.create_task(self._begin(accepted, network), name=f"accept {address}")
+            self._handshakes.add(task)
+            task.add_done_callback(self._handshakes.discard)
+
+    def _refuse(self, accepted: socket.socket, event: str, address: str) -> None:
+        accepted.close()
+        if not _logged.wait(f"{event} {address}", self._loop.time()):
+            log.warning(event, address=address)
+
+    async def _begin(self, accepted: socket.socket, network: str) -> None:
+        release = partial(self._release, accepted, network)
+
+        def make() -> Connection:
+            made = self._make()
+            made.release = release
+            return made
+
+        timeout = HANDSHAKE_TIMEOUT if self._encryption else None
+        try:
+            await self._loop.connect_accepted_socket(
+                make,
+                accepted,
+                ssl=self._encryption,
+                ssl_handshake_timeout=timeout,
+                ssl_shutdown_timeout=timeout,
+            )
+        except OSError:  # no TLS, not in time, or gone: nothing that a client could not cause at will
+            release()
+        except BaseException:
+            release()
+            raise
+
+    def _release(self, accepted: socket.socket, network: str) -> None:
+        of_network = self._open.get(network, set())
+        if accepted in of_network:
+            of_network.remove(accepted)
+            self._count -= 1
+            if not of_network:
+                del self._open[network]

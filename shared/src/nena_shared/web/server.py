@@ -14,21 +14,36 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from nena_shared.log import get_logger
 from nena_shared.program import StartError
 from nena_shared.settings import ConfigurationError
-from nena_shared.web.connection import SELDOM, Connection
+from nena_shared.web import connection
+from nena_shared.web.connection import SELDOM, Connection, Listener
 from nena_shared.web.exposure import check_exposure
 from nena_shared.web.settings import HttpSettings
 
 log = get_logger(__name__)
 
-SHUTDOWN_PATIENCE = 3
-"""Seconds that open requests have to end."""
+SHUTDOWN_TIMEOUT = 3
+"""Seconds for open requests to end."""
 
 BACKLOG = 1024
 """Connections that may wait to be accepted."""
 
 
 class _Server(uvicorn.Server):
-    """A server that leaves signals to the program."""
+    """A server that leaves signals to the program, and accepts connections by :class:`Listener`."""
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Accept connections."""
+        self.servers = [self._listener(each) for each in sockets or ()]  # type: ignore[misc]
+        self.started = True
+
+    def _listener(self, listening: socket.socket) -> Listener:
+        config = self.config
+        return Listener(
+            listening,
+            lambda: Connection(config, self.server_state, {}),
+            encryption=config.ssl,
+            per_address=None if config.proxy_headers else connection.PER_ADDRESS,
+        )
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -61,7 +76,7 @@ class HttpServer:
             server_header=False,
             proxy_headers=settings.reverse_proxy,
             forwarded_allow_ips="*",  # where a proxy is stated, nobody gets past it
-            timeout_graceful_shutdown=SHUTDOWN_PATIENCE,
+            timeout_graceful_shutdown=SHUTDOWN_TIMEOUT,
             ssl_certfile=settings.tls_certificate,
             ssl_keyfile=settings.tls_key,
         )

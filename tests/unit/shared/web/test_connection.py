@@ -1,9 +1,12 @@
 from __future__ import annotations
 
 import asyncio
+import ssl
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
+from pathlib import Path
 
+import httpx
 import pytest
 from starlette.responses import PlainTextResponse
 from starlette.types import Receive, Scope, Send
@@ -13,7 +16,8 @@ from nena_shared.web import connection
 from nena_shared.web.rate_limit import RateLimit
 from nena_shared.web.server import HttpServer
 from nena_shared.web.settings import HttpSettings
-from support.waiting import PATIENCE
+from support.certificates import Authority
+from support.waiting import PATIENCE, awaited
 
 REQUEST = b"GET / HTTP/1.1\r\nHost: a\r\n\r\n"
 GONE = (ConnectionError, asyncio.IncompleteReadError)
@@ -33,8 +37,8 @@ async def serving(settings: HttpSettings) -> AsyncIterator[HttpServer]:
 
 
 @asynccontextmanager
-async def connected(server: HttpServer) -> AsyncIterator[Line]:
-    reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+async def connected(server: HttpServer, source: str = "127.0.0.1") -> AsyncIterator[Line]:
+    reader, writer = await asyncio.open_connection("127.0.0.1", server.port, local_addr=(source, 0))
     try:
         yield reader, writer
     finally:
@@ -62,7 +66,7 @@ async def is_closed(line: Line) -> bool:
 
 @pytest.mark.parametrize("begun", [b"", b"GET / HT"])
 async def test_who_sends_no_request_is_let_go(monkeypatch: pytest.MonkeyPatch, begun: bytes) -> None:
-    monkeypatch.setattr(connection, "HEAD_PATIENCE", 0.05)
+    monkeypatch.setattr(connection, "HEAD_TIMEOUT", 0.05)
     async with serving(HttpSettings(port=0)) as server, connected(server) as line:
         line[1].write(begun)
         assert await is_closed(line)
@@ -71,13 +75,13 @@ async def test_who_sends_no_request_is_let_go(monkeypatch: pytest.MonkeyPatch, b
 async def test_the_next_request_has_its_time_too(monkeypatch: pytest.MonkeyPatch) -> None:
     async with serving(HttpSettings(port=0)) as server, connected(server) as line:
         assert await answered(line)
-        monkeypatch.setattr(connection, "HEAD_PATIENCE", 0.05)
+        monkeypatch.setattr(connection, "HEAD_TIMEOUT", 0.05)
         line[1].write(REQUEST[:10])
         assert await is_closed(line)
 
 
 async def test_an_answer_may_take_longer_than_the_head(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connection, "HEAD_PATIENCE", 0.05)
+    monkeypatch.setattr(connection, "HEAD_TIMEOUT", 0.05)
     late = asyncio.Event()
 
     async def answer(scope: Scope, receive: Receive, send: Send) -> None:
@@ -92,7 +96,7 @@ async def test_an_answer_may_take_longer_than_the_head(monkeypatch: pytest.Monke
 
 async def test_an_address_has_a_bounded_number(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connection, "PER_ADDRESS", 3)
-    monkeypatch.setattr(connection, "_told", RateLimit(rate=1 / 60, burst=1))
+    monkeypatch.setattr(connection, "_logged", RateLimit(rate=1 / 60, burst=1))
     async with serving(HttpSettings(port=0)) as server, AsyncExitStack() as stack:
         told = stack.enter_context(capture_logs())
         lines = [await stack.enter_async_context(connected(server)) for _ in range(3)]
@@ -132,3 +136,86 @@ async def test_an_offer_of_another_protocol_is_answered_and_no_line_of_the_log(
         for protocol in (b"h2c", b"websocket"):
             assert await answered(line, REQUEST.removesuffix(b"\r\n") + offer % protocol)
     assert caplog.records == []
+
+
+async def test_a_body_that_never_ends_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "BODY_TIMEOUT", 0.05)
+    read = asyncio.Event()
+
+    async def answer(_: Scope, receive: Receive, __: Send) -> None:
+        while (await receive())["type"] != "http.disconnect":
+            pass
+        read.set()
+
+    async with serving(HttpSettings(port=0)) as server, connected(server) as line:
+        server.app = answer
+        line[1].write(b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 9\r\n\r\nbo")
+        assert await is_closed(line)
+        await asyncio.wait_for(read.wait(), PATIENCE)
+
+
+def over_tls(folder: Path) -> tuple[HttpSettings, str]:
+    """Return settings of a server with TLS, and the file of the authority that vouches for it."""
+    authority = Authority(folder)
+    files = authority.sign("server")
+    return HttpSettings(port=0, tls_certificate=files.certificate, tls_key=files.key), str(authority.ca)
+
+
+async def test_who_begins_no_handshake_is_let_go_and_gives_its_place_back(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(connection, "HANDSHAKE_TIMEOUT", 0.1)
+    monkeypatch.setattr(connection, "PER_ADDRESS", 2)
+    settings, ca = over_tls(tmp_path)
+    async with serving(settings) as server, AsyncExitStack() as stack:
+        for begun in (b"", b"\x16\x03\x01"):
+            line = await stack.enter_async_context(connected(server))
+            line[1].write(begun)
+            assert await is_closed(line)
+        line = await stack.enter_async_context(connected(server))
+        line[1].write(REQUEST)  # no TLS at all
+        assert not await answered(line)
+        async with httpx.AsyncClient(
+            verify=ssl.create_default_context(cafile=ca), timeout=PATIENCE
+        ) as client:
+            assert (await client.get(server.url)).text == "yes"
+
+
+async def test_silent_connections_of_one_address_keep_no_other_one_out(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """They count from accepting them on: no handshake has to end for that."""
+    monkeypatch.setattr(connection, "PER_ADDRESS", 3)
+    settings, ca = over_tls(tmp_path)
+    trusting = ssl.create_default_context(cafile=ca)
+    async with serving(settings) as server, AsyncExitStack() as stack:
+        held = [await stack.enter_async_context(connected(server, "127.0.0.2")) for _ in range(3)]
+        assert await is_closed(await stack.enter_async_context(connected(server, "127.0.0.2")))
+        async with httpx.AsyncClient(verify=trusting, timeout=PATIENCE) as client:
+            assert (await client.get(server.url)).text == "yes"
+        assert not any(line[0].at_eof() for line in held)
+
+        held[0][1].close()
+
+        async def served() -> bool:
+            transport = httpx.AsyncHTTPTransport(verify=trusting, local_address="127.0.0.2")
+            async with httpx.AsyncClient(transport=transport, timeout=PATIENCE) as client:
+                try:
+                    return (await client.get(server.url)).text == "yes"
+                except httpx.HTTPError:
+                    return False
+
+        await awaited(served, bool, what="a connection in the place of a closed one")
+
+
+async def test_connections_leave_files_for_the_rest_of_the_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "most_connections", lambda: 2)
+    async with serving(HttpSettings(port=0, reverse_proxy=True)) as server, AsyncExitStack() as stack:
+        lines = [await stack.enter_async_context(connected(server)) for _ in range(3)]
+        assert [await answered(each) for each in lines] == [True, True, False]
+
+
+def test_at_most_half_of_the_files_are_reserved(monkeypatch: pytest.MonkeyPatch) -> None:
+    for allowed, expected in ((1024, 896), (100, 50)):
+        monkeypatch.setattr("resource.getrlimit", lambda _, allowed=allowed: (allowed, allowed))
+        assert connection.most_connections() == expected

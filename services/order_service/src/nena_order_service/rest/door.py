@@ -11,7 +11,7 @@ from nena_order_service.rest.pages import NoPages
 from nena_order_service.rest.roles import role_needed
 from nena_shared.tasks import Supervisor
 from nena_shared.web.access import protect
-from nena_shared.web.server import SHUTDOWN_PATIENCE, HttpServer
+from nena_shared.web.server import SHUTDOWN_TIMEOUT, HttpServer
 from nena_shared.web.settings import HttpSettings
 
 
@@ -54,4 +54,4 @@ class RestDoor:
             self._http.close()
             return
         self._http.stop()
-        await asyncio.wait({answering}, timeout=SHUTDOWN_PATIENCE + 1)
+        await asyncio.wait({answering}, timeout=SHUTDOWN_TIMEOUT + 1)
