@@ -28,14 +28,14 @@ from nena_order_service.fleet import (
 )
 from nena_order_service.fleet.mission_update import grown
 from nena_order_service.kernel import Kernel
-from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.ports import FleetControl
 from nena_order_service.kernel.settings import KernelSettings
-from nena_order_service.kernel.vehicles import VehicleRegistry
+from nena_order_service.orders.vda_orders import MissionPlanner
 from nena_order_service.routing import Router
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import Unfinished
 from nena_order_service.store.store import Store
+from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.failure_policy import FailurePolicy
 from nena_shared.fleet_api.transport_order import TransportOrderStatus

@@ -11,7 +11,7 @@ import pytest
 
 from nena_order_service.fleet.outgoing import Outgoing
 from nena_order_service.fleet.outputs import PublishOrder
-from nena_order_service.kernel.mission_record import MissionRecord
+from nena_order_service.orders.vda_orders import MissionRecord
 from nena_shared.clock import SystemClock
 from nena_shared.program import EXIT_FAILED
 from nena_shared.vda5050.v2_1 import CODEC

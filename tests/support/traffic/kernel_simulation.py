@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from random import Random
 from typing import NoReturn
 
-from nena_order_service.dispatch.parking import BARRED
 from nena_order_service.dispatch.settings import DispatchSettings
 from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
 from nena_order_service.kernel import Kernel, KernelSettings
 from nena_order_service.kernel.mission_flow import BEGUN_MEANWHILE
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.vehicles.idle import BARRED
 from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.rerouting import ReroutingOutcome, ReroutingType
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState, TransportOrderStatus

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from nena_order_service.beginning import has_begun
+from nena_order_service.app import has_begun
 from nena_shared.tasks import Supervisor, TaskFailedError
 from support.forgetful import cancel_again_at_once, forgetful
 from support.waiting import PATIENCE

@@ -8,8 +8,7 @@ from http import HTTPStatus
 from typing import Any
 
 from nena_order_service import vehicle_commands
-from nena_order_service.host_services import HostServices
-from nena_order_service.kernel.etag import ETag
+from nena_order_service.host_requests import ETag, HostServices
 from nena_order_service.mqtt_command_bodies import (
     COMMANDS,
     AssignmentCommand,

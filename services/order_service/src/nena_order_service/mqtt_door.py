@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from http import HTTPStatus
 
 from nena_order_service.ended_orders import EndedOrders
-from nena_order_service.kernel.host_requests import HostRequests
+from nena_order_service.host_requests import HostRequests
 from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.mqtt_limits import MqttLimits
 from nena_order_service.mqtt_requests import read_request, text_in

@@ -15,25 +15,23 @@ from nena_order_service.asyncapi import document
 from nena_order_service.dispatch.way import WayFinder
 from nena_order_service.event_stream import EventStream
 from nena_order_service.fleet import FleetLink, OperationMap, RobotAddresses
-from nena_order_service.host_services import HostServices
+from nena_order_service.host_requests import HostRequests, HostServices, SequenceRequests
 from nena_order_service.kernel import Kernel
-from nena_order_service.kernel.host_requests import HostRequests
-from nena_order_service.kernel.missions import MissionPlanner
-from nena_order_service.kernel.path_locks import PathLocks
-from nena_order_service.kernel.sequence_requests import SequenceRequests
-from nena_order_service.kernel.vehicles import VehicleRegistry
-from nena_order_service.kernel.zone_sets import ZoneSets
 from nena_order_service.mqtt_commands import MqttCommands, Verbs
 from nena_order_service.mqtt_door import MqttDoor
 from nena_order_service.mqtt_limits import MqttLimits
+from nena_order_service.orders.vda_orders import MissionPlanner
 from nena_order_service.rest.api import make_app
 from nena_order_service.rest.bodies import Readiness
 from nena_order_service.rest.opentcs import app as opentcs
 from nena_order_service.retained_sweep import RetainedSweep
 from nena_order_service.routing import Router, evaluators
+from nena_order_service.routing.path_locks import PathLocks
 from nena_order_service.serving import ChangePlant
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.store import Store
+from nena_order_service.vehicles.registry import VehicleRegistry
+from nena_order_service.vehicles.zone_sets import ZoneSets
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.mqtt import MqttLink

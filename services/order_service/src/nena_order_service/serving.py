@@ -1,9 +1,9 @@
-"""The order service over one store: runs its parts, and takes all up anew when the plant model is changed."""
+"""The order service over one store: runs its parts, and starts them again when the plant model is changed."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -12,14 +12,136 @@ from starlette.types import ASGIApp
 
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
 from nena_order_service.kernel.kernel import Kernel
-from nena_order_service.kernel.plant_change import hindrances
+from nena_order_service.orders.order_sequence import OrderSequence
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.validation import InvalidRequestError, check_order
 from nena_order_service.plant_file import PlantFile
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.store import Store
+from nena_order_service.traffic.resources import ResourceSet
+from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.log import get_logger
 from nena_shared.plant import PlantModel
+from nena_shared.plant.block import BlockType
 from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import Supervisor, end
+
+PROBLEMS_NAMED = 100
+"""What is named at the most."""
+
+
+def hindrances(kernel: Kernel, new: PlantModel, registry: VehicleRegistry) -> tuple[str, ...]:
+    """Say what of the present orders and vehicles keeps the plant from being ``new``; nothing: it can be.
+
+    ``registry`` is that of the new plant. Orders must find their destinations, and vehicles what they hold
+    and have claimed, unchanged: what robots were told to drive they drive, and others keep off it.
+    """
+    found = [
+        *_of_orders(kernel.book.present(), new, registry),
+        *_of_sequences(kernel.sequence_book.unfinished(), registry),
+        *_of_vehicles(kernel, new, registry),
+    ]
+    more = len(found) - PROBLEMS_NAMED
+    return (*found[:PROBLEMS_NAMED], f"and {more} more") if more > 0 else tuple(found)
+
+
+def _of_orders(orders: Iterable[TransportOrder], new: PlantModel, registry: VehicleRegistry) -> Iterator[str]:
+    names = registry.names()
+    for order in orders:
+        left = order.status.drive_orders[max(order.status.current_drive_order_index, 0) :]
+        try:
+            check_order(order.status.model_copy(update={"drive_orders": left}), new)
+        except InvalidRequestError as error:
+            yield from (f"transport order {order.name!r}: {each.text}" for each in error.findings)
+        intended = order.status.intended_vehicle
+        if intended is not None and intended not in names:
+            yield f"transport order {order.name!r} is for vehicle {intended!r}, which there would not be"
+
+
+def _of_sequences(sequences: Iterable[OrderSequence], registry: VehicleRegistry) -> Iterator[str]:
+    names = registry.names()
+    for each in sequences:
+        vehicle = each.bound_vehicle or each.status.intended_vehicle
+        if vehicle is not None and vehicle not in names:
+            yield f"order sequence {each.name!r} is for vehicle {vehicle!r}, which there would not be"
+
+
+def _of_vehicles(kernel: Kernel, new: PlantModel, registry: VehicleRegistry) -> Iterator[str]:
+    differences = _Differences(kernel.plant, new)
+    for vehicle in kernel.registry:
+        journey = kernel.desk.journey(vehicle.name)
+        if kernel.works(vehicle) or journey:
+            yield from _of_robot(vehicle, registry)
+        ahead = journey.way[journey.allocated :] if journey else ()
+        for place in (*kernel.desk.held(vehicle.name), *ahead):
+            for problem in differences.of(place, under_way=journey is not None):
+                yield f"vehicle {vehicle.name!r} uses {problem}"
+
+
+def _of_robot(vehicle: FleetVehicle, registry: VehicleRegistry) -> Iterator[str]:
+    """Tell a vehicle that works and would not be the same one."""
+    if vehicle.model is None:
+        after, taken = registry.of(vehicle.key), registry.named(vehicle.name)
+        if (after and after.name != vehicle.name) or (taken and taken.key != vehicle.key):
+            yield f"vehicle {vehicle.name!r} works, and would have another name"
+        return
+    after = registry.named(vehicle.name)
+    if after is None or after.model is None:
+        yield f"vehicle {vehicle.name!r} works, and would be gone"
+    elif after.key != vehicle.key or after.profile.map_id != vehicle.profile.map_id:
+        yield f"vehicle {vehicle.name!r} works, and would be another robot or on another map"
+
+
+class _Differences:
+    """Compares what single resources are in two plants."""
+
+    def __init__(self, old: PlantModel, new: PlantModel) -> None:
+        self._old = old
+        self._new = new
+        self._old_blocks, self._new_blocks = _blocks(old), _blocks(new)
+
+    def of(self, place: ResourceSet, *, under_way: bool) -> Iterator[str]:
+        """Say what of a place would be gone or different; of who is ``under_way`` also where it is."""
+        for name in dict.fromkeys((place.point, *place.uses)):
+            if name in self._old.blocks_by_name:
+                continue
+            if self._lacks(name):
+                yield f"{name!r}, which would be gone"
+            elif self._old_blocks.get(name) != self._new_blocks.get(name):
+                yield f"{name!r}, which would be in other blocks"
+            elif under_way and self._differs(name):
+                yield f"{name!r}, which would be elsewhere"
+
+    def _lacks(self, name: str) -> bool:
+        kinds = (
+            (self._old.points_by_name, self._new.points_by_name),
+            (self._old.paths_by_name, self._new.paths_by_name),
+            (self._old.locations_by_name, self._new.locations_by_name),
+        )
+        return any(name in old and name not in new for old, new in kinds)
+
+    def _differs(self, name: str) -> bool:
+        before, after = self._old.points_by_name.get(name), self._new.points_by_name.get(name)
+        if before and after:
+            return (before.x_mm, before.y_mm, before.map_id) != (after.x_mm, after.y_mm, after.map_id)
+        path, changed = self._old.paths_by_name.get(name), self._new.paths_by_name.get(name)
+        if path and changed:
+            return (path.source, path.destination, path.length_mm) != (
+                changed.source,
+                changed.destination,
+                changed.length_mm,
+            )
+        return False
+
+
+def _blocks(plant: PlantModel) -> dict[str, set[tuple[str, BlockType]]]:
+    """Give the blocks that each resource is in."""
+    found: dict[str, set[tuple[str, BlockType]]] = {}
+    for block in plant.blocks:
+        for member in block.members:
+            found.setdefault(member, set()).add((block.name, block.type))
+    return found
+
 
 log = get_logger(__name__)
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from nena_order_service.fleet import Mission
 from nena_order_service.kernel import Kernel
-from nena_order_service.kernel.mobility import EVASION_PAUSE
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.traffic.driving import EVASION_PAUSE
 from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from nena_order_service.kernel.mission_book import MissionBook
-from nena_order_service.kernel.mission_record import MissionRecord
 from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.kernel.vehicle_book import VehicleBook
+from nena_order_service.orders.vda_orders import MissionRecord
 from support.fleet import make_mission
 from support.order_service import assigned_order
 from support.scripted_fleet import key

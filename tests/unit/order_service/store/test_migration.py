@@ -12,9 +12,9 @@ from alembic.runtime.migration import MigrationContext
 from sqlalchemy import text
 from sqlalchemy.exc import SQLAlchemyError
 
-from nena_order_service.kernel.mission_record import MissionRecord
 from nena_order_service.orders.automatic import park_request
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.vda_orders import MissionRecord
 from nena_order_service.store import schema
 from nena_order_service.store.database import (
     OrderFilter,

@@ -5,12 +5,12 @@ from __future__ import annotations
 from nena_order_service.fleet import ActionRetriable, FailureKind, InstantActionEnded, retry_or_skip
 from nena_order_service.fleet.operations import fresh_id
 from nena_order_service.fleet.reported_errors import with_details
-from nena_order_service.kernel.driving import Driving
 from nena_order_service.kernel.failure_flow import Failure, FailureFlow
 from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.order_book import OrderBook
-from nena_order_service.orders import mending
+from nena_order_service.orders import transport_order
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.traffic.driving import Driving
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.failure_policy import FailureMeasure
 from nena_shared.fleet_api.transport_order import TransportOrderState
@@ -65,7 +65,7 @@ class ActionRetries:
         decision = self._failures.decide(order, Failure(FailureKind.ACTION, words))
         if decision.step.do is not FailureMeasure.RETRY or decision.step.after:
             return False
-        self._book.put(mending.retried(order, decision.taken, words, now=self._clock.now()))
+        self._book.put(transport_order.retried(order, decision.taken, words, now=self._clock.now()))
         return True
 
     def answered(self, news: InstantActionEnded) -> None:

@@ -10,12 +10,12 @@ from typing import Protocol
 from nena_order_service.fleet import LinkStatus, NotLocatedError, RobotView
 from nena_order_service.fleet.failure_kind import FailureKind
 from nena_order_service.fleet.operations import DROP, PICK
-from nena_order_service.kernel.missions import MissionPlanner
-from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
-from nena_order_service.orders import mending
+from nena_order_service.orders import transport_order
 from nena_order_service.orders.failure_policy import Decision, Situation, decide, is_carrying
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.vda_orders import MissionPlanner
 from nena_order_service.routing import NoRouteError
+from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.failure_policy import FailureMeasure, FailurePolicy, FailureStep, Hold
 from nena_shared.fleet_api.transport_order import DriveOrderState
@@ -107,23 +107,25 @@ class FailureFlow:
         now = self._clock.now()
         match step.do:
             case FailureMeasure.RETRY:
-                order = mending.retried(order, decision.taken, words, now=now, next_try=self._at(step))
+                order = transport_order.retried(
+                    order, decision.taken, words, now=now, next_try=self._at(step)
+                )
                 self._flow.go_on(order, again=True)
             case FailureMeasure.REPLAN:
                 self._replan(order, decision, failure)
             case FailureMeasure.OTHER_VEHICLE:
-                self._flow.give_to_another(mending.reassigned(order, decision.taken, words, now))
+                self._flow.give_to_another(transport_order.reassigned(order, decision.taken, words, now))
             case FailureMeasure.SKIP:
-                self._skip(mending.skipped(order, words, now))
+                self._skip(transport_order.skipped(order, words, now))
             case FailureMeasure.HOLD:
                 hold = Hold(by=POLICY, reason=_with_others(words, decision), since=now)
-                self._flow.go_on(mending.held(order, hold, now), again=True)
+                self._flow.go_on(transport_order.held(order, hold, now), again=True)
             case FailureMeasure.FAIL:
                 self._flow.end(order.failed(_with_others(words, decision), now))
 
     def _replan(self, order: TransportOrder, decision: Decision, failure: Failure) -> None:
         avoided = self._detour(order, failure.ahead)
-        order = mending.replanned(
+        order = transport_order.replanned(
             order,
             decision.taken,
             failure.words,
@@ -151,7 +153,7 @@ class FailureFlow:
             failure.kind,
             begun=order.current.state is DriveOrderState.OPERATING,
             carrying=is_carrying(
-                mending.with_operation_begun(order),
+                transport_order.with_operation_begun(order),
                 picks=[each for each in operations if self._planner.action_type(each) == PICK],
                 drops=[each for each in operations if self._planner.action_type(each) == DROP],
                 reported=None if loads is None else bool(loads),

@@ -19,13 +19,13 @@ from nena_order_service.fleet import (
     RobotChanged,
     RobotView,
 )
-from nena_order_service.kernel.driving import Driving
 from nena_order_service.kernel.instant_actions import PendingInstantActions, state_request
 from nena_order_service.kernel.order_flow import OrderFlow
-from nena_order_service.kernel.places import Places
 from nena_order_service.kernel.ports import FleetControl
 from nena_order_service.kernel.steps import Steps
-from nena_order_service.kernel.vehicles import VehicleRegistry
+from nena_order_service.traffic.driving import Driving
+from nena_order_service.vehicles.positions import Places
+from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.vda5050.own_actions import transforms_itself
 from nena_shared.vda5050.topics import RobotKey
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from nena_order_service.kernel.driving import Driving
 from nena_order_service.kernel.failure_flow import OrderFlow
 from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.order_book import OrderBook
-from nena_order_service.kernel.pauses import Pauses
-from nena_order_service.kernel.vehicles import VehicleRegistry
-from nena_order_service.orders import mending
+from nena_order_service.orders import transport_order
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.traffic.driving import Driving, Pauses
+from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.failure_policy import Hold
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
@@ -48,7 +47,7 @@ class Holding:
         """
         now = self._clock.now()
         if not order.held:
-            order = mending.held(order, Hold(by=by, reason=reason, since=now), now)
+            order = transport_order.held(order, Hold(by=by, reason=reason, since=now), now)
             self._book.put(order)
             log.info("order held", order=order.name, by=by, reason=reason)
         if order.state is TransportOrderState.BEING_PROCESSED:
@@ -58,7 +57,7 @@ class Holding:
     def resume(self, order: TransportOrder, by: str, reason: str) -> None:
         """Let a held order go on from where its vehicle stands; one that nobody holds goes on anyway."""
         if order.held:
-            resumed = mending.resumed(order, by, reason, self._clock.now())
+            resumed = transport_order.resumed(order, by, reason, self._clock.now())
             self._book.put(self._flow.as_conditions_are(resumed))
             log.info("order resumed", order=order.name, by=by, reason=reason)
             self._flow.dispatch_due = True

@@ -9,35 +9,32 @@ from contextlib import contextmanager
 from nena_order_service.dispatch.explanation import VehicleFit
 from nena_order_service.dispatch.settings import DispatchSettings
 from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.dispatching.manager import Dispatching, OrderFit
 from nena_order_service.fleet import FleetOutput, InstantActionEnded, RobotView
-from nena_order_service.kernel.conditions import Conditions
-from nena_order_service.kernel.dispatching import Dispatching
-from nena_order_service.kernel.driving import Driving
 from nena_order_service.kernel.fleet_news import FleetNews
-from nena_order_service.kernel.idle_vehicles import IdleVehicles
 from nena_order_service.kernel.instant_actions import PendingInstantActions
 from nena_order_service.kernel.mission_book import MissionBook
-from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.order_book import OrderBook
-from nena_order_service.kernel.order_fit import OrderFit
 from nena_order_service.kernel.order_flow import OrderFlow
-from nena_order_service.kernel.pauses import Pauses
-from nena_order_service.kernel.places import Places
 from nena_order_service.kernel.ports import FleetControl
-from nena_order_service.kernel.recovery import Recovery
-from nena_order_service.kernel.rerouting import Rerouted, Rerouting
-from nena_order_service.kernel.restart_gate import RestartGate
 from nena_order_service.kernel.sequence_book import SequenceBook
-from nena_order_service.kernel.sequences import Sequences
 from nena_order_service.kernel.settings import KernelSettings
 from nena_order_service.kernel.steps import Steps
 from nena_order_service.kernel.vehicle_book import VehicleBook
 from nena_order_service.kernel.vehicle_outlook import VehicleOutlook
-from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
-from nena_order_service.kernel.ways import VehicleWays
+from nena_order_service.orders.dependencies import Conditions
+from nena_order_service.orders.rerouting import Rerouted, Rerouting
+from nena_order_service.orders.sequences import Sequences
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.vda_orders import MissionPlanner
+from nena_order_service.recovery import Recovery
+from nena_order_service.routing.vehicle_routes import VehicleWays
 from nena_order_service.store.store import Store
 from nena_order_service.traffic.desk import TrafficDesk
+from nena_order_service.traffic.driving import Driving, Pauses, RestartGate
+from nena_order_service.vehicles.idle import IdleVehicles
+from nena_order_service.vehicles.positions import Places
+from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.failure_policy import FailurePolicy
 from nena_shared.fleet_api.order_types import AcceptableOrderType

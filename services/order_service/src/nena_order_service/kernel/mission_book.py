@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from nena_order_service.kernel.mission_record import MissionRecord
 from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.kernel.vehicle_book import VehicleBook
 from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.vda_orders import MissionRecord
 from nena_shared.vda5050.topics import RobotKey
 
 

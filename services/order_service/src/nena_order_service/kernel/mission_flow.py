@@ -14,15 +14,15 @@ from nena_order_service.fleet import (
 )
 from nena_order_service.fleet.reported_errors import with_details
 from nena_order_service.kernel.action_retries import ActionRetries
-from nena_order_service.kernel.driving import Driving
 from nena_order_service.kernel.failure_flow import Failure, FailureFlow, OrderFlow
 from nena_order_service.kernel.mission_book import MissionBook
-from nena_order_service.kernel.mission_record import MissionRecord
 from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.kernel.steps import Steps
-from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
-from nena_order_service.orders import mending
+from nena_order_service.orders import transport_order
 from nena_order_service.orders.transport_order import TransportOrder, why_withdrawn
+from nena_order_service.orders.vda_orders import MissionRecord
+from nena_order_service.traffic.driving import Driving
+from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
 from nena_shared.log import get_logger
@@ -118,7 +118,7 @@ class MissionFlow:
             words = f"withdrawn: {why_withdrawn(order.status)}; {failure.words}"
             self._flow.end(order.failed(words, self._clock.now()))
         elif order.held:
-            self._flow.go_on(mending.failed_while_held(order, failure.words), again=True)
+            self._flow.go_on(transport_order.failed_while_held(order, failure.words), again=True)
         else:
             self._failures.failed(order, failure)
 

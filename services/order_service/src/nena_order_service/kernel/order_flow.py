@@ -5,33 +5,30 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from nena_order_service.dispatch.way import Way, WayFinder
+from nena_order_service.dispatching.manager import GIVES_UP, Dispatched, Dispatching, is_operating
 from nena_order_service.fleet import (
     FailureKind,
     NotLocatedError,
     RobotView,
 )
-from nena_order_service.kernel import order_timeouts
-from nena_order_service.kernel.conditions import Conditions
-from nena_order_service.kernel.deadlines import Deadlines
-from nena_order_service.kernel.dispatching import GIVES_UP, Dispatched, Dispatching, is_operating
-from nena_order_service.kernel.driving import Driving
 from nena_order_service.kernel.failure_flow import Failure, FailureFlow
 from nena_order_service.kernel.holding import Holding
 from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.mission_flow import MissionFlow
-from nena_order_service.kernel.missions import MissionPlanner
 from nena_order_service.kernel.order_book import OrderBook
-from nena_order_service.kernel.order_timeouts import OrderTimeouts
-from nena_order_service.kernel.pauses import Pauses
-from nena_order_service.kernel.recovery import LostMissionError, Recovery
-from nena_order_service.kernel.sequences import Sequences
 from nena_order_service.kernel.steps import Steps
-from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
-from nena_order_service.orders import mending
+from nena_order_service.orders import deadlines, transport_order
 from nena_order_service.orders.automatic import automatic_name
+from nena_order_service.orders.deadlines import Deadlines, OrderTimeouts
+from nena_order_service.orders.dependencies import Conditions
+from nena_order_service.orders.sequences import Sequences
 from nena_order_service.orders.transport_order import TransportOrder, why_withdrawn
 from nena_order_service.orders.validation import InvalidRequestError, check_order
+from nena_order_service.orders.vda_orders import MissionPlanner
+from nena_order_service.recovery import LostMissionError, Recovery
 from nena_order_service.routing import NoRouteError
+from nena_order_service.traffic.driving import Driving, Pauses
+from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.failure_policy import FailurePolicy
 from nena_shared.fleet_api.transport_order import TransportOrderRequest, TransportOrderState
@@ -168,7 +165,7 @@ class OrderFlow:
             order = self._book.at_hand(number)
             if order and not order.state.final:
                 log.info("order has had its time", order=order.name)
-                self.withdraw(order, order_timeouts.reason(order, now), immediate=True)
+                self.withdraw(order, deadlines.reason(order, now), immediate=True)
 
     def give_up(self, robot: RobotKey, reason: str) -> None:
         """Let the order of a robot fail, if it has one, whatever robot and policy would do about it."""
@@ -325,7 +322,7 @@ class OrderFlow:
         if vehicle is None:
             self.end(order.failed(f"there is no vehicle {order.vehicle!r} any more", self._clock.now()))
             return
-        order = mending.begun_again(order) if again else order
+        order = transport_order.begun_again(order) if again else order
         self._book.put(order)
         self._pauses.begin(vehicle, order)
         self._steps.vehicle_changed(vehicle.name)
@@ -337,7 +334,7 @@ class OrderFlow:
     def _drive_on(self, order: TransportOrder, vehicle: FleetVehicle, *, first: bool = False) -> None:
         """End the pause of an order whose vehicle says where it is."""
         self._pauses.end(vehicle.name)
-        order = mending.tried(order)
+        order = transport_order.tried(order)
         try:
             standing = self._planner.standing(vehicle, self._view(vehicle))
             way = self._planner.way(order, vehicle, standing)

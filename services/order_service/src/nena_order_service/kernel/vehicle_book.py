@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Mapping
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from nena_order_service.kernel.mission_record import MissionRecord
 from nena_order_service.kernel.order_book import OrderBook
+from nena_order_service.orders.vda_orders import MissionRecord
 from nena_order_service.traffic.resources import ResourceSet
 from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.vehicle import IntegrationLevel

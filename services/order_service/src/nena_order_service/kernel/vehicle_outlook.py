@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from datetime import timedelta
 
+from nena_order_service.dispatching.manager import Dispatching, OrderFit
 from nena_order_service.fleet import RobotView
-from nena_order_service.kernel.dispatching import Dispatching
-from nena_order_service.kernel.idle_vehicles import IdleVehicles
 from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.order_book import OrderBook
-from nena_order_service.kernel.order_fit import OrderFit
-from nena_order_service.kernel.places import Places
-from nena_order_service.kernel.sequences import Sequences
 from nena_order_service.kernel.vehicle_status import Essentials, essentials, vehicle_status
-from nena_order_service.kernel.vehicles import FleetVehicle, VehicleRegistry
+from nena_order_service.orders.sequences import Sequences
 from nena_order_service.traffic.desk import TrafficDesk
+from nena_order_service.vehicles.idle import IdleVehicles
+from nena_order_service.vehicles.positions import Places
+from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant import PlantModel

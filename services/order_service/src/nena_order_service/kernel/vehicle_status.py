@@ -7,8 +7,7 @@ from typing import NamedTuple, Self
 
 from nena_order_service.fleet import NotLocatedError, RobotView, locate
 from nena_order_service.fleet.reported import ErrorEntry, State
-from nena_order_service.kernel.robot_maps import robot_maps
-from nena_order_service.kernel.vehicles import FleetVehicle
+from nena_order_service.vehicles.registry import FleetVehicle, robot_maps
 from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.vehicle import (
     IntegrationLevel,

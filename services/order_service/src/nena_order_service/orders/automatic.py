@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from nena_order_service.orders.names import sortable_id
-from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.transport_order import TransportOrder, sortable_id
 from nena_order_service.orders.validation import PARK
 from nena_shared.fleet_api.failure_policy import FailureMeasure, FailureStep
 from nena_shared.fleet_api.transport_order import Destination, TransportOrderRequest

@@ -12,7 +12,7 @@ from starlette.routing import Mount
 from starlette.types import ASGIApp
 
 from nena_order_service.event_stream import EventStream
-from nena_order_service.host_services import HostServices
+from nena_order_service.host_requests import HostServices
 from nena_order_service.rest import (
     events,
     order_sequences,

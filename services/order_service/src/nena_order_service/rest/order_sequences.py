@@ -8,8 +8,7 @@ from urllib.parse import quote
 
 from fastapi import APIRouter, Query, Response
 
-from nena_order_service.kernel.etag import ETag
-from nena_order_service.kernel.sequence_requests import SequenceRequests
+from nena_order_service.host_requests import ETag, SequenceRequests
 from nena_order_service.rest import responses
 from nena_order_service.rest.bodies import OrderSequencePage
 from nena_order_service.rest.responses import IfMatch, IfNoneMatch, as_json

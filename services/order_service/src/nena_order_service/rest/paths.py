@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from fastapi import APIRouter, Response
 
-from nena_order_service.kernel.path_locks import PathLocks
 from nena_order_service.rest.bodies import PathList, PathLockRequest
 from nena_order_service.rest.responses import as_json
+from nena_order_service.routing.path_locks import PathLocks
 from nena_shared.fleet_api.path import PathStatus
 
 

@@ -9,7 +9,7 @@ from urllib.parse import quote
 from fastapi import Header, Response
 from pydantic import BaseModel
 
-from nena_order_service.kernel.etag import ETag
+from nena_order_service.host_requests import ETag
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 
 IfMatch = Annotated[

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Header, Query, Request, Response
 
-from nena_order_service.kernel.host_requests import VEHICLES_EXPLAINED, HostRequests
+from nena_order_service.host_requests import VEHICLES_EXPLAINED, HostRequests
 from nena_order_service.rest import responses
 from nena_order_service.rest.bodies import (
     BY_LIMIT,

@@ -7,7 +7,7 @@ from http import HTTPStatus
 from fastapi import APIRouter, Response
 
 from nena_order_service import vehicle_commands
-from nena_order_service.kernel.host_requests import HostRequests
+from nena_order_service.host_requests import HostRequests
 from nena_order_service.rest import responses
 from nena_order_service.rest.bodies import (
     DispatchRequest,

@@ -8,7 +8,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Response
 
 from nena_order_service.errors import UnknownVehicleError
-from nena_order_service.kernel.host_requests import HostRequests
+from nena_order_service.host_requests import HostRequests
 from nena_order_service.rest.bodies import (
     IntegrationLevelRequest,
     OrderTypesRequest,

@@ -13,9 +13,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from nena_order_service import vehicle_commands
 from nena_order_service.errors import NameTakenError
-from nena_order_service.host_services import HostServices
-from nena_order_service.kernel.host_requests import HostRequests
-from nena_order_service.kernel.path_locks import PathLocks
+from nena_order_service.host_requests import HostRequests, HostServices
 from nena_order_service.rest.bodies import InstantActionRequest
 from nena_order_service.rest.opentcs import errors, order_sequences
 from nena_order_service.rest.opentcs.bodies import (
@@ -26,6 +24,7 @@ from nena_order_service.rest.opentcs.bodies import (
     VehicleState,
 )
 from nena_order_service.rest.opentcs.errors import NotPossibleError
+from nena_order_service.routing.path_locks import PathLocks
 from nena_order_service.store.database import OrderFilter
 from nena_shared.fleet_api.rerouting import ReroutingType
 from nena_shared.fleet_api.transport_order import TransportOrderRequest

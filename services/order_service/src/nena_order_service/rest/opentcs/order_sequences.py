@@ -9,7 +9,7 @@ from fastapi import APIRouter, Query, Response
 from pydantic import Field, TypeAdapter
 
 from nena_order_service.errors import SequenceNameTakenError
-from nena_order_service.kernel.sequence_requests import SequenceRequests
+from nena_order_service.host_requests import SequenceRequests
 from nena_order_service.rest.opentcs.bodies import Body
 from nena_order_service.store.sequences import SequenceFilter
 from nena_shared.fleet_api.order_sequence import OrderSequenceRequest, OrderSequenceStatus

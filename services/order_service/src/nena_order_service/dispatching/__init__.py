@@ -1,0 +1,1 @@
+"""Dispatching: which order is given to which vehicle."""

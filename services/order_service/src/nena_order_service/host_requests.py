@@ -1,0 +1,504 @@
+"""What hosts ask for, the same by REST and MQTT; an answer means that it is committed."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from math import hypot
+
+from nena_order_service.errors import (
+    KeyReusedError,
+    NameTakenError,
+    OrderEndedError,
+    OrderWithdrawnError,
+    SequenceNameTakenError,
+    SequenceRefusesError,
+    StoreNotReadyError,
+    UnknownDependencyError,
+    UnknownOrderError,
+    UnknownSequenceError,
+    UnknownVehicleError,
+    VehicleNotReachedError,
+    VersionChangedError,
+)
+from nena_order_service.fleet import InstantActionEnded, LinkStatus, RobotView
+from nena_order_service.fleet.mission_builder import mission_id
+from nena_order_service.fleet.operations import fresh_id
+from nena_order_service.fleet.view import MissionPhase
+from nena_order_service.kernel.kernel import Kernel
+from nena_order_service.kernel.settings import KernelSettings
+from nena_order_service.kernel.steps import Steps
+from nena_order_service.orders.order_sequence import OrderSequence
+from nena_order_service.orders.transport_order import TransportOrder, sortable_id
+from nena_order_service.orders.validation import check_request
+from nena_order_service.routing.path_locks import PathLocks
+from nena_order_service.store.database import OrderFilter
+from nena_order_service.store.sequences import SequenceFilter
+from nena_order_service.store.store import Store
+from nena_order_service.vehicles.registry import FleetVehicle
+from nena_order_service.vehicles.zone_sets import ZoneSets
+from nena_shared.fleet_api.assignment import AssignmentStatus, VehicleForOrder
+from nena_shared.fleet_api.delivery import DeliveryPhase, DeliveryStatus
+from nena_shared.fleet_api.order_sequence import OrderSequenceRequest, OrderSequenceStatus
+from nena_shared.fleet_api.order_types import AcceptableOrderType
+from nena_shared.fleet_api.rerouting import ReroutingAnswer, ReroutingType
+from nena_shared.fleet_api.transport_order import (
+    TransportOrderRequest,
+    TransportOrderState,
+    TransportOrderStatus,
+)
+from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
+from nena_shared.log import get_logger
+from nena_shared.plant import MapPose, PlantPose, Point
+from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
+
+ANY = "*"
+
+
+@dataclass(frozen=True, slots=True)
+class ETag:
+    """The value of a header If-Match or If-None-Match: one tag, several with commas, or ``*`` for any."""
+
+    value: str
+
+    @classmethod
+    def of(cls, version: int) -> ETag:
+        """Make the tag of a version."""
+        return cls(f'"{version}"')
+
+    def fits(self, version: int) -> bool:
+        """Tell whether this version is one of those that are named."""
+        named = {part.strip().removeprefix("W/") for part in self.value.split(",")}
+        return bool(named & {ANY, f'"{version}"'})
+
+    def __str__(self) -> str:
+        return self.value
+
+
+def require_store(store: Store) -> None:
+    """See to it that the store takes things at present; raises StoreNotReadyError."""
+    if not store.ready:
+        raise StoreNotReadyError(store.why_not_ready)
+
+
+async def committed(steps: Steps, store: Store, seconds: float) -> None:
+    """Wait until all that has been changed so far is committed; raises StoreNotReadyError."""
+    try:
+        async with asyncio.timeout(seconds):
+            await steps.committed()
+    except TimeoutError:
+        raise StoreNotReadyError(store.why_not_answered) from None
+
+
+PHASES = {
+    MissionPhase.WAITING: DeliveryPhase.WAITING,
+    MissionPhase.SENT: DeliveryPhase.SENT,
+    MissionPhase.RUNNING: DeliveryPhase.DELIVERED,
+    MissionPhase.CANCELLING: DeliveryPhase.CANCELLING,
+}
+
+
+def delivery_status(order: TransportOrderStatus, view: RobotView | None) -> DeliveryStatus:
+    """Tell it of an order and the robot of its vehicle; None: no vehicle has the order, or it is gone."""
+    first = mission_id(order.name, order.current_drive_order_index)
+    own = view.mission_id if view else None
+    tried = own is not None and (own == first or own.startswith(f"{first}~"))
+    if order.state.final or not tried or view is None or view.mission_phase is None:
+        return DeliveryStatus(transport_order=order.name, phase=DeliveryPhase.NONE)
+    echoed = view.state is not None and view.state.order_id == own
+    return DeliveryStatus(
+        transport_order=order.name,
+        phase=PHASES[view.mission_phase],
+        vehicle=order.processing_vehicle,
+        order_id=own,
+        echoed_update_id=view.state.order_update_id if view.state and echoed else None,
+        note=view.mission_note,
+    )
+
+
+log = get_logger(__name__)
+
+ORDER_PREFIX = "TOrder"
+
+VEHICLES_EXPLAINED = 100
+"""Vehicles of which it is said why they do not do an order, unless a host asks for more or less."""
+
+
+@dataclass(frozen=True, slots=True)
+class RobotPose:
+    """A pose on a robot's map, and the point of the plant that is there, empty for none."""
+
+    pose: MapPose
+    map_id: str
+    point: str
+
+
+class HostRequests:
+    """Answers hosts; what it has answered is committed.
+
+    Every method may raise what :mod:`nena_order_service.errors` holds.
+    """
+
+    def __init__(self, kernel: Kernel, settings: KernelSettings) -> None:
+        self._kernel = kernel
+        self._settings = settings
+
+    async def create(self, request: TransportOrderRequest) -> tuple[TransportOrderStatus, bool]:
+        """Make an order; False: it is the one that the same request has made before.
+
+        The same request has the same idempotency key, or without one the same name.
+
+        Raises:
+            InvalidRequestError: it makes no sense in this plant.
+
+        """
+        check_request(request, self._kernel.plant, self._kernel.registry.names())
+        name, complete = request.name or ORDER_PREFIX, request.name is None or request.incomplete_name
+        if complete:
+            name = f"{name}-{sortable_id()}"
+        known = await self._find(None if complete else name, request.idempotency_key)
+        if known is None:
+            ended = await self._ended_dependencies(request)
+            await self._check_sequence(request)
+            known = self._at_hand(None if complete else name, request.idempotency_key)  # it came in between
+        if known is None:
+            self._require_store()
+            known = self._kernel.create(request, name, ended)
+            try:
+                await self._committed()
+            finally:  # so that no robot waits for its order while a line is written
+                log.info("order created", order=name, state=known.state.value)
+            return self._visible(known), True
+        if known.idempotency_key != request.idempotency_key:
+            raise NameTakenError(name)
+        named = known.name.startswith(f"{request.name or ORDER_PREFIX}-") if complete else known.name == name
+        if not (named and known.asked_for_by(request)):
+            key = request.idempotency_key
+            raise NameTakenError(name) if key is None else KeyReusedError(key, known.name)
+        await self._committed()
+        return self._visible(known), False
+
+    async def withdraw(
+        self, name: str, reason: str, *, seen: ETag | None = None, immediate: bool = True
+    ) -> TransportOrderStatus:
+        """Withdraw an order: it fails at once, or when the vehicle that works on it has let it go.
+
+        Only if it still is as the caller has ``seen`` it; None: whatever it is now. Not ``immediate``, its
+        vehicle drives to the end of what it was given.
+        """
+        order = await self._living(name, seen)
+        self._kernel.withdraw(order.number, reason, immediate=immediate)
+        await self._committed()
+        return self._visible(order)
+
+    async def hold(
+        self, name: str, by: str, reason: str, *, seen: ETag | None = None, immediate: bool = True
+    ) -> TransportOrderStatus:
+        """Let an order wait until it is resumed; one that is held already is held by whom it was.
+
+        ``seen`` and ``immediate`` are as in :meth:`withdraw`.
+        """
+        order = await self._living(name, seen)
+        if order.state is TransportOrderState.WITHDRAWN:
+            raise OrderWithdrawnError(name)
+        self._kernel.hold(order.number, by, reason, immediate=immediate)
+        await self._committed()
+        return self._visible(order)
+
+    async def resume(
+        self, name: str, by: str, reason: str, *, seen: ETag | None = None
+    ) -> TransportOrderStatus:
+        """Let a held order go on; one that nobody holds goes on anyway. ``seen`` as in :meth:`withdraw`."""
+        order = await self._living(name, seen)
+        self._kernel.resume(order.number, by, reason)
+        await self._committed()
+        return self._visible(order)
+
+    async def order(self, name: str) -> TransportOrderStatus:
+        """Give an order."""
+        found = self._kernel.book.visible_named(name) or await self._kernel.store.order(name=name)
+        if found is None:
+            raise UnknownOrderError(name)
+        return found.status
+
+    async def orders(self, wanted: OrderFilter) -> tuple[TransportOrder, ...]:
+        """Give a page of orders, newest first."""
+        return await self._kernel.store.orders(wanted)
+
+    async def delivery(self, name: str) -> DeliveryStatus:
+        """Tell how far an order has come on its way to its robot."""
+        order = await self.order(name)
+        vehicle = self._kernel.registry.named(order.processing_vehicle)
+        return delivery_status(order, self._kernel.view(vehicle) if vehicle else None)
+
+    async def assignment(self, name: str, limit: int = VEHICLES_EXPLAINED) -> AssignmentStatus:
+        """Tell of each vehicle why it does not do an order, of ``limit`` vehicles at the most."""
+        status, order = await self.order(name), self._kernel.book.named(name)
+        found = [] if order is None or order.state.final else self._kernel.explain(order)
+        return AssignmentStatus(
+            transport_order=status.name,
+            state=status.state,
+            reason=status.reason,
+            processing_vehicle=status.processing_vehicle,
+            vehicles=tuple(
+                VehicleForOrder(vehicle=each.vehicle, fits=each.fits, reason=each.reason, cost=each.cost)
+                for each in found[:limit]
+            ),
+            left_out=len(found[limit:]),
+        )
+
+    def vehicles(self) -> tuple[VehicleStatus, ...]:
+        """Give all vehicles."""
+        return tuple(self._kernel.status(vehicle) for vehicle in self._kernel.registry)
+
+    def vehicle(self, name: str) -> VehicleStatus:
+        """Give a vehicle."""
+        return self._kernel.status(self._vehicle(name))
+
+    async def set_integration_level(self, name: str, level: IntegrationLevel) -> VehicleStatus:
+        """Let a vehicle count so much from now on, also after a restart."""
+        vehicle = self._vehicle(name)
+        self._require_store()
+        self._kernel.set_integration_level(vehicle, level)
+        await self._committed()
+        return self._kernel.status(vehicle)
+
+    async def accept_order_types(self, name: str, types: tuple[AcceptableOrderType, ...]) -> VehicleStatus:
+        """Let a vehicle accept orders of these types from now on, also after a restart."""
+        vehicle = self._vehicle(name)
+        self._require_store()
+        self._kernel.accept_order_types(vehicle, types)
+        await self._committed()
+        return self._kernel.status(vehicle)
+
+    async def reroute(self, name: str, kind: ReroutingType) -> ReroutingAnswer:
+        """Plan the way of the order that a vehicle works on anew; see :meth:`Rerouting.request`."""
+        vehicle = self._vehicle(name)
+        self._require_store()
+        done = self._kernel.reroute(vehicle, kind)
+        order = self._kernel.status(vehicle).transport_order
+        await self._committed()
+        return ReroutingAnswer(
+            vehicle=name,
+            transport_order=order or "",
+            outcome=done.outcome,
+            reason=done.reason,
+            route=done.route,
+        )
+
+    async def instant_action(
+        self,
+        name: str,
+        action_type: str,
+        parameters: tuple[ActionParameter, ...] = (),
+        blocking_type: BlockingType = BlockingType.NONE,
+    ) -> tuple[Action, InstantActionEnded | None]:
+        """Send an instant action to a vehicle and wait a while for its end; None: it goes on."""
+        vehicle = self._vehicle(name)
+        link = self._kernel.view(vehicle).link
+        if link is not LinkStatus.ONLINE:
+            raise VehicleNotReachedError(name, f"it is {link}")
+        action = Action(
+            action_type=action_type,
+            action_id=fresh_id(),
+            blocking_type=blocking_type,
+            action_parameters=parameters,
+        )
+        end = self._kernel.send_instant_action(vehicle, action)
+        seconds = self._settings.instant_action_timeout
+        return action, await self._kernel.instant_actions.wait(action.action_id, end, seconds)
+
+    def robot_pose(self, name: str, pose: PlantPose, map_id: str | None = None) -> RobotPose:
+        """Give a pose of the plant in the words of a vehicle's robot; without a map, on its own."""
+        profile = self._vehicle(name).profile
+        map_id = map_id or profile.map_id
+        if not profile.knows_frame(map_id):
+            raise VehicleNotReachedError(name, "its factsheet, which says who transforms poses, has not come")
+        points = [each for each in self._kernel.plant.points if (each.map_id or profile.map_id) == map_id]
+        near = [each for each in points if _distance(each, pose) <= profile.deviation_xy]
+        point = min(near, key=lambda each: _distance(each, pose)).name if near else ""
+        return RobotPose(profile.on(map_id).pose_to_map(pose), map_id, point)
+
+    async def _ended_dependencies(self, request: TransportOrderRequest) -> dict[str, TransportOrderState]:
+        """Give the final states of dependencies; raises UnknownDependencyError."""
+        ended: dict[str, TransportOrderState] = {}
+        unknown: list[str] = []
+        for name in request.dependencies:
+            known = await self._find(name, None)
+            if known is None:
+                unknown.append(name)
+            elif known.state.final:
+                ended[name] = known.state
+        if unknown:
+            raise UnknownDependencyError(unknown)
+        return ended
+
+    async def _check_sequence(self, request: TransportOrderRequest) -> None:
+        """See to it that the order may be added to the sequence that it names, if it names one."""
+        name = request.wrapping_sequence
+        if name is None:
+            return
+        sequence = self._kernel.sequence_book.named(name) or await self._kernel.store.sequence(name=name)
+        sequence = self._kernel.sequence_book.named(name) or sequence
+        if sequence is None:
+            raise UnknownSequenceError(name)
+        if reasons := tuple(sequence.refusals(request)):
+            raise SequenceRefusesError(name, reasons)
+
+    async def _living(self, name: str, seen: ETag | None) -> TransportOrder:
+        """Give an order that can be changed."""
+        order = self._kernel.book.named(name) or await self._kernel.store.order(name=name)
+        if order is None:
+            raise UnknownOrderError(name)
+        if order.state.final:
+            raise OrderEndedError(name, order.state)
+        if seen is not None and not seen.fits(order.status.version):
+            raise VersionChangedError(name, str(seen), order.status.version)
+        self._require_store()
+        return order
+
+    async def _find(self, name: str | None, key: str | None) -> TransportOrder | None:
+        """Give the order of this key, else of this name; from the store where it is not at hand."""
+        if found := self._at_hand(name, key):
+            return found
+        if name is None and key is None:
+            return None
+        stored = await self._kernel.store.order(name=name, idempotency_key=key)
+        return stored or self._at_hand(name, key)
+
+    def _at_hand(self, name: str | None, key: str | None) -> TransportOrder | None:
+        return self._kernel.book.keyed(key) or (self._kernel.book.named(name) if name else None)
+
+    def _vehicle(self, name: str) -> FleetVehicle:
+        vehicle = self._kernel.registry.named(name)
+        if vehicle is None:
+            raise UnknownVehicleError(name)
+        return vehicle
+
+    def _visible(self, order: TransportOrder) -> TransportOrderStatus:
+        return (self._kernel.book.visible(order.number) or order).status
+
+    def _require_store(self) -> None:
+        require_store(self._kernel.store)
+
+    async def _committed(self) -> None:
+        await committed(self._kernel.steps, self._kernel.store, self._settings.commit_timeout)
+
+
+def _distance(point: Point, pose: PlantPose) -> float:
+    """Give the distance in m."""
+    return hypot(point.x_m - pose.x_m, point.y_m - pose.y_m)
+
+
+SEQUENCE_PREFIX = "OSequence"
+
+
+class SequenceRequests:
+    """Answers hosts; what it has answered is committed.
+
+    Every method may raise what :mod:`nena_order_service.errors` holds.
+    """
+
+    def __init__(self, kernel: Kernel, settings: KernelSettings) -> None:
+        self._kernel = kernel
+        self._book = kernel.sequence_book
+        self._settings = settings
+
+    async def create(self, request: OrderSequenceRequest) -> tuple[OrderSequenceStatus, bool]:
+        """Make a sequence; False: it is the one that the same request has made before."""
+        vehicle = request.intended_vehicle
+        if vehicle is not None and vehicle not in self._kernel.registry.names():
+            raise UnknownVehicleError(vehicle)
+        prefix = request.name or SEQUENCE_PREFIX
+        complete = request.name is None or request.incomplete_name
+        name = f"{prefix}-{sortable_id()}" if complete else prefix
+        known = await self._find(None if complete else name, request.idempotency_key)
+        if known is None:
+            return await self._make(request, name), True
+        _check_same(known, request, f"{prefix}-" if complete else name, complete=complete)
+        await self._committed()
+        return self._visible(known), False
+
+    async def complete(self, name: str, *, seen: ETag | None = None) -> OrderSequenceStatus:
+        """Let no more orders be added to a sequence; that it is complete already changes nothing.
+
+        Only if it still is as the caller has ``seen`` it; None: whatever it is now.
+        """
+        sequence = await self._named(name)
+        if seen is not None and not seen.fits(sequence.status.version):
+            raise VersionChangedError(name, str(seen), sequence.status.version)
+        if not sequence.status.complete:
+            require_store(self._kernel.store)
+            with self._kernel.step():
+                sequence = self._kernel.sequences.complete(sequence)
+            log.info("order sequence complete", sequence=name)
+        await self._committed()
+        return self._visible(sequence)
+
+    async def sequence(self, name: str) -> OrderSequenceStatus:
+        """Give a sequence."""
+        found = self._book.visible(name) or await self._kernel.store.sequence(name=name)
+        if found is None:
+            raise UnknownSequenceError(name)
+        return found.status
+
+    async def sequences(self, wanted: SequenceFilter) -> tuple[OrderSequence, ...]:
+        """Give a page of sequences, newest first."""
+        return await self._kernel.store.sequences(wanted)
+
+    async def _make(self, request: OrderSequenceRequest, name: str) -> OrderSequenceStatus:
+        require_store(self._kernel.store)
+        with self._kernel.step():
+            made = self._kernel.sequences.create(request, name)
+        log.info("order sequence created", sequence=name)
+        await self._committed()
+        return self._visible(made)
+
+    async def _find(self, name: str | None, key: str | None) -> OrderSequence | None:
+        """Give the sequence of this key, else of this name; from the store where it is not at hand."""
+        if found := self._at_hand(name, key):
+            return found
+        if name is None and key is None:
+            return None
+        stored = await self._kernel.store.sequence(name=name, idempotency_key=key)
+        return stored or self._at_hand(name, key)
+
+    def _at_hand(self, name: str | None, key: str | None) -> OrderSequence | None:
+        return self._book.keyed(key) or self._book.named(name)
+
+    async def _named(self, name: str) -> OrderSequence:
+        found = await self._find(name, None)
+        if found is None:
+            raise UnknownSequenceError(name)
+        return self._book.named(name) or found
+
+    def _visible(self, sequence: OrderSequence) -> OrderSequenceStatus:
+        return (self._book.visible(sequence.name) or self._book.named(sequence.name) or sequence).status
+
+    async def _committed(self) -> None:
+        await committed(self._kernel.steps, self._kernel.store, self._settings.commit_timeout)
+
+
+def _check_same(known: OrderSequence, request: OrderSequenceRequest, name: str, *, complete: bool) -> None:
+    """Refuse a request that comes again and says something else; ``name`` is the start of a complete one."""
+    key = request.idempotency_key
+    if known.idempotency_key != key:
+        raise SequenceNameTakenError(name)
+    named = known.name.startswith(name) if complete else known.name == name
+    if not (named and known.asked_for_by(request)):
+        raise SequenceNameTakenError(name) if key is None else KeyReusedError(key, known.name)
+
+
+@dataclass(frozen=True, slots=True)
+class HostServices:
+    """Each does one kind of what hosts ask for."""
+
+    requests: HostRequests
+    sequences: SequenceRequests
+    locks: PathLocks
+    zones: ZoneSets
+
+    async def load(self) -> None:
+        """Take up what hosts have put into the store."""
+        await self.locks.load()
+        await self.zones.load()

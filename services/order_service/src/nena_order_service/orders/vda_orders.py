@@ -1,0 +1,266 @@
+"""VDA 5050 orders: made of drive orders or to make room, and what is stored of those sent."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Self
+
+from pydantic import BaseModel, ConfigDict
+
+from nena_order_service.dispatch.load_room import Pick
+from nena_order_service.dispatch.way import Leg, Way, WayFinder
+from nena_order_service.fleet import (
+    Mission,
+    OperationMap,
+    RobotView,
+    Standing,
+    build_mission,
+    locate,
+    mission_id,
+)
+from nena_order_service.fleet.mission_update import released_to
+from nena_order_service.fleet.operations import DROP, PICK, fresh_id
+from nena_order_service.fleet.standing import NotLocatedError
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.routing import NoRouteError, Route
+from nena_order_service.traffic.desk import Journey
+from nena_order_service.traffic.resources import ResourceSet
+from nena_order_service.traffic.traffic_control import Wish
+from nena_order_service.vehicles.registry import FleetVehicle
+from nena_shared.plant import BACKWARD_SUFFIX, PlantModel, UnknownObjectError
+from nena_shared.vda5050.topics import RobotKey
+
+
+class MissionRecord(BaseModel):
+    """A mission, whom it was sent to and whether the robot is known to have it.
+
+    ``mission`` is the whole plan; ``released_to`` is the sequenceId of the last node that the robot was given
+    for its base (None: all of it), by not more than ``update_id`` updates. ``way`` is what it needs of the
+    plant for each node behind the first one. A mission of an order has the index of its drive order, one that
+    makes room for others has none.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    manufacturer: str
+    serial_number: str
+    drive_order_index: int | None
+    accepted: bool
+    mission: Mission
+    released_to: int | None = None
+    update_id: int = 0
+    way: tuple[ResourceSet, ...] = ()
+    partial: bool = False
+    """Whether it ends before its destination, and its order is to go on from there."""
+    cancelled: bool = False
+    """Whether the robot is to be told cancelOrder."""
+    rerouting: bool = False
+    """Whether it is cancelled so that its order goes on from where the robot stands then."""
+
+    @classmethod
+    def of(
+        cls,
+        robot: RobotKey,
+        mission: Mission,
+        drive_order_index: int | None,
+        way: tuple[ResourceSet, ...] = (),
+    ) -> Self:
+        """Record a mission that is about to be sent."""
+        return cls(
+            manufacturer=robot.manufacturer,
+            serial_number=robot.serial_number,
+            drive_order_index=drive_order_index,
+            accepted=False,
+            mission=mission,
+            way=way,
+        )
+
+    @property
+    def evasion(self) -> bool:
+        """Whether it makes room for others, and serves no order."""
+        return self.drive_order_index is None
+
+    @property
+    def allocated(self) -> int:
+        """How many sets of its way are allocated."""
+        return len(self.way) if self.released_to is None else self.released_to // 2
+
+    def ahead(self, reached: int) -> tuple[str, ...]:
+        """Name the path and the point behind the ``reached``-th node; nothing at the end."""
+        if reached >= len(self.mission.edges):
+            return ()
+        path = self.mission.edges[reached].edge_id.removesuffix(BACKWARD_SUFFIX)
+        return path, self.mission.nodes[reached + 1].node_id
+
+    def released(self, journey: Journey) -> Self:
+        """Give the record with what is allocated for its base."""
+        end = None if journey.all_allocated else 2 * journey.allocated
+        return self.model_copy(update={"released_to": end})
+
+    def updated(self, **changes: object) -> Self:
+        """Give the record with changes that the robot is sent as an update."""
+        return self.model_copy(update={**changes, "update_id": self.update_id + 1})
+
+    @property
+    def robot(self) -> RobotKey:
+        """Whom it was sent to."""
+        return RobotKey(self.manufacturer, self.serial_number)
+
+    def as_released(self) -> Mission:
+        """Give the mission with its base as far as it is released."""
+        return self.mission if self.released_to is None else released_to(self.mission, self.released_to)
+
+    @property
+    def all_released(self) -> bool:
+        """Whether the robot was given all of it."""
+        return self.released_to is None
+
+    def ending_early(self, *, partial: bool) -> Self:
+        """Give the record of a mission that ends where its base does; one that is all base stays so."""
+        if self.released_to is None:
+            return self
+        base = self.allocated
+        mission = Mission(
+            mission_id=self.mission.mission_id,
+            nodes=self.mission.nodes[: base + 1],
+            edges=self.mission.edges[:base],
+        )
+        return self.updated(mission=mission, released_to=None, way=self.way[:base], partial=partial)
+
+    def document(self) -> str:
+        """Write it for the store; ``model_validate_json`` reads it."""
+        return self.model_dump_json(by_alias=True, exclude_none=True)
+
+
+EVASION_PREFIX = "evasion-"
+"""Before what is unique, in the ids of missions that make room for others."""
+
+
+class MissionPlanner:
+    """Knows the plant, its ways and which action an operation stands for."""
+
+    def __init__(self, plant: PlantModel, finder: WayFinder, operations: OperationMap) -> None:
+        self._plant = plant
+        self._finder = finder
+        self._operations = operations
+
+    def recharging(self, operation: str) -> bool:
+        """Tell whether an operation is to recharge."""
+        return self._operations.recharges(operation)
+
+    def standing(self, vehicle: FleetVehicle, view: RobotView) -> Standing:
+        """Tell where a vehicle stands; raises NotLocatedError."""
+        if view.state is None:
+            raise NotLocatedError("it has not told its state yet")
+        return locate(self._plant, view.state, vehicle.profile)
+
+    def map_id(self, point: str, vehicle: FleetVehicle) -> str:
+        """Give the map on which a vehicle is sent to a point."""
+        return self._plant.point(point).map_id or vehicle.profile.map_id
+
+    def action_type(self, operation: str) -> str:
+        """Give the VDA 5050 action that an operation stands for; empty for none."""
+        return self._operations.action_type(operation)
+
+    def paths(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Give those of the names that are paths."""
+        return tuple(name for name in names if name in self._plant.paths_by_name)
+
+    def way(
+        self,
+        order: TransportOrder,
+        vehicle: FleetVehicle,
+        standing: Standing,
+        avoid: frozenset[str] = frozenset(),
+    ) -> Way:
+        """Find the way through the destinations that are not reached yet, which keeps off ``avoid``, too.
+
+        Raises NoRouteError.
+        """
+        return self._finder.find(
+            standing.point,
+            [each.destination for each in order.status.drive_orders[order.index :]],
+            vehicle=vehicle.model,
+            avoid=order.resources_to_avoid | avoid,
+        )
+
+    def recharges(self, order: TransportOrder) -> bool:
+        """Tell whether the next thing that an order asks for is to recharge."""
+        return self._operations.recharges(order.current.destination.operation)
+
+    def pick(self, order: TransportOrder) -> Pick | None:
+        """Give what an order begins with picking up; None: it picks up nothing, or drops something first."""
+        for each in order.status.drive_orders[order.index :]:
+            action_type = self._operations.action_type(each.destination.operation)
+            if action_type == PICK:
+                told = {each.key: each.value for each in each.destination.properties}
+                return Pick(told.get("loadType", ""), told.get("lhd", ""))
+            if action_type == DROP:
+                return None
+        return None
+
+    def locked_out(self, order: TransportOrder, vehicle: FleetVehicle, standing: Standing) -> str:
+        """Say that only locks of hosts keep a vehicle from where an order is to go on; empty otherwise."""
+        try:
+            self.way(order, vehicle, standing)
+        except NoRouteError as error:
+            closed = self._finder.only_locks_close(
+                standing.point,
+                [each.destination for each in order.status.drive_orders[order.index :]],
+                vehicle=vehicle.model,
+                avoid=order.resources_to_avoid,
+            )
+            return f"it waits until a path is unlocked: {error}" if closed else ""
+        except UnknownObjectError:
+            return ""
+        return ""
+
+    def wish(self, order: TransportOrder, vehicle: FleetVehicle, leg: Leg) -> Wish:
+        """Give what a vehicle wants of traffic for the current drive order, whose way is ``leg``."""
+        destination = order.status.drive_orders[order.status.current_drive_order_index].destination
+        if destination.coordinate:
+            goal = self._finder.nearest(destination.coordinate)
+            return Wish(vehicle.name, goal, straight_mm=round(leg.cost))
+        name = destination.location_name or ""
+        location = name if name in self._plant.locations_by_name else None
+        return Wish(vehicle.name, leg.points[-1], location, order.resources_to_avoid)
+
+    def mission(
+        self,
+        order: TransportOrder,
+        vehicle: FleetVehicle,
+        standing: Standing,
+        route: Route | None,
+        *,
+        retriable: bool = False,
+    ) -> Mission:
+        """Make the mission of the current drive order, along ``route`` or straight to its coordinate.
+
+        Where it is ``retriable``, its actions may be tried again at the robot (VDA 5050 3.0 section 6.6.9).
+        """
+        index, destination = order.index, order.current.destination
+        location = self._plant.locations_by_name.get(destination.location_name or "")
+        return build_mission(
+            mission_id(order.name, index, order.current.attempts),
+            plant=self._plant,
+            standing=standing,
+            profile=vehicle.profile,
+            route=route,
+            coordinate=destination.coordinate,
+            actions=self._operations.actions(
+                destination.operation,
+                {each.key: each.value for each in destination.properties},
+                location,
+                retriable=retriable,
+            ),
+        )
+
+    def evasion(self, vehicle: FleetVehicle, standing: Standing, route: Route) -> Mission:
+        """Make a mission that takes a vehicle out of the way of others."""
+        return build_mission(
+            f"{EVASION_PREFIX}{fresh_id()}",
+            plant=self._plant,
+            standing=standing,
+            profile=vehicle.profile,
+            route=route,
+        )

@@ -1,0 +1,148 @@
+"""The vehicles: those of the plant model, and robots that were discovered; and the maps that robots have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+from nena_order_service.fleet import RobotProfile
+from nena_order_service.fleet.reported import State
+from nena_shared.fleet_api.vehicle import RobotMap
+from nena_shared.plant import PlantModel, Vehicle
+from nena_shared.plant.map_transforms import map_transforms
+from nena_shared.vda5050.state import MapStatus
+from nena_shared.vda5050.topics import RobotKey
+
+
+@dataclass(frozen=True, slots=True)
+class FleetVehicle:
+    """One vehicle: its name for hosts, and the robot that it is."""
+
+    name: str
+    key: RobotKey
+    profile: RobotProfile
+    model: Vehicle | None
+    """As the plant model has it; None: it does not."""
+    obstacle: str = ""
+    """Why it never gets orders, as a predicate; empty if it may."""
+
+
+class VehicleRegistry:
+    """Knows each vehicle by its name and by its robot's key.
+
+    A vehicle whose plant model says no more is the robot of manufacturer ``NeNa`` whose serial number is the
+    vehicle's name.
+    """
+
+    def __init__(self, plant: PlantModel, *, default_map_id: str, adopt_unknown: bool) -> None:
+        self._default_map_id = default_map_id
+        self._adopt_unknown = adopt_unknown
+        self._by_name: dict[str, FleetVehicle] = {}
+        self._by_key: dict[RobotKey, FleetVehicle] = {}
+        self.map_ids = {default_map_id} if default_map_id else set[str]()
+        """The maps on which the vehicles of the plant model drive."""
+        self._transforms = map_transforms(plant)
+        self._names: frozenset[str] | None = None
+        for vehicle in plant.vehicles:
+            self._add(self._of_plant(vehicle))
+
+    def __iter__(self) -> Iterator[FleetVehicle]:
+        """Yield all vehicles, those of the plant model first."""
+        return iter(tuple(self._by_name.values()))
+
+    def names(self) -> frozenset[str]:
+        """Give the names of the vehicles that may get orders; asked for with each order, so kept."""
+        if self._names is None:
+            self._names = frozenset(vehicle.name for vehicle in self if not vehicle.obstacle)
+        return self._names
+
+    def model(self, name: str) -> Vehicle | None:
+        """Give the plant model's data of a vehicle; None where it has none."""
+        known = self._by_name.get(name)
+        return known.model if known else None
+
+    def named(self, name: str | None) -> FleetVehicle | None:
+        """Give the vehicle of this name; None if there is none."""
+        return None if name is None else self._by_name.get(name)
+
+    def employed(self, name: str | None) -> FleetVehicle | None:
+        """Give the vehicle of this name if it may have orders; None: it may not, or there is none."""
+        vehicle = self.named(name)
+        return None if vehicle is None or vehicle.obstacle else vehicle
+
+    def of(self, key: RobotKey) -> FleetVehicle | None:
+        """Give the vehicle that is this robot; None if it was never discovered."""
+        return self._by_key.get(key)
+
+    def discover(self, key: RobotKey) -> FleetVehicle:
+        """Give the vehicle that is this robot; one that is new is listed from now on."""
+        known = self._by_key.get(key)
+        if known:
+            return known
+        obstacle = "" if self._adopt_unknown else "is not in the plant model"
+        profile = RobotProfile(map_id=self._default_map_id, transforms=self._transforms)
+        return self._add(FleetVehicle(self._free_name(key), key, profile, None, obstacle))
+
+    def learn_map(self, vehicle: FleetVehicle, map_id: str) -> FleetVehicle:
+        """Let a vehicle whose map nobody has named be on the one that the robot reports."""
+        if vehicle.profile.map_id:
+            return vehicle
+        return self._add(replace(vehicle, profile=replace(vehicle.profile, map_id=map_id)))
+
+    def learn_frame(self, vehicle: FleetVehicle, *, transforms_itself: bool) -> None:
+        """Let a robot say by its factsheet whether it speaks in the plant's frame."""
+        if vehicle.profile.transforms_itself is not transforms_itself:
+            self._add(replace(vehicle, profile=replace(vehicle.profile, transforms_itself=transforms_itself)))
+
+    def _of_plant(self, vehicle: Vehicle) -> FleetVehicle:
+        key = RobotKey(vehicle.manufacturer or DEFAULT_MANUFACTURER, vehicle.serial_number or vehicle.name)
+        profile = RobotProfile.of(vehicle, default_map_id=self._default_map_id, transforms=self._transforms)
+        return FleetVehicle(vehicle.name, key, profile, vehicle)
+
+    def _add(self, vehicle: FleetVehicle) -> FleetVehicle:
+        self._by_name[vehicle.name] = vehicle
+        self._by_key[vehicle.key] = vehicle
+        self._names = None
+        if vehicle.model and vehicle.profile.map_id:
+            self.map_ids.add(vehicle.profile.map_id)
+        return vehicle
+
+    def _free_name(self, key: RobotKey) -> str:
+        taken = key.serial_number in self._by_name
+        return f"{key.manufacturer}-{key.serial_number}" if taken else key.serial_number
+
+
+DEFAULT_MANUFACTURER = "NeNa"
+
+
+COMBINATIONS_KEPT = 1000
+"""Robots of a fleet have the same maps: few are made for many states."""
+
+
+def robot_maps(state: State) -> tuple[RobotMap, ...] | None:
+    """Give the maps of a robot; None where it does not tell of any."""
+    if state.maps is None:
+        return None
+    return _maps(tuple((each.map_id, each.map_version, each.map_status) for each in state.maps))
+
+
+@lru_cache(COMBINATIONS_KEPT)
+def _maps(told: tuple[tuple[str, str, MapStatus], ...]) -> tuple[RobotMap, ...]:
+    return tuple(
+        RobotMap(map_id=map_id, map_version=version, enabled=status is MapStatus.ENABLED)
+        for map_id, version, status in told
+    )
+
+
+def why_not_on(map_id: str, state: State) -> str:
+    """Say, as a predicate, why a robot cannot drive on a map; empty where it can, or tells of no maps."""
+    maps = robot_maps(state)
+    if not maps or not map_id:
+        return ""
+    versions = [each for each in maps if each.map_id == map_id]
+    if any(each.enabled for each in versions):
+        return ""
+    if versions:
+        return f"has no version of map {map_id!r} enabled (enableMap)"
+    return f"does not have map {map_id!r} (downloadMap, enableMap)"

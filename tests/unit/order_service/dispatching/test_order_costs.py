@@ -1,0 +1,87 @@
+from __future__ import annotations
+
+from math import inf
+
+from nena_order_service.dispatch.load_room import Pick
+from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.dispatching.manager import KnownCosts, OrderFit, OrderKnowledge
+from nena_order_service.fleet import OperationMap
+from nena_order_service.kernel.order_book import OrderBook
+from nena_order_service.kernel.sequence_book import SequenceBook
+from nena_order_service.kernel.steps import Steps
+from nena_order_service.kernel.vehicle_book import VehicleBook
+from nena_order_service.orders.automatic import park_request
+from nena_order_service.orders.sequences import Sequences
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.orders.vda_orders import MissionPlanner
+from nena_order_service.routing import Router
+from nena_order_service.vehicles.registry import VehicleRegistry
+from nena_shared.clock import ManualClock
+from nena_shared.fleet_api.order_types import AcceptableOrderType
+from nena_shared.plant import Vehicle
+from support.order_service import NOW, assigned_order, dispatchable_order
+from support.plants import path, plant
+from support.scripted_fleet import MemoryStore
+
+PLANT = plant(
+    path("A B", 1000), path("B C", 3000), path("B A", 1000), vehicles=(Vehicle(name="V1"), Vehicle(name="V2"))
+)
+
+
+def knowledge() -> tuple[OrderKnowledge, KnownCosts, OrderFit, VehicleRegistry]:
+    registry = VehicleRegistry(PLANT, default_map_id="map", adopt_unknown=False)
+    finder = WayFinder(PLANT, Router(PLANT))
+    costs = KnownCosts(PLANT, finder, registry)
+    book, clock = OrderBook(), ManualClock()
+    steps = Steps(book, MemoryStore(), lambda _: None)
+    fit = OrderFit(VehicleBook(book, str), Sequences(SequenceBook(book, steps), book, steps, clock))
+    starts = {"V1": "A", "V2": "C"}
+    places = {each.name: (each, starts[each.name]) for each in registry}
+    planner = MissionPlanner(PLANT, finder, OperationMap())
+    return OrderKnowledge(costs, places, planner, fit), costs, fit, registry
+
+
+def test_costs_are_those_of_the_destinations_that_are_left() -> None:
+    known, *_ = knowledge()
+    order = dispatchable_order("B", "C")
+    assert known.cost(order, "V1") == (4000, 1000)
+    assert known.cost(order, "V2").complete == inf
+    begun: TransportOrder = assigned_order("B", "C", number=2).drive_order_finished(0, NOW)
+    assert known.cost(begun, "V1").complete == 4000
+    assert known.cost(begun, "V2").complete == 0
+
+
+def test_resources_to_avoid_and_a_missing_way_are_told() -> None:
+    known, costs, _, _ = knowledge()
+    order = dispatchable_order("C", properties=[{"key": "tcs:resourcesToAvoid", "value": "B"}])
+    assert known.cost(order, "V1").complete == inf
+    assert "without 'B'" in known.why_no_way(order, "V1")
+    costs.forget()
+    assert "No route from 'C'" in known.why_no_way(dispatchable_order("A"), "V2")
+
+
+def test_automatic_orders_ask_for_no_type() -> None:
+    known, _, fit, registry = knowledge()
+    vehicle = registry.named("V1")
+    assert vehicle
+    fit.accept(vehicle, (AcceptableOrderType(name="Transport"),))
+    assert "accepts no orders of type 'Park'" in known.misfit(dispatchable_order(type="Park"), "V1")
+    asked = park_request("V1", "A")
+    own = TransportOrder.created(asked, number=1, name="Park-1", now=NOW, automatic=True)
+    assert known.misfit(own, "V1") == ""
+    of_a_host = dispatchable_order(type="Park", name="Park-1", intended_vehicle="V1")
+    assert "accepts no orders of type 'Park'" in known.misfit(of_a_host, "V1")
+    assert known.recharges(dispatchable_order("A:Charge"))
+    assert not known.recharges(dispatchable_order("A"))
+
+
+def test_what_an_order_begins_with_picking_up_is_what_comes_before_any_drop() -> None:
+    known, *_ = knowledge()
+    assert known.pick(dispatchable_order("A", "B:Load", "C:Unload")) == Pick()
+    assert known.pick(dispatchable_order("A", "C:Unload", "B:Load")) is None
+    assert known.pick(dispatchable_order("A")) is None
+    assert known.pick(assigned_order("A:Load", "B:Unload").drive_order_finished(0, NOW)) is None
+    told = [{"key": "loadType", "value": "pallet"}, {"key": "lhd", "value": "fork"}]
+    asked = {"locationName": "A", "operation": "Load", "properties": told}
+    order = dispatchable_order(destinations=[asked])
+    assert known.pick(order) == Pick("pallet", "fork")

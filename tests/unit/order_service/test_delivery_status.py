@@ -1,0 +1,58 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+from nena_order_service.fleet import Availability, LinkStatus, RobotView
+from nena_order_service.fleet.view import MissionPhase
+from nena_order_service.host_requests import delivery_status
+from nena_shared.fleet_api.delivery import DeliveryPhase
+from nena_shared.fleet_api.vehicle import VehicleState
+from nena_shared.vda5050.topics import RobotKey
+from support.fleet_examples import state
+from support.order_service import NOW, assigned_order
+
+VIEW = RobotView(
+    key=RobotKey("NeNa", "V-1"),
+    link=LinkStatus.ONLINE,
+    vehicle_state=VehicleState.EXECUTING,
+    availability=Availability(can_take_order=False, reason="has an order"),
+    state=None,
+    state_at=None,
+    factsheet=None,
+    malformed=0,
+    mission_id="T-1-0",
+    mission_phase=MissionPhase.SENT,
+    mission_note="no state echoes it yet",
+)
+
+
+def test_sent_order_is_not_delivered_before_a_state_echoes_it() -> None:
+    told = delivery_status(assigned_order().status, VIEW)
+    assert (told.phase, told.order_id, told.echoed_update_id) == (DeliveryPhase.SENT, "T-1-0", None)
+    assert told.note == "no state echoes it yet"
+    other = replace(VIEW, state=state(order_id="another", order_update_id=7))
+    assert delivery_status(assigned_order().status, other).echoed_update_id is None
+
+
+def test_delivered_order_says_which_update_the_robot_has() -> None:
+    echo = replace(VIEW, mission_phase=MissionPhase.RUNNING, state=state(order_id="T-1-0", order_update_id=2))
+    told = delivery_status(assigned_order().status, echo)
+    assert (told.phase, told.echoed_update_id) == (DeliveryPhase.DELIVERED, 2)
+
+
+def test_nothing_is_delivered_of_an_order_without_a_vehicle_or_at_its_end() -> None:
+    order = assigned_order()
+    for status, view in (
+        (order.status, None),
+        (order.finished(NOW).status, VIEW),
+        (order.status, replace(VIEW, mission_id="T-9-0")),
+        (order.status, replace(VIEW, mission_id=None, mission_phase=None)),
+    ):
+        told = delivery_status(status, view)
+        assert (told.phase, told.order_id) == (DeliveryPhase.NONE, None)
+
+
+def test_a_drive_order_that_is_tried_again_is_delivered_by_its_newest_mission() -> None:
+    again = replace(VIEW, mission_id="T-1-0~2", mission_phase=MissionPhase.RUNNING)
+    told = delivery_status(assigned_order().status, again)
+    assert (told.phase, told.order_id) == (DeliveryPhase.DELIVERED, "T-1-0~2")

@@ -1,0 +1,47 @@
+"""Answers to hosts that ask at the same time."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+from nena_order_service.host_requests import HostRequests
+from nena_order_service.kernel.settings import KernelSettings
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_shared.plant import PlantModel, Vehicle
+from support.order_service import NOW, assigned_order, request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+
+PLANT = PlantModel(
+    name="line",
+    points=(point("A", 0), point("B", 2000)),
+    paths=(path("A B", 2000),),
+    vehicles=(Vehicle(name="V1"),),
+)
+
+
+class AskedStore(MemoryStore):
+    """Holds one order that has ended, and answers when all have asked who are to."""
+
+    ready = True
+
+    def __init__(self, askers: int) -> None:
+        super().__init__()
+        self.ended = assigned_order("B", number=1, name="D").finished(NOW)
+        self._everybody = asyncio.Barrier(askers)
+
+    async def order(self, *, name: str | None = None, **_: Any) -> TransportOrder | None:
+        await self._everybody.wait()
+        return self.ended if name == "D" else None
+
+
+async def test_the_same_request_twice_at_once_makes_one_order() -> None:
+    kernel = await make_kernel(PLANT, AskedStore(askers=2), ScriptedFleet({}))
+    requests = HostRequests(kernel, KernelSettings())
+    wanted = request("B", name="T", idempotencyKey="key", dependencies=["D"])
+    async with asyncio.timeout(30):
+        (one, new), (other, also_new) = await asyncio.gather(requests.create(wanted), requests.create(wanted))
+    assert one.name == other.name == "T"
+    assert sorted((new, also_new)) == [False, True]
+    assert len(list(kernel.book.present())) == 1

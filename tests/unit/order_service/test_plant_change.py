@@ -1,0 +1,109 @@
+"""What orders and vehicles use keeps the plant model as it is; all else may change."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from nena_order_service.kernel import Kernel
+from nena_order_service.serving import hindrances
+from nena_order_service.vehicles.registry import VehicleRegistry
+from nena_shared.plant import PlantModel, Vehicle
+from nena_shared.plant.block import Block, BlockType
+from support.order_service import request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+
+POINTS = tuple(point(name, 2000 * index) for index, name in enumerate("ABCDEF"))
+PLANT = PlantModel(
+    name="row",
+    points=POINTS,
+    paths=tuple(path(ends, 2000) for ends in ("A B", "B C", "C D", "D E", "E F")),
+    blocks=(Block(name="Gate", type=BlockType.SINGLE_VEHICLE_ONLY, members=("B", "B --- C")),),
+    vehicles=(Vehicle(name="V1"), Vehicle(name="V2"), Vehicle(name="V3")),
+)
+
+
+async def busy() -> Kernel:
+    """Let V1 drive from A to C, V2 rest at F, V3 be unheard of, and an order for V3 wait."""
+    fleet = ScriptedFleet({})
+    kernel = await make_kernel(PLANT, MemoryStore(), fleet)
+    fleet.appear("V1", "A")
+    fleet.appear("V2", "F")
+    kernel.create(request("C", intendedVehicle="V1"), "T-1")
+    kernel.create(request("E", intendedVehicle="V3"), "T-2")
+    assert len(fleet.sent) == 1
+    return kernel
+
+
+def found(kernel: Kernel, **changes: Any) -> tuple[str, ...]:
+    new = PLANT.model_copy(update=changes)
+    new = PlantModel.from_json(new.to_json())
+    return hindrances(kernel, new, VehicleRegistry(new, default_map_id="map", adopt_unknown=False))
+
+
+def without(*points: str) -> dict[str, Any]:
+    gone = set(points)
+    return {
+        "points": tuple(each for each in POINTS if each.name not in gone),
+        "paths": tuple(each for each in PLANT.paths if gone.isdisjoint((each.source, each.destination))),
+    }
+
+
+def moved(name: str) -> dict[str, Any]:
+    return {
+        "points": tuple(
+            each.model_copy(update={"y_mm": 700}) if each.name == name else each for each in POINTS
+        )
+    }
+
+
+async def test_what_nobody_uses_may_change() -> None:
+    kernel = await busy()
+    assert found(kernel) == ()
+    assert found(kernel, **without("D")) == ()
+    assert found(kernel, points=(*POINTS, point("X")), paths=(*PLANT.paths, path("F X"))) == ()
+    assert found(kernel, **moved("E")) == ()
+    assert found(kernel, vehicles=PLANT.vehicles[::2]) == ()  # V2 has nothing to do
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (without("E"), "'T-2'"),
+        (without("C"), "'T-1'"),
+        (without("C"), "vehicle 'V1' uses 'C', which would be gone"),
+        (without("F"), "vehicle 'V2' uses 'F', which would be gone"),
+        (moved("C"), "vehicle 'V1' uses 'C', which would be elsewhere"),
+        ({"paths": PLANT.paths[1:]}, "vehicle 'V1' uses 'A --- B', which would be gone"),
+        (
+            {"paths": (path("A B", 3000), *PLANT.paths[1:])},
+            "vehicle 'V1' uses 'A --- B', which would be elsewhere",
+        ),
+        ({"blocks": ()}, "vehicle 'V1' uses 'B', which would be in other blocks"),
+        ({"vehicles": PLANT.vehicles[1:]}, "vehicle 'V1' works, and would be gone"),
+        (
+            {
+                "vehicles": (
+                    Vehicle(name="V1", properties={"vda5050:serialNumber": "other"}),
+                    *PLANT.vehicles[1:],
+                )
+            },
+            "vehicle 'V1' works, and would be another robot",
+        ),
+        ({"vehicles": PLANT.vehicles[:2]}, "transport order 'T-2' is for vehicle 'V3'"),
+    ],
+)
+async def test_what_is_in_use_is_named(changes: dict[str, Any], said: str) -> None:
+    problems = found(await busy(), **changes)
+    assert any(said in each for each in problems), problems
+
+
+async def test_not_everything_is_named() -> None:
+    fleet = ScriptedFleet({})
+    kernel = await make_kernel(PLANT, MemoryStore(), fleet)
+    for number in range(130):
+        kernel.create(request("F"), f"T-{number}")
+    problems = found(kernel, **without("F"))
+    assert (len(problems), problems[-1]) == (101, "and 30 more")

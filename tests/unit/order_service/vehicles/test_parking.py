@@ -1,0 +1,158 @@
+from __future__ import annotations
+
+from collections.abc import Collection
+from math import inf
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_order_service.vehicles.idle import BARRED, PARKED, WAYS_TRIED, Parking, ParkingPositions, Prospect
+from nena_shared.plant import PlantModel, Vehicle
+from nena_shared.plant.point import PointType
+from nena_shared.plant.property_keys import (
+    ASSIGNED_PARKING_POSITION,
+    PARKING_POSITION_PRIORITY,
+    PREFERRED_PARKING_POSITION,
+)
+from support.plants import point
+
+PARK = PointType.PARK_POSITION
+PLANT = PlantModel(
+    name="yard",
+    points=(
+        point("near", type=PARK),
+        point("good", type=PARK, properties={PARKING_POSITION_PRIORITY: "1"}),
+        point("fair", type=PARK, properties={PARKING_POSITION_PRIORITY: "2"}),
+        point("aisle"),
+    ),
+)
+COSTS = {"near": 1.0, "fair": 2.0, "good": 3.0, "aisle": 0.0}
+
+
+def choose(
+    here: str | None = "aisle",
+    taken: Collection[str] = (),
+    *,
+    displacing: Collection[str] = (),
+    may_displace: bool = True,
+    priorities: bool = False,
+    repark: bool = False,
+    plant: PlantModel = PLANT,
+    wishes: dict[str, str] | None = None,
+) -> Parking:
+    model = Vehicle(name="V1", properties=wishes or {})
+    positions = ParkingPositions(plant, priorities=priorities, repark=repark)
+    prospect = Prospect(
+        cost=lambda name: COSTS.get(name, inf),
+        taken=lambda name: name in taken,
+        displaces=lambda name: name in displacing,
+        may_displace=may_displace,
+    )
+    return positions.choose(model, here, prospect)
+
+
+def properties_of(key: str, value: str) -> dict[str, str]:
+    return {key: value}
+
+
+def test_nearest_free_position_is_taken() -> None:
+    assert choose().point == "near"
+    assert choose(taken=["near"]).point == "fair"
+    assert choose(here=None).point == "near"
+
+
+def test_priorities_count_more_than_the_way_where_they_are_respected() -> None:
+    assert choose(priorities=True).point == "good"
+    assert choose(priorities=True, taken=["good", "fair"]).point == "near"
+
+
+def test_who_is_parked_stays_unless_a_better_position_becomes_free() -> None:
+    assert choose(here="fair") == PARKED
+    assert choose(here="fair", priorities=True) == PARKED
+    assert choose(here="fair", priorities=True, repark=True).point == "good"
+    assert choose(here="good", priorities=True, repark=True) == PARKED
+    assert choose(here="fair", taken=["good"], priorities=True, repark=True) == PARKED
+
+
+def test_assigned_position_is_the_only_one() -> None:
+    assigned = properties_of(ASSIGNED_PARKING_POSITION, "fair")
+    assert choose(wishes=assigned).point == "fair"
+    assert choose(here="near", wishes=assigned).point == "fair"
+    assert choose(here="fair", wishes=assigned) == PARKED
+    assert choose(taken=["fair"], wishes=assigned).reason == "its assigned parking position 'fair' is taken"
+    gone = choose(wishes=properties_of(ASSIGNED_PARKING_POSITION, "gone"))
+    assert gone.reason == "its assigned parking position 'gone' is no point of the plant model"
+
+
+def test_preferred_position_is_taken_while_it_is_free() -> None:
+    preferred = properties_of(PREFERRED_PARKING_POSITION, "good")
+    assert choose(wishes=preferred).point == "good"
+    assert choose(taken=["good"], wishes=preferred).point == "near"
+    assert choose(here="near", wishes=preferred) == PARKED
+
+
+def test_a_position_for_which_others_have_to_make_room_is_the_last_choice() -> None:
+    assert choose(displacing=["near"]).point == "fair"
+    assert choose(displacing=["near", "fair", "good"]).point == "near"
+    assert choose(displacing=["good"], priorities=True).point == "fair"
+    preferred = properties_of(PREFERRED_PARKING_POSITION, "good")
+    assert choose(displacing=["good"], wishes=preferred).point == "good"
+
+
+def test_others_who_are_not_to_make_room_bar_positions() -> None:
+    assert choose(displacing=["near", "fair"], may_displace=False).point == "good"
+    barred = choose(displacing=["near", "fair", "good"], may_displace=False)
+    assert barred == Parking(reason=f"each free parking position near it {BARRED}")
+    assigned = properties_of(ASSIGNED_PARKING_POSITION, "fair")
+    assert choose(displacing=["fair"], may_displace=False, wishes=assigned) == Parking(
+        reason=f"its assigned parking position 'fair' {BARRED}"
+    )
+    preferred = properties_of(PREFERRED_PARKING_POSITION, "good")
+    assert choose(displacing=["good"], may_displace=False, wishes=preferred).point == "near"
+
+
+def test_the_ways_to_some_positions_are_looked_at_and_not_to_all() -> None:
+    names = [f"P{index:02}" for index in range(2 * WAYS_TRIED)]
+    positions = ParkingPositions(
+        PlantModel(name="yard", points=tuple(point(name, type=PARK) for name in names)),
+        priorities=False,
+        repark=False,
+    )
+    asked: list[str] = []
+
+    def displaces(name: str) -> bool:
+        asked.append(name)
+        return True
+
+    prospect = Prospect(cost=lambda _: 1.0, taken=lambda _: False, displaces=displaces)
+    assert positions.choose(None, None, prospect).point == names[0]
+    assert asked == names[:WAYS_TRIED]
+
+
+def test_why_nobody_can_park_is_said() -> None:
+    full = choose(taken=["near", "fair", "good"])
+    assert full == Parking(reason="no parking position is free that it can reach")
+    nowhere = choose(plant=PlantModel(name="no yard", points=(point("aisle"),)))
+    assert nowhere.reason == "the plant model has no parking positions"
+
+
+@given(
+    taken=st.sets(st.sampled_from(sorted(COSTS))),
+    here=st.none() | st.sampled_from(sorted(COSTS)),
+    wishes=st.dictionaries(
+        st.sampled_from([ASSIGNED_PARKING_POSITION, PREFERRED_PARKING_POSITION]),
+        st.sampled_from([*COSTS, "gone"]),
+    ),
+    modes=st.tuples(st.booleans(), st.booleans()),
+)
+def test_nobody_is_sent_to_a_place_that_is_taken_or_where_it_is(
+    taken: set[str], here: str | None, wishes: dict[str, str], modes: tuple[bool, bool]
+) -> None:
+    found = choose(here, taken - {here or ""}, priorities=modes[0], repark=modes[1], wishes=wishes)
+    assert not (found.point and found.reason)
+    if found.point:
+        assert found.point not in taken
+        assert found.point != here
+        assert COSTS[found.point] < inf
+    elif not found.reason:
+        assert here in ("near", "good", "fair", *wishes.values())

@@ -1,0 +1,87 @@
+from __future__ import annotations
+
+from collections.abc import Collection
+from math import inf
+from typing import Any
+
+import pytest
+
+from nena_order_service.vehicles.idle import RechargeLocations, Recharging
+from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
+from nena_shared.plant.property_keys import (
+    ASSIGNED_RECHARGE_LOCATION,
+    PREFERRED_RECHARGE_LOCATION,
+    VDA5050_RECHARGE_OPERATION,
+)
+from support.plants import point
+
+
+def dock(name: str, *points: str, kind: str = "Dock", **more: Any) -> Location:
+    return Location(name=name, type=kind, links=tuple(Link(point=each) for each in points), **more)
+
+
+PLANT = PlantModel(
+    name="docks",
+    points=tuple(point(name) for name in "ABCD"),
+    location_types=(
+        LocationType(name="Dock", allowed_operations=("Clean", "Charge")),
+        LocationType(name="Coil", allowed_operations=("Hum",)),
+    ),
+    locations=(
+        dock("near", "A", "B"),
+        dock("far", "C"),
+        dock("coil", "D", kind="Coil"),
+        dock("off", "A", locked=True),
+    ),
+)
+COSTS = {"A": 5.0, "B": 2.0, "C": 3.0, "D": 9.0}
+
+
+def choose(
+    taken: Collection[str] = (),
+    *,
+    in_vain: Collection[str] = (),
+    costs: dict[str, float] | None = None,
+    wishes: dict[str, str] | None = None,
+) -> Recharging:
+    model = Vehicle(name="V1", properties=wishes or {})
+    return RechargeLocations(PLANT, lambda operation: operation == "Charge").choose(
+        model,
+        cost=lambda name: (COSTS if costs is None else costs).get(name, inf),
+        taken=lambda name: name in taken,
+        held_in_vain=lambda name: name in in_vain,
+    )
+
+
+def wish(key: str, value: str) -> dict[str, str]:
+    return {key: value}
+
+
+def test_nearest_free_location_is_taken_by_its_nearest_point() -> None:
+    assert choose() == Recharging("near", "Charge")
+    assert choose(["B"]).location == "far"
+    assert choose(["B", "C"]).location == "near"
+
+
+def test_assigned_location_is_the_only_one_and_the_preferred_one_goes_first() -> None:
+    assert choose(wishes=wish(ASSIGNED_RECHARGE_LOCATION, "far")).location == "far"
+    taken = choose(["C"], wishes=wish(ASSIGNED_RECHARGE_LOCATION, "far"))
+    assert taken == Recharging(reason="its assigned recharge location 'far' is taken")
+    assert "cannot recharge at" in choose(wishes=wish(ASSIGNED_RECHARGE_LOCATION, "coil")).reason
+    assert choose(wishes=wish(PREFERRED_RECHARGE_LOCATION, "far")).location == "far"
+    assert choose(["C"], wishes=wish(PREFERRED_RECHARGE_LOCATION, "far")).location == "near"
+
+
+def test_a_vehicle_may_recharge_by_an_operation_of_its_own() -> None:
+    assert choose(wishes=wish(VDA5050_RECHARGE_OPERATION, "Hum")) == Recharging("coil", "Hum")
+
+
+def test_a_place_that_is_held_in_vain_is_taken_where_none_is_free() -> None:
+    assert choose("ABC").reason == "each recharge location is taken"
+    assert choose("ABC", in_vain="C").location == "far"
+    assert choose("AB", in_vain="AB").location == "far"
+
+
+@pytest.mark.parametrize("costs", [{}, {"D": 1.0}])
+def test_why_nobody_can_recharge_is_said(costs: dict[str, float]) -> None:
+    assert choose(costs=costs).reason == "there is no recharge location that it can reach"
