@@ -56,7 +56,7 @@ class WiredLink(MqttLink):
         self._publish_all(self._on_connected())
         self._on_subscribed()
         self._wire.link = self
-        self._publish_all([self._outbox.popleft() for _ in range(len(self._outbox))])
+        self._publish_all([self._outbox.pop() for _ in range(len(self._outbox))])
         try:
             await asyncio.Event().wait()
         finally:
