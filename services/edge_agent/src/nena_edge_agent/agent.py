@@ -34,6 +34,7 @@ from nena_edge_agent.protocol.effects import (
     SetPosition,
     StartAction,
 )
+from nena_edge_agent.protocol.errors import error_key
 from nena_edge_agent.protocol.events import (
     ErrorSwitched,
     Event,
@@ -57,6 +58,7 @@ from nena_shared.log import get_logger
 from nena_shared.mqtt import MqttLink, Outbound
 from nena_shared.tasks import Supervisor, TaskFailedError
 from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.state import Map
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.visualization import Visualization
@@ -130,6 +132,7 @@ class RobotAgent:
             interval=settings.interval.visualization, now=clock.monotonic()
         )
         self._greeting = False
+        self._logged_errors: tuple[ErrorEntry, ...] = ()
         self._shown = self._core.state(self._messages.headers.form(0))
         self._map: Outbound | None = None
         self._link = self._connect(make_link)
@@ -205,7 +208,24 @@ class RobotAgent:
                 log.exception(
                     "an event was not handled", robot=str(self.robot), event_type=type(event).__name__
                 )
+        self._log_new_errors()
         return effects
+
+    def _log_new_errors(self) -> None:
+        """Log each error that the state shows from now on; one whose text alone changes is logged once."""
+        shown = self._core.parts.errors.entries
+        if shown is self._logged_errors:
+            return
+        before = {error_key(each) for each in self._logged_errors}
+        self._logged_errors = shown
+        for entry in shown:
+            if error_key(entry) not in before:
+                self._log.warning(
+                    "error reported",
+                    error_type=entry.error_type,
+                    level=entry.error_level.value,
+                    description=entry.error_description,
+                )
 
     @property
     def _recorded(self) -> bool:

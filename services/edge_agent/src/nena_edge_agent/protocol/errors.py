@@ -9,7 +9,7 @@ from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
 LIMIT = 50
 """Errors shown at the same time; beyond it the oldest refusal goes."""
 
-_Key = tuple[str, frozenset[tuple[str, str]]]
+ErrorKey = tuple[str, frozenset[tuple[str, str]]]
 
 
 class Until(Enum):
@@ -42,7 +42,7 @@ class ActiveErrors:
     """
 
     def __init__(self) -> None:
-        self._active: dict[_Key, tuple[ErrorEntry, Until]] = {}
+        self._active: dict[ErrorKey, tuple[ErrorEntry, Until]] = {}
         self.revision = 0
         self.entries: tuple[ErrorEntry, ...] = ()
         self.worst_reported: ErrorLevel | None = None
@@ -50,7 +50,7 @@ class ActiveErrors:
 
     def show(self, error: ErrorEntry, until: Until) -> None:
         """Add ``error``, in place of an older one of the same type and references."""
-        key = _key(error)
+        key = error_key(error)
         if self._active.get(key) == (error, until):
             return
         self._active.pop(key, None)
@@ -69,7 +69,7 @@ class ActiveErrors:
 
     def take_back(self, error: ErrorEntry) -> None:
         """Take away ``error``; one that is not active is passed over."""
-        if self._active.pop(_key(error), None):
+        if self._active.pop(error_key(error), None):
             self._changed()
 
     @property
@@ -91,13 +91,13 @@ class ActiveErrors:
             self.show(error, Until.CONDITION_OVER)
 
     def _other_than(self, error: ErrorEntry) -> bool:
-        return any(key[0] == error.error_type and key != _key(error) for key in self._conditions)
+        return any(key[0] == error.error_type and key != error_key(error) for key in self._conditions)
 
     @property
-    def _conditions(self) -> list[_Key]:
+    def _conditions(self) -> list[ErrorKey]:
         return [key for key, (_, until) in self._active.items() if until is Until.CONDITION_OVER]
 
-    def _least_needed(self) -> _Key:
+    def _least_needed(self) -> ErrorKey:
         """Give the oldest refusal, else the oldest error: why the robot stands must stay."""
         refusals = (key for key, (_, until) in self._active.items() if until in REFUSED)
         return next(refusals, next(iter(self._active)))
@@ -109,6 +109,7 @@ class ActiveErrors:
         self.worst_reported = next((each for each in reversed(ErrorLevel) if each in reported), None)
 
 
-def _key(error: ErrorEntry) -> _Key:
+def error_key(error: ErrorEntry) -> ErrorKey:
+    """Return what identifies an error: its type, and its references but for the headerId."""
     references = ((each.reference_key, each.reference_value) for each in error.error_references)
     return error.error_type, frozenset(each for each in references if each[0] != "headerId")

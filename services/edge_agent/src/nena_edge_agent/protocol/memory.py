@@ -59,6 +59,15 @@ class ProgressMemory(BaseModel):
     edges: tuple[Edge, ...]
 
 
+class OrderHeaderMemory(BaseModel):
+    """Header of the order message that was accepted last; the fields are those of ``OrderHeader``."""
+
+    model_config = ConfigDict(frozen=True, from_attributes=True)
+
+    header_id: int
+    timestamp: datetime
+
+
 class ZoneSetMemory(BaseModel):
     """A zone set, and whether it was enabled."""
 
@@ -125,5 +134,8 @@ class Memory(BaseModel):
     own_goals: OwnGoalsMemory | None = None
     frame: str = ""
     """The frame of all coordinates; the field is that of ``Capabilities``."""
+    ended_orders: tuple[str, ...] = ()
+    """Digests of the orders that have ended; the field is that of ``OrderHistory``."""
+    last_order_header: OrderHeaderMemory | None = None
     header_ids: tuple[tuple[Topic, int], ...] = ()
     """The headerId of each topic from which the next run of the program counts on."""

@@ -83,13 +83,27 @@ def _new_order_fault(order: Order, situation: Situation, capabilities: Capabilit
             hint="wait for its end or cancel it",
         )
     return (
-        _update_id_fault(order, capabilities)
+        _replay_fault(order, situation)
+        or _update_id_fault(order, capabilities)
         or _numbering_fault(order)
         or repeated_action_fault(order, situation.instant_action_ids)
         or map_fault(order, situation)
         or _start_fault(order.nodes[0], order, situation, capabilities)
         or route_fault(order, situation, capabilities)
         or load_fault(order, situation, capabilities)
+    )
+
+
+def _replay_fault(order: Order, situation: Situation) -> ErrorEntry | None:
+    """Check that the message is not an old one that is sent again: what it asks for was done already."""
+    problem = situation.history.replay(order)
+    if problem is None:
+        return None
+    return refusal(
+        ErrorType.OUTDATED_ORDER_UPDATE,
+        order,
+        f"{problem}; it is not carried out again",
+        hint="send each order under a new orderId, with a higher headerId or the present time as timestamp",
     )
 
 

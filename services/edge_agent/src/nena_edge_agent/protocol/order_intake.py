@@ -71,6 +71,7 @@ class OrderIntake:
                 record.action.action_id for record in parts.actions if not self._in_horizon(record)
             ),
             loaded=self._loaded_at_the_end(),
+            history=parts.history,
         )
 
     def _loaded_at_the_end(self) -> bool:
@@ -89,6 +90,8 @@ class OrderIntake:
             parts.instants.remove(lambda record: record.status.ended)
         parts.actions.remove(lambda _: True)
         parts.queue.clear()
+        parts.history.end(parts.progress.order_id)
+        parts.history.accept(order, parts.utc_now)
         parts.progress.begin(order)
         parts.actions.add(_records(order.nodes, order.edges))
         self._flow.enqueue(order.nodes[0].actions)
@@ -98,6 +101,7 @@ class OrderIntake:
         parts = self._parts
         self._clear_errors()
         parts.actions.remove(self._in_horizon)
+        parts.history.accept(order, parts.utc_now)
         parts.progress.extend(order)
         parts.actions.add(_records(order.nodes[1:], order.edges))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import datetime, timedelta
 
 from nena_edge_agent.driver.port import (
     BatteryReport,
@@ -25,6 +25,7 @@ from nena_edge_agent.protocol.effects import Effect
 from nena_edge_agent.protocol.errors import ActiveErrors
 from nena_edge_agent.protocol.events import SafetyReport
 from nena_edge_agent.protocol.link_loss import LinkWatch
+from nena_edge_agent.protocol.order_history import OrderHistory
 from nena_edge_agent.protocol.order_progress import OrderProgress
 from nena_edge_agent.protocol.zone_access import ZoneAccess
 from nena_edge_agent.protocol.zone_sets import ZoneSets
@@ -79,6 +80,7 @@ class RobotParts:
 
     capabilities: Capabilities
     progress: OrderProgress = field(default_factory=OrderProgress)
+    history: OrderHistory = field(default_factory=OrderHistory)
     actions: ActionStates = field(default_factory=ActionStates)
     queue: ActionQueue = field(default_factory=ActionQueue)
     instants: ActionStates = field(default_factory=ActionStates)
@@ -116,6 +118,11 @@ class RobotParts:
         self.maps = (one,)
         self.zone_sets = ZoneSets(self.capabilities.zones)
         self.link = LinkWatch(self.capabilities.link_loss, self.capabilities.link_loss_patience)
+
+    @property
+    def utc_now(self) -> datetime | None:
+        """The time of day of the event at hand, None if it is not known."""
+        return self.utc[0] + timedelta(seconds=self.now - self.utc[1]) if self.utc else None
 
     @property
     def map_ids(self) -> frozenset[str]:

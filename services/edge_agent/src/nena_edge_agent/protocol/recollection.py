@@ -10,11 +10,13 @@ from nena_edge_agent.protocol.memory import (
     AccessMemory,
     ActionMemory,
     Memory,
+    OrderHeaderMemory,
     OwnGoalsMemory,
     PoseMemory,
     ProgressMemory,
     ZoneSetMemory,
 )
+from nena_edge_agent.protocol.order_history import OrderHeader, OrderHistory
 from nena_edge_agent.protocol.order_progress import OrderProgress
 from nena_edge_agent.protocol.parts import RobotParts
 from nena_edge_agent.protocol.zone_access import AccessRequest, ZoneAccess
@@ -22,6 +24,7 @@ from nena_edge_agent.protocol.zone_access import AccessRequest, ZoneAccess
 
 def recall(parts: RobotParts) -> Memory:
     """Give what is durable of ``parts``."""
+    last_header = parts.history.last_header
     return Memory(
         format=FORMAT,
         progress=ProgressMemory.model_validate(parts.progress),
@@ -39,6 +42,8 @@ def recall(parts: RobotParts) -> Memory:
         zone_requests=tuple(AccessMemory.model_validate(each) for each in parts.zone_access.requests),
         last_zone_request=parts.zone_access.last_number,
         own_goals=OwnGoalsMemory.model_validate(parts.goal.own) if parts.goal.own else None,
+        ended_orders=parts.history.ended,
+        last_order_header=OrderHeaderMemory.model_validate(last_header) if last_header else None,
         header_ids=parts.header_ids,
         frame=parts.capabilities.frame,
     )
@@ -46,8 +51,12 @@ def recall(parts: RobotParts) -> Memory:
 
 def recollect(memory: Memory, capabilities: Capabilities) -> RobotParts:
     """Make the parts of a robot again from what was kept."""
+    header = memory.last_order_header
     parts = RobotParts(
         capabilities,
+        history=OrderHistory(
+            memory.ended_orders, OrderHeader(header.header_id, header.timestamp) if header else None
+        ),
         progress=OrderProgress.restored(memory.progress),
         known_instant_ids=dict.fromkeys(memory.known_instant_ids),
         clearing=memory.clearing,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from nena_edge_agent.driver.port import Circle, Pose
 from nena_edge_agent.protocol.order_content import HeldContent
+from nena_edge_agent.protocol.order_history import OrderHistory
 from nena_edge_agent.protocol.zone_sets import EnabledZone
 from nena_shared.vda5050.state import OperatingMode
 
@@ -20,7 +21,7 @@ class Situation:
     ``pose`` is None unless it can be trusted, ``no_route`` are the areas that navigation knows no way into.
     ``maps`` are the areas that the robot has a map of, ``closed`` the zones that it must not drive in.
     ``stands_on`` is the node that the robot has reached and not left, or empty. ``loaded``: whether it will
-    carry something when all that was released to it is done.
+    carry something when all that was released to it is done. ``history`` knows the orders that have ended.
     """
 
     operating_mode: OperatingMode
@@ -41,3 +42,4 @@ class Situation:
     instant_action_ids: frozenset[str]
     base_action_ids: frozenset[str]
     loaded: bool = False
+    history: OrderHistory = field(default_factory=OrderHistory)

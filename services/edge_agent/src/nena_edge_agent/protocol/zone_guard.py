@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import datetime, timedelta
+from datetime import datetime
 from itertools import islice
 
 from nena_edge_agent.driver.port import Pose
@@ -57,9 +57,8 @@ class ZoneGuard:
     def expire(self) -> None:
         """End the grants whose time is over."""
         parts = self._parts
-        if parts.utc is not None and parts.zone_access.waits:
-            then, at = parts.utc
-            now = then + timedelta(seconds=parts.now - at)
+        now = parts.utc_now
+        if now is not None and parts.zone_access.waits:
             parts.zone_access.expire(now, self._perhaps_inside())
 
     def advance(self) -> None:

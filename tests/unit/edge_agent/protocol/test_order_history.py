@@ -1,0 +1,150 @@
+"""Old order messages that come again, and new ones that only look old."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+
+import pytest
+
+from nena_edge_agent.driver.port import NavigationReport
+from nena_edge_agent.protocol.events import Started
+from nena_edge_agent.protocol.memory import Memory
+from nena_edge_agent.protocol.order_history import CLOCK_TOLERANCE, ENDED_ORDERS_KEPT, OrderHistory
+from nena_edge_agent.protocol.rules import RULES
+from nena_shared.vda5050.order import Order
+from support.robot_core import HEADER, Bench, at, order
+
+TIME: datetime = HEADER["timestamp"]
+MUCH = 2 * CLOCK_TOLERANCE
+
+
+def sent(number: int, header_id: int, timestamp: datetime = TIME) -> Order:
+    """Make order number ``number``, to the node where the robot is."""
+    made = order("n0", order_id=f"o{number}")
+    return made.model_copy(update={"header_id": header_id, "timestamp": timestamp})
+
+
+def restarted(bench: Bench) -> Bench:
+    kept = bench.core.memory().model_dump_json(exclude_defaults=True)
+    return Bench(memory=Memory.model_validate_json(kept), rules=bench.capabilities.rules)
+
+
+@pytest.mark.clause("6.1.4.4", "6.6/restart")
+@pytest.mark.parametrize("version", RULES)
+@pytest.mark.parametrize("killed", [False, True])
+def test_an_order_that_has_ended_is_not_done_again(version: str, *, killed: bool) -> None:
+    bench = Bench(rules=RULES[version])
+    bench.send(sent(1, 1))
+    bench.send(sent(2, 2))
+    bench = restarted(bench) if killed else bench
+
+    bench.send(sent(1, 1))
+
+    (error,) = bench.state.errors
+    assert (error.error_type, error.error_level) == ("OUTDATED_ORDER_UPDATE", "WARNING")
+    assert "order 'o1' was received before and has ended" in str(error.error_description)
+    assert {each.reference_key: each.reference_value for each in error.error_references} == {
+        "topic": "order",
+        "headerId": "1",
+        "orderId": "o1",
+        "orderUpdateId": "0",
+    }
+    assert bench.state.order_id == "o2"
+
+
+@pytest.mark.clause("6.1.4.4")
+def test_it_is_known_by_its_id_also_under_another_header() -> None:
+    bench = Bench()
+    bench.send(sent(1, 1))
+    bench.send(sent(2, 2))
+
+    bench.send(sent(1, 3, TIME + MUCH))
+
+    assert bench.errors == ["OUTDATED_ORDER_UPDATE"]
+
+
+@pytest.mark.clause("6.1.4.4", "6.6/restart")
+def test_an_order_that_ended_long_ago_is_known_by_its_header() -> None:
+    bench = Bench()
+    last = ENDED_ORDERS_KEPT + 5
+    for number in range(last + 1):
+        bench.send(sent(number, number, TIME + number * timedelta(minutes=1)))
+    assert len(bench.core.memory().ended_orders) == ENDED_ORDERS_KEPT
+    bench = restarted(bench)
+
+    bench.send(sent(0, 0))
+
+    assert bench.errors == ["OUTDATED_ORDER_UPDATE"]
+    assert "(headerId 0, 2026-01-01T00:00:00Z) is older" in str(bench.state.errors[0].error_description)
+    assert bench.state.order_id == f"o{last}"
+
+
+@pytest.mark.parametrize(
+    ("header_id", "timestamp"),
+    [
+        pytest.param(0, TIME + timedelta(seconds=1), id="counter starts again"),
+        pytest.param(0, TIME - CLOCK_TOLERANCE, id="another sender, whose clock is a little behind"),
+        pytest.param(101, TIME - MUCH, id="clock is set back"),
+        pytest.param(100, TIME, id="header stays the same"),
+    ],
+)
+def test_a_new_order_that_is_older_in_one_way_only_is_taken(header_id: int, timestamp: datetime) -> None:
+    bench = Bench()
+    bench.send(sent(1, 100))
+
+    bench.send(sent(2, header_id, timestamp))
+
+    assert (bench.state.order_id, bench.errors) == ("o2", [])
+
+
+def test_a_counter_that_wraps_is_no_replay() -> None:
+    bench = Bench()
+    bench.send(sent(1, 2**32 - 1))
+
+    bench.send(sent(2, 0, TIME + timedelta(seconds=1)))
+
+    assert bench.state.order_id == "o2"
+
+
+@pytest.mark.clause("6.1.4.5", "6.1.2/B6")
+def test_the_present_order_may_come_again_and_be_updated() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", "n2", released=2))
+    bench.send(order("n0", "n1", "n2", released=2))
+    assert not bench.errors
+    bench.arrive()
+
+    bench.send(order("n1", "n2", update=1, first=2))
+
+    assert (bench.state.order_update_id, bench.errors) == (1, [])
+    bench.arrive()
+    bench.send(order("n1", "n2", update=1, first=2))
+    assert (bench.idle, bench.errors) == (True, [])
+
+
+def test_a_refused_order_may_come_again() -> None:
+    bench = Bench()
+    bench.send(order("n5", order_id="o2"))
+    assert bench.errors == ["START_NODE_OUT_OF_RANGE"]
+
+    bench.send(order("n0", order_id="o2"))
+
+    assert (bench.state.order_id, bench.errors) == ("o2", [])
+
+
+def test_a_timestamp_in_the_future_does_not_lock_out_later_orders() -> None:
+    bench = Bench(ready=False)
+    bench.do(Started(TIME), at(0.0), NavigationReport(available=True, reason=""))
+    bench.send(sent(1, 100, TIME + timedelta(days=365)))
+
+    bench.send(sent(2, 0, TIME))
+
+    assert bench.state.order_id == "o2"
+
+
+def test_what_is_remembered_does_not_grow_with_the_length_of_order_ids() -> None:
+    history = OrderHistory()
+    for number in range(2 * ENDED_ORDERS_KEPT):
+        history.end(f"{number}-{'x' * 10_000}")
+
+    assert sum(map(len, history.ended)) == 32 * ENDED_ORDERS_KEPT
