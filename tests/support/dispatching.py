@@ -7,10 +7,8 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
-from nena_order_service.dispatch.dispatcher import Decisions
-from nena_order_service.dispatch.load_room import Pick
-from nena_order_service.dispatch.vehicle import DispatchedVehicle
-from nena_order_service.dispatch.way_costs import WayCost
+from nena_order_service.dispatching.dispatcher import Decisions, DispatchedVehicle, Pick
+from nena_order_service.dispatching.way import WayCost
 from nena_order_service.orders.transport_order import TransportOrder
 
 

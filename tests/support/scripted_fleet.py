@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.dispatching.way import WayFinder
 from nena_order_service.fleet import (
     ActionRetriable,
     Availability,
@@ -26,7 +26,7 @@ from nena_order_service.fleet import (
     RobotChanged,
     RobotView,
 )
-from nena_order_service.fleet.mission_update import grown
+from nena_order_service.fleet.mission import grown
 from nena_order_service.kernel import Kernel
 from nena_order_service.kernel.ports import FleetControl
 from nena_order_service.kernel.settings import KernelSettings

@@ -9,7 +9,7 @@ from typing import Any
 import httpx
 import pytest
 
-from nena_order_service.dispatch.settings import (
+from nena_order_service.dispatching.settings import (
     DispatchSettings,
     EnergySettings,
     ParkingSettings,

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from random import Random
 from typing import NoReturn
 
-from nena_order_service.dispatch.settings import DispatchSettings
+from nena_order_service.dispatching.settings import DispatchSettings
 from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
 from nena_order_service.kernel import Kernel, KernelSettings
 from nena_order_service.kernel.mission_flow import BEGUN_MEANWHILE

@@ -14,9 +14,8 @@ from nena_edge_agent.loopback.bench import Bench
 from nena_edge_agent.own_capabilities import make_capabilities
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.settings import EdgeAgentSettings
-from nena_order_service.fleet.abilities import Abilities
-from nena_order_service.fleet.fitness import instant_action_problem
-from nena_order_service.fleet.fitting import fitted_action
+from nena_order_service.fleet.feasibility import fitted_action, instant_action_problem
+from nena_order_service.fleet.robot import Abilities
 from nena_shared.vda5050.action import BlockingType
 from nena_shared.vda5050.factsheet import ActionScope, Factsheet, MobileRobotAction, ValueDataType
 from nena_shared.vda5050.topics import RobotKey

@@ -3,7 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from nena_order_service.fleet import Availability, LinkStatus, RobotView
-from nena_order_service.fleet.view import MissionPhase
+from nena_order_service.fleet.robot import MissionPhase
 from nena_order_service.host_requests import delivery_status
 from nena_shared.fleet_api.delivery import DeliveryPhase
 from nena_shared.fleet_api.vehicle import VehicleState

@@ -22,9 +22,8 @@ from nena_order_service.errors import (
     VersionChangedError,
 )
 from nena_order_service.fleet import InstantActionEnded, LinkStatus, RobotView
-from nena_order_service.fleet.mission_builder import mission_id
-from nena_order_service.fleet.operations import fresh_id
-from nena_order_service.fleet.view import MissionPhase
+from nena_order_service.fleet.mission import fresh_id, mission_id
+from nena_order_service.fleet.robot import MissionPhase
 from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.kernel.settings import KernelSettings
 from nena_order_service.kernel.steps import Steps

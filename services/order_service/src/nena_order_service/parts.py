@@ -12,7 +12,7 @@ from fastapi import FastAPI
 from starlette.types import ASGIApp
 
 from nena_order_service.asyncapi import document
-from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.dispatching.way import WayFinder
 from nena_order_service.event_stream import EventStream
 from nena_order_service.fleet import FleetLink, OperationMap, RobotAddresses
 from nena_order_service.host_requests import HostRequests, HostServices, SequenceRequests

@@ -18,7 +18,7 @@ from nena_order_service.fleet import (
     build_mission,
     locate,
 )
-from nena_order_service.fleet.mission_update import released_to
+from nena_order_service.fleet.mission import released_to
 from nena_order_service.routing import Router
 from nena_shared.fleet_api.transport_order import Coordinate
 from nena_shared.plant import PlantModel

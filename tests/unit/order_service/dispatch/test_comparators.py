@@ -8,22 +8,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from nena_order_service.dispatch.comparators import (
+from nena_order_service.dispatching.dispatcher import (
     CANDIDATE_VALUES,
     ORDER_VALUES,
     VEHICLE_VALUES,
     Candidate,
-    CandidateKey,
+    DispatchedVehicle,
     Now,
-    OrderKey,
-    VehicleKey,
     rank_candidates,
     rank_orders,
     rank_vehicles,
 )
-from nena_order_service.dispatch.settings import DispatchSettings
-from nena_order_service.dispatch.vehicle import DispatchedVehicle
-from nena_order_service.dispatch.way_costs import WayCost
+from nena_order_service.dispatching.settings import CandidateKey, DispatchSettings, OrderKey, VehicleKey
+from nena_order_service.dispatching.way import WayCost
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.fleet_api.order_types import AcceptableOrderType
 from support.order_service import NOW, dispatchable_order

@@ -5,11 +5,8 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.dispatch.comparators import CandidateKey, OrderKey
-from nena_order_service.dispatch.dispatcher import BUSY, Decisions, Dispatcher
-from nena_order_service.dispatch.load_room import Carried
-from nena_order_service.dispatch.settings import Chooser, DispatchSettings
-from nena_order_service.dispatch.vehicle import DispatchedVehicle
+from nena_order_service.dispatching.dispatcher import BUSY, Carried, Decisions, DispatchedVehicle, Dispatcher
+from nena_order_service.dispatching.settings import CandidateKey, Chooser, DispatchSettings, OrderKey
 from nena_order_service.orders.transport_order import TransportOrder
 from support.dispatching import Told, pairs, vehicles
 from support.order_service import NOW, dispatchable_order

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.dispatch.energy import Energy
+from nena_order_service.dispatching.parking import Energy
 from nena_shared.plant.vehicle import EnergyThresholds
 
 LEVELS = EnergyThresholds(critical=20, good=80, sufficiently_recharged=50, fully_recharged=95)

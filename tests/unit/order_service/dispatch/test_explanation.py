@@ -1,9 +1,6 @@
 from __future__ import annotations
 
-from nena_order_service.dispatch.dispatcher import BUSY
-from nena_order_service.dispatch.explanation import COULD, explain
-from nena_order_service.dispatch.load_room import Carried
-from nena_order_service.dispatch.vehicle import DispatchedVehicle
+from nena_order_service.dispatching.dispatcher import BUSY, COULD, Carried, DispatchedVehicle, explain
 from support.dispatching import Told, vehicles
 from support.order_service import assigned_order, dispatchable_order
 

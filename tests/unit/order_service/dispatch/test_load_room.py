@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.dispatch.load_room import Carried, Pick, carried
+from nena_order_service.dispatching.dispatcher import Carried, Pick, carried
 from nena_shared.vda5050.factsheet import Factsheet, LoadSpecification
 from support.fleet_examples import factsheet, state
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.dispatch.order_types import acceptable, type_priority, why_not_accepted
+from nena_order_service.dispatching.dispatcher import acceptable, type_priority, why_not_accepted
 from nena_shared.fleet_api.order_types import ANY_ORDER_TYPE
 
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from nena_order_service.dispatch.settings import DispatchSettings, EnergySettings
+from nena_order_service.dispatching.settings import DispatchSettings, EnergySettings
 from nena_shared.plant.vehicle import EnergyThresholds
 
 

@@ -2,8 +2,7 @@ from __future__ import annotations
 
 from math import inf
 
-from nena_order_service.dispatch.load_room import Carried, Pick
-from nena_order_service.dispatch.vehicle import DispatchedVehicle
+from nena_order_service.dispatching.dispatcher import Carried, DispatchedVehicle, Pick
 from nena_shared.fleet_api.order_types import AcceptableOrderType
 from support.order_service import dispatchable_order
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.dispatching.way import WayFinder
 from nena_order_service.routing import NoRouteError, Router
 from nena_shared.fleet_api.transport_order import Coordinate, Destination
 from nena_shared.plant import Link, Location, LocationType, PlantModel

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.dispatch.way import WayFinder
-from nena_order_service.dispatch.way_costs import NO_WAY, WayCosts
+from nena_order_service.dispatching.way import NO_WAY, WayCosts, WayFinder
 from nena_order_service.routing import NoRouteError, Router
 from nena_shared.fleet_api.transport_order import Coordinate, Destination
 from nena_shared.plant import Link, Location, LocationType, Path, PlantModel

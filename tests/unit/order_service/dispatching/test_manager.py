@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.dispatch.settings import DispatchSettings
+from nena_order_service.dispatching.settings import DispatchSettings
 from nena_order_service.kernel import Kernel, KernelSettings
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing import graph

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 from math import inf
 
-from nena_order_service.dispatch.load_room import Pick
-from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.dispatching.dispatcher import Pick
 from nena_order_service.dispatching.manager import KnownCosts, OrderFit, OrderKnowledge
+from nena_order_service.dispatching.way import WayFinder
 from nena_order_service.fleet import OperationMap
 from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.kernel.sequence_book import SequenceBook

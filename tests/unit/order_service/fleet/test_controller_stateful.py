@@ -27,7 +27,7 @@ from nena_order_service.fleet import (
     PublishOrder,
 )
 from nena_order_service.fleet.controller import FleetController
-from nena_order_service.fleet.reported import State
+from nena_order_service.fleet.robot import State
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.state import OperatingMode
 from support.fleet import Bench, hand_over, make_mission

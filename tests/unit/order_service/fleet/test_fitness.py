@@ -13,8 +13,8 @@ from nena_order_service.fleet import (
     MissionFinished,
     PublishInstantActions,
 )
-from nena_order_service.fleet.abilities import Abilities
-from nena_order_service.fleet.fitness import instant_action_problem, order_problem
+from nena_order_service.fleet.feasibility import instant_action_problem, order_problem
+from nena_order_service.fleet.robot import Abilities
 from nena_shared.vda5050.action import Action, ActionParameter, ActionStatus, BlockingType
 from nena_shared.vda5050.factsheet import (
     ActionParameterDescription,

@@ -8,10 +8,9 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given
 
-from nena_order_service.fleet.abilities import Abilities
-from nena_order_service.fleet.fitness import order_problem
-from nena_order_service.fleet.fitting import fitted, fitted_action
+from nena_order_service.fleet.feasibility import fitted, fitted_action, order_problem
 from nena_order_service.fleet.mission import Mission
+from nena_order_service.fleet.robot import Abilities
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 from nena_shared.vda5050.factsheet import (
     ActionParameterDescription,

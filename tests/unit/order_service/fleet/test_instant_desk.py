@@ -7,7 +7,7 @@ from itertools import count
 import pytest
 
 from nena_order_service.fleet import FleetSettings, InstantActionEnded, PublishInstantActions
-from nena_order_service.fleet.instant_desk import CLEARING_PAUSE, InstantDesk
+from nena_order_service.fleet.instant_actions import CLEARING_PAUSE, InstantDesk
 from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, Robot
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.connection import ConnectionState

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from nena_order_service.fleet import MissionPhase
-from nena_order_service.fleet.matters import matters
+from nena_order_service.fleet.availability import matters
 from support.fleet import Bench, make_mission
 from support.fleet_examples import position, state
 

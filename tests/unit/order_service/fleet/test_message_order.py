@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from nena_order_service.fleet.message_order import MessageOrder
+from nena_order_service.fleet.robot import MessageOrder
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
 

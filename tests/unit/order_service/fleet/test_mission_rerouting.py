@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_order_service.fleet import Mission
-from nena_order_service.fleet.mission_rerouting import with_other_horizon
-from nena_order_service.fleet.mission_update import grown, released_to, update_of
+from nena_order_service.fleet.mission import grown, released_to, update_of, with_other_horizon
 from nena_shared.vda5050.action import Action, BlockingType
 from nena_shared.vda5050.order import Edge, Node
 

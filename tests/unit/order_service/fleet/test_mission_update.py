@@ -18,7 +18,7 @@ from nena_order_service.fleet import (
     NodePassed,
     PublishOrder,
 )
-from nena_order_service.fleet.mission_update import released_to, update_of
+from nena_order_service.fleet.mission import released_to, update_of
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.factsheet import OptionalParameter, Support
 from nena_shared.vda5050.order import Node

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.fleet.progress import read
+from nena_order_service.fleet.mission_run import read
 from support.fleet import make_mission
 from support.fleet_examples import state
 

@@ -8,8 +8,8 @@ from itertools import count
 import pytest
 
 from nena_order_service.fleet import FleetController, FleetSettings, PublishResponses
-from nena_order_service.fleet.release_desk import ReleaseDesk
 from nena_order_service.fleet.settings import ReleasePolicy
+from nena_order_service.fleet.zones import ReleaseDesk
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.request import (
     EdgeRequest,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.fleet import reported_errors
+from nena_order_service.fleet import failures
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType
 from support.fleet import make_mission
 
@@ -35,7 +35,7 @@ def refusal(**references: str) -> ErrorEntry:
 def test_what_is_about_another_topic_order_or_update_refuses_no_update(
     references: dict[str, str], *, meant: bool
 ) -> None:
-    found = reported_errors.refuses_update(refusal(**references), ORDER_ID, UPDATE_ID)
+    found = failures.refuses_update(refusal(**references), ORDER_ID, UPDATE_ID)
 
     assert found is meant
 
@@ -44,12 +44,11 @@ def test_what_is_about_another_topic_refuses_no_order() -> None:
     mission = make_mission(ORDER_ID)
     meant, foreign = refusal(topic="order"), refusal(topic="instantActions")
 
-    assert reported_errors.refusals((meant, foreign), mission, frozenset()) == (meant,)
+    assert failures.refusals((meant, foreign), mission, frozenset()) == (meant,)
 
 
 def test_a_reason_and_what_the_robot_says_of_it_are_one_sentence() -> None:
-    assert reported_errors.with_details("it has failed", ()) == "it has failed"
+    assert failures.with_details("it has failed", ()) == "it has failed"
     assert (
-        reported_errors.with_details("it has failed", ("cancelled", "jammed"))
-        == "it has failed: cancelled; jammed"
+        failures.with_details("it has failed", ("cancelled", "jammed")) == "it has failed: cancelled; jammed"
     )

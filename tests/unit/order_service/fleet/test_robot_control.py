@@ -17,7 +17,7 @@ from nena_order_service.fleet import (
     RobotBusyError,
     RobotChanged,
 )
-from nena_order_service.fleet.mission_update import released_to
+from nena_order_service.fleet.mission import released_to
 from nena_order_service.fleet.robot_control import STRAY_PAUSE, RobotControl
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.factsheet import Factsheet

@@ -3,7 +3,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.fleet.silences import Silences
+from nena_order_service.fleet.robot import Silences
 from nena_shared.vda5050.topics import RobotKey
 
 ONE, OTHER = RobotKey("NeNa", "one"), RobotKey("NeNa", "other")

@@ -6,7 +6,7 @@ from random import Random
 
 import pytest
 
-from nena_order_service.dispatch.settings import DispatchSettings, ParkingSettings, RechargingSettings
+from nena_order_service.dispatching.settings import DispatchSettings, ParkingSettings, RechargingSettings
 from support.examples import KERNEL_PLANTS
 from support.traffic.kernel_simulation import Adversity, KernelSimulation
 from support.traffic.random_plant import random_plant

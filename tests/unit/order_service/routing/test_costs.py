@@ -3,8 +3,7 @@ from math import inf
 import pytest
 
 from nena_order_service.routing import CostEvaluator, CostKey, NoRouteError, Router, evaluators
-from nena_order_service.routing.costs import ExplicitProperties
-from nena_order_service.routing.profile import RoutingProfile
+from nena_order_service.routing.graph import ExplicitProperties, RoutingProfile
 from nena_shared.plant import BoundingBox, DirectedEdge, Orientation, Vehicle
 from support.plants import path, plant, point
 

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
-from nena_order_service.routing.kinds import VehicleKinds
-from nena_order_service.routing.profile import RoutingProfile
+from nena_order_service.routing.graph import RoutingProfile, VehicleKinds
 from nena_shared.plant import Vehicle
 
 

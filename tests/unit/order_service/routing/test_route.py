@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.routing.route import Route, Step
+from nena_order_service.routing.graph import Route, Step
 from nena_shared.plant import DirectedEdge, Orientation
 from support.plants import path
 

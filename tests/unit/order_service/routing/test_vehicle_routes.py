@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.dispatching.way import WayFinder
 from nena_order_service.routing import NoRouteError, Router, evaluators
-from nena_order_service.routing.costs import CostKey
+from nena_order_service.routing.graph import CostKey
 from nena_order_service.routing.vehicle_routes import VehicleWays
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.plant import PlantModel, Vehicle

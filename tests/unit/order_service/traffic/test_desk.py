@@ -8,7 +8,7 @@ import pytest
 
 from nena_order_service.routing import NoRouteError, Route, Router
 from nena_order_service.traffic.desk import TrafficDesk
-from nena_order_service.traffic.footing import Found
+from nena_order_service.traffic.resources import Found
 from nena_order_service.traffic.traffic_control import NoWay, Wish
 from nena_shared.plant import PlantModel
 from nena_shared.plant.geometry import BoundingBox

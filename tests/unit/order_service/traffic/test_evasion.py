@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.traffic.evasion import CANDIDATES_TRIED, Evader, overlap
 from nena_order_service.traffic.resources import ResourceSet, conflict
+from nena_order_service.traffic.traffic_control import CANDIDATES_TRIED, Evader, overlap
 from nena_shared.plant import PlantModel
 from nena_shared.plant.point import PointType
 from support.plants import path, plant

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.traffic.footing import Footings, Found
-from nena_order_service.traffic.resources import Resources
+from nena_order_service.traffic.resources import Footings, Found, Resources
 from nena_shared.plant import PlantModel
 from nena_shared.plant.block import Block
 from nena_shared.plant.geometry import BoundingBox

@@ -6,8 +6,7 @@ from collections import deque
 
 import pytest
 
-from nena_order_service.traffic.occupant import Occupant, covered_from
-from nena_order_service.traffic.resources import ResourceSet
+from nena_order_service.traffic.resources import Occupant, ResourceSet, covered_from
 
 WAY = [
     ResourceSet(name, length, {name: None})

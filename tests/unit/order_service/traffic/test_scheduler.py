@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from nena_order_service.traffic.scheduler import UnknownOccupantError
+from nena_order_service.traffic.traffic_control import UnknownOccupantError
 from nena_shared.plant.block import Block, BlockType
 from support.plants import path, plant
 from support.traffic.scenes import Scene

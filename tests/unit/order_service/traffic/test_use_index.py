@@ -7,7 +7,7 @@ from collections import Counter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.traffic.use_index import UseIndex
+from nena_order_service.traffic.resources import UseIndex
 
 
 def test_others_are_those_who_cannot_share() -> None:

@@ -6,15 +6,22 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-from nena_order_service.dispatch.dispatcher import BUSY, Assignment, Dispatcher
-from nena_order_service.dispatch.energy import Energy
-from nena_order_service.dispatch.explanation import VehicleFit, explain
-from nena_order_service.dispatch.load_room import Carried, Pick, carried
-from nena_order_service.dispatch.order_types import acceptable, why_not_accepted
-from nena_order_service.dispatch.settings import DispatchSettings
-from nena_order_service.dispatch.vehicle import DispatchedVehicle
-from nena_order_service.dispatch.way import Way, WayFinder
-from nena_order_service.dispatch.way_costs import OrderCosts, WayCost, WayCosts
+from nena_order_service.dispatching.dispatcher import (
+    BUSY,
+    Assignment,
+    Carried,
+    DispatchedVehicle,
+    Dispatcher,
+    Pick,
+    VehicleFit,
+    acceptable,
+    carried,
+    explain,
+    why_not_accepted,
+)
+from nena_order_service.dispatching.parking import Energy
+from nena_order_service.dispatching.settings import DispatchSettings
+from nena_order_service.dispatching.way import OrderCosts, Way, WayCost, WayCosts, WayFinder
 from nena_order_service.fleet import LinkStatus, NotLocatedError, RobotView, Standing
 from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.order_book import OrderBook

@@ -5,14 +5,16 @@ The core is pure: messages and the time, in monotonic seconds, go in; messages t
 
 from nena_order_service.fleet.addresses import RobotAddresses
 from nena_order_service.fleet.controller import FleetController
-from nena_order_service.fleet.errors import RobotBusyError
-from nena_order_service.fleet.failure_kind import FailureKind
-from nena_order_service.fleet.instant_run import retry_or_skip
+from nena_order_service.fleet.failures import FailureKind, RobotBusyError
+from nena_order_service.fleet.instant_actions import retry_or_skip
 from nena_order_service.fleet.link import FleetLink
-from nena_order_service.fleet.mission import Mission
-from nena_order_service.fleet.mission_builder import build_mission, mission_id
-from nena_order_service.fleet.mission_update import BaseChangedError
-from nena_order_service.fleet.operations import OperationMap
+from nena_order_service.fleet.mission import (
+    BaseChangedError,
+    Mission,
+    OperationMap,
+    build_mission,
+    mission_id,
+)
 from nena_order_service.fleet.outputs import (
     ActionRetriable,
     BaseWanted,
@@ -30,10 +32,9 @@ from nena_order_service.fleet.outputs import (
     PublishResponses,
     RobotChanged,
 )
-from nena_order_service.fleet.profile import RobotProfile
+from nena_order_service.fleet.position import NotLocatedError, RobotProfile, Standing, locate
+from nena_order_service.fleet.robot import Availability, LinkStatus, MissionPhase, RobotView
 from nena_order_service.fleet.settings import FleetSettings
-from nena_order_service.fleet.standing import NotLocatedError, Standing, locate
-from nena_order_service.fleet.view import Availability, LinkStatus, MissionPhase, RobotView
 
 __all__ = [
     "ActionRetriable",

@@ -1,14 +1,12 @@
-"""Whether a robot can be sent an order, with the reason in words, and how openTCS would call its state."""
+"""Whether a robot can take an order now, and which fields of its state matter for that."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from typing import Final
 
-from nena_order_service.fleet import reported_errors
-from nena_order_service.fleet.progress import is_idle
-from nena_order_service.fleet.reported import State
-from nena_order_service.fleet.view import LinkStatus
+from nena_order_service.fleet import failures
+from nena_order_service.fleet.robot import LinkStatus, State, is_idle
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.vda5050.state import EmergencyStop
 
@@ -39,9 +37,9 @@ def occupied(state: State, instant_ids: Collection[str]) -> str | None:
 
 def unfit(state: State) -> str | None:
     """Say why a free robot would refuse an order or could not drive it; None if it could."""
-    error = reported_errors.fatal(state.errors)
+    error = failures.fatal(state.errors)
     if error is not None:
-        return f"has a fatal error: {reported_errors.in_words(error)}"
+        return f"has a fatal error: {failures.in_words(error)}"
     if waiting := _without_navigation(state):
         return waiting
     position = state.mobile_robot_position
@@ -57,18 +55,51 @@ def hindered(state: State) -> str | None:
 
 
 def _without_navigation(state: State) -> str | None:
-    waiting = reported_errors.no_navigation(state.errors)
-    return f"waits: {reported_errors.in_words(waiting)}" if waiting else None
+    waiting = failures.no_navigation(state.errors)
+    return f"waits: {failures.in_words(waiting)}" if waiting else None
 
 
 def vehicle_state(state: State | None, link: LinkStatus, instant_ids: Collection[str]) -> VehicleState:
     """Give the state in openTCS's words; UNKNOWN is a robot that does not tell."""
     if state is None or link is not LinkStatus.ONLINE:
         return VehicleState.UNKNOWN
-    if reported_errors.fatal(state.errors) is not None:
+    if failures.fatal(state.errors) is not None:
         return VehicleState.ERROR
     if not state.operating_mode.takes_orders:
         return VehicleState.UNAVAILABLE
     if not is_idle(state, instant_ids):
         return VehicleState.EXECUTING
     return VehicleState.CHARGING if state.power_supply.charging else VehicleState.IDLE
+
+
+def matters(state: State) -> tuple[object, ...]:
+    """Give all that missions and news are made of: not where the robot is, nor fractions of a percent.
+
+    Of the nodes and edges to come the first counts, and whether there are any: all others follow it.
+    """
+    power, position = state.power_supply, state.mobile_robot_position
+    return (
+        state.order_id,
+        state.order_update_id,
+        state.last_node_id,
+        state.last_node_sequence_id,
+        state.node_states[0].sequence_id if state.node_states else None,
+        bool(state.edge_states),
+        state.action_states,
+        state.instant_action_states,
+        state.driving,
+        state.paused,
+        state.new_base_request,
+        state.operating_mode,
+        state.errors,
+        state.safety_state,
+        int(power.state_of_charge),
+        power.charging,
+        position and (position.map_id, position.localized),
+        equipment(state),
+    )
+
+
+def equipment(state: State) -> tuple[object, ...]:
+    """Give where a robot has loads, and its maps, for the dispatcher; not what changes all the time."""
+    return state.loads and tuple(each.load_position for each in state.loads), state.maps

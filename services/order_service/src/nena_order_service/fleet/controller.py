@@ -7,15 +7,12 @@ from datetime import UTC, datetime
 from itertools import chain
 from typing import Final
 
-from nena_order_service.fleet.mission import Mission
-from nena_order_service.fleet.operations import fresh_id
+from nena_order_service.fleet.mission import Mission, fresh_id
 from nena_order_service.fleet.outputs import FleetOutput, Outputs
-from nena_order_service.fleet.release_desk import ReleaseDesk
-from nena_order_service.fleet.reported import State
+from nena_order_service.fleet.robot import RobotView, Silences, State
 from nena_order_service.fleet.robot_control import RobotControl
 from nena_order_service.fleet.settings import FleetSettings
-from nena_order_service.fleet.silences import Silences
-from nena_order_service.fleet.view import RobotView
+from nena_order_service.fleet.zones import ReleaseDesk
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet

@@ -1,4 +1,4 @@
-"""Sending a message again until a state echoes it: with growing pauses, a bounded number of times."""
+"""Resend a message until a state echoes it: growing pauses, a bounded number of times."""
 
 from __future__ import annotations
 

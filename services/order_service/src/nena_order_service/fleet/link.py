@@ -14,8 +14,8 @@ from nena_order_service.fleet.controller import FleetController
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.outgoing import Outgoing
 from nena_order_service.fleet.outputs import FleetOutput, Outputs, Publish, PublishZoneSet
+from nena_order_service.fleet.robot import RobotView
 from nena_order_service.fleet.settings import FleetSettings
-from nena_order_service.fleet.view import RobotView
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound

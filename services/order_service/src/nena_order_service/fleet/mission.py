@@ -1,13 +1,24 @@
-"""A mission: what one robot is to do now, as one VDA 5050 order."""
+"""VDA 5050 orders for drive orders: the graph, its actions, its updates and its replanned rest."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self
+from itertools import pairwise
+from types import MappingProxyType
+from typing import Final, Self
+from uuid import uuid4
 
-from nena_shared.vda5050.action import Action
+from nena_order_service.fleet.position import DEFAULT_DEVIATION_XY, RobotProfile, Standing
+from nena_order_service.fleet.robot import State
+from nena_order_service.routing import Route
+from nena_shared.fleet_api.transport_order import Coordinate
+from nena_shared.plant import Location, MapPlace, PlantModel, PlantPlace
+from nena_shared.plant.transform import normalized
+from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 from nena_shared.vda5050.base import Identifier, WireObject
-from nena_shared.vda5050.order import Edge, Node
+from nena_shared.vda5050.order import AllowedDeviationXY, Edge, Node, NodePosition
 
 
 class Mission(WireObject):
@@ -45,3 +56,347 @@ class Mission(WireObject):
     def last_sequence_id(self) -> int:
         """The sequenceId of the last node: where the mission ends."""
         return self.nodes[-1].sequence_id
+
+
+NO_ACTION: Final = ""
+"""What an operation is mapped to that is nothing but the drive."""
+
+RECHARGE_ACTION: Final = "startCharging"
+
+PICK: Final = "pick"
+DROP: Final = "drop"
+
+STATION_ACTIONS: Final = frozenset({PICK, DROP})
+"""Actions that take and give loads, at a station."""
+
+DEFAULT_ACTION_TYPES: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "Load cargo": "pick",
+        "Load": "pick",
+        "Unload cargo": "drop",
+        "Unload": "drop",
+        "Charge": "startCharging",
+        "CHARGE": "startCharging",
+        "MOVE": NO_ACTION,
+        "PARK": NO_ACTION,
+        "NOP": NO_ACTION,
+    }
+)
+
+STATION_PARAMETERS: Final = frozenset({"stationType", "stationName", "loadType"})
+"""What pick and drop are told of their place and load, whether or not anybody has asked for it."""
+
+UNSPECIFIED_LOAD: Final = "unspecified"
+"""The loadType where nobody says one; 2.1 demands the parameter of pick and drop."""
+
+
+def fresh_id() -> str:
+    """Give an id that nothing else has; 32 characters, for some robots take no longer ones."""
+    return uuid4().hex
+
+
+@dataclass(frozen=True, slots=True)
+class OperationMap:
+    """Which action an operation stands for; an unknown operation is an action of the same name.
+
+    ``action_types`` is laid over the defaults; an empty action type means that there is nothing to do but to
+    be there.
+    """
+
+    action_types: Mapping[str, str] = field(default_factory=dict)
+    new_id: Callable[[], str] = fresh_id
+
+    def action_type(self, operation: str) -> str:
+        """Give the action type that an operation stands for."""
+        usual = DEFAULT_ACTION_TYPES.get(operation, operation)
+        return self.action_types.get(operation, usual)
+
+    def recharges(self, operation: str) -> bool:
+        """Tell whether an operation is to recharge."""
+        return self.action_type(operation) == RECHARGE_ACTION
+
+    def actions(
+        self,
+        operation: str,
+        properties: Mapping[str, str],
+        location: Location | None = None,
+        *,
+        retriable: bool = False,
+    ) -> tuple[Action, ...]:
+        """Give the actions of ``operation`` with fresh ids; ``properties`` become parameters.
+
+        For pick and drop the location's name and type become stationName and stationType, unless the
+        properties say something else.
+        """
+        action_type = self.action_type(operation)
+        if action_type == NO_ACTION:
+            return ()
+        parameters = {**_station(action_type, location), **properties}
+        action = Action(
+            action_type=action_type,
+            action_id=self.new_id(),
+            action_descriptor=operation,
+            blocking_type=BlockingType.HARD,
+            action_parameters=tuple(_parameters(parameters.items())),
+            retriable=retriable or None,
+        )
+        return (action,)
+
+
+def _station(action_type: str, location: Location | None) -> dict[str, str]:
+    if action_type not in STATION_ACTIONS:
+        return {}
+    station = {"stationType": location.type, "stationName": location.name} if location else {}
+    return {"stationType": "point", **station, "loadType": UNSPECIFIED_LOAD}
+
+
+def _parameters(values: Iterable[tuple[str, str]]) -> Iterable[ActionParameter]:
+    return (ActionParameter(key=key, value=value) for key, value in values)
+
+
+START_PREFIX = "start:"
+GOAL_PREFIX = "goal:"
+"""Before the mission's id: nodes that are no points of the plant."""
+
+
+def mission_id(order_name: str, drive_order_index: int, attempt: int = 0) -> str:
+    """Give the id of a drive order's mission; each new attempt is an order of its own for the robot.
+
+    Names of orders hold no ``~``, so that no two orders have missions of one id.
+    """
+    first = f"{order_name}-{drive_order_index}"
+    return f"{first}~{attempt}" if attempt else first
+
+
+@dataclass(frozen=True, slots=True)
+class _Stop:
+    """A node in the making: m and rad of the map ``map_id``."""
+
+    node_id: str
+    place: MapPlace
+    map_id: str
+    theta: float | None = None
+    edge_id: str | None = None
+    """Of the edge that leads here, where the plant has a name for it."""
+
+
+def build_mission(
+    name: str,
+    *,
+    plant: PlantModel,
+    standing: Standing,
+    profile: RobotProfile,
+    route: Route | None = None,
+    coordinate: Coordinate | None = None,
+    actions: tuple[Action, ...] = (),
+) -> Mission:
+    """Build the mission called ``name``: along the route, if any, then to the coordinate, if any.
+
+    It begins where the robot stands; if that is no point of the plant, at a temporary node at its own pose.
+    Points that are passed have no heading, so that the robot need not stop; the last one has that of the
+    point or coordinate. ``actions`` are done at the end.
+
+    Raises:
+        ValueError: neither a route nor a coordinate, or a route that begins elsewhere than at the robot.
+
+    """
+    if route is None and coordinate is None:
+        message = "a mission needs a route or a coordinate"
+        raise ValueError(message)
+    if route is not None and route.source != standing.point:
+        message = f"the route begins at {route.source!r}, the robot is at {standing.point!r}"
+        raise ValueError(message)
+    stops = list(_way(name, plant, standing, profile, route))
+    if coordinate is not None:
+        stops.append(_goal(name, profile, coordinate, stops[-1].map_id))
+    elif len(stops) > 1:
+        stops[-1] = replace(stops[-1], theta=_heading(plant, profile, stops[-1].node_id))
+    return Mission(
+        mission_id=name,
+        nodes=tuple(_nodes(stops, profile, actions)),
+        edges=tuple(_edges(stops)),
+    )
+
+
+def _way(
+    name: str, plant: PlantModel, standing: Standing, profile: RobotProfile, route: Route | None
+) -> Iterator[_Stop]:
+    """Give the start and the points of the route."""
+    apart = _start(name, plant, standing, profile, route)
+    if apart is not None:
+        yield apart
+    if apart is None or route is not None:
+        yield _at(plant, profile, standing.point)
+    for step in route.steps if route else ():
+        yield _at(plant, profile, step.destination, step.edge_id)
+
+
+def _start(
+    name: str, plant: PlantModel, standing: Standing, profile: RobotProfile, route: Route | None
+) -> _Stop | None:
+    """Give the temporary node where the robot is, if it must drive to get to its own point."""
+    pose = standing.pose
+    if pose is None:
+        return None
+    if standing.on_point and not (route and not route.steps and _must_turn(plant, profile, standing)):
+        return None
+    return _Stop(START_PREFIX + name, MapPlace(pose.x, pose.y), pose.map_id)
+
+
+def _must_turn(plant: PlantModel, profile: RobotProfile, standing: Standing) -> bool:
+    wanted = _heading(plant, profile, standing.point)
+    if wanted is None or standing.pose is None:
+        return False
+    return abs(normalized(wanted - standing.pose.theta)) > profile.deviation_theta
+
+
+def _at(plant: PlantModel, profile: RobotProfile, point_name: str, edge_id: str | None = None) -> _Stop:
+    point = plant.point(point_name)
+    map_id = point.map_id or profile.map_id
+    place = profile.on(map_id).to_map(PlantPlace(point.x_m, point.y_m))
+    return _Stop(point_name, place, map_id, edge_id=edge_id)
+
+
+def _heading(plant: PlantModel, profile: RobotProfile, point_name: str) -> float | None:
+    point = plant.point(point_name)
+    transform = profile.on(point.map_id or profile.map_id)
+    return None if point.heading_rad is None else transform.heading_to_map(point.heading_rad)
+
+
+def _goal(name: str, profile: RobotProfile, coordinate: Coordinate, map_id: str) -> _Stop:
+    """Give the coordinate, on the map where the way to it ends."""
+    place = profile.on(map_id).to_map(PlantPlace(coordinate.x, coordinate.y))
+    theta = None if coordinate.theta is None else profile.on(map_id).heading_to_map(coordinate.theta)
+    return _Stop(GOAL_PREFIX + name, place, map_id, theta)
+
+
+def _nodes(stops: list[_Stop], profile: RobotProfile, actions: tuple[Action, ...]) -> Iterator[Node]:
+    last = len(stops) - 1
+    for index, stop in enumerate(stops):
+        yield Node(
+            node_id=stop.node_id,
+            sequence_id=2 * index,
+            released=True,
+            node_position=_position(stop, profile, starts=index == 0),
+            actions=actions if index == last else (),
+        )
+
+
+def _position(stop: _Stop, profile: RobotProfile, *, starts: bool) -> NodePosition:
+    """Give the place of a node; where the robot starts, a wide deviation is what lets it (section 6.6.2)."""
+    deviation = max(profile.deviation_xy, DEFAULT_DEVIATION_XY) if starts else profile.deviation_xy
+    radius = profile.on(stop.map_id).length_to_map(deviation)
+    return NodePosition(
+        x=stop.place.x_m,
+        y=stop.place.y_m,
+        theta=stop.theta,
+        map_id=stop.map_id,
+        allowed_deviation_xy=AllowedDeviationXY(a=radius, b=radius),
+        allowed_deviation_theta=None if stop.theta is None else profile.deviation_theta,
+    )
+
+
+def _edges(stops: list[_Stop]) -> Iterator[Edge]:
+    for index, (before, after) in enumerate(pairwise(stops)):
+        yield Edge(
+            edge_id=after.edge_id or f"{before.node_id} --- {after.node_id}",
+            sequence_id=2 * index + 1,
+            released=True,
+            actions=(),
+        )
+
+
+class BaseChangedError(ValueError):
+    """A plan that does not keep what the robot was told to be its base, which nothing takes back."""
+
+    def __init__(self, mission_id: str, problem: str) -> None:
+        super().__init__(f"mission {mission_id!r} cannot be changed so: {problem}")
+        self.mission_id = mission_id
+
+
+def grown(held: Mission, plan: Mission) -> Mission:
+    """Give the plan with the base of ``held`` as the robot was sent it, to the last field.
+
+    Raises:
+        BaseChangedError: the plan is of another mission, or not a way on from the base.
+
+    """
+    base = _base_length(held)
+    if plan.mission_id != held.mission_id:
+        raise BaseChangedError(held.mission_id, f"the plan is that of {plan.mission_id!r}")
+    if _base_length(plan) < base or _outline(plan, base) != _outline(held, base):
+        raise BaseChangedError(held.mission_id, "the plan has another base")
+    nodes = (*held.nodes[:base], *plan.nodes[base:])
+    edges = (*held.edges[: base - 1], *plan.edges[base - 1 :])
+    return Mission(mission_id=plan.mission_id, nodes=nodes, edges=edges)
+
+
+def update_of(held: Mission, plan: Mission) -> Mission:
+    """Give what must be sent to a robot that has ``held`` so that it has ``plan``, from its base's end on.
+
+    Raises:
+        BaseChangedError: as :func:`grown`.
+
+    """
+    whole, begin = grown(held, plan), _base_length(held) - 1
+    return Mission(mission_id=whole.mission_id, nodes=whole.nodes[begin:], edges=whole.edges[begin:])
+
+
+def released_to(plan: Mission, sequence_id: int) -> Mission:
+    """Give the plan with its base ending at the node ``sequence_id``."""
+    nodes = tuple(_released(node, released=node.sequence_id <= sequence_id) for node in plan.nodes)
+    edges = tuple(edge.model_copy(update={"released": edge.sequence_id < sequence_id}) for edge in plan.edges)
+    return Mission(mission_id=plan.mission_id, nodes=nodes, edges=edges)
+
+
+def held_by(state: State, plan: Mission) -> Mission:
+    """Give as much of the plan as a robot that has an older update says that it has for its base."""
+    base = [each.sequence_id for each in state.node_states if each.released]
+    return released_to(plan, base[-1] if base else state.last_node_sequence_id)
+
+
+def _base_length(mission: Mission) -> int:
+    return sum(1 for node in mission.nodes if node.released)
+
+
+def _outline(mission: Mission, base: int) -> tuple[object, ...]:
+    """Give what makes a base the same; how exactly it is written may differ, as by a newer factsheet."""
+    parts: tuple[Node | Edge, ...] = (*mission.nodes[:base], *mission.edges[: base - 1])
+    return tuple(
+        (_name(each), each.sequence_id, tuple(action.action_id for action in each.actions)) for each in parts
+    )
+
+
+def _name(part: Node | Edge) -> str:
+    return part.node_id if isinstance(part, Node) else part.edge_id
+
+
+def _released(node: Node, *, released: bool) -> Node:
+    return node.model_copy(update={"released": released})
+
+
+def with_other_horizon(held: Mission, base_end: int, tail: Mission) -> Mission:
+    """Give ``held`` up to its node ``base_end``, and from there on ``tail``, which begins at that node.
+
+    What the robot was told of the base stays to the last field; the first node of ``tail`` gives only the
+    place to go on from. The actions behind the base are those of ``tail``: their ids must be new, for ids are
+    not used again after a change of the horizon.
+
+    Raises:
+        ValueError: ``tail`` begins elsewhere, has nothing behind its first node, or uses an action id again.
+
+    """
+    if tail.nodes[0].node_id != held.nodes[base_end].node_id or not tail.edges:
+        message = f"no way on from node {held.nodes[base_end].node_id!r}"
+        raise ValueError(message)
+    if tail.action_ids & held.action_ids:
+        message = "the ids of the actions are those of the old horizon"
+        raise ValueError(message)
+    shift = 2 * base_end
+    nodes = (each.model_copy(update={"sequence_id": each.sequence_id + shift}) for each in tail.nodes[1:])
+    edges = (each.model_copy(update={"sequence_id": each.sequence_id + shift}) for each in tail.edges)
+    return Mission(
+        mission_id=held.mission_id,
+        nodes=(*held.nodes[: base_end + 1], *nodes),
+        edges=(*held.edges[:base_end], *edges),
+    )

@@ -1,17 +1,16 @@
-"""One mission at one robot, from the first sending to its one end (VDA 5050 3.0 sections 6.1 and 6.6)."""
+"""One VDA 5050 order on its way through a robot: sent, resent, echoed, driven, cancelled, ended."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from typing import Final
 
-from nena_order_service.fleet import progress as progresses
-from nena_order_service.fleet import reported_errors
+from nena_order_service.fleet import failures
 from nena_order_service.fleet.delivery import Delivery
-from nena_order_service.fleet.failure_kind import FailureKind
-from nena_order_service.fleet.instant_run import RETRY, InstantRun
-from nena_order_service.fleet.mission import Mission
-from nena_order_service.fleet.mission_update import PendingUpdate, grown, held_by, update_of
+from nena_order_service.fleet.failures import ErrorIdentity, FailureKind
+from nena_order_service.fleet.instant_actions import RETRY, InstantRun
+from nena_order_service.fleet.mission import Mission, grown, held_by, update_of
 from nena_order_service.fleet.outputs import (
     ActionRetriable,
     BaseWanted,
@@ -25,13 +24,96 @@ from nena_order_service.fleet.outputs import (
     OperationStarted,
     PublishOrder,
 )
-from nena_order_service.fleet.progress import Progress
-from nena_order_service.fleet.reported import ActionState, ErrorEntry, State
-from nena_order_service.fleet.reported_errors import ErrorIdentity
+from nena_order_service.fleet.robot import ActionState, ErrorEntry, MissionPhase, State
 from nena_order_service.fleet.settings import FleetSettings
-from nena_order_service.fleet.view import MissionPhase
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.topics import RobotKey
+
+
+@dataclass(slots=True)
+class PendingUpdate:
+    """An update that no state has echoed yet. ``plan`` is the whole mission by it."""
+
+    plan: Mission
+    message: Mission
+    """What is sent: from the decision point on."""
+    update_id: int
+    delivery: Delivery
+    errors_before: frozenset[ErrorIdentity] = frozenset()
+
+    def refusals(self, errors: Iterable[ErrorEntry]) -> tuple[ErrorEntry, ...]:
+        """Give the errors by which the robot refuses it."""
+        return tuple(
+            each
+            for each in errors
+            if failures.identity(each) not in self.errors_before
+            and not failures.of_another_action(each, self.plan)
+            and failures.refuses_update(each, self.plan.mission_id, self.update_id)
+        )
+
+    def is_refused(self, refusals: Iterable[ErrorEntry], now: float) -> bool:
+        """Tell whether refusals are to be believed."""
+        return self.delivery.is_refused(now, named=any(map(self._is_named, refusals)))
+
+    def _is_named(self, error: ErrorEntry) -> bool:
+        return failures.is_named(error, self.plan) or failures.names_update(error)
+
+
+NOT_BEGUN: Final = frozenset({ActionStatus.WAITING, ActionStatus.FAILED})
+"""A waiting action fails without ever having begun when its order is cancelled."""
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """What a state that echoes the mission says about it."""
+
+    passed: int
+    """The sequenceId of the last node that has been traversed; -1: none."""
+    operating: bool
+    """Whether an action of the mission has begun."""
+    idle: bool
+    """Whether the robot has nothing left to do for it."""
+    at_end: bool
+    """Whether the robot has come to the last node."""
+    failed: tuple[ActionState, ...]
+    """The mission's actions that have failed."""
+    retriable: tuple[ActionState, ...]
+    """Those that have failed and may be tried again."""
+    unreported: frozenset[str]
+    """Ids of the mission's actions that the state does not know."""
+
+    @property
+    def done(self) -> bool:
+        """Whether everything has been done, and with success."""
+        return self.idle and self.at_end and not self.failed and not self.unreported
+
+
+def knows(state: State, mission: Mission, update_id: int) -> bool:
+    """Tell whether the robot's order is this mission, with all updates up to ``update_id``."""
+    return state.order_id == mission.mission_id and state.order_update_id == update_id
+
+
+def read(state: State, mission: Mission) -> Progress:
+    """Read a state that :func:`knows` the mission.
+
+    A node counts as traversed only if it is no longer among those to come: not every robot sets
+    lastNodeSequenceId back at once when it takes a new order.
+    """
+    ids = mission.action_ids
+    own = [each for each in state.action_states if each.action_id in ids] if ids else []
+    left = bool(state.node_states or state.edge_states)
+    passed = state.last_node_sequence_id
+    if state.node_states:
+        passed = min(passed, state.node_states[0].sequence_id - 1)
+    return Progress(
+        passed=passed,
+        operating=any(each.action_status not in NOT_BEGUN for each in own),
+        idle=not left and all(each.action_status.ended for each in own),
+        at_end=passed == mission.last_sequence_id,
+        failed=tuple(each for each in own if each.action_status is ActionStatus.FAILED),
+        retriable=tuple(each for each in own if each.action_status is ActionStatus.RETRIABLE),
+        unreported=ids.difference(each.action_id for each in own) if len(own) < len(ids) else frozenset(),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +201,7 @@ class MissionRun:
         if self._pending is None and self._plan is not None:
             plan, self._plan = self._plan, None
             message = update_of(self.mission, plan)
-            before = frozenset(map(reported_errors.identity, errors))
+            before = frozenset(map(failures.identity, errors))
             delivery = Delivery(self._settings)
             self._pending = PendingUpdate(plan, message, self.update_id + 1, delivery, before)
         assert self._pending, "asked for when wants_update says so"  # noqa: S101 - for the type
@@ -141,7 +223,7 @@ class MissionRun:
         """Send the order; ``errors`` are those that the robot reports already."""
         if self.phase is MissionPhase.WAITING:
             self.phase = MissionPhase.SENT
-            self._before = frozenset(map(reported_errors.identity, errors))
+            self._before = frozenset(map(failures.identity, errors))
         self._delivery.sent(now)
         return PublishOrder(self._robot, self.mission)
 
@@ -219,11 +301,11 @@ class MissionRun:
             self.mission, self.update_id = held_by(state, self.mission), state.order_update_id
 
     def _known_in(self, state: State) -> bool:
-        return progresses.knows(state, self.mission, self.update_id)
+        return knows(state, self.mission, self.update_id)
 
     def _follow(self, state: State, now: float) -> Iterator[FleetOutput]:
         """Tell what a state that knows the mission says of it."""
-        progress = progresses.read(state, self.mission)
+        progress = read(state, self.mission)
         self._retriable &= {each.action_id for each in progress.retriable}
         yield from self._tell(progress)
         yield from self._tell_base(state)
@@ -270,8 +352,8 @@ class MissionRun:
             if self._pending.is_refused(refused, now):
                 reason = "the robot refuses to go on with the order"
                 self._cancel_for(Failure(FailureKind.DRIVE, reason, _words(refused)))
-        elif errors := reported_errors.about(state.errors, self.mission, self._before):
-            kind = FailureKind.ACTION if reported_errors.name_actions(errors) else FailureKind.DRIVE
+        elif errors := failures.about(state.errors, self.mission, self._before):
+            kind = FailureKind.ACTION if failures.name_actions(errors) else FailureKind.DRIVE
             self._cancel_for(Failure(kind, "the robot cannot go on with it", _words(errors)))
         else:
             self._look_for_standstill(state, now)
@@ -290,10 +372,10 @@ class MissionRun:
             return None
         first = failed[0]
         own = (each.action_result for each in failed)
-        said = (text for each in failed for text in reported_errors.of_action(state.errors, each.action_id))
+        said = (text for each in failed for text in failures.of_action(state.errors, each.action_id))
         name = next(each.action_type for each in self.mission.actions if each.action_id == first.action_id)
         # of an order that is given up on its way they fail without having begun
-        at_end = progresses.read(state, self.mission).at_end
+        at_end = read(state, self.mission).at_end
         kind = FailureKind.ACTION if at_end else FailureKind.DRIVE
         return Failure(kind, f"the action {name!r} has failed", (*filter(None, own), *said))
 
@@ -310,11 +392,11 @@ class MissionRun:
     def _standstill(self, state: State) -> Failure | None:
         if state.driving or not self._known_in(state):
             return None
-        if reported_errors.unexplained(state.errors, self.mission, self._before):
+        if failures.unexplained(state.errors, self.mission, self._before):
             reason = "the robot stands with an error that it cannot go on with"
             return Failure(FailureKind.DRIVE, reason, _words(state.errors))
         if self.mission.actions and not state.node_states:
-            unreported = progresses.read(state, self.mission).unreported
+            unreported = read(state, self.mission).unreported
             reason = "the robot does not report the actions of the order"
             return Failure(FailureKind.UNCLEAR, reason, _words(state.errors)) if unreported else None
         return None
@@ -324,8 +406,8 @@ class MissionRun:
         self.phase = MissionPhase.CANCELLING
 
     def _look_for_refusal(self, state: State, now: float) -> Iterator[FleetOutput]:
-        errors = reported_errors.refusals(state.errors, self.mission, self._before)
-        named = any(reported_errors.is_named(each, self.mission) for each in errors)
+        errors = failures.refusals(state.errors, self.mission, self._before)
+        named = any(failures.is_named(each, self.mission) for each in errors)
         if errors and self._delivery.is_refused(now, named=named):
             yield self._fail(Failure(FailureKind.REFUSED, "the robot refuses the order", _words(errors)))
 
@@ -355,7 +437,7 @@ class MissionRun:
         return sent_unseen or self._active_at_robot(state)
 
     def _active_at_robot(self, state: State) -> bool:
-        return self._known_in(state) and not progresses.read(state, self.mission).idle
+        return self._known_in(state) and not read(state, self.mission).idle
 
     def _end_early(self) -> Iterator[FleetOutput]:
         if self._failure:
@@ -373,7 +455,7 @@ class MissionRun:
 
 
 def _words(errors: Iterable[ErrorEntry]) -> tuple[str, ...]:
-    return tuple(map(reported_errors.in_words, errors))
+    return tuple(map(failures.in_words, errors))
 
 
 def _lost(state: State) -> str:

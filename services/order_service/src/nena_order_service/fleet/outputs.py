@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from nena_order_service.fleet.failure_kind import FailureKind
+from nena_order_service.fleet.failures import FailureKind
 from nena_order_service.fleet.mission import Mission
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.responses import Response

@@ -1,20 +1,229 @@
-"""What is known of one robot from its own messages alone."""
+"""One robot as its own messages describe it: last messages, connection, order of messages, and its view."""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
+from datetime import datetime
+from enum import StrEnum
+from functools import cached_property
+from heapq import heappop, heappush
+from math import inf
 from typing import Final
 
-from nena_order_service.fleet.abilities import Abilities
-from nena_order_service.fleet.message_order import MessageOrder
-from nena_order_service.fleet.reported import State
 from nena_order_service.fleet.settings import FleetSettings
-from nena_order_service.fleet.view import LinkStatus
+from nena_shared.fleet_api.vehicle import VehicleState
+from nena_shared.vda5050 import action, error, request, state
+from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.brief import state as brief
+from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import Connection, ConnectionState
-from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.factsheet import ActionParameterDescription, Factsheet, MobileRobotAction, Support
+from nena_shared.vda5050.own_actions import transforms_itself
 from nena_shared.vda5050.rules import RULES, Rules
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import nearest_codec
+
+State = state.State | brief.StateBrief
+ErrorEntry = error.ErrorEntry | brief.ErrorBrief
+ActionState = action.ActionState | brief.ActionBrief
+Position = state.MobileRobotPosition | brief.PositionBrief
+ZoneRequest = request.ZoneRequest | brief.ZoneRequestBrief
+EdgeRequest = request.EdgeRequest | brief.EdgeRequestBrief
+
+
+BELIEVED_COUNT: Final = 3
+BELIEVED_AFTER: Final = 10.0
+"""Messages in a row that look old, but rise among themselves, and seconds without any other one, from which
+the sender has started anew with a wrong clock."""
+
+
+class MessageOrder:
+    """Judges the headers of one robot's messages on one topic.
+
+    A message is old if neither its headerId nor its timestamp is beyond the last one's. A sender that starts
+    anew counts from 0 with a later timestamp, which is no old message; one whose clock went back as well is
+    believed after some messages, or at once after :meth:`restart`.
+    """
+
+    def __init__(self) -> None:
+        self._last: tuple[int, datetime] | None = None
+        self._last_at = 0.0
+        self._last_old = -1
+        self._old_in_a_row = 0
+
+    def restart(self) -> None:
+        """Take any message as new: the sender has connected anew."""
+        self._last = None
+
+    def is_new(self, header_id: int, timestamp: datetime, now: float) -> bool:
+        """Tell whether the message that comes ``now`` is new; the next ones are compared with it then."""
+        last = self._last
+        if last is not None and header_id <= last[0] and timestamp <= last[1]:
+            repeated = (header_id, timestamp) == last
+            if repeated or not self._believed(header_id, now):
+                return False
+        self._last, self._last_at = (header_id, timestamp), now
+        self._last_old, self._old_in_a_row = -1, 0
+        return True
+
+    def _believed(self, header_id: int, now: float) -> bool:
+        self._old_in_a_row = self._old_in_a_row + 1 if header_id > self._last_old else 1
+        self._last_old = header_id
+        return self._old_in_a_row >= BELIEVED_COUNT and now - self._last_at >= BELIEVED_AFTER
+
+
+class Silences:
+    """Gives each robot at the moment from which it may be silent, so that nobody has to look at all of them.
+
+    Most are heard again long before. That moves nothing here: who is given and was heard is expected anew.
+    """
+
+    def __init__(self) -> None:
+        self._at: dict[RobotKey, float] = {}
+        self._next: list[tuple[float, RobotKey]] = []
+        self._looked_at = -inf
+
+    def expect(self, robot: RobotKey, at: float) -> None:
+        """Give the robot after this moment, in monotonic seconds; once that has been looked at, no more."""
+        known = self._at.get(robot, inf)
+        if self._looked_at <= at < known:
+            self._at[robot] = at
+            heappush(self._next, (at, robot))
+
+    def passed(self, now: float) -> Iterator[RobotKey]:
+        """Give the robots whose moments have passed."""
+        self._looked_at = now
+        while self._next and self._next[0][0] < now:
+            at, robot = heappop(self._next)
+            if self._at.get(robot) == at:
+                del self._at[robot]
+                yield robot
+
+
+class LinkStatus(StrEnum):
+    """What is known of the way to a robot."""
+
+    UNKNOWN = "UNKNOWN"
+    """It has never been heard of."""
+    ONLINE = "ONLINE"
+    OFFLINE = "OFFLINE"
+    HIBERNATING = "HIBERNATING"
+    CONNECTION_BROKEN = "CONNECTION_BROKEN"
+    SILENT = "SILENT"
+    """It should be there, but its last state is too old."""
+
+
+class MissionPhase(StrEnum):
+    """How far a mission has come."""
+
+    WAITING = "WAITING"
+    """Nothing is sent yet; the robot cannot be sent an order now."""
+    SENT = "SENT"
+    """Sent, but no state echoes it yet."""
+    RUNNING = "RUNNING"
+    """The robot has it."""
+    CANCELLING = "CANCELLING"
+    """It is to end early; the robot has not yet confirmed that."""
+
+
+@dataclass(frozen=True, slots=True)
+class Availability:
+    """Whether a robot can take a mission now; ``reason`` says why, or why not, in words."""
+
+    can_take_order: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class RobotView:
+    """A robot at one moment."""
+
+    key: RobotKey
+    link: LinkStatus
+    vehicle_state: VehicleState
+    availability: Availability
+    state: State | None
+    """Its last state message."""
+    state_at: float | None
+    """When that came, in monotonic seconds."""
+    factsheet: Factsheet | None
+    malformed: int
+    """How many of its messages could not be read."""
+    mission_id: str | None
+    mission_phase: MissionPhase | None
+    mission_note: str
+    """What the mission waits for, in words; empty where it waits for nothing but the robot's driving."""
+
+
+ORDER_PREFIX: Final = "order."
+RETRY: Final = "retry"
+LISTS: Final = frozenset({"nodes", "edges"})
+"""Where paths of an order's optional fields begin when they leave its name out."""
+
+
+class Abilities:
+    """Answers questions about one factsheet.
+
+    A list that is empty is taken as silent, not as a robot that can do nothing.
+    """
+
+    def __init__(self, factsheet: Factsheet) -> None:
+        self.factsheet = factsheet
+
+    @cached_property
+    def required_fields(self) -> tuple[str, ...]:
+        """The paths, within an order, of the optional fields that the robot demands."""
+        features = self.factsheet.protocol_features
+        paths = (each.parameter for each in features.optional_parameters if each.support is Support.REQUIRED)
+        return tuple(
+            path.removeprefix(ORDER_PREFIX)
+            for path in paths
+            if path.startswith(ORDER_PREFIX) or path.split(".", 1)[0] in LISTS
+        )
+
+    def takes_field(self, path: str) -> bool:
+        """Tell whether nothing is known against an optional field, such as ``nodes.nodePosition.theta``."""
+        listed = self.factsheet.protocol_features.optional_parameters
+        name = path.removeprefix("nodes.")
+        return not listed or any(f".{name}." in f".{each.parameter}." for each in listed)
+
+    @cached_property
+    def takes_retries(self) -> bool:
+        """Whether an action that has failed may be tried again by ``retry``."""
+        rules = RULES[self.codec.version] if self.codec else None
+        known = rules is not None and ActionStatus.RETRIABLE in rules.action_statuses
+        listed = not self.lists_actions or bool(self.declarations(RETRY))
+        return known and listed and self.takes_field("nodes.actions.retriable")
+
+    @cached_property
+    def codec(self) -> Codec | None:
+        """What writes messages for this robot; None for a version that is not spoken here."""
+        return nearest_codec(self.factsheet.version)
+
+    @cached_property
+    def transforms_itself(self) -> bool:
+        """Whether the robot speaks in the plant's frame, whatever its map's is."""
+        return transforms_itself(self.factsheet)
+
+    @property
+    def lists_actions(self) -> bool:
+        """Whether the factsheet says which actions there are."""
+        return bool(self.factsheet.protocol_features.mobile_robot_actions)
+
+    def declarations(self, action_type: str) -> tuple[MobileRobotAction, ...]:
+        """Give what it says of an action; some robots have an entry for each scope."""
+        actions = self.factsheet.protocol_features.mobile_robot_actions
+        return tuple(each for each in actions if each.action_type == action_type)
+
+    def parameters(self, action: Action) -> dict[str, ActionParameterDescription]:
+        """Give the parameters that it lists for an action, by their key."""
+        return {
+            parameter.key: parameter
+            for each in self.declarations(action.action_type)
+            for parameter in each.action_parameters or ()
+        }
+
 
 INSTANT_ACTIONS_LIMIT: Final = 50
 """Instant actions that may be under way at one robot; more are refused."""
@@ -120,3 +329,43 @@ class Robot:
     def least_order_interval(self) -> float:
         """Seconds that must lie between two orders, by the factsheet."""
         return self.factsheet.protocol_limits.timing.minimum_order_interval if self.factsheet else 0.0
+
+
+INSTANT_ONLY: Final = frozenset(
+    {
+        "cancelOrder",
+        "clearInstantActions",
+        "clearZoneActions",
+        "deleteMap",
+        "deleteZoneSet",
+        "downloadMap",
+        "downloadZoneSet",
+        "factsheetRequest",
+        "logReport",
+        "retry",
+        "shutdown",
+        "skipRetry",
+        "startHibernation",
+        "startPause",
+        "stateRequest",
+        "stopHibernation",
+        "stopPause",
+        "trigger",
+        "updateCertificate",
+    }
+)
+"""Types that never belong to an order; 2.x reports them among the order's actions."""
+
+
+def is_idle(state: State, instant_ids: Collection[str]) -> bool:
+    """Tell whether the robot has nothing left to do of any order (section 6.6.8).
+
+    Instant actions do not count; ``instant_ids`` are those that 2.x mixes with the order's actions and that
+    their types do not give away.
+    """
+    if state.node_states or state.edge_states:
+        return False
+    return all(
+        each.action_status.ended or each.action_type in INSTANT_ONLY or each.action_id in instant_ids
+        for each in state.action_states
+    )

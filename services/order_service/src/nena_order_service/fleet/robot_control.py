@@ -7,19 +7,23 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 from nena_order_service.fleet import availability
-from nena_order_service.fleet.errors import RobotBusyError
-from nena_order_service.fleet.fitness import order_problem
-from nena_order_service.fleet.fitting import fitted
-from nena_order_service.fleet.instant_desk import InstantDesk
-from nena_order_service.fleet.matters import equipment, matters
+from nena_order_service.fleet.availability import equipment, matters
+from nena_order_service.fleet.failures import RobotBusyError
+from nena_order_service.fleet.feasibility import fitted, order_problem
+from nena_order_service.fleet.instant_actions import InstantDesk
 from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.mission_run import MissionRun
 from nena_order_service.fleet.outputs import FleetOutput, RobotChanged
-from nena_order_service.fleet.progress import is_idle
-from nena_order_service.fleet.reported import State
-from nena_order_service.fleet.robot import Robot
+from nena_order_service.fleet.robot import (
+    Availability,
+    LinkStatus,
+    MissionPhase,
+    Robot,
+    RobotView,
+    State,
+    is_idle,
+)
 from nena_order_service.fleet.settings import FleetSettings
-from nena_order_service.fleet.view import Availability, LinkStatus, MissionPhase, RobotView
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet

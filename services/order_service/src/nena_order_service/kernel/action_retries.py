@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from nena_order_service.fleet import ActionRetriable, FailureKind, InstantActionEnded, retry_or_skip
-from nena_order_service.fleet.operations import fresh_id
-from nena_order_service.fleet.reported_errors import with_details
+from nena_order_service.fleet.failures import with_details
+from nena_order_service.fleet.mission import fresh_id
 from nena_order_service.kernel.failure_flow import Failure, FailureFlow
 from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.order_book import OrderBook

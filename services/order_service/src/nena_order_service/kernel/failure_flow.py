@@ -8,8 +8,8 @@ from datetime import datetime, timedelta
 from typing import Protocol
 
 from nena_order_service.fleet import LinkStatus, NotLocatedError, RobotView
-from nena_order_service.fleet.failure_kind import FailureKind
-from nena_order_service.fleet.operations import DROP, PICK
+from nena_order_service.fleet.failures import FailureKind
+from nena_order_service.fleet.mission import DROP, PICK
 from nena_order_service.orders import transport_order
 from nena_order_service.orders.failure_policy import Decision, Situation, decide, is_carrying
 from nena_order_service.orders.transport_order import TransportOrder

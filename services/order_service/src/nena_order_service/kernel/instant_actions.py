@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from nena_order_service.fleet import InstantActionEnded
-from nena_order_service.fleet.operations import fresh_id
+from nena_order_service.fleet.mission import fresh_id
 from nena_shared.vda5050.action import Action, BlockingType
 
 

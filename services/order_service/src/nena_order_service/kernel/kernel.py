@@ -6,10 +6,10 @@ import asyncio
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-from nena_order_service.dispatch.explanation import VehicleFit
-from nena_order_service.dispatch.settings import DispatchSettings
-from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.dispatching.dispatcher import VehicleFit
 from nena_order_service.dispatching.manager import Dispatching, OrderFit
+from nena_order_service.dispatching.settings import DispatchSettings
+from nena_order_service.dispatching.way import WayFinder
 from nena_order_service.fleet import FleetOutput, InstantActionEnded, RobotView
 from nena_order_service.kernel.fleet_news import FleetNews
 from nena_order_service.kernel.instant_actions import PendingInstantActions

@@ -12,7 +12,7 @@ from nena_order_service.fleet import (
     MissionFinished,
     OperationStarted,
 )
-from nena_order_service.fleet.reported_errors import with_details
+from nena_order_service.fleet.failures import with_details
 from nena_order_service.kernel.action_retries import ActionRetries
 from nena_order_service.kernel.failure_flow import Failure, FailureFlow, OrderFlow
 from nena_order_service.kernel.mission_book import MissionBook

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from nena_order_service.dispatch.way import Way, WayFinder
 from nena_order_service.dispatching.manager import GIVES_UP, Dispatched, Dispatching, is_operating
+from nena_order_service.dispatching.way import Way, WayFinder
 from nena_order_service.fleet import (
     FailureKind,
     NotLocatedError,

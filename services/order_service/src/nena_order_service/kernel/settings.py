@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from nena_order_service.dispatch.settings import DispatchSettings
+from nena_order_service.dispatching.settings import DispatchSettings
 from nena_shared.settings import SettingsGroup
 
 

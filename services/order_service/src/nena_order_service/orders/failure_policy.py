@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
-from nena_order_service.fleet.failure_kind import FailureKind
+from nena_order_service.fleet.failures import FailureKind
 from nena_shared.fleet_api.failure_policy import FailureMeasure, FailureStep
 from nena_shared.fleet_api.transport_order import DriveOrderState, DriveOrderStatus
 

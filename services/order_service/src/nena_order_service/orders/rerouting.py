@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from nena_order_service.dispatch.way import Leg, WayFinder
+from nena_order_service.dispatching.way import Leg, WayFinder
 from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
 from nena_order_service.fleet import LinkStatus, RobotView, Standing
-from nena_order_service.fleet.mission_rerouting import with_other_horizon
+from nena_order_service.fleet.mission import with_other_horizon
 from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.orders.transport_order import TransportOrder
@@ -16,7 +16,7 @@ from nena_order_service.orders.vda_orders import MissionPlanner, MissionRecord
 from nena_order_service.routing import NoRouteError, Route
 from nena_order_service.traffic.desk import TrafficDesk
 from nena_order_service.traffic.driving import Driving
-from nena_order_service.traffic.scheduler import Hindrance, Refusal
+from nena_order_service.traffic.traffic_control import Hindrance, Refusal
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.rerouting import ReroutingOutcome, ReroutingType

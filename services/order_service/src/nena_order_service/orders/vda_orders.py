@@ -7,8 +7,8 @@ from typing import Self
 
 from pydantic import BaseModel, ConfigDict
 
-from nena_order_service.dispatch.load_room import Pick
-from nena_order_service.dispatch.way import Leg, Way, WayFinder
+from nena_order_service.dispatching.dispatcher import Pick
+from nena_order_service.dispatching.way import Leg, Way, WayFinder
 from nena_order_service.fleet import (
     Mission,
     OperationMap,
@@ -18,9 +18,8 @@ from nena_order_service.fleet import (
     locate,
     mission_id,
 )
-from nena_order_service.fleet.mission_update import released_to
-from nena_order_service.fleet.operations import DROP, PICK, fresh_id
-from nena_order_service.fleet.standing import NotLocatedError
+from nena_order_service.fleet.mission import DROP, PICK, fresh_id, released_to
+from nena_order_service.fleet.position import NotLocatedError
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing import NoRouteError, Route
 from nena_order_service.traffic.desk import Journey

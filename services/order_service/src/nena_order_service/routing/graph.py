@@ -1,21 +1,241 @@
-"""The graph that is searched: what one kind of vehicle may drive, and what each edge costs it."""
+"""The routing graph: which vehicle may use which paths, and what they cost."""
+
+from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
+from enum import StrEnum
 from itertools import chain, pairwise
-from math import inf, isfinite
+from math import inf, isfinite, isnan
 from operator import attrgetter
-from typing import Final
+from types import MappingProxyType
+from typing import Final, Protocol, Self
 
 import rustworkx as rx
 
-from nena_order_service.routing.access import Access
-from nena_order_service.routing.costs import CostEvaluator
-from nena_order_service.routing.profile import RoutingProfile
-from nena_order_service.routing.route import Step
-from nena_shared.plant import DirectedEdge, Path, PlantModel
+from nena_shared.plant import (
+    BoundingBox,
+    DirectedEdge,
+    Orientation,
+    Path,
+    PlantModel,
+    Point,
+    Vehicle,
+    property_keys,
+)
+from nena_shared.plant.geometry import MM_PER_M
+from nena_shared.plant.vehicle_type import VehicleTypeOnPath
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One edge of a route and what it costs (the unit is that of the chosen evaluators, mm by default)."""
+
+    edge: DirectedEdge
+    cost: float
+
+    @property
+    def edge_id(self) -> str:
+        """The id of the edge: the path's name, with a suffix for the backward direction."""
+        return self.edge.id
+
+    @property
+    def path(self) -> Path:
+        """The path that is driven."""
+        return self.edge.path
+
+    @property
+    def source(self) -> str:
+        """The name of the point where the step begins."""
+        return self.edge.source
+
+    @property
+    def destination(self) -> str:
+        """The name of the point where the step ends."""
+        return self.edge.destination
+
+    @property
+    def orientation(self) -> Orientation:
+        """Whether the path is driven forward or backward."""
+        return self.edge.orientation
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """A way from `source` to `destination`; without steps if the vehicle is there already."""
+
+    source: str
+    destination: str
+    steps: tuple[Step, ...]
+
+    @property
+    def cost(self) -> float:
+        """The sum of the steps' costs."""
+        return sum((step.cost for step in self.steps), start=0.0)
+
+    @property
+    def length_m(self) -> float:
+        """The length of the way in metres, whatever the costs are."""
+        return sum(step.path.length_mm for step in self.steps) / MM_PER_M
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """The names of all points on the way, with both ends."""
+        return (self.source, *(step.destination for step in self.steps))
+
+
+class NoRouteError(Exception):
+    """No way leads from `source` to any of `destinations` for this vehicle without what it is to avoid."""
+
+    def __init__(
+        self, source: str, destinations: Iterable[str], vehicle: Vehicle | None, avoid: Iterable[str]
+    ) -> None:
+        self.source = source
+        self.destinations = tuple(destinations)
+        self.vehicle = None if vehicle is None else vehicle.name
+        self.avoid = tuple(sorted(avoid))
+        super().__init__(self._text())
+
+    def _text(self) -> str:
+        goal = " or ".join(map(repr, self.destinations)) or "a place that no vehicle can reach"
+        who = f" for vehicle {self.vehicle!r}" if self.vehicle else ""
+        without = f" without {', '.join(map(repr, self.avoid))}" if self.avoid else ""
+        return (
+            f"No route from {self.source!r} to {goal}{who}{without}. "
+            "Look for locked paths, missing reverse speeds and one-way tracks in the plant model, "
+            "and for what is closed to the vehicle's type, load or size or lies on another map."
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class RoutingProfile:
+    """The traits of a vehicle that make a difference for its routes; None means without bound (mm/s, mm)."""
+
+    group: str = ""
+    max_velocity_mm_s: int | None = None
+    max_reverse_velocity_mm_s: int | None = None
+    vehicle_types: frozenset[str] = frozenset()
+    """The types of which it may be; it goes only where each of them may."""
+    loaded: bool | None = None
+    """Whether it carries anything; None: nobody knows."""
+    bounding_box: BoundingBox | None = None
+    allowed_maps: frozenset[str] | None = None
+
+    @classmethod
+    def of(
+        cls,
+        vehicle: Vehicle | None,
+        known_types: frozenset[str] = frozenset(),
+        *,
+        loaded: bool | None = None,
+    ) -> Self:
+        """Return the profile of a vehicle, or that of any vehicle at all.
+
+        A vehicle that names no type may be of each type that the plant knows.
+        """
+        if vehicle is None:
+            return cls()
+        named = frozenset({vehicle.vehicle_type}) if vehicle.vehicle_type else known_types
+        return cls(
+            group=vehicle.routing_group,
+            max_velocity_mm_s=vehicle.max_velocity_mm_s,
+            max_reverse_velocity_mm_s=vehicle.max_reverse_velocity_mm_s,
+            vehicle_types=named if known_types else frozenset(),
+            loaded=loaded if known_types else None,
+            bounding_box=vehicle.bounding_box,
+            allowed_maps=vehicle.allowed_maps,
+        )
+
+    def uses_of(self, path: Path) -> Iterator[VehicleTypeOnPath]:
+        """Yield how the path may be used by the types of which the vehicle may be."""
+        return (use for use in path.vehicle_types if use.vehicle_type_id in self.vehicle_types)
+
+    def speed_mm_s(self, edge: DirectedEdge) -> int:
+        """Return how fast such a vehicle may drive along an edge; 0 if it cannot.
+
+        A type that LIF has drive an edge with its back first goes by its reverse speed.
+        """
+        speeds = [edge.max_velocity_mm_s]
+        backward = not edge.is_forward
+        for use in self.uses_of(edge.path):
+            backward = backward or use.is_backward
+            if use.max_speed is not None:
+                speeds.append(round(use.max_speed * MM_PER_M))
+        own = self.max_reverse_velocity_mm_s if backward else self.max_velocity_mm_s
+        return min(speeds) if own is None else min(*speeds, own)
+
+
+class Access:
+    """Which edges of a plant are open to vehicles of one profile.
+
+    Closed are locked paths, directions in which path or vehicle have no speed, what the plant does not open
+    to the vehicle's type, load or height, and points on maps where it must not drive. A vehicle that stands
+    on a point which is closed to it may leave.
+    """
+
+    def __init__(
+        self, plant: PlantModel, profile: RoutingProfile, locks: Mapping[str, bool] | None = None
+    ) -> None:
+        """Look at a plant; `locks` says of paths whether they are locked, over what the plant says."""
+        self._points = plant.points_by_name
+        self._profile = profile
+        self._locks = locks or {}
+
+    def allows(self, edge: DirectedEdge) -> bool:
+        """Whether such a vehicle may drive along the edge."""
+        return (
+            not self._locks.get(edge.path.name, edge.path.locked)
+            and self._profile.speed_mm_s(edge) > 0
+            and self._path_is_open(edge.path)
+            and self._point_is_open(self._points[edge.destination])
+        )
+
+    def _path_is_open(self, path: Path) -> bool:
+        types = self._profile.vehicle_types
+        return all(map(path.is_open_to, types)) and all(map(self._fits, self._profile.uses_of(path)))
+
+    def _fits(self, use: VehicleTypeOnPath) -> bool:
+        box = self._profile.bounding_box
+        low_enough = use.max_height is None or box is None or box.height_mm <= use.max_height * MM_PER_M
+        return low_enough and use.allows(loaded=self._profile.loaded)
+
+    def _point_is_open(self, point: Point) -> bool:
+        maps = self._profile.allowed_maps
+        on_map = maps is None or point.map_id is None or point.map_id in maps
+        return on_map and all(map(point.is_open_to, self._profile.vehicle_types))
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A routing profile, and a number for it that is quick to compare."""
+
+    number: int
+    profile: RoutingProfile
+
+
+class VehicleKinds:
+    """Knows the kind of each vehicle; as many are remembered as the plant model has vehicles."""
+
+    def __init__(self, known_types: frozenset[str]) -> None:
+        """``known_types`` are the vehicle types that the plant tells apart."""
+        self._known_types = known_types
+        self._anybody = Kind(0, RoutingProfile())
+        self._kinds = {self._anybody.profile: self._anybody}
+        self._of: dict[str, tuple[Vehicle, Kind]] = {}
+
+    def of(self, vehicle: Vehicle | None) -> Kind:
+        """Return the kind of a vehicle; None: of any vehicle at all."""
+        if vehicle is None:
+            return self._anybody
+        known = self._of.get(vehicle.name)
+        if known is None or known[0] is not vehicle:
+            profile = RoutingProfile.of(vehicle, self._known_types)
+            known = vehicle, self._kinds.setdefault(profile, Kind(len(self._kinds), profile))
+            self._of[vehicle.name] = known
+        return known[1]
+
 
 _COST: Final[Callable[[Step], float]] = attrgetter("cost")
 """A function in C, for it is called for every edge that a search meets."""
@@ -26,7 +246,7 @@ class CostMap:
     """What it costs to reach one point, wherever a vehicle starts; kept small, for there are many."""
 
     indices: Mapping[str, int]
-    costs: "array[float]"
+    costs: array[float]
 
     def source(self, point: str) -> float:
         """Return the cost from a point; infinity where there is no way."""
@@ -59,7 +279,7 @@ class RoutingGraph:
             ]
         )
 
-    def without(self, points: Iterable[str], paths: Iterable[Path]) -> "RoutingGraph":
+    def without(self, points: Iterable[str], paths: Iterable[Path]) -> RoutingGraph:
         """Return a copy in which no edge leads to these points or along these paths.
 
         A point that is to be avoided may still be left: a vehicle can stand on it.
@@ -95,7 +315,7 @@ class RoutingGraph:
         costs = {name: lengths[index] for name, index in indices.items() if index in lengths}
         return {**costs, source: 0.0} if source in indices else costs
 
-    def costs_to(self, destination: str) -> "CostMap":
+    def costs_to(self, destination: str) -> CostMap:
         """Return what it costs to reach a point from each point."""
         if self._backward is None:
             self._backward = self._graph.copy()
@@ -127,3 +347,90 @@ def _steps(
             raise ValueError(msg)
         if isfinite(cost):
             yield Step(edge, cost)
+
+
+class CostEvaluator(Protocol):
+    """Returns the cost of an edge, 0 or more; infinity and NaN exclude the edge."""
+
+    def __call__(self, edge: DirectedEdge, profile: RoutingProfile, /) -> float:
+        """Return what it costs a vehicle of this profile to drive along the edge."""
+        ...
+
+
+class CostKey(StrEnum):
+    """The names by which settings choose evaluators."""
+
+    DISTANCE = "DISTANCE"
+    TRAVELTIME = "TRAVELTIME"
+    HOPS = "HOPS"
+    EXPLICIT_PROPERTIES = "EXPLICIT_PROPERTIES"
+    BOUNDING_BOX = "BOUNDING_BOX"
+
+
+def distance(edge: DirectedEdge, _profile: RoutingProfile, /) -> float:
+    """Return the length of the path in mm."""
+    return float(edge.path.length_mm)
+
+
+def travel_time(edge: DirectedEdge, profile: RoutingProfile, /) -> float:
+    """Return the seconds that the way takes at the slower of the path's and the vehicle's highest speeds."""
+    speed_mm_s = profile.speed_mm_s(edge)
+    return edge.path.length_mm / speed_mm_s if speed_mm_s else inf
+
+
+def hops(_edge: DirectedEdge, _profile: RoutingProfile, /) -> float:
+    """Return 1, so that the route with the fewest paths is the cheapest."""
+    return 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class ExplicitProperties:
+    """Costs written at the paths for each group: `tcs:routingCostForward<GROUP>` and `...Reverse<GROUP>`.
+
+    Where the property is missing or no number from 0 up, the cost is `missing`: high, so that such a path is
+    used only where there is no other way.
+    """
+
+    missing: float = 1_000_000.0
+
+    def __call__(self, edge: DirectedEdge, profile: RoutingProfile, /) -> float:
+        """Return the written cost; `Infinity` excludes the edge."""
+        forward = edge.orientation is Orientation.FORWARD
+        key = property_keys.ROUTING_COST_FORWARD if forward else property_keys.ROUTING_COST_REVERSE
+        try:
+            cost = float(edge.path.properties[key + profile.group])
+        except (KeyError, ValueError):
+            return self.missing
+        return self.missing if isnan(cost) or cost < 0 else cost
+
+
+class BoundingBoxLimit:
+    """Excludes edges to points where the vehicle would stand out of the largest box that is allowed there.
+
+    Costs nothing otherwise, so it goes together with other evaluators. Boxes are laid on each other by their
+    reference points.
+    """
+
+    def __init__(self, plant: PlantModel) -> None:
+        self._points = plant.points_by_name
+
+    def __call__(self, edge: DirectedEdge, profile: RoutingProfile, /) -> float:
+        """Return 0, or infinity where the vehicle is too large."""
+        box = profile.bounding_box
+        limit = self._points[edge.destination].max_vehicle_bounding_box
+        return 0.0 if box is None or limit.holds(box) else inf
+
+
+_EVALUATORS: Final[Mapping[CostKey, CostEvaluator]] = MappingProxyType(
+    {
+        CostKey.DISTANCE: distance,
+        CostKey.TRAVELTIME: travel_time,
+        CostKey.HOPS: hops,
+        CostKey.EXPLICIT_PROPERTIES: ExplicitProperties(),
+    }
+)
+
+
+def evaluators(keys: Iterable[CostKey], plant: PlantModel) -> tuple[CostEvaluator, ...]:
+    """Return the evaluators that settings choose, for one plant."""
+    return tuple(BoundingBoxLimit(plant) if key is CostKey.BOUNDING_BOX else _EVALUATORS[key] for key in keys)

@@ -1,17 +1,27 @@
-"""The router: the cheapest ways through a plant. Other vehicles, blocks and queues do not influence it."""
+"""Find the cheapest routes over the routing graph."""
 
 from collections import OrderedDict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import chain, pairwise
 from typing import NamedTuple
 
-from nena_order_service.routing.costs import CostEvaluator, distance
-from nena_order_service.routing.errors import NoRouteError
-from nena_order_service.routing.graph import CostMap, RoutingGraph
-from nena_order_service.routing.kinds import VehicleKinds
-from nena_order_service.routing.profile import RoutingProfile
-from nena_order_service.routing.route import Route
-from nena_shared.plant import ObjectKind, Path, PlantModel, UnknownObjectError, Vehicle
+from nena_order_service.routing.graph import (
+    CostEvaluator,
+    CostMap,
+    NoRouteError,
+    Route,
+    RoutingGraph,
+    RoutingProfile,
+    VehicleKinds,
+    distance,
+)
+from nena_shared.plant import (
+    ObjectKind,
+    Path,
+    PlantModel,
+    UnknownObjectError,
+    Vehicle,
+)
 
 COSTS_KEPT = 2_000_000
 """Costs that are remembered, 8 bytes each: as many maps of costs as fit, whatever the size of the plant."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from functools import lru_cache
 
-from nena_order_service.dispatch.way import WayFinder
+from nena_order_service.dispatching.way import WayFinder
 from nena_order_service.routing import NoRouteError, Route
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.plant import Vehicle

@@ -7,12 +7,19 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from nena_order_service.routing import Step
-from nena_order_service.traffic.evasion import Evasion
-from nena_order_service.traffic.footing import Footings, Found
-from nena_order_service.traffic.resources import Resources, ResourceSet
-from nena_order_service.traffic.scheduler import Hindrance, Refusal, Scheduler
-from nena_order_service.traffic.traffic_control import Departure, NoWay, TrafficControl, Wish, nobody
-from nena_order_service.traffic.ways import Ways
+from nena_order_service.traffic.resources import Footings, Found, Resources, ResourceSet
+from nena_order_service.traffic.traffic_control import (
+    Departure,
+    Evasion,
+    Hindrance,
+    NoWay,
+    Refusal,
+    Scheduler,
+    TrafficControl,
+    Ways,
+    Wish,
+    nobody,
+)
 from nena_shared.plant import PlantModel
 from nena_shared.plant.geometry import BoundingBox
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, partial
 
-from nena_order_service.dispatch.way import Way
+from nena_order_service.dispatching.way import Way
 from nena_order_service.fleet import (
     FailureKind,
     LinkStatus,
@@ -24,8 +24,7 @@ from nena_order_service.kernel.steps import Steps
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import MissionPlanner, MissionRecord
 from nena_order_service.traffic.desk import TrafficDesk
-from nena_order_service.traffic.evasion import Evasion
-from nena_order_service.traffic.traffic_control import Departure, NoWay, Wish
+from nena_order_service.traffic.traffic_control import Departure, Evasion, NoWay, Wish
 from nena_order_service.vehicles.positions import Places
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.clock import Clock

@@ -1,15 +1,18 @@
-"""Resources: what a vehicle needs for itself on each step of its way (openTCS: scheduler, resource sets)."""
+"""Resources of the plant, who uses them, and what vehicles at rest occupy."""
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from math import hypot
 from typing import Final
 
 from nena_order_service.routing import Step
-from nena_shared.plant import PlantModel
+from nena_shared.plant import PlantModel, Point
 from nena_shared.plant.block import Block, BlockType
+from nena_shared.plant.geometry import BoundingBox
+from nena_shared.plant.planar_index import Box, PlanarIndex
 
 BLOCK_ENTRY_DIRECTION: Final = "tcs:blockEntryDirection"
 """Path property: the direction in which a vehicle enters a block by this path; without it the path's own."""
@@ -104,3 +107,185 @@ class Resources:
             for block in self._blocks.get(member, ()):
                 uses[block.name] = directions.get(block.name)
         return uses
+
+
+class UseIndex:
+    """Counts the uses of each resource by vehicle and direction: a loop uses some of them twice."""
+
+    def __init__(self) -> None:
+        self._users: defaultdict[str, dict[tuple[str, str | None], int]] = defaultdict(dict)
+
+    def add(self, vehicle: str, uses: Uses) -> None:
+        """Note that ``vehicle`` uses these resources once more."""
+        for resource, direction in uses.items():
+            users, user = self._users[resource], (vehicle, direction)
+            users[user] = users.get(user, 0) + 1
+
+    def remove(self, vehicle: str, uses: Uses) -> None:
+        """Take back one :meth:`add` of the same uses."""
+        for resource, direction in uses.items():
+            users, user = self._users[resource], (vehicle, direction)
+            users[user] -= 1
+            if not users[user]:
+                del users[user]
+            if not users:
+                del self._users[resource]
+
+    def others(self, vehicle: str, uses: Uses) -> Iterator[tuple[str, str]]:
+        """Give who else uses what ``vehicle`` cannot share with them: pairs of vehicle and resource."""
+        for resource, direction in uses.items():
+            if users := self._users.get(resource):
+                for other, their_direction in users:
+                    if other != vehicle and (direction is None or direction != their_direction):
+                        yield other, resource
+
+    def users(self, resource: str) -> frozenset[str]:
+        """Give who uses ``resource``."""
+        return frozenset(vehicle for vehicle, _ in self._users.get(resource, ()))
+
+
+@dataclass(slots=True)
+class Occupant:
+    """One vehicle: the sets behind and under it, those that it may drive to, those that it claims.
+
+    ``held`` begins with the oldest set that the vehicle still covers and ends with the last one that was
+    allocated; ``reached`` is the index in it of the point where the vehicle is or which it has left last.
+    """
+
+    name: str
+    length_mm: int
+    held: deque[ResourceSet]
+    reached: int = 0
+    claimed: deque[ResourceSet] = field(default_factory=deque)
+    entry: ResourceSet | None = None
+    """What it needs to come to the point where its ways begin; None: it is there."""
+
+    @property
+    def resting(self) -> bool:
+        """Whether it has come to the end of its way and wants nothing."""
+        return not self.claimed and self.reached == len(self.held) - 1
+
+    @property
+    def point(self) -> str:
+        """The point that it has reached last."""
+        return self.held[self.reached].point
+
+    @property
+    def ahead(self) -> int:
+        """How many sets it holds in front of it."""
+        return len(self.held) - 1 - self.reached
+
+    def at_end(self, way: Sequence[ResourceSet]) -> list[ResourceSet]:
+        """Give the sets that it covers at the end of ``way``, which follows what it holds."""
+        sets = [*self.held, *way]
+        return sets[covered_from(sets, len(sets) - 1, self.length_mm) :]
+
+    def arrive(self, index: int) -> list[ResourceSet]:
+        """Come to the ``index``-th held set; gives the sets that are free now, as a vehicle has a length."""
+        self.reached, self.entry = index, None
+        first = covered_from(self.held, index, self.length_mm)
+        self.reached -= first
+        return [self.held.popleft() for _ in range(first)]
+
+
+def covered_from(sets: Sequence[ResourceSet], at: int, length_mm: int) -> int:
+    """Give the index of the oldest set that a vehicle of this length covers at the point of ``at``.
+
+    The length is taken to lie behind the point as a whole: where the robot's own reference point is in its
+    middle, that is more than it needs, and never less.
+    """
+    covered, index = sets[at].length_mm, at
+    while index > 0 and covered < length_mm:
+        index -= 1
+        covered += sets[index].length_mm
+    return index
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Where a vehicle was found, in mm of the plant's frame.
+
+    ``point`` is the point where its ways begin: it is there, or ``on_point`` is False and it is nearest. A
+    vehicle whose place is None is at the point, as it says.
+    """
+
+    point: str
+    on_point: bool
+    place_mm: tuple[float, float] | None = None
+    map_id: str = ""
+    """The map that the place is on; points of other maps are not looked at."""
+
+
+@dataclass(frozen=True, slots=True)
+class Footing:
+    """What is under a vehicle, and what it needs to come to the point where its ways begin."""
+
+    under: ResourceSet
+    entry: ResourceSet | None = None
+
+
+class Footings:
+    """Tells what is under vehicles on one plant.
+
+    On a point that is the point. Beside it, these are the paths, as straight lines, and the points that come
+    nearer to the vehicle than it reaches around itself; far from all of them it stands on nothing.
+    """
+
+    def __init__(self, plant: PlantModel, resources: Resources) -> None:
+        self._plant = plant
+        self._resources = resources
+        places = plant.points_by_name
+        self._points = PlanarIndex((_box(each), each) for each in plant.points)
+        self._paths = PlanarIndex(
+            (_box(places[each.source], places[each.destination]), each) for each in plant.paths
+        )
+
+    def of(self, found: Found, box: BoundingBox) -> Footing:
+        """Give the footing of a vehicle of this size."""
+        reach_mm = box.length_mm / 2 + abs(box.reference_offset_x_mm)
+        members = list(dict.fromkeys(self._under(found, reach_mm)))
+        under = self._resources.on(found.point, members)
+        if found.on_point or found.place_mm is None:
+            return Footing(under)
+        point = self._plant.point(found.point)
+        way_mm = hypot(point.x_mm - found.place_mm[0], point.y_mm - found.place_mm[1])
+        return Footing(under, self._resources.on(found.point, (found.point,), length_mm=round(way_mm)))
+
+    def _under(self, found: Found, reach_mm: float) -> Iterator[str]:
+        if found.on_point or found.place_mm is None:
+            yield found.point
+        if found.place_mm is None:
+            return
+        x_mm, y_mm = found.place_mm
+        for point in self._points.near(x_mm, y_mm, reach_mm):
+            near = hypot(point.x_mm - x_mm, point.y_mm - y_mm) < reach_mm
+            if near and self._on_map(point.name, found):
+                yield point.name
+        if not found.on_point:
+            yield from self._paths_under(found, (x_mm, y_mm), reach_mm)
+
+    def _paths_under(self, found: Found, place_mm: tuple[float, float], reach_mm: float) -> Iterator[str]:
+        points = self._plant.points_by_name
+        for path in self._paths.near(*place_mm, reach_mm):
+            one, other = points[path.source], points[path.destination]
+            ends = ((one.x_mm, one.y_mm), (other.x_mm, other.y_mm))
+            if self._on_map(one.name, found) and _distance_mm(place_mm, *ends) < reach_mm:
+                yield path.name
+
+    def _on_map(self, point: str, found: Found) -> bool:
+        map_id = self._plant.points_by_name[point].map_id
+        return not map_id or not found.map_id or map_id == found.map_id
+
+
+def _box(*points: Point) -> Box:
+    xs, ys = [each.x_mm for each in points], [each.y_mm for each in points]
+    return Box(min(xs), min(ys), max(xs), max(ys))
+
+
+def _distance_mm(place: tuple[float, float], one: tuple[float, float], other: tuple[float, float]) -> float:
+    """Give the distance of a place from the line between two others."""
+    along = (other[0] - one[0], other[1] - one[1])
+    apart = (place[0] - one[0], place[1] - one[1])
+    square = along[0] ** 2 + along[1] ** 2
+    share = min(max((apart[0] * along[0] + apart[1] * along[1]) / square, 0.0), 1.0) if square else 0.0
+    return hypot(apart[0] - share * along[0], apart[1] - share * along[1])

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from itertools import islice
 from math import inf
 
-from nena_order_service.dispatch.settings import DispatchSettings
-from nena_order_service.dispatch.way import WayFinder
 from nena_order_service.dispatching.manager import Candidate, Dispatching
+from nena_order_service.dispatching.settings import DispatchSettings
+from nena_order_service.dispatching.way import WayFinder
 from nena_order_service.fleet import RobotView
 from nena_order_service.kernel.mission_book import MissionBook
 from nena_order_service.kernel.order_book import OrderBook

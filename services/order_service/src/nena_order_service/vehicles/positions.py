@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from nena_order_service.fleet import LinkStatus, NotLocatedError, RobotView, Standing
-from nena_order_service.fleet.reported import State
+from nena_order_service.fleet.robot import State
 from nena_order_service.kernel.vehicle_book import VehicleBook
 from nena_order_service.orders.vda_orders import MissionPlanner
 from nena_order_service.traffic.desk import TrafficDesk
-from nena_order_service.traffic.footing import Found
+from nena_order_service.traffic.resources import Found
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.vehicle import IntegrationLevel

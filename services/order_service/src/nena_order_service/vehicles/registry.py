@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from nena_order_service.fleet import RobotProfile
-from nena_order_service.fleet.reported import State
+from nena_order_service.fleet.robot import State
 from nena_shared.fleet_api.vehicle import RobotMap
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.plant.map_transforms import map_transforms

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from nena_order_service.errors import StoreNotReadyError, UnknownZoneSetError, ZoneSetChangedError
 from nena_order_service.fleet import InstantActionEnded, LinkStatus
-from nena_order_service.fleet.operations import fresh_id
+from nena_order_service.fleet.mission import fresh_id
 from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.store.changes import Changes
 from nena_order_service.vehicles.registry import FleetVehicle

@@ -1,15 +1,38 @@
-"""What the errors in a robot's state mean for the order that it was sent (VDA 5050 3.0 section 6.6.5)."""
+"""Failures of an order at a robot: their kinds, and the errors that robots report, in words."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from enum import StrEnum
 from typing import Final
 
 from nena_order_service.fleet.mission import Mission
-from nena_order_service.fleet.reported import ErrorEntry
+from nena_order_service.fleet.robot import ErrorEntry
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
-from nena_shared.vda5050.topics import Topic
+from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.v2_1.error_type import REJECTIONS, WRITTEN
+
+
+class FailureKind(StrEnum):
+    """How a mission has failed, and so how much is known of what the robot has done of it."""
+
+    REFUSED = "REFUSED"
+    """The robot has refused it, or has one already."""
+    UNFIT = "UNFIT"
+    """The robot could never take it, by its factsheet; nothing was sent."""
+    NOT_TAKEN = "NOT_TAKEN"
+    """It was sent again and again, and the robot never took it up."""
+    DRIVE = "DRIVE"
+    """The robot had it and could not go on, or gave it up; its operation is not done."""
+    ACTION = "ACTION"
+    """The robot has come to the end of the way, and its operation has FAILED there."""
+    LOST = "LOST"
+    """The robot had it, and knows nothing of it any more."""
+    UNCLEAR = "UNCLEAR"
+    """Nobody knows what the robot has done of it, or whether it still is at it."""
+    NO_WAY = "NO_WAY"
+    """There is no way to the destination now; nothing was sent."""
+
 
 NO_ORDER_REFUSALS: Final = frozenset({ErrorType.NO_ORDER_TO_CANCEL, ErrorType.INVALID_INSTANT_ACTION})
 
@@ -163,3 +186,12 @@ def _is_about(error: ErrorEntry, mission: Mission) -> bool | None:
 
 def _referenced(error: ErrorEntry, key: str) -> set[str]:
     return {each.reference_value for each in error.error_references if each.reference_key == key}
+
+
+class RobotBusyError(Exception):
+    """The robot has a mission already; end that one first."""
+
+    def __init__(self, robot: RobotKey, mission_id: str) -> None:
+        super().__init__(f"robot {robot} has the mission {mission_id!r}; a robot has one mission at a time")
+        self.robot = robot
+        self.mission_id = mission_id

@@ -7,9 +7,51 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from nena_order_service.dispatch.comparators import CandidateKey, OrderKey, VehicleKey
 from nena_shared.plant.vehicle import EnergyThresholds
 from nena_shared.settings import SettingsGroup
+
+
+class OrderKey(StrEnum):
+    """By what orders that wait are compared."""
+
+    BY_PRIORITY = "BY_PRIORITY"
+    """The greater priority first."""
+    BY_DEADLINE = "BY_DEADLINE"
+    """The earlier deadline first, those without one last."""
+    DEADLINE_AT_RISK_FIRST = "DEADLINE_AT_RISK_FIRST"
+    """First those whose deadline is near or past."""
+    BY_AGE = "BY_AGE"
+    """The older one first."""
+    BY_NAME = "BY_NAME"
+
+
+class VehicleKey(StrEnum):
+    """By what vehicles that are free are compared."""
+
+    BY_ENERGY_LEVEL = "BY_ENERGY_LEVEL"
+    """The one with more energy first."""
+    IDLE_FIRST = "IDLE_FIRST"
+    """First those that neither charge nor have a dispensable order."""
+    BY_NAME = "BY_NAME"
+
+
+class CandidateKey(StrEnum):
+    """By what pairs of one order and one vehicle are compared."""
+
+    BY_COMPLETE_ROUTING_COSTS = "BY_COMPLETE_ROUTING_COSTS"
+    """The cheaper way through all destinations first."""
+    BY_INITIAL_ROUTING_COSTS = "BY_INITIAL_ROUTING_COSTS"
+    """The cheaper way to the first destination first."""
+    BY_ORDER_TYPE_PRIORITY = "BY_ORDER_TYPE_PRIORITY"
+    """By the priority that the vehicle has for orders of this type, the smaller number first."""
+    BY_PRIORITY = "BY_PRIORITY"
+    BY_DEADLINE = "BY_DEADLINE"
+    DEADLINE_AT_RISK_FIRST = "DEADLINE_AT_RISK_FIRST"
+    BY_AGE = "BY_AGE"
+    BY_ORDER_NAME = "BY_ORDER_NAME"
+    BY_ENERGY_LEVEL = "BY_ENERGY_LEVEL"
+    IDLE_FIRST = "IDLE_FIRST"
+    BY_VEHICLE_NAME = "BY_VEHICLE_NAME"
 
 
 class Chooser(StrEnum):

@@ -8,7 +8,7 @@ from datetime import datetime, timedelta
 from typing import Final
 
 from nena_order_service.fleet.outputs import PublishResponses
-from nena_order_service.fleet.reported import EdgeRequest, State, ZoneRequest
+from nena_order_service.fleet.robot import EdgeRequest, State, ZoneRequest
 from nena_order_service.fleet.settings import FleetSettings, ReleasePolicy
 from nena_shared.vda5050.request import RequestStatus
 from nena_shared.vda5050.responses import GrantType, Response

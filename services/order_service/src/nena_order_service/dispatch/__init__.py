@@ -1,1 +1,0 @@
-"""Dispatching: which vehicle does which transport order, and in words why not."""

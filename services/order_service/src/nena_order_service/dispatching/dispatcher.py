@@ -1,0 +1,517 @@
+"""Choose vehicles for orders and orders for vehicles: comparators, room for loads, and why not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime, timedelta
+from math import inf
+from types import MappingProxyType
+from typing import Final, NamedTuple, Protocol
+
+from nena_order_service.dispatching.settings import (
+    CandidateKey,
+    Chooser,
+    DispatchSettings,
+    OrderKey,
+    VehicleKey,
+)
+from nena_order_service.dispatching.way import WayCost
+from nena_order_service.fleet.robot import State
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_shared.fleet_api.order_types import ANY_ORDER_TYPE, ANY_TYPE, AcceptableOrderType
+from nena_shared.vda5050.factsheet import Factsheet, LoadSpecification
+
+Rank = tuple[float | str, ...]
+"""What comes first is less."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A vehicle that could do an order now, and what that costs."""
+
+    order: TransportOrder
+    vehicle: DispatchedVehicle
+    cost: WayCost
+
+
+@dataclass(frozen=True, slots=True)
+class Now:
+    """When a comparison is made, and how near a deadline is at risk."""
+
+    time: datetime
+    at_risk: timedelta
+
+    def risks(self, order: TransportOrder) -> bool:
+        """Whether an order's deadline is at risk."""
+        deadline = order.status.deadline
+        return deadline is not None and deadline <= self.time + self.at_risk
+
+
+def _deadline(order: TransportOrder) -> float:
+    deadline = order.status.deadline
+    return deadline.timestamp() if deadline else inf
+
+
+ORDER_VALUES: Final[Mapping[OrderKey, Callable[[TransportOrder, Now], float | str]]] = MappingProxyType(
+    {
+        OrderKey.BY_PRIORITY: lambda order, _: -order.status.priority,
+        OrderKey.BY_DEADLINE: lambda order, _: _deadline(order),
+        OrderKey.DEADLINE_AT_RISK_FIRST: lambda order, now: not now.risks(order),
+        OrderKey.BY_AGE: lambda order, _: order.number,
+        OrderKey.BY_NAME: lambda order, _: order.name,
+    }
+)
+
+VEHICLE_VALUES: Final[Mapping[VehicleKey, Callable[[DispatchedVehicle], float | str]]] = MappingProxyType(
+    {
+        VehicleKey.BY_ENERGY_LEVEL: lambda vehicle: -vehicle.energy,
+        VehicleKey.IDLE_FIRST: lambda vehicle: not vehicle.idle,
+        VehicleKey.BY_NAME: lambda vehicle: vehicle.name,
+    }
+)
+
+CANDIDATE_VALUES: Final[Mapping[CandidateKey, Callable[[Candidate, Now], float | str]]] = MappingProxyType(
+    {
+        CandidateKey.BY_COMPLETE_ROUTING_COSTS: lambda pair, _: pair.cost.complete,
+        CandidateKey.BY_INITIAL_ROUTING_COSTS: lambda pair, _: pair.cost.initial,
+        CandidateKey.BY_ORDER_TYPE_PRIORITY: lambda pair, _: pair.vehicle.type_priority(pair.order),
+        CandidateKey.BY_PRIORITY: lambda pair, _: -pair.order.status.priority,
+        CandidateKey.BY_DEADLINE: lambda pair, _: _deadline(pair.order),
+        CandidateKey.DEADLINE_AT_RISK_FIRST: lambda pair, now: not now.risks(pair.order),
+        CandidateKey.BY_AGE: lambda pair, _: pair.order.number,
+        CandidateKey.BY_ORDER_NAME: lambda pair, _: pair.order.name,
+        CandidateKey.BY_ENERGY_LEVEL: lambda pair, _: -pair.vehicle.energy,
+        CandidateKey.IDLE_FIRST: lambda pair, _: not pair.vehicle.idle,
+        CandidateKey.BY_VEHICLE_NAME: lambda pair, _: pair.vehicle.name,
+    }
+)
+
+
+def rank_orders(keys: Sequence[OrderKey], now: Now) -> Callable[[TransportOrder], Rank]:
+    """Give what orders are sorted by; orders that are alike in all ``keys`` by their age."""
+    values = [ORDER_VALUES[key] for key in keys]
+    return lambda order: (*(value(order, now) for value in values), order.number)
+
+
+def rank_vehicles(keys: Sequence[VehicleKey]) -> Callable[[DispatchedVehicle], Rank]:
+    """Give what vehicles are sorted by; those that are alike in all ``keys`` by their names."""
+    values = [VEHICLE_VALUES[key] for key in keys]
+    return lambda vehicle: (*(value(vehicle) for value in values), vehicle.name)
+
+
+def rank_candidates(keys: Sequence[CandidateKey], now: Now) -> Callable[[Candidate], Rank]:
+    """Give what pairs are sorted by; those that are alike in all ``keys`` by vehicle, then by age."""
+    values = [CANDIDATE_VALUES[key] for key in keys]
+    return lambda pair: (*(value(pair, now) for value in values), pair.vehicle.name, pair.order.number)
+
+
+def acceptable(names: Iterable[str] | None) -> tuple[AcceptableOrderType, ...]:
+    """Give types by their names, the first one liked best; None: any type is accepted."""
+    if names is None:
+        return ANY_ORDER_TYPE
+    return tuple(AcceptableOrderType(name=name, priority=index) for index, name in enumerate(names))
+
+
+def type_priority(accepted: Iterable[AcceptableOrderType], order_type: str) -> int | None:
+    """Give how much a vehicle likes orders of this type, less is better; None: it does not accept them.
+
+    What it says of the very type counts more than what it says of any (``*``).
+    """
+    priorities = {each.name: each.priority for each in accepted}
+    return priorities.get(order_type, priorities.get(ANY_TYPE))
+
+
+def why_not_accepted(accepted: Sequence[AcceptableOrderType], order_type: str) -> str:
+    """Say, as a predicate, why a vehicle takes no orders of this type; empty if it does."""
+    if type_priority(accepted, order_type) is not None:
+        return ""
+    if not accepted:
+        return "accepts no orders of any type"
+    names = ", ".join(repr(each.name) for each in sorted(accepted, key=lambda each: each.priority))
+    return f"accepts no orders of type {order_type!r}, only {names}"
+
+
+class Pick(NamedTuple):
+    """What an order begins with: a load to be picked up before any is dropped."""
+
+    load_type: str = ""
+    """Empty: nobody says."""
+    place: str = ""
+    """The load handling device that is to take it (parameter lhd); empty: any."""
+
+
+@dataclass(frozen=True, slots=True)
+class Carried:
+    """The loads of a vehicle that has some."""
+
+    loads: tuple[str, ...]
+    """At which of its places each is; empty: it does not say."""
+    places: frozenset[str] = frozenset()
+    """Its places for loads; none: it does not say."""
+    places_of: Mapping[str, frozenset[str]] = field(default_factory=dict, hash=False)
+    """Those for loads of single types."""
+
+    def why_no_room(self, pick: Pick) -> str:
+        """Say, as a predicate, why there is no room for a load; empty where there may be.
+
+        Who does not say which places it has has one, and a load that does not say where it is is anywhere.
+        """
+        if pick.place:
+            wanted, elsewhere = frozenset({pick.place}), frozenset(self.loads) - {"", pick.place}
+        else:
+            wanted = self.places_of.get(pick.load_type, self.places)
+            elsewhere = self.places - wanted
+        if sum(load not in elsewhere for load in self.loads) < max(len(wanted), 1):
+            return ""
+        loads = "a load" if len(self.loads) == 1 else f"{len(self.loads)} loads"
+        where = f" at {pick.place!r}" if pick.place else ""
+        return f"carries {loads}, and has no room for another one{where}"
+
+
+def carried(state: State, factsheet: Factsheet | None) -> Carried | None:
+    """Give what a robot says that it carries; None where that is nothing, or it cannot tell."""
+    if not state.loads:
+        return None
+    loads = tuple(each.load_position or "" for each in state.loads)
+    told = factsheet.load_specification if factsheet else None
+    if told is None or not told.load_positions:
+        return Carried(loads)
+    return Carried(loads, frozenset(told.load_positions), _places_of(told))
+
+
+def _places_of(told: LoadSpecification) -> dict[str, frozenset[str]]:
+    """Give the places for loads of each type; a load set that names none is for all of them."""
+    all_places, found = frozenset(told.load_positions or ()), dict[str, frozenset[str]]()
+    for each in told.load_sets or ():
+        places = all_places.intersection(each.load_positions or all_places)
+        found[each.load_type] = found.get(each.load_type, frozenset()) | places
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class DispatchedVehicle:
+    """Whether a vehicle takes orders now, and which; reasons are predicates, such as "is offline"."""
+
+    name: str
+    obstacle: str = ""
+    """Why it takes no order at all; empty if it may."""
+    restriction: str = ""
+    """Why it takes no order but one to recharge; empty if it takes others too."""
+    energy: float = 100.0
+    """Percent."""
+    idle: bool = True
+    """Whether it neither charges nor has an order."""
+    gives_up: str = ""
+    """Name of the dispensable order that it would give up for another one; empty if it has none."""
+    kept_for: int | None = None
+    """Number of the order for which it gives up a dispensable one; it takes no other."""
+    order_types: tuple[AcceptableOrderType, ...] = ANY_ORDER_TYPE
+    """The types of orders that it accepts."""
+    carried: Carried | None = None
+    """The loads that it has; None: none, or nobody knows."""
+
+    def type_priority(self, order: TransportOrder) -> float:
+        """Give the priority that orders of this type have here, less is better; infinity: it accepts none."""
+        priority = type_priority(self.order_types, order.status.type)
+        return inf if priority is None else priority
+
+    def why_not(self, order: TransportOrder, *, recharges: bool, pick: Pick | None = None) -> str:
+        """Say, as a predicate, why it does not take this order now; empty if it may.
+
+        ``recharges``: the next thing that the order asks for is to recharge. ``pick``: what it is to pick up
+        first, None: nothing before it drops something.
+        """
+        if self.obstacle:
+            return self.obstacle
+        if self.kept_for is not None and self.kept_for != order.number:
+            return "is kept for another order"
+        if self.restriction and not recharges:
+            return self.restriction
+        if self.gives_up and order.status.dispensable:
+            return "has a dispensable order itself"
+        return self.carried.why_no_room(pick) if self.carried and pick else ""
+
+
+BUSY: Final = "works on another order"
+
+URGENCY: Final = (OrderKey.BY_PRIORITY, OrderKey.BY_DEADLINE, OrderKey.BY_AGE)
+"""The keys that :attr:`TransportOrder.urgency` stands for."""
+
+KINDS_NAMED: Final = 5
+"""Kinds of obstacles that a reason names at most."""
+
+NOBODY: Final[Mapping[int, str]] = MappingProxyType({})
+
+
+class Knowledge(Protocol):
+    """What the dispatcher asks about an order and a vehicle."""
+
+    def misfit(self, order: TransportOrder, vehicle: str) -> str:
+        """Say, as a predicate, why a vehicle must not do an order, whatever it does now; empty where it may.
+
+        Of two orders of one kind (see :func:`_kind`) it says the same.
+        """
+        ...
+
+    def recharges(self, order: TransportOrder) -> bool:
+        """Tell whether the next thing that an order asks for is to recharge."""
+        ...
+
+    def pick(self, order: TransportOrder) -> Pick | None:
+        """Give what an order begins with picking up; None: it picks up nothing, or drops something first."""
+        ...
+
+    def cost(self, order: TransportOrder, vehicle: str) -> WayCost:
+        """Give the cost of a vehicle's way through an order's destinations; infinity where there is none."""
+        ...
+
+    def why_no_way(self, order: TransportOrder, vehicle: str) -> str:
+        """Say why there is no way."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """One order for one vehicle."""
+
+    order: TransportOrder
+    vehicle: str
+    why: str
+    """Why this vehicle."""
+    gives_up: str = ""
+    """Name of the dispensable order that the vehicle has to give up first; empty: it has none."""
+
+
+@dataclass(slots=True)
+class Decisions:
+    """What is to be done now, and why all the rest is not."""
+
+    assignments: list[Assignment] = field(default_factory=list)
+    reasons: dict[str, str] = field(default_factory=dict)
+    """Why each order that was not assigned waits, by its name; words that stay the same while they hold."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dispatcher:
+    """Decides by the rules of its settings."""
+
+    settings: DispatchSettings
+
+    def decide(
+        self,
+        orders: Iterable[TransportOrder],
+        vehicles: Iterable[DispatchedVehicle],
+        knowledge: Knowledge,
+        *,
+        now: datetime,
+        kept: Mapping[int, str] = NOBODY,
+    ) -> Decisions:
+        """Assign what can be assigned of the dispatchable ``orders``, which come by their urgency.
+
+        ``kept`` names vehicles that give up dispensable orders for orders, by the orders' numbers: they do
+        these, and nobody else does. An order is never given to two vehicles, nor two to one.
+        """
+        settings = self.settings
+        moment = Now(now, timedelta(seconds=settings.deadline_at_risk))
+        waiting = self._sorted(orders, moment, kept)
+        found = _Round(settings, {each.name: each for each in vehicles}, knowledge, moment, kept)
+        if settings.choosers is Chooser.SCARCER and found.free < len(waiting):
+            found.let_vehicles_choose(waiting)
+        found.let_orders_choose(waiting)
+        return found.decisions
+
+    def _sorted(
+        self, orders: Iterable[TransportOrder], now: Now, kept: Mapping[int, str]
+    ) -> Sequence[TransportOrder]:
+        """Give the orders in the order in which they choose; first those for which vehicles are kept."""
+        by_urgency = tuple(self.settings.orders) == URGENCY
+        waiting = [*orders] if by_urgency else sorted(orders, key=rank_orders(self.settings.orders, now))
+        return sorted(waiting, key=lambda order: order.number not in kept) if kept else waiting
+
+
+class _Round:
+    """One decision in the making."""
+
+    def __init__(
+        self,
+        settings: DispatchSettings,
+        vehicles: dict[str, DispatchedVehicle],
+        knowledge: Knowledge,
+        now: Now,
+        kept: Mapping[int, str],
+    ) -> None:
+        self.decisions = Decisions()
+        self._settings = settings
+        self._vehicles = vehicles
+        self._knowledge = knowledge
+        self._now = now
+        self._kept = kept
+        self._assigned: set[int] = set()
+        self._restricted = any(each.restriction for each in vehicles.values())
+        self._loaded = any(each.carried for each in vehicles.values())
+
+    @property
+    def free(self) -> int:
+        """How many vehicles take orders."""
+        return sum(not each.obstacle for each in self._vehicles.values())
+
+    def let_vehicles_choose(self, orders: Sequence[TransportOrder]) -> None:
+        """Let each vehicle that is free take the order that suits it best."""
+        free = [each for each in self._vehicles.values() if not each.obstacle]
+        keys = self._settings.order_candidates
+        rank = rank_candidates(keys, self._now)
+        for vehicle in sorted(free, key=rank_vehicles(self._settings.vehicles)):
+            fitting = (each for each in orders if each.number not in self._assigned)
+            pairs = [*self._possible((each, vehicle) for each in fitting if not self._why_not(each, vehicle))]
+            if pairs:
+                self._assign(min(pairs, key=rank), f"first by {keys[0]} of {len(pairs)} orders for it")
+
+    def let_orders_choose(self, orders: Sequence[TransportOrder]) -> None:
+        """Let each order that is left take the vehicle that suits it best; else say why it waits."""
+        rank = rank_candidates(self._settings.vehicle_candidates, self._now)
+        nobody: dict[_Kind, str] = {}
+        for order in orders:
+            if order.number in self._assigned:
+                continue
+            kind = (*_kind(order), self._recharges(order), self._pick(order))
+            if kind in nobody and order.number not in self._kept:
+                self.decisions.reasons[order.name] = nobody[kind]
+                continue
+            hindrances = {each.name: self._why_not(order, each) for each in self._meant(order)}
+            free = [name for name, hindrance in hindrances.items() if not hindrance]
+            if free:
+                self._choose(order, free, rank)
+                continue
+            reason = self.decisions.reasons[order.name] = _nobody_free(self._intended(order), hindrances)
+            if order.number not in self._kept:
+                nobody[kind] = reason
+
+    def _choose(self, order: TransportOrder, free: Sequence[str], rank: Callable[[Candidate], Rank]) -> None:
+        pairs = [*self._possible((order, self._vehicles[name]) for name in free)]
+        if pairs:
+            best = min(pairs, key=rank)
+            self._assign(best, self._why(best, len(free)))
+        else:
+            why = self._knowledge.why_no_way(order, free[-1])
+            self.decisions.reasons[order.name] = f"waits, for vehicle {free[-1]!r} has no way: {why}"
+
+    def _possible(self, pairs: Iterable[tuple[TransportOrder, DispatchedVehicle]]) -> Iterator[Candidate]:
+        for order, vehicle in pairs:
+            cost = self._knowledge.cost(order, vehicle.name)
+            if cost.complete < inf:
+                yield Candidate(order, vehicle, cost)
+
+    def _assign(self, pair: Candidate, why: str) -> None:
+        order, vehicle = pair.order, pair.vehicle
+        self._assigned.add(order.number)
+        self._vehicles[vehicle.name] = replace(vehicle, obstacle=BUSY)
+        self.decisions.assignments.append(Assignment(order, vehicle.name, why, vehicle.gives_up))
+
+    def _intended(self, order: TransportOrder) -> str | None:
+        return self._kept.get(order.number, order.status.intended_vehicle)
+
+    def _meant(self, order: TransportOrder) -> Iterable[DispatchedVehicle]:
+        intended = self._intended(order)
+        if intended is None:
+            return self._vehicles.values()
+        return (self._vehicles[intended],) if intended in self._vehicles else ()
+
+    def _why_not(self, order: TransportOrder, vehicle: DispatchedVehicle) -> str:
+        intended = self._intended(order)
+        if intended not in (None, vehicle.name):
+            return "is not the vehicle that is asked for"
+        misfit = self._knowledge.misfit(order, vehicle.name)
+        if misfit:
+            return misfit
+        return vehicle.why_not(order, recharges=self._recharges(order), pick=self._pick(order))
+
+    def _recharges(self, order: TransportOrder) -> bool:
+        """Tell whether an order is one to recharge, where that makes a difference."""
+        return self._restricted and self._knowledge.recharges(order)
+
+    def _pick(self, order: TransportOrder) -> Pick | None:
+        """Give what an order begins with picking up, where that makes a difference."""
+        return self._knowledge.pick(order) if self._loaded else None
+
+    def _why(self, best: Candidate, choices: int) -> str:
+        if self._intended(best.order) is not None:
+            return "it is the intended vehicle"
+        if choices == 1:
+            return "it is the only vehicle that is free"
+        key = self._settings.vehicle_candidates[0]
+        if key is CandidateKey.BY_COMPLETE_ROUTING_COSTS:
+            return f"cheapest way ({best.cost.complete:.0f}) of {choices} vehicles that are free"
+        return f"first by {key} of {choices} vehicles that are free"
+
+
+_Kind = tuple[object, ...]
+"""What an order says about who may do it."""
+
+
+def _kind(order: TransportOrder) -> _Kind:
+    status = order.status
+    who = (status.intended_vehicle, status.wrapping_sequence, status.excluded_vehicles)
+    return *who, status.type, status.dispensable, status.automatic
+
+
+def _nobody_free(intended: str | None, hindrances: Mapping[str, str]) -> str:
+    if intended is not None:
+        return f"waits for vehicle {intended!r}, which {hindrances.get(intended, 'takes no orders')}"
+    if not hindrances:
+        return "waits for a vehicle: the plant model has none that takes orders"
+    kinds = sorted(set(hindrances.values()))
+    more = " or something else" if len(kinds) > KINDS_NAMED else ""
+    return f"waits for a vehicle: each of them {' or '.join(kinds[:KINDS_NAMED])}{more}"
+
+
+COULD = "could do it now"
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleFit:
+    """What is between one order and one vehicle."""
+
+    vehicle: str
+    fits: bool
+    """Whether the vehicle could do it now."""
+    reason: str
+    """Why not, as a predicate; or that it could."""
+    cost: float | None = None
+    """Of its way, in the router's unit, where it could."""
+
+
+def explain(
+    order: TransportOrder,
+    vehicles: Iterable[DispatchedVehicle],
+    knowledge: Knowledge,
+    *,
+    kept: Mapping[int, str] = NOBODY,
+) -> list[VehicleFit]:
+    """Say of each vehicle why it does not get this order, or that it could; the best ones first."""
+    found = [_fit(order, each, knowledge, kept.get(order.number)) for each in vehicles]
+    return sorted(found, key=lambda each: (not each.fits, each.cost or 0.0, each.vehicle))
+
+
+def _fit(
+    order: TransportOrder, vehicle: DispatchedVehicle, knowledge: Knowledge, kept: str | None
+) -> VehicleFit:
+    if order.vehicle == vehicle.name and not order.state.final:
+        return VehicleFit(vehicle.name, fits=True, reason="does it")
+    intended = order.status.intended_vehicle
+    for wanted, why in (
+        (kept, f"is not {kept!r}, which is kept for it"),
+        (intended, f"is not {intended!r}, which it is for"),
+    ):
+        if wanted not in (None, vehicle.name):
+            return VehicleFit(vehicle.name, fits=False, reason=why)
+    recharges, pick = knowledge.recharges(order), knowledge.pick(order)
+    reason = knowledge.misfit(order, vehicle.name) or vehicle.why_not(order, recharges=recharges, pick=pick)
+    if reason:
+        return VehicleFit(vehicle.name, fits=False, reason=reason)
+    cost = knowledge.cost(order, vehicle.name).complete
+    if cost == inf:
+        return VehicleFit(
+            vehicle.name, fits=False, reason=f"has no way: {knowledge.why_no_way(order, vehicle.name)}"
+        )
+    return VehicleFit(vehicle.name, fits=True, reason=COULD, cost=cost)
