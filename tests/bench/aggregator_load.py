@@ -19,9 +19,7 @@ from bench.process import cpu_of, cpu_of_each, rss_mb_of
 from bench.readiness import wait_until_ready
 from bench.state_cost import payload
 from bench.wire import Wire
-from nena_demo.broker import start_broker
-from nena_demo.ports import free_port
-from nena_demo.processes import Processes, console_script
+from nena_demo.processes import Processes, console_script, free_port, start_broker
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from support.pausing import pass_time
 from support.waiting import wait_until

@@ -25,9 +25,7 @@ from bench.process import cpu_of_each, rss_mb_of
 from bench.robot_latency import FleetControl, ready
 from bench.wire import Wire
 from nena_demo import stack
-from nena_demo.broker import start_broker
-from nena_demo.ports import free_port
-from nena_demo.processes import Child, Processes, console_script
+from nena_demo.processes import Child, Processes, console_script, free_port, start_broker
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.v2_1 import CODEC

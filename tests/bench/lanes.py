@@ -14,9 +14,7 @@ import httpx
 from bench.process import cpu_of, rss_mb_of
 from bench.readiness import READY_SECONDS, wait_until_ready
 from bench.robots import Start
-from nena_demo.broker import start_broker
-from nena_demo.ports import free_port
-from nena_demo.processes import Processes, console_script
+from nena_demo.processes import Processes, console_script, free_port, start_broker
 from nena_shared.plant import PlantModel, Point, Vehicle
 from nena_shared.plant.geometry import BoundingBox
 from support.plants import path

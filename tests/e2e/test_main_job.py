@@ -12,10 +12,9 @@ import httpx
 import pytest
 from std_msgs.msg import String
 
-from nena_demo import main_job, stack
-from nena_demo.broker import start_broker
-from nena_demo.host import Host
-from nena_demo.processes import Processes
+from nena_demo import stack
+from nena_demo.host import Host, wait_for_robots
+from nena_demo.processes import Processes, start_broker
 from nena_demo.stack import Choices, Stack
 from nena_shared.fleet_api.transport_order import Destination, TransportOrderRequest, TransportOrderStatus
 from support.ros import RosPeer, own_domain_id
@@ -79,7 +78,7 @@ async def started(folder: Path, choices: Choices) -> AsyncIterator[Running]:
         host = Host(running.mqtt, running.rest_url, lambda *_: None)
         link = asyncio.create_task(host.link.run())
         try:
-            await main_job.wait_for_robots(host, len(stack.ROBOTS))
+            await wait_for_robots(host, len(stack.ROBOTS))
             yield Running(processes, running, host)
         finally:
             link.cancel()

@@ -11,7 +11,7 @@ from random import Random
 import httpx
 
 from faults.site import Site
-from nena_cli.vda5050.recording import read_file
+from nena_conversations.recording import read_file
 from nena_order_service.asyncapi import channels
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.vda5050.topics import Topic
@@ -45,7 +45,7 @@ BODIES = (
 REPEATED = (Topic.STATE, Topic.VISUALIZATION, Topic.FACTSHEET, Topic.CONNECTION, Topic.INSTANT_ACTIONS)
 """What was said to or by robots; an old order is left out, which to an idle robot is an order."""
 
-Said = tuple[str, bytes]
+ReceivedMessage = tuple[str, bytes]
 
 
 class Enemy:
@@ -61,7 +61,7 @@ class Enemy:
         self.routes: list[tuple[httpx.AsyncClient, str, str]] = []
         self.topics: set[str] = set()
         """Last levels of what was said on."""
-        self._ways: tuple[Callable[[], Said], ...] = (
+        self._ways: tuple[Callable[[], ReceivedMessage], ...] = (
             self._to_strangers,
             self._under_a_robots_name,
             self._to_services,
@@ -104,28 +104,28 @@ class Enemy:
         except httpx.InvalidURL:
             return None
 
-    def _to_strangers(self) -> Said:
+    def _to_strangers(self) -> ReceivedMessage:
         """Say a damaged message beside where it belongs, or an old one as it was."""
         kind, payload = self._any()
         robot = self._chance.choice((*STRANGERS, "NeNa/loop-1"))
         interface = self._chance.choice(INTERFACES[1:] if robot == "NeNa/loop-1" else INTERFACES)
         return f"{interface}/{robot}/{kind}", damaged(payload, self._chance)
 
-    def _under_a_robots_name(self) -> Said:
+    def _under_a_robots_name(self) -> ReceivedMessage:
         """Say what is no message: what is one is what the robot says, or has to do."""
         kind, payload = self._any()
         return self._of_a_robot(kind), unfit(damaged(payload, self._chance))
 
-    def _to_services(self) -> Said:
+    def _to_services(self) -> ReceivedMessage:
         """Ask as a host does, or tell as the order service does, what has no sense."""
         return self._chance.choice(self._host_topics), self._body()
 
-    def _beside_the_standard(self) -> Said:
+    def _beside_the_standard(self) -> ReceivedMessage:
         """Say what NeNa's parts say to each other, and what tells a loopback robot how to be."""
         control = f"{self._site.interface}/loopback/NeNa/loop-1/control"
         return self._chance.choice((self._of_a_robot("nena/map"), control)), self._body()
 
-    def _again(self) -> Said:
+    def _again(self) -> ReceivedMessage:
         """Say again what was said before, with its old header."""
         topic = self._of_a_robot(self._chance.choice(REPEATED))
         said = [each.payload for each in self._site.wire.received(topic) if each.payload not in self._own]
@@ -137,7 +137,7 @@ class Enemy:
             return json.dumps(self._chance.choice(VALUES)).encode()
         return damaged(json.dumps(self._chance.choice(BODIES)).encode(), self._chance)
 
-    def _any(self) -> Said:
+    def _any(self) -> ReceivedMessage:
         """Give the last level of a topic, and what was said there once."""
         kind = self._chance.choice(tuple(self._recorded))
         return kind, self._chance.choice(self._recorded[kind])

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from nena_cli.vda5050.checker import Checker
-from nena_cli.vda5050.recording import Entry, read_file
+from nena_conversations.checker import Checker
+from nena_conversations.recording import Entry, read_file
 from nena_shared.vda5050.brief.reader import read_brief
 from nena_shared.vda5050.brief.state import StateBrief, VisualizationBrief
 from nena_shared.vda5050.malformed import MalformedMessageError
@@ -105,7 +105,7 @@ def test_the_checker_says_what_is_wrong_and_goes_on(version: str) -> None:
         entry if chance.random() < 0.5 else Entry(entry.time, entry.topic, damaged(entry.payload, chance))
         for entry in recorded(version)
     ]
-    findings = [finding for entry in entries for finding in checker.take(entry)]
+    findings = [finding for entry in entries for finding in checker.add(entry)]
 
     assert findings
     assert checker.checked + len(findings) >= len(entries) / 2

@@ -11,9 +11,8 @@ from contextlib import asynccontextmanager
 from itertools import count
 from pathlib import Path, PurePosixPath
 
-from nena_deploy.identity import Kind
+from nena_deploy.identities import Kind, SiteTopics
 from nena_deploy.site import Site
-from nena_deploy.topics import SiteTopics
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.settings import MqttSettings, MqttTlsSettings
 from support.broker import free_port, mosquitto

@@ -5,9 +5,9 @@ from __future__ import annotations
 from datetime import UTC, datetime, timedelta
 from typing import Any, Self
 
-from nena_cli.vda5050.checker import check
-from nena_cli.vda5050.finding import Finding, Rule
-from nena_cli.vda5050.recording import Entry
+from nena_conversations.checker import check
+from nena_conversations.recording import Entry
+from nena_conversations.rules import Finding, Rule
 from nena_shared.vda5050.action import Action, ActionState, ActionStatus, InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import Connection, ConnectionState

@@ -178,7 +178,7 @@ async def test_plant_model_is_put_in_use(fleet: Fleet) -> None:
     file = str(sample_plant_path())
     checked = (await nena("plant", "put", file, "--check")).stderr
     assert checked.startswith("Sample hall: ")
-    assert "could be put in use" in checked
+    assert "can be activated" in checked
     done = await nena("plant", "put", file, "--json")
     assert (done.exit_code, json.loads(done.stdout)["changed"]) == (0, True)
     wrong = fleet.folder / "wrong.json"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from nena_cli.vda5050.recording import read_file
+from nena_conversations.recording import read_file
 from support.broker import Broker, MqttPeer, free_port
 from support.certificates import Authority
 from support.conversations import FOLDER, recorder
@@ -186,7 +186,7 @@ async def _start(command: list[str]) -> subprocess.Popen[str]:
     [
         (("check", "/nowhere.jsonl"), "cannot be read"),
         (("check", "mqtt://127.0.0.1:1", "--seconds", "30"), "not reached"),
-        (("record", "http://x", "never.jsonl"), "no broker"),
+        (("record", "http://x", "never.jsonl"), "Invalid broker URL"),
     ],
 )
 def test_what_cannot_be_done_is_one_clear_line_and_status_2(arguments: tuple[str, ...], said: str) -> None:

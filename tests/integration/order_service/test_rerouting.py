@@ -11,9 +11,9 @@ from urllib.parse import quote
 import httpx
 import pytest
 
-from nena_cli.vda5050.checker import check
-from nena_cli.vda5050.finding import Severity
-from nena_cli.vda5050.recording import Entry
+from nena_conversations.checker import check
+from nena_conversations.recording import Entry
+from nena_conversations.rules import Severity
 from support.broker import MqttPeer
 from support.order_service_fleet import Fleet, order_in, vehicle_idle
 from support.waiting import PATIENCE, awaited

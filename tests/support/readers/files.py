@@ -14,12 +14,12 @@ import httpx
 import typer
 from typer.testing import CliRunner
 
-from nena_cli.fleet import orders, zones
-from nena_cli.fleet.connection import Connection, RefusedError
-from nena_cli.vda5050.recording import RecordingError, read_file
-from nena_cli.vda5050.replay import FreshHeaders, paced
+from nena_cli import orders, zones
+from nena_cli.client import Connection, RefusedError
+from nena_conversations.broker import FreshHeaders, paced
+from nena_conversations.recording import RecordingError, read_file
+from nena_deploy.identities import SiteTopics
 from nena_deploy.site import Site, SiteError
-from nena_deploy.topics import SiteTopics
 from nena_edge_agent.actions import zone_set_download
 from nena_edge_agent.actions.background import WorkFailedError
 from nena_edge_agent.actions.zone_set_download import ZoneSetDownload
@@ -146,7 +146,7 @@ def recording(place: Place) -> Reader:
     def read() -> None:
         headers = FreshHeaders()
         for _, entry in paced(read_file(file), 1.0):
-            headers.renewed(entry, now)
+            headers.apply(entry, now)
 
     lines = min(FOLDER.glob("3*.jsonl")).read_bytes().splitlines()[:5]
     return Reader(of_file(file, read), tuple(lines), (RecordingError,))

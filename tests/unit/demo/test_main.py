@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from nena_demo import __main__ as demo
-from nena_demo.teller import Teller
+from nena_demo.session import Teller
 from support.waiting import PATIENCE
 
 

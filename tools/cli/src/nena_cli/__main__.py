@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import typer
 
-from nena_cli.fleet.orders import app as orders
-from nena_cli.fleet.sequences import app as sequences
-from nena_cli.fleet.vehicles import app as vehicles
-from nena_cli.fleet.vehicles import dispatch
-from nena_cli.fleet.zones import app as zones
-from nena_cli.plant.commands import app as plant
-from nena_cli.vda5050.commands import app as vda5050
+from nena_cli.conversations import app as vda5050
+from nena_cli.orders import app as orders
+from nena_cli.plants import app as plant
+from nena_cli.sequences import app as sequences
+from nena_cli.vehicles import app as vehicles
+from nena_cli.vehicles import dispatch
+from nena_cli.zones import app as zones
 from nena_shared import log
 from nena_shared.settings import LogSettings
 

@@ -10,13 +10,10 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from nena_demo.broker import AMQTT_NOTICE, mosquitto_path
-from nena_demo.host import RefusedError
-from nena_demo.main_job import JobFailedError
-from nena_demo.processes import ChildFailedError
-from nena_demo.session import DemoSession
+from nena_demo.host import JobFailedError, RefusedError
+from nena_demo.processes import AMQTT_NOTICE, ChildFailedError, mosquitto_path
+from nena_demo.session import DemoSession, Teller
 from nena_demo.stack import Choices, NotReadyError
-from nena_demo.teller import Teller
 from nena_shared import log
 from nena_shared.settings import LogSettings
 from nena_shared.tasks import end, stop_on_signals

@@ -4,23 +4,79 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Mapping
+import time
+from collections.abc import Awaitable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import cycle
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self, TextIO
 
 import httpx
+from prometheus_client.parser import text_string_to_metric_families
 
-from nena_demo import main_job, stack
-from nena_demo.end_state import check_fleet, check_metrics
-from nena_demo.host import Host
-from nena_demo.main_job import JobFailedError, transport
+from nena_demo import host, stack
+from nena_demo.host import Host, JobFailedError, transport
 from nena_demo.processes import Processes
-from nena_demo.stack import Choices, Stack
-from nena_demo.teller import Teller
+from nena_demo.stack import Choices, DemoRobot, Stack
 from nena_shared.tasks import end
+
+
+def check_fleet(
+    fleet: Mapping[str, Any], expected: Mapping[str, str], robots: Sequence[DemoRobot]
+) -> Iterator[str]:
+    """Compare ``/api/v1/fleet`` with the orders' states and the robots; yield each difference in words."""
+    shown = {order["name"]: order["state"] for order in fleet["orders"]}
+    for name, state in expected.items():
+        if shown.get(name) != state:
+            yield f"order {name} is shown as {shown.get(name)}, not {state}"
+    conditions = {robot["serialNumber"]: robot for robot in fleet["robots"]}
+    for robot in robots:
+        seen = conditions.get(robot.serial_number)
+        if seen is None:
+            yield f"robot {robot.serial_number} is not shown"
+        elif seen["condition"] != "IDLE":
+            yield f"robot {robot.serial_number} is {seen['condition']}: {seen['reason']}"
+
+
+def check_metrics(text: str, expected: Mapping[str, str], robots: Sequence[DemoRobot]) -> Iterator[str]:
+    """Compare ``/metrics`` with the orders' ends and the number of robots; yield each difference in words."""
+    samples = {
+        (sample.name, sample.labels.get("state", ""), sample.labels.get("serial_number", "")): sample.value
+        for family in text_string_to_metric_families(text)
+        for sample in family.samples
+    }
+    for state in set(expected.values()):
+        wanted = sum(1 for each in expected.values() if each == state)
+        counted = samples.get(("nena_transport_orders_ended_total", state, ""), 0)
+        if counted != wanted:
+            yield f"nena_transport_orders_ended_total counts {counted:.0f} {state} orders, not {wanted}"
+    if samples.get(("nena_mqtt_connected", "", "")) != 1:
+        yield "nena_mqtt_connected is not 1"
+    for robot in robots:
+        if not any(
+            name == "nena_robot_state_age_seconds" and serial == robot.serial_number
+            for name, _, serial in samples
+        ):
+            yield f"nena_robot_state_age_seconds does not tell of {robot.serial_number}"
+
+
+class Teller:
+    """Prints lines with a time in front."""
+
+    def __init__(self, out: TextIO) -> None:
+        self._out = out
+        self._start = time.monotonic()
+
+    def say(self, text: str) -> None:
+        """Print ``text`` with the seconds since the start."""
+        self._out.write(f"[{time.monotonic() - self._start:7.2f} s] {text}\n")
+        self._out.flush()
+
+    def change(self, kind: str, name: str, state: str, reason: str) -> None:
+        """Print the new state of an order or a vehicle."""
+        self.say(f"{kind:7} {name:22} {state:18} {reason}")
+
 
 PAUSE_SECONDS = 2.0
 
@@ -79,8 +135,8 @@ class DemoSession:
             ChildFailedError: a process ended.
 
         """
-        await self._watched(main_job.wait_for_robots(self._host, len(stack.ROBOTS)))
-        await self._watched(main_job.run(self._host))
+        await self._watched(host.wait_for_robots(self._host, len(stack.ROBOTS)))
+        await self._watched(host.run(self._host))
         self._teller.say("both transport orders are FINISHED")
 
     async def check_end_state(self) -> None:
@@ -107,7 +163,7 @@ class DemoSession:
         for load_at, unload_at in cycle(ROUND_TRIP):
             order = await self._host.create_by_rest(transport(load_at, unload_at))
             ended = partial(self._ended, order.name)
-            await self._watched(self._host.wait_for(ended, main_job.ORDERS_SECONDS))
+            await self._watched(self._host.wait_for(ended, host.ORDERS_SECONDS))
             await asyncio.sleep(PAUSE_SECONDS)
 
     def _ended(self, name: str) -> bool:

@@ -10,10 +10,8 @@ from pathlib import Path
 
 import httpx
 
-from nena_demo.broker import start_broker
 from nena_demo.plants import sample_plant_path
-from nena_demo.ports import free_port
-from nena_demo.processes import Processes, console_script
+from nena_demo.processes import Processes, console_script, free_port, start_broker
 from nena_shared.settings import MqttSettings
 
 READY_SECONDS = 60.0

@@ -1,7 +1,11 @@
-"""``nena-deploy``: the commands for a site's authority, identities and users."""
+"""``nena-deploy``: the commands for a site, its identities and users."""
 
 from __future__ import annotations
 
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import StrEnum
 from pathlib import Path, PurePosixPath
 from typing import Annotated
 
@@ -9,23 +13,46 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from nena_deploy import user_commands
-from nena_deploy.alone import alone
 from nena_deploy.authority import expiry
-from nena_deploy.identity import Kind, host_name, robot_name
-from nena_deploy.site import Site
-from nena_deploy.terminal import faults_told, say
-from nena_deploy.topics import SiteTopics
+from nena_deploy.identities import IdentityError, Kind, SiteTopics, host_name, robot_name
+from nena_deploy.site import BusyError, Site, SiteError, alone
+from nena_shared.settings import ConfigurationError
+from nena_shared.web.users import NAME, Role, User, hash_of, new_token, read_users, write_users
 
-app = typer.Typer(help="What a NeNa site needs to be safe.", no_args_is_help=True, add_completion=False)
-robot = typer.Typer(help="Robots: each has an identity of its own at the broker.", no_args_is_help=True)
-host = typer.Typer(help="Hosts (WMS, MES): each asks for orders under its own name.", no_args_is_help=True)
+WRONG = 2
+"""Exit status of a command that failed."""
+
+
+def say(text: str) -> None:
+    """Print a message for people on standard error; standard output holds results only."""
+    typer.echo(text, err=True)
+
+
+@contextmanager
+def errors_reported() -> Iterator[None]:
+    """Report an expected error in one line and exit with status 2."""
+    try:
+        yield
+    except (SiteError, BusyError, IdentityError, ConfigurationError, OSError) as error:
+        say(f"nena-deploy: {error}")
+        raise typer.Exit(WRONG) from error
+
+
+app = typer.Typer(
+    help="Certificates, broker access rights and users of a NeNa site.",
+    no_args_is_help=True,
+    add_completion=False,
+)
+robot = typer.Typer(help="Robots: each has its own certificate and broker rights.", no_args_is_help=True)
+host = typer.Typer(help="Hosts (WMS, MES): each creates orders under its own name.", no_args_is_help=True)
+user = typer.Typer(help="Users of the panel and the REST APIs.", no_args_is_help=True)
 app.add_typer(robot, name="robot")
 app.add_typer(host, name="host")
-app.add_typer(user_commands.app, name="user")
+app.add_typer(user, name="user")
 
-Folder = Annotated[Path, typer.Argument(help="The site's folder.")]
-Days = Annotated[int, typer.Option(min=1, max=3650, help="How long certificates are good.")]
+Folder = Annotated[Path, typer.Argument(help="Folder of the site.")]
+Days = Annotated[int, typer.Option(min=1, max=3650, help="Validity of certificates, days.")]
+UsersFile = Annotated[Path, typer.Argument(help="Users file: the setting http.users of the services.")]
 
 
 @app.command()
@@ -33,9 +60,10 @@ def init(
     folder: Folder,
     *,
     host: Annotated[
-        list[str], typer.Option(help="Name or address of the broker; the first one is what clients use.")
+        list[str],
+        typer.Option(help="Host name or IP address of the broker; repeatable. Clients use the first one."),
     ],
-    port: Annotated[int, typer.Option(min=1, max=65535, help="The broker's TCP port.")] = 8883,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="TCP port of the broker.")] = 8883,
     days: Days = 825,
     interface_name: Annotated[str, typer.Option(help="First levels of VDA 5050 2.x topics.")] = "uagv",
     interface_name_v3: Annotated[str, typer.Option(help="First levels of VDA 5050 3.x topics.")] = "vda5050",
@@ -43,15 +71,16 @@ def init(
         str, typer.Option(help="First levels of the order service's topics.")
     ] = "nena/v1",
     broker_folder: Annotated[
-        str | None, typer.Option(help="Where the broker will find its files; by default where they are made.")
+        str | None,
+        typer.Option(help="Folder of these files on the broker's machine. Unset: where they are created."),
     ] = None,
-    data_folder: Annotated[str, typer.Option(help="Where the broker keeps its data.")] = "/var/lib/mosquitto",
+    data_folder: Annotated[str, typer.Option(help="Folder for the broker's data.")] = "/var/lib/mosquitto",
 ) -> None:
-    """Make a site: an authority, the broker's certificate and configuration, identities of the services."""
+    """Create a site: a CA, the broker's certificate and configuration, and the services' identities."""
     topics = SiteTopics(
         interface_name=interface_name, interface_name_v3=interface_name_v3, prefix=topic_prefix
     )
-    with faults_told(), alone(folder):
+    with errors_reported(), alone(folder):
         Site.new(
             folder,
             hosts=tuple(host),
@@ -61,16 +90,16 @@ def init(
             broker_folder=PurePosixPath(broker_folder) if broker_folder else None,
             data_folder=PurePosixPath(data_folder),
         )
-    say(f"The site is in {folder}. Keep {folder}/authority safe: who has it can be anybody.")
-    say(f"Broker: {folder}/broker/mosquitto.conf. Services: order-service and status-aggregator there.")
+    say(f"Site created in {folder}. Keep {folder}/authority secret: its key can impersonate any client.")
+    say(f"Broker: {folder}/broker/mosquitto.conf. Services: {folder}/order-service and status-aggregator.")
 
 
 @app.command("list")
 def list_(folder: Folder) -> None:
-    """Show who has an identity, and until when its certificate is good."""
-    with faults_told():
+    """List identities with the expiry dates of their certificates."""
+    with errors_reported():
         site = Site.open(folder)
-        table = Table("kind", "name", "good until", box=None, header_style="bold")
+        table = Table("kind", "name", "valid until", box=None, header_style="bold")
         for each in site:
             table.add_row(
                 each.kind, each.name, f"{expiry(site.folder_of(each) / 'certificate.pem'):%Y-%m-%d}"
@@ -80,38 +109,99 @@ def list_(folder: Folder) -> None:
 
 @robot.command("add")
 def add_robot(folder: Folder, manufacturer: str, serial_number: str, *, days: Days = 825) -> None:
-    """Give a robot an identity, or a new certificate in the place of its old one."""
-    with faults_told(), alone(folder):
-        _added(Site.open(folder).add(Kind.ROBOT, robot_name(manufacturer, serial_number), days=days))
+    """Create a robot's identity, or replace its certificate."""
+    with errors_reported(), alone(folder):
+        _report_created(Site.open(folder).add(Kind.ROBOT, robot_name(manufacturer, serial_number), days=days))
 
 
 @robot.command("remove")
 def remove_robot(folder: Folder, manufacturer: str, serial_number: str) -> None:
-    """Take a robot's identity back."""
-    with faults_told(), alone(folder):
+    """Revoke a robot's certificate and delete its identity."""
+    with errors_reported(), alone(folder):
         Site.open(folder).remove(Kind.ROBOT, robot_name(manufacturer, serial_number))
-    _tell_broker()
+    _report_broker_reload()
 
 
 @host.command("add")
 def add_host(folder: Folder, name: str, *, days: Days = 825) -> None:
-    """Give a host an identity, or a new certificate in the place of its old one."""
-    with faults_told(), alone(folder):
-        _added(Site.open(folder).add(Kind.HOST, host_name(name), days=days))
+    """Create a host's identity, or replace its certificate."""
+    with errors_reported(), alone(folder):
+        _report_created(Site.open(folder).add(Kind.HOST, host_name(name), days=days))
 
 
 @host.command("remove")
 def remove_host(folder: Folder, name: str) -> None:
-    """Take a host's identity back."""
-    with faults_told(), alone(folder):
+    """Revoke a host's certificate and delete its identity."""
+    with errors_reported(), alone(folder):
         Site.open(folder).remove(Kind.HOST, host_name(name))
-    _tell_broker()
+    _report_broker_reload()
 
 
-def _added(folder: Path) -> None:
-    say(f"Bring {folder} there as /etc/nena; its key.pem is for that one alone.")
-    _tell_broker()
+class RoleName(StrEnum):
+    """Roles as the command line spells them."""
+
+    VIEWER = "viewer"
+    OPERATOR = "operator"
+    ADMIN = "admin"
 
 
-def _tell_broker() -> None:
-    say("Bring the site's broker folder to the broker, and have it read anew: kill -HUP, or restart it.")
+@user.command("add")
+def add_user(
+    file: UsersFile,
+    name: str,
+    *,
+    role: Annotated[RoleName, typer.Option(help="Role of the user.")],
+    group: Annotated[
+        str | None,
+        typer.Option(help="Group that may read the file (that of the services). Unset: unchanged."),
+    ] = None,
+) -> None:
+    """Add a user, or replace the user's token. The token is shown only once."""
+    token = new_token()
+    with errors_reported(), alone(file):
+        if not NAME.fullmatch(name):
+            message = f"Invalid user name {name!r}: use 1 to 64 letters, digits or any of _ . @ -"
+            raise IdentityError(message)
+        others = [each for each in (read_users(file) if file.exists() else ()) if each.name != name]
+        write_users(file, [*others, User(name=name, role=Role[role.name], token_sha256=hash_of(token))])
+        if group is not None:
+            _set_group(group, file)
+    typer.echo(token)
+
+
+@user.command("remove")
+def remove_user(file: UsersFile, name: str) -> None:
+    """Remove a user. The token stops working immediately."""
+    with errors_reported(), alone(file):
+        users = read_users(file)
+        if name not in {each.name for each in users}:
+            message = f"No user {name} in {file}."
+            raise IdentityError(message)
+        write_users(file, [each for each in users if each.name != name])
+
+
+@user.command("list")
+def list_users(file: UsersFile) -> None:
+    """List users with their roles."""
+    with errors_reported():
+        for each in read_users(file):
+            typer.echo(f"{each.name}\t{each.role.name.lower()}")
+
+
+def _set_group(group: str, file: Path) -> None:
+    """Make the file readable for its owner and a group only."""
+    try:
+        shutil.chown(file, group=group)
+    except LookupError as error:
+        message = f"No group {group}. Create it: groupadd --system {group}"
+        raise IdentityError(message) from error
+    file.chmod(0o640)
+
+
+def _report_created(folder: Path) -> None:
+    say(f"Copy {folder} to that machine as /etc/nena. Do not share its key.pem.")
+    _report_broker_reload()
+
+
+def _report_broker_reload() -> None:
+    say("Copy the site's broker folder to the broker, then reload (kill -HUP) or restart it.")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import fcntl
 import shutil
+import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path, PurePosixPath
 from typing import Self
@@ -11,12 +14,79 @@ from typing import Self
 from cryptography.exceptions import UnsupportedAlgorithm
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from nena_deploy.access_list import access_list
 from nena_deploy.authority import Authority, Pair, utc_now, write_secret
-from nena_deploy.broker_configuration import broker_configuration
-from nena_deploy.identity import Identity, IdentityError, Kind
-from nena_deploy.topics import SiteTopics
+from nena_deploy.identities import Identity, IdentityError, Kind, SiteTopics, access_list
 from nena_shared.misfits import in_words, shortened
+
+PATIENCE = 30.0
+"""Seconds that another run may take."""
+LOOK_EVERY = 0.05
+
+
+class BusyError(Exception):
+    """Another run does not come to its end; the text says what to do."""
+
+
+@contextmanager
+def alone(path: Path, *, patience: float = PATIENCE) -> Iterator[None]:
+    """Keep other runs away from ``path``, a file or a folder, until the block ends.
+
+    Raises:
+        BusyError: another one has it for longer than ``patience`` seconds.
+
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lock = path.with_name(f".{path.name}.lock")
+    with lock.open("a") as file:
+        _take(file.fileno(), path, time.monotonic() + patience)
+        yield
+
+
+def _take(descriptor: int, path: Path, end: float) -> None:
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() > end:
+                message = f"another nena-deploy works on {path}: wait for it, or end it."
+                raise BusyError(message) from None
+            time.sleep(LOOK_EVERY)
+        else:
+            return
+
+
+TEMPLATE = """\
+# Made by nena-deploy. Clients are known by their certificates; what each may do is in access.list.
+listener {port}
+cafile {folder}/ca.pem
+certfile {folder}/broker.pem
+keyfile {folder}/broker-key.pem
+crlfile {folder}/revoked.pem
+tls_version tlsv1.2
+require_certificate true
+use_identity_as_username true
+allow_anonymous false
+acl_file {folder}/access.list
+
+# What one client may cost the others. The longest message is the model of a large plant.
+max_packet_size 67108864
+max_inflight_messages 200
+max_queued_messages 10000
+max_connections 5000
+max_keepalive 120
+set_tcp_nodelay true
+
+persistence true
+persistence_location {data}/
+autosave_interval 30
+log_dest stdout
+"""
+
+
+def broker_configuration(folder: PurePosixPath, data: PurePosixPath, port: int) -> str:
+    """Write the configuration; ``folder``: where the broker finds its files, ``data``: where it writes."""
+    return TEMPLATE.format(folder=folder, data=data, port=port)
+
 
 SERVICES = (Kind.ORDER_SERVICE, Kind.STATUS_AGGREGATOR)
 

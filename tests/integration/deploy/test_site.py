@@ -1,0 +1,191 @@
+"""A site of nena-deploy at a real Mosquitto: who gets in, and what each may not do."""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+import signal
+import ssl
+from pathlib import Path
+
+import pytest
+
+from nena_deploy.identities import Kind
+from nena_deploy.site import Site
+from nena_edge_agent.client_id import client_id_of
+from nena_shared.mqtt.tls import tls_context
+from nena_shared.settings import MqttSettings
+from nena_shared.vda5050.topics import RobotKey
+from support.running_site import (
+    AGGREGATOR,
+    HOST,
+    ORDER_SERVICE,
+    ROBOT_1,
+    ROBOT_2,
+    Client,
+    RunningSite,
+    connected,
+)
+from support.waiting import PATIENCE, until
+
+pytestmark = pytest.mark.broker
+
+
+async def test_the_main_job_is_possible(running: RunningSite) -> None:
+    """Orders reach the robot that they are for, and its states everybody who is to see them."""
+    state, order = "vda5050/v3/ACME/1/state", "vda5050/v3/ACME/1/order"
+    asked, told = "nena/v1/hosts/wms/transportOrders/create", "nena/v1/transportOrders/T/status"
+    async with (
+        running.client(ROBOT_1, order) as robot,
+        running.client(
+            ORDER_SERVICE, "vda5050/v3/+/+/state", "nena/v1/hosts/+/transportOrders/create"
+        ) as service,
+        running.client(AGGREGATOR, "vda5050/v3/#", "nena/v1/#") as aggregator,
+        running.client(HOST, "nena/v1/transportOrders/+/status") as host,
+    ):
+        host.publish(asked)
+        await until(lambda: asked in service.topics)
+        service.publish(order, told)
+        await until(lambda: order in robot.topics and told in host.topics)
+        robot.publish(state)
+        await until(lambda: state in service.topics and state in aggregator.topics)
+
+
+async def test_its_certificates_stand_the_strictest_look(running: RunningSite) -> None:
+    """As CPython 3.13 looks at them, whatever runs this test."""
+    async with running.client(ROBOT_2):
+        pass  # the broker is there
+    context = tls_context(running.settings_in(running.folder_of(*ROBOT_1)).tls)
+    assert context is not None
+    context.verify_flags |= ssl.VERIFY_X509_STRICT
+
+    _, writer = await asyncio.open_connection("127.0.0.1", running.port, ssl=context)
+
+    writer.close()
+
+
+async def test_a_robot_cannot_command_its_neighbour_or_speak_for_it(running: RunningSite) -> None:
+    forbidden = [
+        "uagv/v2/ACME/2/order",
+        "uagv/v2/ACME/2/instantActions",
+        "uagv/v2/ACME/2/state",
+        "uagv/v2/ACME/1/order",
+        "nena/v1/hosts/wms/transportOrders/create",
+        "nena/v1/plantModel",
+    ]
+    async with (
+        running.client(AGGREGATOR, "uagv/v2/#", "nena/v1/#") as watcher,
+        running.client(ROBOT_2, "uagv/v2/ACME/2/order", "uagv/v2/ACME/2/instantActions") as neighbour,
+        running.client(ROBOT_1) as robot,
+    ):
+        robot.publish(*forbidden, "uagv/v2/ACME/1/state")
+        await until(lambda: watcher.came)
+
+        assert watcher.topics == ["uagv/v2/ACME/1/state"], "what was sent before it never came"
+        assert neighbour.came == []
+
+
+async def test_a_robot_does_not_read_the_orders_of_others(running: RunningSite) -> None:
+    async with (
+        running.client(ROBOT_1, "uagv/v2/+/+/order", "#") as robot,
+        running.client(ORDER_SERVICE) as service,
+    ):
+        service.publish("uagv/v2/ACME/2/order", "uagv/v2/ACME/1/order")
+        await until(lambda: robot.came)
+
+        assert set(robot.topics) == {"uagv/v2/ACME/1/order"}
+
+
+async def test_a_host_neither_commands_robots_nor_speaks_for_another_host(running: RunningSite) -> None:
+    async with (
+        running.client(ORDER_SERVICE, "nena/v1/hosts/#") as service,
+        running.client(ROBOT_1, "uagv/v2/ACME/1/order") as robot,
+        running.client(HOST) as host,
+    ):
+        own = "nena/v1/hosts/wms/transportOrders/create"
+        withdrawal = "nena/v1/hosts/wms/commands/withdraw"
+        host.publish("uagv/v2/ACME/1/order", "nena/v1/hosts/mes/transportOrders/create", withdrawal, own)
+        await until(lambda: service.came)
+
+        assert service.topics == [own]
+        assert robot.came == []
+
+
+async def test_the_aggregator_only_watches(running: RunningSite) -> None:
+    async with (
+        running.client(ROBOT_1, "uagv/v2/ACME/1/order") as robot,
+        running.client(ORDER_SERVICE) as service,
+        running.client(AGGREGATOR) as aggregator,
+    ):
+        aggregator.publish("uagv/v2/ACME/1/order")
+        assert await aggregator.link.drain(PATIENCE)
+        service.publish("uagv/v2/ACME/1/order")
+        await until(lambda: robot.came)
+
+        assert len(robot.came) == 1
+
+
+async def test_who_is_removed_is_not_let_in_again(running: RunningSite, tmp_path: Path) -> None:
+    shutil.copytree(running.folder_of(*ROBOT_1), tmp_path / "stolen")
+    running.site.remove(*ROBOT_1)
+    running.restart()
+    async with running.client(ROBOT_2):
+        pass  # the broker is there
+
+    async with connected(Client(running.settings_in(tmp_path / "stolen"), "gone")) as gone:
+        await until(lambda: gone.link.state.last_error)
+
+        assert gone.link.state.connects == 0
+
+
+async def test_who_is_added_has_its_rights_without_a_restart(running: RunningSite) -> None:
+    new = (Kind.ROBOT, "ACME/3")
+    async with running.client(AGGREGATOR, "uagv/v2/#") as watcher:
+        running.site.add(*new, days=1)
+        running.process.send_signal(signal.SIGHUP)
+        async with running.client(new) as robot:
+            robot.publish("uagv/v2/ACME/1/state", "uagv/v2/ACME/3/state")
+            await until(lambda: watcher.came)
+
+        assert watcher.topics == ["uagv/v2/ACME/3/state"]
+        assert watcher.link.state.connects == 1, "nobody else has noticed"
+
+
+async def test_a_robot_cannot_take_its_neighbours_place_at_the_broker(running: RunningSite) -> None:
+    """It knows how client ids are made, and has a key of its own: it makes another id of them."""
+    one, two = (running.settings_in(running.folder_of(*each)) for each in (ROBOT_1, ROBOT_2))
+    neighbour = RobotKey("ACME", "2")
+    async with connected(Client(two, client_id_of(neighbour, two))) as victim:
+        await until(lambda: victim.link.state.connected)
+        for stolen in (client_id_of(neighbour, one), client_id_of(neighbour, MqttSettings())):
+            async with connected(Client(one, stolen)) as thief:
+                await until(lambda thief=thief: thief.link.state.connected)  # type: ignore[misc] # bound at once
+                thief.publish("uagv/v2/ACME/1/state")
+                assert await thief.link.drain(PATIENCE)
+        victim.publish("uagv/v2/ACME/2/state")
+        assert await victim.link.drain(PATIENCE)
+
+        assert victim.link.state.connects == 1
+
+
+async def test_a_site_that_was_lost_comes_back_from_its_copy(running: RunningSite, tmp_path: Path) -> None:
+    """As `docs/operations.md` says: with its modes, and robots notice nothing."""
+    stolen = shutil.copytree(running.folder_of(*ROBOT_2), tmp_path / "stolen")
+    on_the_robot = shutil.copytree(running.folder_of(*ROBOT_1), tmp_path / "robot")
+    running.site.remove(*ROBOT_2)
+    folder = running.site.folder
+    copy = shutil.make_archive(str(tmp_path / "copy"), "tar", folder)
+    shutil.rmtree(folder)
+
+    shutil.unpack_archive(copy, folder)
+    running.restart()
+
+    assert (folder / "authority").stat().st_mode & 0o077 == 0
+    async with connected(Client(running.settings_in(on_the_robot), "robot")) as robot:
+        await until(lambda: robot.link.state.connected)
+    async with connected(Client(running.settings_in(stolen), "gone")) as gone:
+        await until(lambda: gone.link.state.last_error)
+        assert gone.link.state.connects == 0, "who was removed before the copy stays out"
+    again = Site.open(folder)
+    again.add(Kind.ROBOT, "ACME/9", days=1)
+    assert {each.name for each in again} >= {"ACME/1", "ACME/9", "wms", "order-service"}

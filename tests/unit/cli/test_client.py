@@ -1,0 +1,148 @@
+"""Connections to real servers: the active one of several is asked, and what goes wrong is told."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
+from itertools import islice
+from typing import Any
+
+import pytest
+from fastapi import FastAPI, Response
+
+from nena_cli import client
+from nena_cli.client import Connection, Event, NotReachedError, RefusedError, follow, read_events
+from nena_order_service.rest.standby import make_standby_app
+from nena_shared.fleet_api.delivery import DeliveryPhase, DeliveryStatus
+from nena_shared.fleet_api.transport_order import Problem
+from nena_shared.web.server import HttpServer
+from nena_shared.web.settings import HttpSettings
+from support.broker import free_port
+from support.waiting import PATIENCE
+
+
+@asynccontextmanager
+async def served(app: FastAPI) -> AsyncIterator[str]:
+    server = HttpServer(app, HttpSettings(port=0))
+    task = asyncio.create_task(server.run())
+    yield server.url
+    server.stop()
+    await asyncio.wait_for(task, PATIENCE)
+
+
+def active(seen: list[str | None]) -> FastAPI:
+    app = FastAPI()
+
+    @app.get("/here")
+    async def here() -> Response:
+        body = DeliveryStatus(transport_order="T-1", phase=DeliveryPhase.NONE)
+        return Response(body.model_dump_json(by_alias=True), media_type="application/json")
+
+    @app.get("/refused")
+    async def refused() -> Response:
+        problem = Problem(title="Conflict", status=409, detail="It has ended.", errors=("one", "two"))
+        return Response(problem.model_dump_json(), 409, media_type="application/problem+json")
+
+    @app.get("/strange")
+    async def strange() -> Response:
+        return Response("<html>", 404)
+
+    @app.middleware("http")
+    async def note(request: Any, call_next: Callable[[Any], Any]) -> Any:
+        seen.append(request.headers.get("authorization"))
+        return await call_next(request)
+
+    return app
+
+
+async def test_the_active_one_is_found_and_asked_first_from_then_on() -> None:
+    seen: list[str | None] = []
+    async with AsyncExitStack() as stack:
+        standby = await stack.enter_async_context(served(make_standby_app(lambda: "", lambda: "")))
+        url = await stack.enter_async_context(served(active(seen)))
+        connection = Connection([f"http://127.0.0.1:{free_port()}", standby, url + "/"], "secret")
+        for _ in range(2):
+            found = await asyncio.to_thread(connection.get, DeliveryStatus, "/here")
+            assert found.transport_order == "T-1"
+        assert connection._urls[0] == url
+        assert seen == ["Bearer secret"] * 2
+        connection.close()
+
+
+async def test_nobody_active_names_everybody_who_was_asked() -> None:
+    away = f"http://127.0.0.1:{free_port()}"
+    async with served(make_standby_app(lambda: "", lambda: "")) as standby:
+        connection = Connection([away, standby], None)
+        with pytest.raises(NotReachedError) as caught:
+            await asyncio.to_thread(connection.get, DeliveryStatus, "/here")
+        assert away in str(caught.value)
+        assert standby in str(caught.value)
+        connection.close()
+
+
+async def test_refusals_say_all_that_is_wrong() -> None:
+    async with served(active([])) as url:
+        connection = Connection([url], None)
+        with pytest.raises(RefusedError, match=r"It has ended\.\n- one\n- two"):
+            await asyncio.to_thread(connection.get, DeliveryStatus, "/refused")
+        with pytest.raises(RefusedError, match="is the URL right"):
+            await asyncio.to_thread(connection.get, DeliveryStatus, "/strange")
+        connection.close()
+
+
+STREAM = """\
+retry: 1000
+
+id: 3
+event: transportOrder
+data: {"name": "T-1"}
+
+event: heartbeat
+data: {}
+
+id: 4
+event: synced
+data: {}
+"""
+
+
+def test_events_are_read_and_half_an_event_is_none() -> None:
+    assert list(read_events(STREAM.split("\n"))) == [
+        Event("transportOrder", "3", {"name": "T-1"}),
+        Event("heartbeat", None, {}),
+        Event("synced", "4", {}),
+    ]
+    assert list(read_events(["event: synced", "data: {}"])) == []
+
+
+class Breaking(Connection):
+    """Its streams break after what the test gives them."""
+
+    def __init__(self, *streams: list[str] | None) -> None:
+        super().__init__(["http://127.0.0.1:1"], None)
+        self._streams = iter(streams)
+        self.asked: list[str | None] = []
+
+    @contextmanager
+    def stream(self, _path: str, _query: dict[str, str], last_id: str | None) -> Iterator[Iterator[str]]:
+        self.asked.append(last_id)
+        lines = next(self._streams)
+        if lines is None:
+            raise NotReachedError("away")
+        yield iter(lines)
+
+
+def test_a_broken_stream_is_taken_up_behind_the_last_event(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client, "RETRY_PAUSE", 0.0)
+    connection = Breaking(STREAM.split("\n"), None, STREAM.split("\n"))
+    told: list[str] = []
+    kinds = [each.kind for each in islice(follow(connection, {}, on_break=told.append), 6)]
+    assert kinds == ["transportOrder", "heartbeat", "synced"] * 2
+    assert connection.asked == [None, "4", "4"]
+    assert told == ["away"]
+
+
+def test_nobody_there_at_the_first_try_is_an_error() -> None:
+    with pytest.raises(NotReachedError):
+        next(follow(Breaking(None), {}))

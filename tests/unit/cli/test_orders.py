@@ -1,0 +1,59 @@
+"""Files that people give to commands; what is no file of its kind is told in a line, and nothing is sent."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from rich.table import Table
+from typer.testing import CliRunner
+
+from nena_cli import orders, zones
+from nena_cli.client import Connection, Event
+from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
+
+
+@pytest.mark.parametrize(
+    "content", [b"\xff", b"{", b'{"destinations": [{"locationName": "\xff"}]}', b"[" * 100_000]
+)
+def test_an_order_that_is_none(content: bytes, tmp_path: Path) -> None:
+    file = tmp_path / "order.json"
+    file.write_bytes(content)
+    done = CliRunner().invoke(orders.app, ["create", "--file", str(file)])
+
+    assert (done.exit_code, type(done.exception)) == (2, SystemExit)
+    assert "message: Invalid JSON" in done.stderr
+
+
+@pytest.mark.parametrize("content", [b"\xff", b"{", b'{"mapId": NaN}', b"[" * 100_000])
+def test_a_zone_set_that_is_none(content: bytes, tmp_path: Path) -> None:
+    file = tmp_path / "zones.json"
+    file.write_bytes(content)
+    done = CliRunner().invoke(zones.app, ["put", str(file)])
+
+    assert (done.exit_code, type(done.exception)) == (2, SystemExit)
+    assert done.stderr.startswith(f"nena: {file}: ")
+
+
+def test_what_is_watched_ends_with_the_end_of_a_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status = VehicleStatus(
+        name="Robot-01",
+        manufacturer="ACME",
+        serial_number="1",
+        state=VehicleState.IDLE,
+        processing_state=ProcessingState.IDLE,
+        reason="no order waits",
+        connection="ONLINE",
+    )
+    event = Event("vehicle", None, status.model_dump(mode="json", by_alias=True))
+    monkeypatch.setattr(orders, "follow", lambda *_, **__: iter([event]))
+    board = orders.Board(VehicleStatus, lambda shown: Table(*(each.name for each in shown)))
+
+    told = list(orders.watch(Connection([], None), board, {"kind": "vehicle"}, as_json=False))
+
+    out = capsys.readouterr().out
+    assert told == [status]
+    assert "Robot-01" in out
+    assert out.endswith("\n")

@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+from datetime import timedelta
+from io import StringIO
+
+from rich.console import Console, RenderableType
+
+from nena_cli import tables
+from nena_cli.client import Event
+from nena_cli.orders import ENDED_SHOWN, Board
+from nena_cli.tables import sequence_details, sequence_history, sequences_table
+from nena_order_service.orders.order_sequence import OrderSequence
+from nena_shared.fleet_api.delivery import DeliveryPhase, DeliveryStatus
+from nena_shared.fleet_api.order_sequence import OrderSequenceRequest
+from nena_shared.fleet_api.order_types import AcceptableOrderType
+from nena_shared.fleet_api.rerouting import ReroutingAnswer, ReroutingOutcome
+from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from nena_shared.fleet_api.vehicle import (
+    PrecisePosition,
+    ProcessingState,
+    RobotMap,
+    VehicleState,
+    VehicleStatus,
+)
+from support.order_service import NOW, assigned_order, dispatchable_order
+
+
+def text_of(what: RenderableType) -> str:
+    out = StringIO()
+    Console(file=out, width=300).print(what)
+    return out.getvalue()
+
+
+def test_orders_say_where_they_are_and_no_markup_is_read() -> None:
+    order = assigned_order("A", "B:Load [bold]", name="T-[red]1", vehicle="V-[blink]1", priority=3)
+    shown = text_of(tables.orders_table([order.status]))
+    for part in ("T-[red]1", "BEING_PROCESSED", "V-[blink]1", "A: MOVE > B: Load [bold]", "3"):
+        assert part in shown
+
+
+def test_vehicle_that_is_only_meant_stands_in_brackets() -> None:
+    assert "(V-2)" in text_of(tables.orders_table([dispatchable_order(intended_vehicle="V-2").status]))
+
+
+def test_details_name_the_delivery_and_leave_out_what_is_empty() -> None:
+    delivery = DeliveryStatus(
+        transport_order="T-1", phase=DeliveryPhase.SENT, order_id="T-1-0", note="no state echoes it yet"
+    )
+    shown = text_of(tables.order_details(assigned_order("A").status, delivery))
+    assert "SENT T-1-0 no state echoes it yet" in shown
+    assert "deadline" not in shown
+    assert "assignedToVehicle" in text_of(tables.history_table(assigned_order("A").status))
+
+
+VEHICLE = VehicleStatus(
+    name="V-1",
+    manufacturer="NeNa",
+    serial_number="v1",
+    state=VehicleState.ERROR,
+    processing_state=ProcessingState.IDLE,
+    reason="has an error",
+    connection="ONLINE",
+    precise_position=PrecisePosition(x=1.25, y=2.0, theta=0.0, map_id="m"),
+    energy_level=41.6,
+    errors=("FATAL lost",),
+)
+
+
+def test_vehicles_say_where_they_stand_and_why() -> None:
+    shown = text_of(tables.vehicles_table([VEHICLE]))
+    for part in ("V-1", "ERROR", "1.25, 2.00", "42 %", "has an error; FATAL lost"):
+        assert part in shown
+    assert "maps" not in shown
+    maps = tuple(RobotMap(map_id="hall", map_version=each, enabled=each == "2") for each in ("1", "2"))
+    shown = text_of(tables.vehicles_table([VEHICLE, VEHICLE.model_copy(update={"maps": maps})]))
+    assert "hall 1, hall 2" in shown
+
+
+def test_rerouting_says_what_became_of_it() -> None:
+    done = ReroutingAnswer(
+        vehicle="V-1",
+        transport_order="T-1",
+        outcome=ReroutingOutcome.REROUTED,
+        reason="a host has asked for it",
+        route=("A", "[b]"),
+    )
+    shown = text_of(tables.rerouting_table(done))
+    for part in ("V-1", "T-1", "REROUTED", "A > [b]", "a host has asked"):
+        assert part in shown
+
+
+def test_board_shows_the_newest_of_each_and_lets_old_ends_go() -> None:
+    board = Board(TransportOrderStatus, tables.orders_table)
+    for number in range(ENDED_SHOWN + 5):
+        order = dispatchable_order(number=number).failed("withdrawn", NOW)
+        board.take(Event("transportOrder", None, order.status.model_dump(mode="json", by_alias=True)))
+    waiting = dispatchable_order(number=99).status.model_dump(mode="json", by_alias=True)
+    for _ in range(2):
+        board.take(Event("transportOrder", None, waiting))
+    shown = text_of(board)
+    assert shown.count("T-99") == 1
+    assert shown.count("FAILED") == ENDED_SHOWN
+    assert "T-4 " not in shown
+    assert "T-5 " in shown
+
+
+def test_a_late_order_and_what_a_vehicle_accepts_are_shown() -> None:
+    late = assigned_order("A", deadline=NOW, dispensable=True).overdue(NOW + timedelta(seconds=1))
+    delivery = DeliveryStatus(transport_order="T", phase=DeliveryPhase.NONE)
+    shown = text_of(tables.order_details(late.status, delivery))
+    assert "late" in shown
+    assert "dispensable" in shown
+    types = (AcceptableOrderType(name="Transport", priority=2), AcceptableOrderType(name="[b]", priority=1))
+    shown = text_of(tables.order_types_table(VEHICLE.model_copy(update={"acceptable_order_types": types})))
+    assert shown.index("[b]") < shown.index("Transport")
+
+
+def test_sequences_say_how_far_they_are_and_no_markup_is_read() -> None:
+    asked = OrderSequenceRequest(intended_vehicle="V-[red]1", failure_fatal=True)
+    made = OrderSequence.created(asked, number=1, name="S", now=NOW).appended("T-1", NOW).appended("T-2", NOW)
+    shown = text_of(sequences_table([made.status]))
+    for part in ("(V-[red]1)", "open", "T-1 > T-2", "begins with 'T-1'"):
+        assert part in shown
+    shown = text_of(sequence_details(made.bound("V-[red]1", NOW).completed("enough", NOW).status))
+    for part in ("complete", "ends it", "vehicle V-[red]1 is to do 'T-1', 1 of 2"):
+        assert part in shown
+    assert "orderAppended" in text_of(sequence_history(made.status))
+    ended = made.completed("enough", NOW).advanced(lambda _: True, NOW)
+    assert "finished" in text_of(sequences_table([ended.status]))

@@ -1,0 +1,412 @@
+"""A conversation of several robots, in several versions."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from datetime import timedelta
+from typing import Any
+
+import pytest
+
+from nena_conversations.checker import Checker
+from nena_conversations.recording import Entry
+from nena_conversations.rules import MESSAGES, Rule, Severity
+from nena_shared.vda5050.action import Action, InstantActions
+from nena_shared.vda5050.connection import Connection, ConnectionState
+from nena_shared.vda5050.factsheet import ActionScope, Factsheet, MobileRobotAction
+from nena_shared.vda5050.request import RequestStatus, ZoneRequest, ZoneRequestType
+from nena_shared.vda5050.topics import Topic
+from nena_shared.vda5050.versions import CODECS, codec_for
+from support.fleet_examples import factsheet
+from support.fleet_examples import state as example_state
+from support.robot_core import action, order, position
+from support.talk import HEADER, START, VERSIONS, Talk
+from support.zones import responses
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_an_order_that_is_driven_to_its_end_is_fine(version: str) -> None:
+    talk = Talk(version).online().state("n0", of="")
+    talk.order("n0", "n1", "n2").state("n0", "n1", "n2").state("n1", "n2").state("n2").online("OFFLINE")
+
+    assert talk.findings == []
+
+
+def test_other_topics_and_cleared_messages_are_passed_over() -> None:
+    checker = Checker()
+    for entry in Talk().raw("house/kitchen/light", b"on").raw("fleet/v3/ACME/0001/connection", b"").entries:
+        assert list(checker.add(entry)) == []
+
+    assert checker.checked == 0
+    assert list(checker.end()) == []
+
+
+def test_robots_are_followed_each_for_itself() -> None:
+    talk = Talk().order("n0", "n1").state("n0", "n1")
+    other = Talk().order("n0", "n1", order_id="o9").state("n0", of="o9", node_states=())
+    talk.entries += [
+        replace(
+            each, topic=each.topic.replace("0001", "0002"), payload=each.payload.replace(b"0001", b"0002")
+        )
+        for each in other.entries
+    ]
+
+    assert talk.findings == []
+
+
+def test_a_robot_that_changes_its_version_begins_anew() -> None:
+    talk = Talk("2.1.0").order("n0", "n1").state("n0", "n1")
+    talk.entries += Talk("3.0.0").online().state("n0", of="").entries
+
+    assert talk.findings == []
+
+
+def test_numbers_count_what_is_passed_over_as_well() -> None:
+    checker = Checker()
+    checker.skip()
+    (finding,) = checker.add(Entry(START, "fleet/v2/ACME/1/state", b"?"))
+
+    assert (finding.number, checker.checked) == (2, 1)
+
+
+def test_a_finding_is_an_object_for_scripts() -> None:
+    checker = Checker()
+    (finding,) = checker.add(Entry(START, "fleet/v2/ACME/1/state", b"?"))
+
+    assert finding.as_json() == {
+        "number": 1,
+        "time": "2026-01-01T00:00:00+00:00",
+        "robot": "ACME/1",
+        "topic": "state",
+        "version": "2.1.0",
+        "rule": "message",
+        "section": "6.10.6",
+        "severity": "error",
+        "text": finding.text,
+    }
+
+
+def test_each_rule_has_a_code_of_its_own_and_a_section_in_some_version() -> None:
+    assert len({rule.code for rule in Rule}) == len(Rule)
+    assert set(MESSAGES) == set(Topic)
+    for rule in Rule:
+        assert any(rule.section(version, Topic.ORDER) for version in CODECS), rule
+
+
+def said(version: str, topic: str, payload: bytes) -> Talk:
+    return Talk(version).raw(f"fleet/{codec_for(version).major_version}/ACME/r1/{topic}", payload)
+
+
+def changed(version: str, **fields: Any) -> Talk:
+    """Give a conversation of one state, with some fields of its JSON replaced."""
+    content = json.loads(codec_for(version).encode(example_state())) | fields
+    return said(version, "state", json.dumps(content).encode())
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_message_in_order_is_fine(version: str) -> None:
+    assert changed(version).findings == []
+
+
+@pytest.mark.parametrize(
+    ("version", "topic", "section"),
+    [
+        ("2.0.0", "order", "6.7"),
+        ("2.1.0", "order", "6.6.6"),
+        ("3.0.0", "order", "7.3"),
+        ("2.0.0", "factsheet", "7"),
+        ("2.1.0", "state", "6.10.6"),
+        ("3.0.0", "responses", "7.5"),
+        ("2.1.0", "responses", "6.5"),
+    ],
+)
+def test_what_is_no_message_is_named_with_the_section_that_describes_it(
+    version: str, topic: str, section: str
+) -> None:
+    talk = said(version, topic, json.dumps({"version": version}).encode())
+
+    assert {each.rule for each in talk.findings} == {Rule.MESSAGE}
+    finding = talk.findings[0]
+    assert (finding.number, finding.severity, finding.section) == (1, Severity.ERROR, section)
+    assert str(finding.robot) == "ACME/r1"
+
+
+def test_what_is_no_json_is_read_by_the_version_of_its_topic() -> None:
+    (finding,) = said("2.1.0", "state", b"hello").findings
+
+    assert (finding.rule, finding.version) == (Rule.MESSAGE, "2.1.0")
+
+
+@pytest.mark.parametrize(("version", "section"), [("2.0.0", "6.6.1"), ("3.0.0", "6.1.1")])
+def test_a_graph_that_a_schema_would_let_pass_is_named(version: str, section: str) -> None:
+    good = codec_for(version).encode(order("n0", "n1"))
+    talk = said(version, "order", good.replace(b'"sequenceId":2', b'"sequenceId":4'))
+
+    (finding,) = talk.findings
+    assert (finding.rule, finding.section) == (Rule.GRAPH, section)
+    assert "sequenceId 4, not 2" in finding.text
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_field_that_the_version_does_not_have_is_a_warning(version: str) -> None:
+    (finding,) = changed(version, colour="red").findings
+
+    assert (finding.rule, finding.severity) == (Rule.FIELD, Severity.WARNING)
+    assert finding.text.startswith("colour ")
+
+
+def test_a_field_of_another_version_is_none_of_this_one() -> None:
+    zone_sets: list[Any] = []
+
+    assert changed("3.0.0", zoneSets=zone_sets).findings == []
+    assert changed("2.1.0", zoneSets=zone_sets).rules == [Rule.FIELD]
+
+
+def test_fields_deep_inside_are_named_by_their_path() -> None:
+    payload = json.loads(codec_for("2.1.0").encode(order("n0", "n1")))
+    payload["nodes"][1]["nodePosition"]["z"] = 3.0
+
+    assert said("2.1.0", "order", json.dumps(payload).encode()).texts.startswith("nodes.1.nodePosition.z ")
+
+
+def test_what_is_understood_in_spite_of_its_spelling_is_named() -> None:
+    (finding,) = changed("3.0.0", operatingMode="TEACHIN").findings
+
+    assert (finding.rule, finding.severity, finding.section) == (Rule.SPELLING, Severity.ERROR, "7.1")
+    assert "'TEACHIN'" in finding.text
+    assert "'TEACH_IN'" in finding.text
+    assert changed("2.1.0", operatingMode="TEACHIN").findings == []
+
+
+def test_an_instant_action_of_3_blocks_nothing() -> None:
+    pause = InstantActions(**HEADER, actions=(action("a", "HARD", "startPause"),))
+    payload = codec_for("2.1.0").encode(pause)
+
+    assert said("2.1.0", "instantActions", payload).rules == []
+    (finding,) = said("3.0.0", "instantActions", payload.replace(b'"2.1.0"', b'"3.0.0"')).findings
+    assert finding.rule is Rule.SPELLING
+    assert "actions.0.blockingType is written 'HARD'; this version writes 'NONE'" in finding.text
+
+
+def test_a_stop_that_acknowledges_itself_is_a_word_of_2() -> None:
+    stop = {"eStop": "AUTOACK", "fieldViolation": False}
+
+    assert changed("2.1.0", safetyState=stop).findings == []
+
+
+@pytest.mark.parametrize(
+    ("timestamp", "rules"),
+    [
+        ("2026-01-01T00:00:00Z", []),
+        ("2026-01-01T00:00:00.123456Z", []),
+        ("2026-01-01T01:00:00.00+01:00", [Rule.SPELLING]),
+        ("2026-01-01T00:00:00.00", [Rule.SPELLING]),
+    ],
+)
+def test_times_are_written_in_utc(timestamp: str, rules: list[Rule]) -> None:
+    assert changed("2.1.0", timestamp=timestamp).rules == rules
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_what_the_versions_write_differently_is_compared_as_it_stands(version: str) -> None:
+    places = {"n0": position(0.0), "n1": position(10.0, radius=0.5)}
+
+    assert Talk(version).order("n0", "n1", positions=places).findings == []
+
+
+def test_only_so_many_are_told_of_one_message() -> None:
+    assert len(changed("3.0.0", **{f"x{number}": 1 for number in range(50)}).findings) == 5
+
+
+def test_a_topic_of_another_major_version_is_named() -> None:
+    talk = Talk().raw("fleet/v2/ACME/r1/state", codec_for("3.0.0").encode(example_state()))
+
+    assert talk.rules == [Rule.VERSION]
+
+
+def test_a_header_of_another_robot_is_named() -> None:
+    assert Talk().say(example_state(), serial_number="0002").rules == [Rule.ADDRESS]
+
+
+@pytest.mark.parametrize(("number", "rules"), [(1, []), (0, []), (3, [Rule.HEADER_ID])])
+def test_header_ids_are_counted(number: int, rules: list[Rule]) -> None:
+    talk = Talk().state("", of="").say(example_state(), header_id=number)
+
+    assert talk.rules == rules
+
+
+def test_header_ids_begin_anew_behind_the_last_number() -> None:
+    talk = Talk().say(example_state(), header_id=2**32 - 1).say(example_state(), header_id=0)
+
+    assert talk.rules == []
+
+
+def test_each_topic_has_its_own_count() -> None:
+    talk = Talk().say(example_state(), header_id=40).act()
+
+    assert talk.rules == []
+
+
+def test_time_does_not_go_back() -> None:
+    talk = Talk().state("", of="").say(example_state(), timestamp=START - timedelta(hours=1))
+
+    assert talk.rules == [Rule.TIMESTAMP]
+
+
+def test_a_last_will_may_be_old() -> None:
+    talk = Talk().online().state("", of="")
+    will = Connection(**HEADER, connection_state=ConnectionState.CONNECTION_BROKEN)
+
+    assert talk.say(will, timestamp=START - timedelta(hours=1), header_id=0).findings == []
+
+
+def test_what_the_broker_has_kept_is_of_another_time() -> None:
+    talk = Talk().state("", of="")
+    kept = Entry(START, "fleet/v3/ACME/r1/state", codec_for("3.0.0").encode(example_state()), retain=True)
+    talk.entries.insert(0, kept)
+
+    assert talk.rules == []
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_state_comes_each_half_minute(version: str) -> None:
+    fine = Talk(version).online().state("n0", of="").wait(29).state("n0", of="")
+    late = Talk(version).online().state("n0", of="").wait(40).state("n0", of="")
+
+    assert fine.rules == []
+    (finding,) = late.findings
+    assert (finding.rule, finding.severity) == (Rule.STATE_INTERVAL, Severity.ERROR)
+    assert finding.section == ("6.6" if version == "3.0.0" else "6.10")
+
+
+def test_silence_is_told_while_others_speak() -> None:
+    talk = Talk().online().state("n0", of="").wait(60)
+    talk.entries.append(Entry(talk.now, "fleet/v3/ACME/0002/state", b"?"))
+
+    first = talk.findings[0]
+    assert (first.rule, first.number) == (Rule.STATE_INTERVAL, 2)
+    assert talk.state("n0", of="").rules.count(Rule.STATE_INTERVAL) == 1
+
+
+@pytest.mark.parametrize("away", ["OFFLINE", "HIBERNATING", "CONNECTION_BROKEN"])
+def test_a_robot_that_is_away_says_nothing(away: str) -> None:
+    talk = Talk().online().state("n0", of="").online(away).wait(400).online().state("n0", of="")
+
+    assert talk.findings == []
+
+
+@pytest.mark.parametrize(
+    ("away", "severity"),
+    [
+        ("OFFLINE", Severity.ERROR),
+        ("HIBERNATING", Severity.ERROR),
+        ("CONNECTION_BROKEN", Severity.WARNING),
+    ],
+)
+def test_a_robot_that_is_away_sends_no_states(away: str, severity: Severity) -> None:
+    talk = Talk().online().state("n0", of="").online(away).state("n0", of="").state("n0", of="")
+
+    (finding,) = talk.findings
+    assert (finding.rule, finding.severity, finding.number) == (Rule.CONNECTION, severity, 4)
+
+
+def test_a_robot_whose_connection_was_not_heard_may_be_there() -> None:
+    assert Talk().state("n0", of="").findings == []
+
+
+def offering(*scopes: ActionScope) -> Factsheet:
+    sheet = factsheet()
+    work = MobileRobotAction(
+        action_type="work", action_scopes=scopes, pause_allowed=False, cancel_allowed=False
+    )
+    features = sheet.protocol_features.model_copy(update={"mobile_robot_actions": (work,)})
+    return sheet.model_copy(update={"protocol_features": features})
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize(
+    ("asked", "place", "fine"),
+    [
+        (action("a"), {"node_actions": "n0"}, True),
+        (action("a"), {"edge_actions": "n0-n1"}, False),
+        (action("a", "NONE", "dance"), {"node_actions": "n0"}, False),
+    ],
+)
+def test_actions_of_orders_are_offered(
+    version: str, asked: Action, place: dict[str, str], *, fine: bool
+) -> None:
+    talk = Talk(version).say(offering(ActionScope.NODE))
+    fields: dict[str, Any] = {key: {name: [asked]} for key, name in place.items()}
+    talk.order("n0", "n1", **fields)
+
+    assert talk.rules == ([] if fine else [Rule.NOT_OFFERED])
+    assert {each.severity for each in talk.findings} <= {Severity.WARNING}
+
+
+def test_instant_actions_are_offered() -> None:
+    fine = Talk().say(offering(ActionScope.INSTANT)).act(action("a"))
+    not_here = Talk().say(offering(ActionScope.NODE)).act(action("a"))
+
+    assert fine.rules == []
+    assert not_here.rules == [Rule.NOT_OFFERED]
+    assert not_here.findings[0].section == "7.10"
+
+
+def test_without_a_factsheet_nobody_knows() -> None:
+    assert Talk().act(action("a", "NONE", "dance")).rules == []
+
+
+@pytest.mark.parametrize(("version", "section"), [("2.0.0", "6.7"), ("2.1.0", "6.6.6"), ("3.0.0", "7.3")])
+def test_an_action_id_stands_for_one_type(version: str, section: str) -> None:
+    talk = Talk(version).act(action("a", "NONE", "startPause")).act(action("a", "NONE", "stopPause"))
+
+    (finding,) = talk.findings
+    assert (finding.rule, finding.severity, finding.section) == (Rule.ACTION_ID, Severity.ERROR, section)
+
+
+def test_an_action_id_belongs_to_one_order() -> None:
+    talk = Talk().order("n0", node_actions={"n0": [action("a")]})
+    talk.order("n0", order_id="o2", node_actions={"n0": [action("a")]})
+
+    (finding,) = talk.findings
+    assert (finding.rule, finding.severity) == (Rule.ACTION_ID, Severity.WARNING)
+    assert "order 'o1'" in finding.text
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_what_is_sent_again_has_its_id_again(version: str) -> None:
+    again = {"n0": [action("a")]}
+    talk = Talk(version).order("n0", node_actions=again).order("n0", node_actions=again)
+    talk.act(action("i", "NONE", "startPause")).act(action("i", "NONE", "startPause"))
+
+    assert talk.rules == []
+
+
+REQUEST = ZoneRequest(
+    request_id="r",
+    request_type=ZoneRequestType.ACCESS,
+    zone_id="z",
+    zone_set_id="s",
+    request_status=RequestStatus.REQUESTED,
+)
+
+
+@pytest.mark.parametrize(("request_id", "rules"), [("r", []), ("q", [Rule.RESPONSE])])
+def test_fleet_control_answers_what_it_was_asked(request_id: str, rules: list[Rule]) -> None:
+    talk = Talk().state("n0", of="", zone_requests=(REQUEST,)).state("n0", of="")
+
+    assert talk.say(responses(request_id, "GRANTED")).rules == rules
+
+
+def test_an_answer_to_what_was_not_heard_may_be_right() -> None:
+    assert Talk().say(responses("r", "GRANTED")).rules == []
+
+
+def test_a_command_that_the_broker_has_kept_is_of_another_time() -> None:
+    talk = Talk().order("n3", "n4", first=6, update=4)
+    talk.entries = [replace(each, retain=True) for each in talk.entries]
+    for _ in range(4):
+        talk.state("n0", of="")
+
+    assert talk.findings == []

@@ -1,0 +1,198 @@
+"""Recorded conversations, read again by fleet control and by the fleet model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+from msgspec import convert
+
+from nena_conversations.message import ReceivedMessage, parse
+from nena_conversations.recording import read_file
+from nena_order_service.fleet import (
+    FleetController,
+    FleetOutput,
+    FleetSettings,
+    Mission,
+    MissionAccepted,
+    MissionCancelled,
+    MissionFailed,
+    MissionFinished,
+    NodePassed,
+    OperationStarted,
+    PublishInstantActions,
+    PublishOrder,
+)
+from nena_shared.vda5050.action import InstantActions
+from nena_shared.vda5050.brief.state import StateBrief
+from nena_shared.vda5050.connection import Connection
+from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.state import State
+from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
+from nena_status_aggregator.fleet.robot import Instant
+from support.conversations import FOLDER
+
+FILES = sorted(FOLDER.glob("*.jsonl"))
+CANCEL = "cancelOrder"
+
+
+def conversation(file: Path) -> list[ReceivedMessage]:
+    said = (parse(entry, number) for number, entry in enumerate(read_file(file), start=1))
+    return [each for each in said if each]
+
+
+class Fleet:
+    """A fleet control that is to do what the recorded one did, and hears what it was answered."""
+
+    def __init__(self, said: list[ReceivedMessage]) -> None:
+        self.said = said
+        self.robot = said[0].robot
+        self.cancel_ids = [
+            action.action_id
+            for each in said
+            if isinstance(each.message, InstantActions)
+            for action in each.message.actions
+            if action.action_type == CANCEL
+        ]
+        self.controller = FleetController(FleetSettings(), new_id=iter(self.cancel_ids).__next__)
+        self.outputs: list[FleetOutput] = list(self.controller.on_broker(connected=True, now=0.0))
+
+    def go_through(self) -> None:
+        begin = self.said[0].time
+        for each in self.said:
+            now = (each.time - begin).total_seconds()
+            self.outputs += self.turn(each, now)
+
+    def turn(self, said: ReceivedMessage, now: float) -> Iterator[FleetOutput]:
+        match said.message:
+            case Connection() as message:
+                yield from self.controller.on_connection(self.robot, message, now)
+            case Factsheet() as message:
+                yield from self.controller.on_factsheet(self.robot, message, now)
+            case State() as message:
+                yield from self.controller.on_state(self.robot, message, now)
+            case Order() as order:
+                mission = Mission(mission_id=order.order_id, nodes=order.nodes, edges=order.edges)
+                yield from self.controller.start_mission(self.robot, mission, now)
+            case InstantActions() as message if message.actions[0].action_id in self.cancel_ids[:1]:
+                yield from self.controller.cancel_mission(self.robot, now)
+
+    def news(self, *kinds: type[FleetOutput]) -> list[FleetOutput]:
+        return [each for each in self.outputs if isinstance(each, kinds)]
+
+    @property
+    def orders(self) -> list[Order]:
+        return [each.message for each in self.said if isinstance(each.message, Order)]
+
+
+def replayed(version: str, story: str) -> Fleet:
+    fleet = Fleet(conversation(FOLDER / f"{version}-{story}.jsonl"))
+    fleet.go_through()
+    return fleet
+
+
+@pytest.mark.parametrize(
+    ("version", "story"),
+    [
+        *(
+            (version, story)
+            for version in ("2.0.0", "2.1.0", "3.0.0")
+            for story in ("order_with_actions", "pause")
+        ),
+        ("3.0.0", "zones"),
+    ],
+)
+def test_fleet_control_sends_the_same_order_and_follows_it_to_its_end(version: str, story: str) -> None:
+    fleet = replayed(version, story)
+    (order,) = fleet.orders
+    robot, name = fleet.robot, order.order_id
+
+    (sent,) = fleet.news(PublishOrder)
+    assert isinstance(sent, PublishOrder)
+    assert (sent.mission.mission_id, sent.mission.nodes, sent.mission.edges) == (
+        name,
+        order.nodes,
+        order.edges,
+    )
+    assert fleet.news(MissionAccepted) == [MissionAccepted(robot, name)]
+    passed = [NodePassed(robot, name, node.node_id, node.sequence_id) for node in order.nodes]
+    assert fleet.news(NodePassed) == passed
+    started = [OperationStarted(robot, name)] if any(node.actions for node in order.nodes) else []
+    assert fleet.news(OperationStarted) == started
+    assert fleet.news(MissionFinished, MissionFailed) == [MissionFinished(robot, name)]
+
+
+@pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
+def test_fleet_control_cancels_the_same_way(version: str) -> None:
+    fleet = replayed(version, "cancel")
+    (order,) = fleet.orders
+
+    (sent, *_) = fleet.news(PublishInstantActions)
+    assert isinstance(sent, PublishInstantActions)
+    assert [(each.action_type, each.action_id) for each in sent.actions] == [(CANCEL, fleet.cancel_ids[0])]
+    ends = fleet.news(MissionFinished, MissionFailed, MissionCancelled)
+    assert ends == [MissionCancelled(fleet.robot, order.order_id)]
+
+
+@pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
+def test_fleet_control_understands_refusals(version: str) -> None:
+    fleet = replayed(version, "refusals")
+    far, dance, good = (order.order_id for order in fleet.orders)
+
+    first, second, third = fleet.news(MissionFailed, MissionFinished)
+    assert isinstance(first, MissionFailed)
+    assert isinstance(second, MissionFailed)
+    assert (first.mission_id, second.mission_id) == (far, dance)
+    assert third == MissionFinished(fleet.robot, good)
+
+
+@pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
+def test_fleet_control_cancels_what_has_failed(version: str) -> None:
+    fleet = replayed(version, "failure")
+    (order,) = fleet.orders
+
+    (sent, *_) = fleet.news(PublishInstantActions)
+    assert isinstance(sent, PublishInstantActions)
+    assert [(each.action_type, each.action_id) for each in sent.actions] == [(CANCEL, fleet.cancel_ids[0])]
+    (end,) = fleet.news(MissionFinished, MissionFailed, MissionCancelled)
+    assert isinstance(end, MissionFailed)
+    assert end.mission_id == order.order_id
+    assert "it always fails" in " ".join((end.reason, *end.details))
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+def test_the_fleet_model_shows_what_the_robot_said(file: Path) -> None:
+    said = conversation(file)
+    model = FleetModel(ModelLimits())
+    start = said[0].time
+    model.on_link(connected=True, at=Instant(0.0, start))
+    for each in said:
+        at = Instant((each.time - start).total_seconds(), each.time)
+        match each.message:
+            case Connection() as message:
+                model.on_connection(each.robot, message, at)
+            case Factsheet() as message:
+                model.on_factsheet(each.robot, message, at)
+            case State() as message:
+                brief = convert(message, StateBrief, from_attributes=True)
+                model.on_state(each.robot, brief, at)
+                model.flush(at)
+                view = model.robot_view(each.robot)
+                assert view is not None
+                assert (view["connection"], view["driving"]) == ("ONLINE", message.driving)
+                assert [error["errorType"] for error in view["errors"]] == [
+                    e.error_type for e in message.errors
+                ]
+                order = view["order"]
+                if message.order_id:
+                    assert order is not None
+                    assert (order["orderId"], order["lastNodeId"]) == (message.order_id, message.last_node_id)
+
+    model.flush(Instant(0.0, said[-1].time + timedelta(seconds=1)))
+    view = model.robot_view(said[0].robot)
+    assert view is not None
+    assert (view["connection"], view["malformed"]) == ("OFFLINE", 0)
+    assert view["protocolVersion"] == said[0].codec.version

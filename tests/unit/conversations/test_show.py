@@ -1,0 +1,263 @@
+"""A conversation as a person reads it."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from nena_conversations.recording import read_file
+from nena_conversations.show import MOVED, describe, show
+from nena_shared.vda5050.action import Action, ActionState, ActionStatus, InstantActions
+from nena_shared.vda5050.error import ErrorType, error
+from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.state import OperatingMode
+from nena_shared.vda5050.topics import RobotKey
+from support.conversations import FOLDER
+from support.fleet_examples import connection, factsheet, position, state, visualization, way
+from support.robot_core import action, order
+from support.talk import HEADER, Talk, doing
+from support.zones import responses, transfer, zone
+
+
+def shown(talk: Talk, **options: Any) -> str:
+    out = io.StringIO()
+    show(talk.entries, Console(file=out, width=300), **options)
+    return out.getvalue()
+
+
+def test_a_state_is_told_by_what_has_changed_since_the_robots_own_one_before() -> None:
+    talk = Talk().state("n0", of="")
+    talk.raw("fleet/v3/ACME/0002/state", talk.codec.encode(state(robot=RobotKey("ACME", "0002"))))
+    text = shown(talk.state("n0", of="", driving=True))
+
+    assert text.split("state 3.0.0")[-1] == "\n    driving: yes\n"
+
+
+def test_it_says_who_speaks_to_whom() -> None:
+    text = shown(Talk().order("n0", "n1").state("n0", "n1"))
+
+    assert "fleet → ACME/0001 order 3.0.0" in text
+    assert "ACME/0001 → fleet state 3.0.0" in text
+
+
+def test_a_state_that_changes_nothing_is_left_out_unless_all_is_asked_for() -> None:
+    talk = Talk().state("n0", of="").state("n0", of="")
+
+    assert shown(talk).count("state 3.0.0") == 1
+    assert "no change" in shown(talk, everything=True)
+
+
+def test_what_is_not_readable_says_why() -> None:
+    assert "malformed: " in shown(Talk().raw("fleet/v3/ACME/0001/state", b"?"))
+
+
+def test_one_robot_is_picked_out() -> None:
+    assert shown(Talk().online(), robot="ACME/0002") == ""
+    assert "ONLINE" in shown(Talk().online(), robot="ACME/0001")
+
+
+@pytest.mark.parametrize("file", sorted(FOLDER.glob("*.jsonl")), ids=lambda file: file.stem)
+def test_each_recorded_message_is_told(file: Path) -> None:
+    entries = list(read_file(file))
+
+    out = io.StringIO()
+    assert show(entries, Console(file=out, width=300), everything=True) == len(entries)
+    assert "not readable" not in out.getvalue()
+
+
+WALL = error(ErrorType.NODE_UNREACHABLE, "wall")
+FULL: dict[str, Any] = {
+    "order_id": "o1",
+    "last_node_id": "n0",
+    "driving": True,
+    "paused": False,
+    "new_base_request": False,
+    "mobile_robot_position": position(4.0, 2.0),
+    "loads": ({"load_id": "box"},),
+    "errors": (WALL,),
+    "action_states": doing(("a", "RUNNING")),
+    "maps": ({"map_id": "hall", "map_version": "1", "map_status": "ENABLED"},),
+    "zone_sets": ({"zone_set_id": "s1", "map_id": "hall", "zone_set_status": "ENABLED"},),
+    **way("n1", "n2", released=1),
+}
+
+
+def changed(fields: dict[str, Any], before: dict[str, Any] | None = None) -> list[str]:
+    """Give what is told of a state that differs from the one before it by ``fields``."""
+    return describe(state(2, **{**(before or {}), **fields}), state(1, **(before or {})))
+
+
+@pytest.mark.parametrize(
+    ("fields", "line"),
+    [
+        ({"order_id": "o1"}, "order 'o1' update 0"),
+        ({"driving": True}, "driving: yes"),
+        ({"operating_mode": OperatingMode.MANUAL}, "mode: MANUAL"),
+        ({"paused": True}, "paused: yes"),
+        ({"new_base_request": True}, "requests more base: yes"),
+        ({"last_node_id": "n7", "last_node_sequence_id": 14}, "last node 'n7' (14)"),
+        (way("n1", "n2", released=1), "nodes left: n1, horizon n2"),
+        ({"loads": ({"load_id": "box"}, {"load_type": "EPAL"}, {})}, "loads: box, EPAL, a load"),
+        ({"power_supply": {"state_of_charge": 79.9, "charging": False}}, "battery 80 %"),
+        ({"power_supply": {"state_of_charge": 80.9, "charging": True}}, "charging: yes"),
+        (
+            {"safety_state": {"active_emergency_stop": "MANUAL", "field_violation": False}},
+            "emergency stop: MANUAL",
+        ),
+        (
+            {"safety_state": {"active_emergency_stop": "NONE", "field_violation": True}},
+            "field violation: yes",
+        ),
+        ({"maps": FULL["maps"]}, "maps: hall ENABLED"),
+        ({"zone_sets": FULL["zone_sets"]}, "zone sets: s1 ENABLED"),
+        (
+            {
+                "zone_requests": (
+                    {
+                        "request_id": "r1",
+                        "request_type": "ACCESS",
+                        "zone_id": "z",
+                        "zone_set_id": "s1",
+                        "request_status": "REQUESTED",
+                    },
+                )
+            },
+            "requests: r1 REQUESTED",
+        ),
+        ({"errors": (WALL,)}, "CRITICAL NODE_UNREACHABLE: wall"),
+        ({"action_states": doing(("a", "RUNNING"))}, "work 'a' RUNNING"),
+        ({"instant_action_states": doing(("a", "RUNNING"))}, "work 'a' RUNNING"),
+    ],
+)
+def test_of_a_state_it_is_told_what_has_changed_and_nothing_else(fields: dict[str, Any], line: str) -> None:
+    assert changed(fields) == [line]
+
+
+@pytest.mark.parametrize(
+    ("fields", "line"),
+    [
+        ({"order_id": ""}, "no order yet"),
+        ({"order_update_id": 1}, "order 'o1' update 1"),
+        ({"driving": False}, "driving: no"),
+        ({"node_states": ()}, "nodes left: none"),
+        (way("n1", "n2"), "nodes left: n1, n2"),
+        ({"loads": ()}, "loads: none"),
+        ({"loads": None}, "loads: none"),
+        ({"maps": ()}, "maps: none"),
+        ({"errors": ()}, "cleared: NODE_UNREACHABLE"),
+        ({"action_states": doing(("a", "FINISHED"))}, "work 'a' FINISHED"),
+        ({"action_states": ()}, "no longer listed: a"),
+        ({"mobile_robot_position": None}, "position unknown"),
+        ({"mobile_robot_position": position(4.0, 2.0, localized=False)}, "not localised"),
+        ({"mobile_robot_position": {**position(4.0, 2.0), "map_id": "yard"}}, "at x 4.00, y 2.00 on 'yard'"),
+    ],
+)
+def test_what_is_over_is_told_too(fields: dict[str, Any], line: str) -> None:
+    assert changed(fields, FULL) == [line]
+
+
+@pytest.mark.parametrize(("by", "told"), [(0.99 * MOVED, False), (1.01 * MOVED, True)])
+def test_a_move_is_told_from_some_centimetres_on(by: float, *, told: bool) -> None:
+    lines = changed({"mobile_robot_position": position(4.0 + by, 2.0)}, FULL)
+    assert lines == (["at x 4.05, y 2.00 on 'hall'"] if told else ["no change"])
+
+
+def test_a_place_that_was_not_known_is_told_with_whether_it_is_sure() -> None:
+    lines = changed({"mobile_robot_position": position(1.0, 2.0, localized=False)})
+    assert lines == ["at x 1.00, y 2.00 on 'hall'", "not localised"]
+
+
+def test_the_first_state_tells_where_the_robot_stands_and_of_nothing_that_is_not() -> None:
+    assert describe(state(), None) == [
+        "no order yet",
+        "last node '' (0)",
+        "nodes left: none",
+        "mode: AUTOMATIC",
+        "battery 80 %",
+    ]
+    first = describe(state(**FULL), None)
+    assert {"driving: yes", "loads: box", "work 'a' RUNNING", "maps: hall ENABLED"} <= set(first)
+    assert not any("paused" in each or "emergency" in each for each in first)
+
+
+def test_an_action_tells_its_result() -> None:
+    done = ActionState(
+        action_id="a", action_type=None, action_status=ActionStatus.FAILED, action_result="dropped it"
+    )
+    assert changed({"action_states": (done,)}) == ["action 'a' FAILED: dropped it"]
+
+
+def test_several_errors_come_and_go_each_by_itself() -> None:
+    other = error(ErrorType.ACTION_FAILED, "slipped")
+    assert changed({"errors": (other,)}, {"errors": (WALL,)}) == [
+        f"{other.error_level} ACTION_FAILED: slipped",
+        "cleared: NODE_UNREACHABLE",
+    ]
+
+
+FIELDS = st.fixed_dictionaries({}, optional={name: st.just(value) for name, value in FULL.items()})
+
+
+@given(FIELDS)
+def test_the_same_again_is_nothing_new(fields: dict[str, Any]) -> None:
+    assert changed({}, fields) == ["no change"]
+
+
+@given(FIELDS, FIELDS)
+def test_whatever_is_told_of_one_way_is_told_of_the_way_back(
+    one: dict[str, Any], other: dict[str, Any]
+) -> None:
+    there = describe(state(2, **other), state(1, **one))
+    back = describe(state(3, **one), state(2, **other))
+    assert (there == ["no change"]) == (back == ["no change"])
+
+
+@pytest.mark.parametrize(
+    ("message", "lines"),
+    [
+        (
+            order("n0", "n1", "n2", released=2),
+            ["order 'o1' update 0", "base n0 → n1, horizon n2"],
+        ),
+        (
+            order(
+                "n0",
+                "n1",
+                update=3,
+                node_actions={"n1": [action("a", "HARD", "pick", lhd=1, side="left")]},
+                edge_actions={"n0-n1": [action("b")]},
+            ),
+            [
+                "order 'o1' update 3",
+                "base n0 → n1",
+                "on n1: pick(lhd=1, side=left) as 'a', HARD",
+                "along n0-n1: work() as 'b', NONE",
+            ],
+        ),
+    ],
+)
+def test_an_order_shows_its_way_and_its_actions(message: Order, lines: list[str]) -> None:
+    assert describe(message, None) == lines
+
+
+def test_the_other_messages_are_told_in_a_line() -> None:
+    def instant(*actions: Action) -> InstantActions:
+        return InstantActions(**HEADER, actions=actions)
+
+    assert describe(connection(), None) == ["ONLINE"]
+    assert describe(factsheet(), None) == ["Carrier 100: supports none"]
+    assert describe(instant(action("a", "NONE", "startPause"), action("b")), None) == [
+        "do startPause() as 'a', NONE",
+        "do work() as 'b', NONE",
+    ]
+    assert describe(responses("r1", "GRANTED"), None) == ["r1: GRANTED"]
+    assert describe(transfer(zone("z", "BLOCKED", 0, 1), zone("y", "BLOCKED", 0, 1)), None) == [
+        "zone set 's1': z, y"
+    ]
+    assert describe(visualization(), None) == []

@@ -1,0 +1,102 @@
+from __future__ import annotations
+
+import pytest
+
+from nena_deploy.identities import (
+    Identity,
+    IdentityError,
+    Kind,
+    SiteTopics,
+    access_list,
+    host_name,
+    robot_name,
+)
+
+
+def test_a_robot_is_called_as_in_its_topics() -> None:
+    assert robot_name("ACME Robots", "AGV-0001") == "ACME Robots/AGV-0001"
+
+
+@pytest.mark.parametrize(
+    "level", ["", "a/b", "a+", "#", "a\n", "../x", ".", "$SYS", "x" * 65, " a", "a ", " ", "a\x7f"]
+)
+def test_what_cannot_stand_in_a_topic_is_no_name(level: str) -> None:
+    with pytest.raises(IdentityError, match=r"manufacturer .* cannot stand in a topic"):
+        robot_name(level, "1")
+    with pytest.raises(IdentityError, match=r"serial number .* cannot stand in a topic"):
+        robot_name("A", level)
+    with pytest.raises(IdentityError, match=r"name .* cannot stand in a topic"):
+        host_name(level)
+
+
+def test_both_parts_together_fit_into_a_certificate() -> None:
+    assert len(robot_name("m" * 32, "s" * 31)) == 64
+    with pytest.raises(IdentityError, match="too long"):
+        robot_name("m" * 32, "s" * 32)
+    with pytest.raises(IdentityError, match="too long"):
+        robot_name("ä" * 20, "ö" * 20)
+    with pytest.raises(IdentityError, match="too long"):
+        host_name("ü" * 33)
+
+
+@pytest.mark.parametrize("name", ["order-service", "status-aggregator"])
+def test_no_host_has_the_name_of_a_service(name: str) -> None:
+    with pytest.raises(IdentityError, match="a service's name"):
+        host_name(name)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "folder"),
+    [
+        (Kind.ROBOT, "ACME/1", "robots/ACME/1"),
+        (Kind.HOST, "wms", "hosts/wms"),
+        (Kind.ORDER_SERVICE, "order-service", "order-service"),
+    ],
+)
+def test_each_has_a_folder(kind: Kind, name: str, folder: str) -> None:
+    assert Identity(kind=kind, name=name, certificate=1).folder == folder
+
+
+def rules_of(kind: Kind, name: str) -> list[str]:
+    text = access_list([Identity(kind=kind, name=name, certificate=1)], SiteTopics())
+    head, user, *rules = [line for line in text.splitlines() if line]
+    assert head.startswith("#")
+    assert user == f"user {name}"
+    return [each.removeprefix("topic ") for each in rules]
+
+
+def test_a_robot_writes_what_robots_write_and_reads_what_is_for_it_alone() -> None:
+    rules = rules_of(Kind.ROBOT, "ACME/1")
+
+    assert "write uagv/v2/ACME/1/state" in rules
+    assert "write vda5050/v3/ACME/1/connection" in rules
+    assert "read uagv/v2/ACME/1/order" in rules
+    assert "read vda5050/v3/ACME/1/zoneSet" in rules
+    assert "write uagv/v2/ACME/1/nena/#" in rules
+    assert [each for each in rules if "ACME/1" not in each] == ["read nena/v1/plantModel"]
+    assert not [each for each in rules if each.startswith("readwrite")]
+
+
+def test_a_host_speaks_under_its_own_name() -> None:
+    rules = rules_of(Kind.HOST, "wms")
+
+    assert [each for each in rules if "write" in each] == [
+        "write nena/v1/hosts/wms/transportOrders/create",
+        "write nena/v1/hosts/wms/commands/delivery",
+    ]
+    assert "read nena/v1/hosts/wms/#" in rules
+    assert not [each for each in rules if "uagv" in each or "vda5050" in each]
+
+
+def test_only_the_order_service_writes_orders() -> None:
+    assert "write uagv/v2/+/+/order" in rules_of(Kind.ORDER_SERVICE, "order-service")
+    assert all(each.startswith("read ") for each in rules_of(Kind.STATUS_AGGREGATOR, "status-aggregator"))
+
+
+def test_topics_are_those_of_the_site() -> None:
+    topics = SiteTopics(interface_name="site/hall", interface_name_v3="site/v3", prefix="site/nena")
+    text = access_list([Identity(kind=Kind.ROBOT, name="A/1", certificate=1)], topics)
+
+    assert "topic write site/hall/v2/A/1/state\n" in text
+    assert "topic write site/v3/v3/A/1/state\n" in text
+    assert "topic read site/nena/plantModel\n" in text

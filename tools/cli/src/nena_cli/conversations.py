@@ -1,0 +1,242 @@
+"""``nena vda5050``: record, replay, show, check."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+from collections.abc import Callable, Coroutine, Iterator
+from contextlib import contextmanager
+from os import getpid
+from pathlib import Path
+from typing import Annotated, Any, Final, TypeVar
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from nena_cli.output import give_up, say
+from nena_conversations import broker
+from nena_conversations.broker import EntryFilter
+from nena_conversations.checker import Checker
+from nena_conversations.message import Sender
+from nena_conversations.recording import Entry, RecordingError, append, new_file, read, read_file
+from nena_conversations.rules import Finding, Severity
+from nena_conversations.show import show as show_conversation
+from nena_shared.settings import ConfigurationError, MqttTlsSettings
+from nena_shared.tasks import TaskFailedError, stop_on_signals
+
+app = typer.Typer(help="Record, replay, show and check VDA 5050 conversations.", no_args_is_help=True)
+
+T = TypeVar("T")
+
+FOUND: Final = 1
+"""Exit status of a check that found errors."""
+
+Broker = Annotated[str, typer.Argument(help="mqtt[s]://host:port, optionally with /topic/filter.")]
+User = Annotated[str | None, typer.Option("--username", help="User name at the broker.")]
+Password = Annotated[Path | None, typer.Option("--password-file", help="File with the password.")]
+Filters = Annotated[list[str] | None, typer.Option("--topic", help="Topic filter; repeatable.")]
+Interface = Annotated[
+    str, typer.Option("--interface", help="interfaceName: first topic levels; by default any one level.")
+]
+Robot = Annotated[str | None, typer.Option("--robot", help="Only this robot: manufacturer/serialNumber.")]
+Seconds = Annotated[float | None, typer.Option(min=0, help="Stop after this many seconds.")]
+Messages = Annotated[int | None, typer.Option(min=1, help="Stop after this many messages.")]
+
+
+@app.callback()
+def tls_options(
+    ctx: typer.Context,
+    *,
+    ca: Annotated[Path | None, typer.Option(help="CA bundle (PEM) for the broker; enables TLS.")] = None,
+    certificate: Annotated[Path | None, typer.Option(help="Client certificate (PEM).")] = None,
+    key: Annotated[Path | None, typer.Option(help="Private key of the client certificate (PEM).")] = None,
+) -> None:
+    """Record, replay, show and check conversations between VDA 5050 robots and their fleet control."""
+    ctx.obj = MqttTlsSettings(ca=ca, certificate=certificate, key=key)
+
+
+@app.command()
+def record(
+    ctx: typer.Context,
+    url: Broker,
+    file: Annotated[Path, typer.Argument(help="File to write: JSON lines.")],
+    *,
+    username: User = None,
+    password_file: Password = None,
+    topic: Filters = None,
+    interface: Interface = "+",
+    robot: Robot = None,
+    seconds: Seconds = None,
+    messages: Messages = None,
+) -> None:
+    """Record a broker's VDA 5050 messages until Ctrl-C or the given limit."""
+    with _errors_reported():
+        filters = _filters(topic, interface, robot)
+        address = broker.parse_address(
+            url, username=username, password_file=password_file, tls=ctx.obj, filters=filters
+        )
+        with new_file(file) as out:
+            count = _listen(address, lambda entry: append(entry, out), seconds, messages)
+    say(f"{count} messages recorded in {file}")
+
+
+@app.command()
+def replay(
+    ctx: typer.Context,
+    file: Annotated[Path, typer.Argument(help="A recording.")],
+    url: Broker,
+    *,
+    username: User = None,
+    password_file: Password = None,
+    speed: Annotated[float, typer.Option(min=0.001, help="Speed factor.")] = 1.0,
+    only: Annotated[Sender | None, typer.Option(help="Replay only messages of this side.")] = None,
+    topic: Filters = None,
+    interface: Interface = "+",
+    robot: Robot = None,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="New headers: headerId from 0, current timestamp.")
+    ] = False,
+    seconds: Seconds = None,
+    messages: Messages = None,
+) -> None:
+    """Publish a recording to a broker until its end, Ctrl-C or the given limit."""
+    with _errors_reported():
+        address = broker.parse_address(url, username=username, password_file=password_file, tls=ctx.obj)
+        wanted = EntryFilter(only, _filters(topic, interface, robot))
+        entries = [each for each in read_file(file) if wanted.matches(each)][:messages]
+        client_id = f"nena-replay-{getpid()}"
+
+        def work(stop: asyncio.Event) -> Coroutine[Any, Any, int]:
+            return broker.replay(entries, address, speed=speed, fresh=fresh, stop=stop, client_id=client_id)
+
+        count = asyncio.run(_until_stopped(work, seconds))
+    say(f"{count} messages published")
+
+
+@app.command()
+def show(
+    file: Annotated[str, typer.Argument(help="A recording, or - for standard input.")],
+    *,
+    robot: Robot = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Include visualization and states without changes.")
+    ] = False,
+) -> None:
+    """Show a conversation: who sent what, and what changed."""
+    console = Console(soft_wrap=True)
+    with _errors_reported():
+        shown = show_conversation(_entries(file), console, robot=robot, everything=everything)
+    if not shown:
+        say("The recording has no VDA 5050 messages.")
+
+
+@app.command()
+def check(
+    ctx: typer.Context,
+    source: Annotated[str, typer.Argument(help="A recording, - for standard input, or mqtt[s]://host:port.")],
+    *,
+    username: User = None,
+    password_file: Password = None,
+    topic: Filters = None,
+    interface: Interface = "+",
+    robot: Robot = None,
+    seconds: Seconds = None,
+    messages: Messages = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Treat warnings as errors.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print findings as JSON lines.")] = False,
+) -> None:
+    """Check a conversation against VDA 5050; the exit status is 1 if it has errors."""
+    checker = Checker()
+    found = dict.fromkeys(Severity, 0)
+
+    def report(findings: Iterator[Finding]) -> None:
+        for finding in findings:
+            found[finding.severity] += 1
+            _print(finding, as_json=as_json)
+
+    with _errors_reported():
+        filters = _filters(topic, interface, robot)
+        if broker.is_broker(source):
+            address = broker.parse_address(
+                source, username=username, password_file=password_file, tls=ctx.obj, filters=filters
+            )
+            _listen(address, lambda entry: report(checker.add(entry)), seconds, messages)
+        else:
+            wanted = EntryFilter(topic_filters=filters)
+            for entry in _entries(source):
+                if wanted.matches(entry):
+                    report(checker.add(entry))
+                else:
+                    checker.skip()
+        report(checker.end())
+    errors, warnings = found[Severity.ERROR], found[Severity.WARNING]
+    say(f"{checker.checked} messages checked, {errors} errors, {warnings} warnings")
+    raise typer.Exit(FOUND if errors or (strict and warnings) else 0)
+
+
+def _filters(topics: list[str] | None, interface: str, robot: str | None) -> tuple[str, ...]:
+    """Return the chosen topic filters; empty: all topics."""
+    chosen = tuple(topics or ())
+    if robot is not None or interface != "+":
+        chosen += broker.robot_filters(interface, robot or "+/+")
+    return chosen
+
+
+def _print(finding: Finding, *, as_json: bool) -> None:
+    if as_json:
+        sys.stdout.write(json.dumps(finding.as_json()) + "\n")
+        sys.stdout.flush()
+        return
+    colour = "red" if finding.severity is Severity.ERROR else "yellow"
+    Console(soft_wrap=True, highlight=False).print(
+        f"[dim]{finding.number:>6}[/] {escape(str(finding.robot))} {finding.topic} "
+        f"[{colour}]{finding.severity}[/] {escape(finding.text)} "
+        f"[dim]({finding.rule.code}; VDA 5050 {finding.version}, {finding.section})[/]"
+    )
+
+
+def _entries(source: str) -> Iterator[Entry]:
+    return read(sys.stdin, "standard input") if source == "-" else read_file(Path(source))
+
+
+def _listen(
+    address: broker.BrokerAddress,
+    handle: Callable[[Entry], None],
+    seconds: float | None,
+    messages: int | None,
+) -> int:
+    """Handle messages until a signal or a limit; return their number."""
+    count = 0
+
+    def work(stop: asyncio.Event) -> Coroutine[Any, Any, None]:
+        def counted(entry: Entry) -> None:
+            nonlocal count
+            count += 1
+            handle(entry)
+            if count == messages:
+                stop.set()
+
+        return broker.listen(address, counted, stop=stop, client_id=f"nena-listen-{getpid()}")
+
+    asyncio.run(_until_stopped(work, seconds))
+    return count
+
+
+async def _until_stopped(work: Callable[[asyncio.Event], Coroutine[Any, Any, T]], seconds: float | None) -> T:
+    """Run work with an event that is set by a signal or after ``seconds``."""
+    stop = asyncio.Event()
+    stop_on_signals(stop)
+    if seconds is not None:
+        asyncio.get_running_loop().call_later(seconds, stop.set)
+    return await work(stop)
+
+
+@contextmanager
+def _errors_reported() -> Iterator[None]:
+    """Report an expected error in one line and exit with status 2."""
+    try:
+        yield
+    except (RecordingError, broker.BrokerError, ConfigurationError, TaskFailedError, OSError) as error:
+        give_up(error)

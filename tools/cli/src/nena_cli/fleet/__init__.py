@@ -1,1 +1,0 @@
-"""Orders and vehicles of a running order service, over its REST API."""

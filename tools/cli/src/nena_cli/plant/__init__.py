@@ -1,1 +1,0 @@
-"""Plant models: check, import and export of openTCS XML and LIF."""

@@ -1,0 +1,330 @@
+"""``nena plant``: check, convert and activate plant models."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Final, NoReturn
+
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from nena_cli.output import give_up, put_json, say
+from nena_cli.service import Service, of_service
+from nena_shared.fleet_api.plant_model import PlantModelChange
+from nena_shared.plant import PlantModel, PlantModelError, Problem, files, lif, opentcs_xml
+from nena_shared.plant.files import PlantFormat
+from nena_shared.plant.json_text import DEFAULT_LIMITS
+
+STANDARD_STREAM = "-"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A problem of a plant model file, as an error or a warning."""
+
+    problem: Problem
+    is_error: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PlantFile:
+    """A file that was read; ``model`` is None if it has errors."""
+
+    name: str
+    kind: PlantFormat | None
+    model: PlantModel | None
+    findings: tuple[Finding, ...]
+
+    @property
+    def errors(self) -> int:
+        """Return the number of errors."""
+        return sum(finding.is_error for finding in self.findings)
+
+
+@dataclass(frozen=True, slots=True)
+class LifOptions:
+    """Values that LIF requires and a plant model may lack; the defaults are the writer's."""
+
+    map_id: str | None = None
+    vehicle_types: tuple[str, ...] = ()
+
+
+def read_plant(name: str, *, strict: bool = False) -> PlantFile:
+    """Read a plant model from a file, or from standard input for ``-``.
+
+    Raises:
+        OSError: the file cannot be read.
+
+    """
+    data = read_bytes(name)
+    kind = None
+    try:
+        kind = files.format_of(data)
+        report = files.read(data, strict=strict)
+    except PlantModelError as error:
+        return PlantFile(name, kind, None, _findings(error.problems, are_errors=True))
+    return PlantFile(name, kind, report.model, _findings(report.warnings, are_errors=False))
+
+
+def encode(
+    model: PlantModel, kind: PlantFormat, *, at: datetime, options: LifOptions
+) -> tuple[bytes, tuple[Finding, ...]]:
+    """Return a plant model in this format, and warnings about what the format cannot represent.
+
+    Raises:
+        PlantModelError: the format cannot represent it.
+
+    """
+    match kind:
+        case PlantFormat.NENA:
+            return model.to_json().encode() + b"\n", ()
+        case PlantFormat.OPENTCS:
+            report = opentcs_xml.write(model)
+        case PlantFormat.LIF:
+            report = lif.write(model, at=at, map_id=options.map_id, vehicle_types=options.vehicle_types)
+    return report.data, _findings(report.warnings, are_errors=False)
+
+
+def write_bytes(data: bytes, name: str, *, replace: bool) -> None:
+    """Write a file, or to standard output for ``-``.
+
+    Raises:
+        OSError: it cannot be written; FileExistsError if it exists and ``replace`` is false.
+
+    """
+    if name == STANDARD_STREAM:
+        sys.stdout.buffer.write(data)
+        sys.stdout.buffer.flush()
+        return
+    with Path(name).open("wb" if replace else "xb") as out:
+        out.write(data)
+
+
+def read_bytes(name: str) -> bytes:
+    """Read a file, or standard input for ``-``, up to one byte over the size limit."""
+    most = DEFAULT_LIMITS.size_bytes + 1
+    if name == STANDARD_STREAM:
+        return sys.stdin.buffer.read(most)
+    with Path(name).open("rb") as file:
+        return file.read(most)
+
+
+def _findings(problems: Iterable[Problem], *, are_errors: bool) -> tuple[Finding, ...]:
+    return tuple(Finding(problem, are_errors) for problem in problems)
+
+
+_COLOURS = {"error": "red", "warning": "yellow"}
+
+
+def findings_json(file: PlantFile, findings: Iterable[Finding], written: str | None = None) -> str:
+    """Return one JSON object with the file, its contents and its findings."""
+    return json.dumps(
+        {
+            "file": file.name,
+            "format": file.kind,
+            "usable": file.model is not None,
+            "model": None if file.model is None else {"name": file.model.name, **counts(file.model)},
+            "findings": [
+                {
+                    "severity": _severity(finding),
+                    "code": finding.problem.code,
+                    "kind": finding.problem.kind,
+                    "name": finding.problem.name,
+                    "text": finding.problem.text,
+                }
+                for finding in findings
+            ],
+            **({} if written is None else {"written": written}),
+        }
+    )
+
+
+def counts(model: PlantModel) -> dict[str, int]:
+    """Return the number of objects of each kind."""
+    return {
+        "points": len(model.points),
+        "paths": len(model.paths),
+        "locationTypes": len(model.location_types),
+        "locations": len(model.locations),
+        "blocks": len(model.blocks),
+        "vehicles": len(model.vehicles),
+    }
+
+
+def show_contents(file: PlantFile, console: Console) -> None:
+    """Print a table of the numbers of objects in the model."""
+    if file.model is None:
+        return
+    table = Table(title=Text(f"{file.model.name or 'plant model'} ({file.kind})"), title_justify="left")
+    for kind in counts(file.model):
+        table.add_column(kind, justify="right")
+    table.add_row(*map(str, counts(file.model).values()))
+    console.print(table)
+
+
+def show_findings(findings: Iterable[Finding], console: Console) -> None:
+    """Print a table of findings. Names and texts come from the file, so markup in them is not interpreted."""
+    table = Table("severity", "code", "object", "finding", title="Findings", title_justify="left")
+    for finding in findings:
+        severity, problem = _severity(finding), finding.problem
+        where = f"{problem.kind} {problem.name!r}" if problem.name else str(problem.kind)
+        table.add_row(
+            Text(severity, style=_COLOURS[severity]), Text(problem.code), Text(where), Text(problem.text)
+        )
+    if table.row_count:
+        console.print(table)
+
+
+def _severity(finding: Finding) -> str:
+    return "error" if finding.is_error else "warning"
+
+
+app = typer.Typer(help="Plant models: openTCS XML, LIF and NeNa's own JSON.", no_args_is_help=True)
+
+FOUND: Final = 1
+"""Exit status if the plant model has errors."""
+
+
+class Target(StrEnum):
+    """Formats for export."""
+
+    LIF = "lif"
+    OPENTCS = "opentcs"
+
+
+Source = Annotated[str, typer.Argument(help="openTCS XML, LIF or NeNa's JSON; - for standard input.")]
+Output = Annotated[str, typer.Option("--output", "-o", help="File to write, or - for standard output.")]
+Strict = Annotated[bool, typer.Option("--strict", help="Reject LIF that violates its standard.")]
+Replace = Annotated[bool, typer.Option("--replace", help="Overwrite an existing file.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print findings as one JSON object.")]
+
+
+@app.command()
+def check(file: Source, *, strict: Strict = False, as_json: AsJson = False) -> None:
+    """Check a plant model; the exit status is 1 if it has errors."""
+    with _errors_reported():
+        read = read_plant(file, strict=strict)
+    if as_json:
+        sys.stdout.write(findings_json(read, read.findings) + "\n")
+    else:
+        console = Console()
+        show_contents(read, console)
+        show_findings(read.findings, console)
+        say(f"{read.errors} errors, {len(read.findings) - read.errors} warnings")
+    raise typer.Exit(FOUND if read.errors else 0)
+
+
+@app.command("import")
+def import_(
+    file: Source,
+    *,
+    output: Output,
+    strict: Strict = False,
+    replace: Replace = False,
+    as_json: AsJson = False,
+) -> None:
+    """Convert a plant model to NeNa's own JSON without loss."""
+    with _errors_reported():
+        read = read_plant(file, strict=strict)
+        model = read.model or _reject(read, as_json=as_json)
+        _write(read, model, PlantFormat.NENA, output, LifOptions(), replace=replace, as_json=as_json)
+
+
+@app.command()
+def export(
+    file: Source,
+    *,
+    target: Annotated[Target, typer.Option("--format", help="Format to write.")],
+    output: Output,
+    map_id: Annotated[str | None, typer.Option("--map", help="LIF: mapId of points without one.")] = None,
+    vehicle_type: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--vehicle-type", help="LIF: vehicle type that may use all nodes and edges; repeatable."
+        ),
+    ] = None,
+    replace: Replace = False,
+    as_json: AsJson = False,
+) -> None:
+    """Convert a plant model to openTCS XML 7.0.0 or LIF 1.0.0, and list what is lost."""
+    options = LifOptions(map_id, tuple(vehicle_type or ()))
+    with _errors_reported():
+        read = read_plant(file)
+        model = read.model or _reject(read, as_json=as_json)
+        _write(read, model, PlantFormat(target), output, options, replace=replace, as_json=as_json)
+
+
+@app.command()
+@of_service
+def put(
+    service: Service,
+    file: Source,
+    *,
+    check: Annotated[
+        bool, typer.Option("--check", help="Only check whether the model can be activated.")
+    ] = False,
+) -> None:
+    """Activate a plant model at a running order service; status 1 if it lacks objects still in use."""
+    with _errors_reported():
+        data = read_bytes(file)
+    with service.connected() as connection:
+        done = connection.put_content(PlantModelChange, "/v1/plantModel", data, {"check": str(check).lower()})
+    if service.as_json:
+        put_json(done)
+        return
+    for each in done.warnings:
+        say(each)
+    result = "activated" if done.changed else "can be activated"
+    say(f"{done.name}: {done.points} points, {done.paths} paths, {done.vehicles} vehicles; {result}")
+
+
+def _write(
+    read: PlantFile,
+    model: PlantModel,
+    kind: PlantFormat,
+    output: str,
+    options: LifOptions,
+    *,
+    replace: bool,
+    as_json: bool,
+) -> None:
+    data, warnings = encode(model, kind, at=datetime.now(UTC), options=options)
+    write_bytes(data, output, replace=replace)
+    _report(read, (*read.findings, *warnings), as_json=as_json, written=output)
+
+
+def _reject(read: PlantFile, *, as_json: bool) -> NoReturn:
+    _report(read, read.findings, as_json=as_json)
+    raise typer.Exit(FOUND)
+
+
+def _report(
+    read: PlantFile, findings: tuple[Finding, ...], *, as_json: bool, written: str | None = None
+) -> None:
+    """Report as text on standard error, or as JSON on standard output unless the model goes there."""
+    if as_json:
+        out = sys.stderr if written == STANDARD_STREAM else sys.stdout
+        out.write(findings_json(read, findings, written) + "\n")
+        return
+    show_findings(findings, Console(stderr=True))
+    say(f"{written} written" if written else f"nothing written: {read.errors} errors")
+
+
+@contextmanager
+def _errors_reported() -> Iterator[None]:
+    """Report an expected error in one line and exit with status 2."""
+    try:
+        yield
+    except FileExistsError as error:
+        give_up(f"{error.filename} already exists; --replace overwrites it")
+    except (OSError, PlantModelError) as error:
+        give_up(error)

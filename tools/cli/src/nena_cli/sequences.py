@@ -1,0 +1,109 @@
+"""``nena sequences``: create, list, show, complete."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import islice
+from typing import Annotated
+from urllib.parse import quote
+
+import typer
+from pydantic import JsonValue
+
+from nena_cli import arguments as option
+from nena_cli import tables
+from nena_cli.client import Connection, Page, Query
+from nena_cli.service import Service, of_service
+from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
+
+app = typer.Typer(help="Order sequences of a running order service.", no_args_is_help=True)
+
+SEQUENCES = "/v1/orderSequences"
+
+
+class SequencePage(Page):
+    """Some of the order sequences."""
+
+    order_sequences: tuple[OrderSequenceStatus, ...]
+
+
+Name = Annotated[str, typer.Argument(help="Name of the order sequence.")]
+
+
+@app.command()
+@of_service
+def create(
+    service: Service,
+    name: Annotated[str | None, typer.Argument(help="Name; without one the order service makes one.")] = None,
+    *,
+    types: Annotated[
+        list[str] | None, typer.Option("--type", help="Type of orders that it takes; several times.")
+    ] = None,
+    vehicle: option.Vehicle = None,
+    failure_fatal: Annotated[
+        bool, typer.Option("--failure-fatal", help="When an order fails, those behind it fail, too.")
+    ] = False,
+    key: Annotated[
+        str | None, typer.Option("--key", help="Idempotency key: the same again makes no second sequence.")
+    ] = None,
+) -> None:
+    """Create an order sequence; orders are added by `nena orders create --sequence`."""
+    body: dict[str, JsonValue] = {"failureFatal": failure_fatal}
+    given = {"name": name, "intendedVehicle": vehicle, "idempotencyKey": key}
+    body.update({field: value for field, value in given.items() if value is not None})
+    if types:
+        body["orderTypes"] = [*types]
+    with service.connected() as connection:
+        _put(service, connection.post(OrderSequenceStatus, SEQUENCES, body))
+
+
+@app.command("list")
+@of_service
+def list_(
+    service: Service,
+    *,
+    finished: Annotated[
+        bool | None, typer.Option("--finished/--unfinished", help="Only those; without it all.")
+    ] = None,
+    vehicle: Annotated[str | None, typer.Option(help="Only those that are meant for this vehicle.")] = None,
+    limit: Annotated[int, typer.Option(min=1, help="How many at most, the newest.")] = 50,
+) -> None:
+    """List order sequences, newest first; with --json a line for each."""
+    query: dict[str, str | int] = {}
+    if finished is not None:
+        query["finished"] = str(finished).lower()
+    if vehicle is not None:
+        query["intendedVehicle"] = vehicle
+    with service.connected() as connection:
+        _put(service, *islice(_all(connection, query), limit))
+
+
+@app.command("show")
+@of_service
+def show_(service: Service, name: Name) -> None:
+    """Show an order sequence with its history."""
+    with service.connected() as connection:
+        sequence = connection.get(OrderSequenceStatus, _path(name))
+    details, history = tables.sequence_details, tables.sequence_history
+    service.put(sequence, details(sequence), history(sequence))
+
+
+@app.command()
+@of_service
+def complete(service: Service, name: Name) -> None:
+    """Mark an order sequence complete: no more orders are added, and its vehicle is free after the last."""
+    with service.connected() as connection:
+        _put(service, connection.post(OrderSequenceStatus, f"{_path(name)}/completion", {}))
+
+
+def _all(connection: Connection, query: Query) -> Iterator[OrderSequenceStatus]:
+    for page in connection.pages(SequencePage, SEQUENCES, query):
+        yield from page.order_sequences
+
+
+def _put(service: Service, *sequences: OrderSequenceStatus) -> None:
+    service.put_all(sequences, tables.sequences_table)
+
+
+def _path(name: str) -> str:
+    return f"{SEQUENCES}/{quote(name, safe='')}"

@@ -1,0 +1,248 @@
+"""Orders and vehicles as tables; names and reasons come from others, so no markup is read in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from datetime import datetime
+
+from rich.table import Table
+from rich.text import Text
+
+from nena_shared.fleet_api.delivery import DeliveryStatus
+from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
+from nena_shared.fleet_api.rerouting import ReroutingAnswer
+from nena_shared.fleet_api.transport_order import DriveOrderStatus, TransportOrderState, TransportOrderStatus
+from nena_shared.fleet_api.vehicle import VehicleState, VehicleStatus
+from nena_shared.fleet_api.zone_set import ZoneSetStatus
+
+STATE_STYLES = {
+    TransportOrderState.FINISHED: "green",
+    TransportOrderState.FAILED: "red",
+    TransportOrderState.UNROUTABLE: "red",
+    TransportOrderState.WITHDRAWN: "yellow",
+    TransportOrderState.BEING_PROCESSED: "cyan",
+}
+
+VEHICLE_STYLES = {
+    VehicleState.ERROR: "red",
+    VehicleState.UNAVAILABLE: "yellow",
+    VehicleState.UNKNOWN: "dim",
+    VehicleState.EXECUTING: "cyan",
+    VehicleState.CHARGING: "green",
+}
+
+
+def orders_table(orders: Iterable[TransportOrderStatus]) -> Table:
+    """Give a line for each order."""
+    table = Table("order", "state", "vehicle", "destinations", "priority", "created", "reason")
+    for order in orders:
+        table.add_row(
+            Text(order.name),
+            _state(order),
+            Text(order.processing_vehicle or _meant_for(order)),
+            destinations(order),
+            Text(str(order.priority or "")),
+            Text(_local(order.created)),
+            Text(order.reason),
+        )
+    return table
+
+
+def destinations(order: TransportOrderStatus) -> Text:
+    """Give the stops of an order; what is done is dim, where it is now stands out."""
+    text = Text()
+    for index, each in enumerate(order.drive_orders):
+        done = each.state.value == "FINISHED"
+        style = "dim" if done else "bold" if index == order.current_drive_order_index else ""
+        text.append(" > " if index else "").append(_place(each), style=style)
+    return text
+
+
+def order_details(order: TransportOrderStatus, delivery: DeliveryStatus) -> Table:
+    """Give all that is known of an order."""
+    table = Table.grid(padding=(0, 2))
+    rows = [
+        ("order", Text(order.name)),
+        ("state", _state(order)),
+        ("reason", Text(order.reason)),
+        ("vehicle", Text(order.processing_vehicle or "")),
+        ("intended vehicle", Text(order.intended_vehicle or "")),
+        ("type, priority", Text(f"{order.type}, {order.priority}")),
+        ("deadline", _deadline(order)),
+        ("sequence", Text(order.wrapping_sequence or "")),
+        ("depends on", Text(", ".join(order.dependencies))),
+        ("dispensable", Text("yes" if order.dispensable else "")),
+        ("automatic", Text("yes" if order.automatic else "")),
+        ("destinations", destinations(order)),
+        ("delivery", Text(" ".join(filter(None, (delivery.phase, delivery.order_id, delivery.note))))),
+        ("properties", Text(", ".join(f"{each.key}={each.value}" for each in order.properties))),
+    ]
+    for name, value in rows:
+        if value.plain:
+            table.add_row(Text(name, style="dim"), value)
+    return table
+
+
+def history_table(order: TransportOrderStatus) -> Table:
+    """Give what has happened to an order."""
+    table = Table("when", "what", "why", title="History", title_justify="left")
+    for entry in order.history:
+        what = entry.event_code.removeprefix("nena:")
+        table.add_row(Text(_local(entry.timestamp)), Text(what), Text(", ".join(entry.supplements)))
+    return table
+
+
+def vehicles_table(vehicles: Iterable[VehicleStatus]) -> Table:
+    """Give a line for each vehicle; maps only where robots tell of any."""
+    shown = tuple(vehicles)
+    table = Table("vehicle", "state", "connection", "at", "energy", "order", "reason")
+    if any(vehicle.maps for vehicle in shown):
+        table.add_column("maps")
+    for vehicle in shown:
+        energy = "" if vehicle.energy_level is None else f"{vehicle.energy_level:.0f} %"
+        table.add_row(
+            Text(vehicle.name),
+            Text(vehicle.state, style=VEHICLE_STYLES.get(vehicle.state, "")),
+            Text(vehicle.connection, style="" if vehicle.connection == "ONLINE" else "yellow"),
+            Text(_position(vehicle)),
+            Text(energy),
+            Text(vehicle.transport_order or ""),
+            Text("; ".join((vehicle.reason, *vehicle.errors))),
+            *([_maps(vehicle)] if vehicle.maps else []),
+        )
+    return table
+
+
+def _maps(vehicle: VehicleStatus) -> Text:
+    """Give the maps of a robot with their versions; those that are not enabled are dim."""
+    text = Text()
+    for each in vehicle.maps or ():
+        text.append(", " if text else "")
+        text.append(f"{each.map_id} {each.map_version}".strip(), style="" if each.enabled else "dim")
+    return text
+
+
+def order_types_table(vehicle: VehicleStatus) -> Table:
+    """Give the types of orders that a vehicle accepts, liked best first."""
+    table = Table("type", "priority", title=vehicle.name, title_justify="left")
+    for each in sorted(vehicle.acceptable_order_types, key=lambda each: each.priority):
+        table.add_row(Text(each.name), Text(str(each.priority)))
+    return table
+
+
+def _deadline(order: TransportOrderStatus) -> Text:
+    text = Text(_local(order.deadline))
+    return text.append(", late", style="red") if order.late else text
+
+
+def zone_sets_table(zone_sets: Iterable[ZoneSetStatus]) -> Table:
+    """Give a line for each zone set and robot."""
+    table = Table("zone set", "map", "wanted", "vehicle", "there", "note")
+    for each in zone_sets:
+        wanted = "deleted" if each.deleted else "enabled" if each.enabled else "there"
+        for at in each.vehicles:
+            table.add_row(*map(Text, (each.zone_set_id, each.map_id, wanted, at.vehicle, at.phase, at.note)))
+        if not each.vehicles:
+            table.add_row(*map(Text, (each.zone_set_id, each.map_id, wanted)))
+    return table
+
+
+def rerouting_table(done: ReroutingAnswer) -> Table:
+    """Give what has become of a request for rerouting."""
+    table = Table("vehicle", "order", "outcome", "way", "reason")
+    way = " > ".join(done.route)
+    table.add_row(*map(Text, (done.vehicle, done.transport_order, done.outcome, way, done.reason)))
+    return table
+
+
+def _state(order: TransportOrderStatus) -> Text:
+    style = STATE_STYLES.get(order.state, "")
+    return Text(f"{order.state} (held)", style="yellow") if order.held else Text(order.state, style=style)
+
+
+def _meant_for(order: TransportOrderStatus) -> str:
+    return f"({order.intended_vehicle})" if order.intended_vehicle else ""
+
+
+def _position(vehicle: VehicleStatus) -> str:
+    if vehicle.current_position:
+        return vehicle.current_position
+    position = vehicle.precise_position
+    return f"{position.x:.2f}, {position.y:.2f}" if position else ""
+
+
+def _place(drive_order: DriveOrderStatus) -> str:
+    destination = drive_order.destination
+    place = destination.location_name
+    if destination.coordinate:
+        place = f"{destination.coordinate.x:g}, {destination.coordinate.y:g}"
+    return f"{place}: {destination.operation}"
+
+
+def _local(moment: datetime | None) -> str:
+    return f"{moment.astimezone():%Y-%m-%d %H:%M:%S}" if moment else ""
+
+
+def sequences_table(sequences: Iterable[OrderSequenceStatus]) -> Table:
+    """Give a line for each sequence."""
+    table = Table("sequence", "state", "vehicle", "orders", "created", "reason")
+    for sequence in sequences:
+        table.add_row(
+            Text(sequence.name),
+            Text(_state_of_sequence_tables(sequence)),
+            Text(sequence.processing_vehicle or _meant_for_of_sequence_tables(sequence)),
+            _orders(sequence),
+            Text(f"{sequence.created.astimezone():%Y-%m-%d %H:%M:%S}"),
+            Text(sequence.reason),
+        )
+    return table
+
+
+def sequence_details(sequence: OrderSequenceStatus) -> Table:
+    """Give all that is known of a sequence."""
+    table = Table.grid(padding=(0, 2))
+    rows = [
+        ("sequence", Text(sequence.name)),
+        ("state", Text(_state_of_sequence_tables(sequence))),
+        ("reason", Text(sequence.reason)),
+        ("vehicle", Text(sequence.processing_vehicle or "")),
+        ("intended vehicle", Text(sequence.intended_vehicle or "")),
+        ("order types", Text(", ".join(sequence.order_types))),
+        ("failure", Text("ends it" if sequence.failure_fatal else "is passed over")),
+        ("orders", _orders(sequence)),
+        ("properties", Text(", ".join(f"{each.key}={each.value}" for each in sequence.properties))),
+    ]
+    for name, value in rows:
+        if value.plain:
+            table.add_row(Text(name, style="dim"), value)
+    return table
+
+
+def sequence_history(sequence: OrderSequenceStatus) -> Table:
+    """Give what has happened to a sequence."""
+    table = Table("when", "what", "why", title="History", title_justify="left")
+    for entry in sequence.history:
+        when = f"{entry.timestamp.astimezone():%Y-%m-%d %H:%M:%S}"
+        what = entry.event_code.removeprefix("nena:")
+        table.add_row(Text(when), Text(what), Text(", ".join(entry.supplements)))
+    return table
+
+
+def _orders(sequence: OrderSequenceStatus) -> Text:
+    """Give its orders; what is at its end is dim, whose turn it is stands out."""
+    text = Text()
+    turn = sequence.finished_index + 1
+    for index, name in enumerate(sequence.orders):
+        style = "dim" if index < turn else "bold" if index == turn else ""
+        text.append(" > " if index else "").append(name, style=style)
+    return text
+
+
+def _state_of_sequence_tables(sequence: OrderSequenceStatus) -> str:
+    if sequence.finished:
+        return "finished"
+    return "complete" if sequence.complete else "open"
+
+
+def _meant_for_of_sequence_tables(sequence: OrderSequenceStatus) -> str:
+    return f"({sequence.intended_vehicle})" if sequence.intended_vehicle else ""

@@ -1,0 +1,195 @@
+"""Actions in a conversation: states of actions (6.6.9), and instant actions with their answers (6.2.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Final
+
+from nena_conversations.message import ReceivedMessage
+from nena_conversations.orders import StitchedOrder
+from nena_conversations.pending import BoundedDict, Unanswered
+from nena_conversations.rules import Problem, Rule, Severity
+from nena_shared.vda5050.action import Action, ActionState, ActionStatus, BlockingType, InstantActions
+from nena_shared.vda5050.state import OperatingMode, State
+
+S = ActionStatus
+
+NEXT: Final[Mapping[ActionStatus, frozenset[ActionStatus]]] = {
+    S.WAITING: frozenset({S.INITIALIZING, S.RUNNING, S.FAILED, S.FINISHED}),
+    S.INITIALIZING: frozenset({S.RUNNING, S.PAUSED, S.FAILED}),
+    S.RUNNING: frozenset({S.PAUSED, S.FINISHED, S.FAILED, S.RETRIABLE}),
+    S.PAUSED: frozenset({S.INITIALIZING, S.RUNNING, S.FAILED}),
+    S.RETRIABLE: frozenset({S.INITIALIZING, S.RUNNING, S.FAILED, S.FINISHED}),
+    S.FINISHED: frozenset(),
+    S.FAILED: frozenset(),
+}
+"""Allowed next statuses (figure in 6.6.9)."""
+
+ALONE: Final = frozenset({BlockingType.HARD, BlockingType.SINGLE})
+STANDING: Final = frozenset({BlockingType.HARD, BlockingType.SOFT})
+
+
+def _reachable() -> dict[ActionStatus, frozenset[ActionStatus]]:
+    """Return the statuses reachable from each status: one state may combine several changes."""
+    found: dict[ActionStatus, frozenset[ActionStatus]] = {}
+    for start in ActionStatus:
+        seen: set[ActionStatus] = set()
+        ahead = [start]
+        while ahead:
+            fresh = NEXT[ahead.pop()] - seen
+            seen |= fresh
+            ahead += fresh
+        found[start] = frozenset(seen | {start})
+    return found
+
+
+REACHABLE: Final = _reachable()
+
+
+def all_actions(state: State | None) -> tuple[ActionState, ...]:
+    """Return order and instant action states together, as 2.x reports them."""
+    return (*state.action_states, *state.instant_action_states) if state else ()
+
+
+def status_problems(before: State | None, now: State) -> Iterator[Problem]:
+    """Compare action states with those of the previous state, by actionId."""
+    old = {each.action_id: each.action_status for each in all_actions(before)}
+    for each in all_actions(now):
+        was = old.get(each.action_id, each.action_status)
+        if each.action_status not in REACHABLE[was]:
+            text = f"action '{each.action_id}' was {was} and is {each.action_status}"
+            yield Rule.ACTION_STATUS, Severity.ERROR, text
+
+
+def order_action_problems(now: State, order: StitchedOrder) -> Iterator[Problem]:
+    """Check the actions of ``order`` in a state that echoes it."""
+    statuses = {each.action_id: each.action_status for each in all_actions(now)}
+    for action_id in order.actions:
+        if action_id not in statuses:
+            text = f"action '{action_id}' of order '{order.last.order_id}' has no state"
+            yield Rule.ACTION_LOST, Severity.ERROR, text
+    yield from _early(now, order, statuses)
+    running = [each for key, each in order.actions.items() if statuses.get(key) is S.RUNNING]
+    yield from _blocking(now, running)
+
+
+def _early(now: State, order: StitchedOrder, statuses: Mapping[str, ActionStatus]) -> Iterator[Problem]:
+    """Find actions that started before the robot reached their node or edge."""
+    if not now.last_node_id:
+        return
+    last = now.last_node_sequence_id
+    nodes = {each.sequence_id for each in now.node_states if each.sequence_id > last}
+    edges = {each.sequence_id for each in now.edge_states if each.sequence_id > last + 1}
+    known = {each.sequence_id: each for each in order.last.nodes} | order.nodes
+    ahead: list[tuple[str, Iterable[Action]]]
+    ahead = [(f"node '{known[each].node_id}'", known[each].actions) for each in nodes if each in known]
+    ahead += [(f"edge '{e.edge_id}'", e.actions) for e in order.last.edges if e.sequence_id in edges]
+    for place, actions in ahead:
+        for action in actions:
+            if statuses.get(action.action_id) in (S.RUNNING, S.FINISHED):
+                text = (
+                    f"action '{action.action_id}' is {statuses[action.action_id]} before {place} is reached"
+                )
+                yield Rule.ACTION_EARLY, Severity.ERROR, text
+
+
+def _blocking(now: State, running: list[Action]) -> Iterator[Problem]:
+    for action in running:
+        if action.blocking_type in ALONE and len(running) > 1:
+            others = ", ".join(f"'{each.action_id}'" for each in running if each is not action)
+            text = f"action '{action.action_id}' is {action.blocking_type} and runs beside {others}"
+            yield Rule.BLOCKING, Severity.ERROR, text
+        if action.blocking_type in STANDING and now.driving:
+            text = f"the robot drives while the {action.blocking_type} action '{action.action_id}' runs"
+            yield Rule.BLOCKING, Severity.WARNING, text
+
+
+CANCEL_ORDER: Final = "cancelOrder"
+ENDS_ORDER: Final = frozenset({CANCEL_ORDER, "startHibernation"})
+ENDINGS: Final = 50
+"""Remembered actions that end an order."""
+HARMLESS: Final = frozenset({"stateRequest", "factsheetRequest"})
+"""Requests that move no robot; most fleet controls send them in any mode."""
+
+
+@dataclass(slots=True)
+class _Ending:
+    """An instant action that ends an order."""
+
+    order_ids: frozenset[str]
+    """Orders that may be meant: the robot may not have received the newest one yet."""
+    status: ActionStatus | None = None
+
+
+class InstantConversation:
+    """Follow instant actions to their ends (6.2.1)."""
+
+    def __init__(self) -> None:
+        self._waiting: Unanswered[str] = Unanswered()
+        self._types: BoundedDict[str, str] = BoundedDict()
+        """actionType of each instant action, by actionId."""
+        self._ending: BoundedDict[str, _Ending] = BoundedDict(ENDINGS)
+
+    def on_instant_actions(
+        self,
+        received: ReceivedMessage,
+        message: InstantActions,
+        state: State | None,
+        newest_order: str | None,
+    ) -> Iterator[Problem]:
+        """Check instant actions; ``state`` is the robot's last one, ``newest_order`` was sent last."""
+        for action in message.actions:
+            if action.action_id in self._types:
+                continue  # repeated, in case the first one was lost
+            self._types[action.action_id] = action.action_type
+            self._waiting.add(action.action_id, received)
+            if action.action_type in ENDS_ORDER:
+                self._ending[action.action_id] = _Ending(_meant(action, state, newest_order))
+            if state and not _allowed(action.action_type, state.operating_mode):
+                text = f"{action.action_type} is sent to a robot in the mode {state.operating_mode}"
+                yield Rule.MODE, Severity.ERROR, text
+
+    def on_state(self, state: State) -> Iterator[Problem]:
+        """Check the instant actions of a state."""
+        statuses = {each.action_id: each.action_status for each in all_actions(state)}
+        self._waiting.on_state(lambda action_id: action_id in statuses)
+        for action_id, ending in self._ending.items():
+            before, ending.status = ending.status, statuses.get(action_id, ending.status)
+            if ending.status is ActionStatus.FINISHED and before is not ActionStatus.FINISHED:
+                yield from self._end_problems(state, action_id)
+
+    def unanswered(self, now: datetime, *, ended: bool) -> Iterator[tuple[ReceivedMessage, Problem]]:
+        """Yield, once, instant actions without a state in time."""
+        for action_id, received in self._waiting.overdue(now, ended=ended):
+            text = f"no state contains the instant action '{action_id}'"
+            yield received, (Rule.INSTANT_ANSWER, Severity.WARNING, text)
+
+    def ends(self, order_id: str) -> bool:
+        """Return whether an instant action ends or ended the order."""
+        endings = (each for each in self._ending.values() if order_id in each.order_ids)
+        return any(each.status is not ActionStatus.FAILED for each in endings)
+
+    def _end_problems(self, state: State, action_id: str) -> Iterator[Problem]:
+        name = f"{self._types[action_id]} '{action_id}' is FINISHED, and"
+        if state.node_states or state.edge_states:
+            yield Rule.CANCEL_END, Severity.ERROR, f"{name} nodes or edges of the order remain"
+        open_ones = (each.action_id for each in state.action_states if not each.action_status.ended)
+        if unended := [each for each in open_ones if each not in self._types]:
+            text = f"{name} actions of the order have not ended: {', '.join(unended)}"
+            yield Rule.CANCEL_END, Severity.ERROR, text
+
+
+def _meant(action: Action, state: State | None, newest_order: str | None) -> frozenset[str]:
+    named = action.parameter("orderId")
+    if isinstance(named, str):
+        return frozenset({named})
+    held = state.order_id if state else None
+    return frozenset(each for each in (held, newest_order) if each)
+
+
+def _allowed(action_type: str, mode: OperatingMode) -> bool:
+    if mode is OperatingMode.INTERVENED:
+        return action_type in HARMLESS | {CANCEL_ORDER}
+    return mode.fleet_controls or action_type in HARMLESS

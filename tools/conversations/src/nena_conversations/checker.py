@@ -1,0 +1,382 @@
+"""Check a conversation message by message against the rules of its version."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from datetime import datetime, timedelta
+from typing import Final
+
+from pydantic import JsonValue, ValidationError
+from pydantic_core import from_json
+
+from nena_conversations.actions import InstantConversation, order_action_problems, status_problems
+from nena_conversations.message import ReceivedMessage, Sender, parse
+from nena_conversations.orders import OrderConversation, actions_of
+from nena_conversations.pending import BoundedDict
+from nena_conversations.recording import Entry
+from nena_conversations.rules import Finding, Problem, Rule, Severity
+from nena_shared.vda5050.action import Action, InstantActions
+from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.codec import KINDS
+from nena_shared.vda5050.connection import Connection, ConnectionState
+from nena_shared.vda5050.factsheet import ActionScope, Factsheet
+from nena_shared.vda5050.graph import violations
+from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.responses import Responses
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.topics import RobotKey, Topic
+
+MAX_REPORTED: Final = 5
+"""Maximum number of findings of one rule about one message."""
+TIMES: Final = frozenset({"timestamp", "leaseExpiry", "eta"})
+ONLY_READ: Final = frozenset({"AUTOACK"})
+"""Values of 2.x that the neutral model maps to other fields: not a spelling problem."""
+
+
+def message_problems(received: ReceivedMessage) -> Iterator[Problem]:
+    """Yield the problems of one message: malformed, unknown fields, deviating spelling."""
+    if received.message is None:
+        broken = _graph_violations(received)
+        for problem in received.problems:
+            yield Rule.GRAPH if problem in broken else Rule.MESSAGE, Severity.ERROR, problem
+        return
+    written: JsonValue = received.message.model_dump(mode="json", by_alias=True)
+    deviations = list(_deviations(from_json(received.payload), written, ""))
+    for rule in (Rule.FIELD, Rule.SPELLING):
+        yield from [each for each in deviations if each[0] is rule][:MAX_REPORTED]
+
+
+def _graph_violations(received: ReceivedMessage) -> tuple[str, ...]:
+    """Return the graph rules broken by an order that is well-formed otherwise."""
+    form = received.codec.forms.get(KINDS[received.topic], Header)
+    try:
+        order = form.model_validate_json(received.payload, by_alias=True, by_name=False)
+    except ValidationError:
+        return ()
+    return violations(order) if isinstance(order, Order) else ()
+
+
+def _deviations(given: JsonValue, written: JsonValue, path: str) -> Iterator[Problem]:
+    """Compare a message with its form as its version writes it; ``path`` is the current field."""
+    if isinstance(given, dict) and isinstance(written, dict):
+        for key, value in given.items():
+            where = f"{path}.{key}" if path else key
+            if key in written:
+                yield from _deviations(value, written[key], where)
+            else:
+                yield Rule.FIELD, Severity.WARNING, f"{where} is not a field of this version and is ignored"
+    elif isinstance(given, list) and isinstance(written, list):
+        for index, (one, other) in enumerate(zip(given, written, strict=False)):
+            yield from _deviations(one, other, f"{path}.{index}")
+    elif isinstance(given, str):
+        yield from _spelling(given, written, path)
+
+
+def _spelling(given: str, written: JsonValue, path: str) -> Iterator[Problem]:
+    if path.rsplit(".", 1)[-1] in TIMES:
+        if not given.endswith("Z"):
+            yield (
+                Rule.SPELLING,
+                Severity.WARNING,
+                f"{path} '{given}' is not in UTC with a trailing Z",
+            )
+    elif given != written and given not in ONLY_READ:
+        yield Rule.SPELLING, Severity.ERROR, f"{path} is written '{given}'; this version writes '{written}'"
+
+
+HEADER_IDS: Final = 2**32
+
+
+class HeaderChecks:
+    """Check headers: ids rise by one on each topic, timestamps do not go back (7.2)."""
+
+    def __init__(self) -> None:
+        self._last: dict[Topic, tuple[int, datetime]] = {}
+
+    def check(self, received: ReceivedMessage, message: Header) -> Iterator[Problem]:
+        """Compare a message with the previous one on its topic."""
+        if received.codec.major_version != received.major_version:
+            text = f"the topic has {received.major_version}, the header {message.version}"
+            yield Rule.VERSION, Severity.ERROR, text
+        named = RobotKey(message.manufacturer, message.serial_number)
+        if named != received.robot:
+            text = f"the topic belongs to {received.robot}, the header names {named}"
+            yield Rule.ADDRESS, Severity.ERROR, text
+        last = self._last.get(received.topic)
+        if received.topic is Topic.CONNECTION or received.retained:
+            return  # wills and retained messages have older headers
+        self._last[received.topic] = message.header_id, message.timestamp
+        if last:
+            yield from _compare(message, *last)
+
+
+def _compare(message: Header, last_id: int, last_time: datetime) -> Iterator[Problem]:
+    expected = (last_id + 1) % HEADER_IDS
+    if message.header_id not in (expected, 0):
+        text = f"headerId {message.header_id} follows {last_id}: messages are missing or out of order"
+        yield Rule.HEADER_ID, Severity.WARNING, text
+    if message.timestamp < last_time:
+        text = f"timestamp {message.timestamp:%H:%M:%S.%f} follows {last_time:%H:%M:%S.%f}"
+        yield Rule.TIMESTAMP, Severity.WARNING, text
+
+
+MAX_STATE_INTERVAL: Final = timedelta(seconds=30)
+GRACE: Final = timedelta(seconds=5)
+"""For the way over the broker and inexact clocks."""
+
+NOT_ONLINE: Final = {
+    ConnectionState.OFFLINE: Severity.ERROR,
+    ConnectionState.HIBERNATING: Severity.ERROR,
+    # a broker may publish the will of an old connection after the new one is established
+    ConnectionState.CONNECTION_BROKEN: Severity.WARNING,
+}
+
+
+class ConnectionChecks:
+    """Check that only a connected robot sends states, and at least every 30 s (6.5, 6.6)."""
+
+    def __init__(self) -> None:
+        self._connection: ConnectionState | None = None
+        self._last: ReceivedMessage | None = None
+        """Last state; None while no next state is due."""
+        self._reported = False
+
+    def on_connection(self, message: Connection) -> None:
+        """Record the connection state and restart the interval."""
+        self._connection = message.connection_state
+        self._last = None
+        self._reported = False
+
+    def on_state(self, received: ReceivedMessage) -> Iterator[Problem]:
+        """Yield problems of the time at which a state arrives."""
+        if received.retained:
+            return
+        if self._connection in NOT_ONLINE and not self._reported:
+            self._reported = True
+            text = f"the robot sends a state while its connection is {self._connection}"
+            yield Rule.CONNECTION, NOT_ONLINE[self._connection], text
+        if self._last and received.time - self._last.time > MAX_STATE_INTERVAL + GRACE:
+            seconds = (received.time - self._last.time).total_seconds()
+            yield Rule.STATE_INTERVAL, Severity.ERROR, f"no state for {seconds:.0f} s"
+        self._last = received
+
+    def overdue_state(self, now: datetime) -> tuple[ReceivedMessage, Problem] | None:
+        """Report once that the state after the last one is overdue at ``now``."""
+        last = self._last
+        if last is None or now - last.time <= MAX_STATE_INTERVAL + GRACE:
+            return None
+        self._last = None
+        text = f"no state follows this one for {(now - last.time).total_seconds():.0f} s"
+        return last, (Rule.STATE_INTERVAL, Severity.ERROR, text)
+
+
+class FactsheetChecks:
+    """Check that fleet control requests only actions of the factsheet (7.10); without one, all pass."""
+
+    def __init__(self) -> None:
+        self._scopes: dict[str, tuple[ActionScope, ...]] | None = None
+
+    def on_factsheet(self, message: Factsheet) -> None:
+        """Record the actions that the robot supports."""
+        actions = message.protocol_features.mobile_robot_actions
+        self._scopes = {each.action_type: tuple(each.action_scopes) for each in actions}
+
+    def on_order(self, order: Order) -> Iterator[Problem]:
+        """Check the actions of an order."""
+        for node in order.nodes:
+            yield from self.check(node.actions, ActionScope.NODE)
+        for edge in order.edges:
+            yield from self.check(edge.actions, ActionScope.EDGE)
+
+    def check(self, actions: Iterable[Action], scope: ActionScope) -> Iterator[Problem]:
+        """Check actions requested in one scope."""
+        for action in actions if self._scopes is not None else ():
+            scopes = (self._scopes or {}).get(action.action_type)
+            if scopes is None:
+                text = f"the factsheet does not list '{action.action_type}' of action '{action.action_id}'"
+                yield Rule.NOT_OFFERED, Severity.WARNING, text
+            elif scope not in scopes:
+                text = f"the factsheet lists '{action.action_type}', but not for {scope}"
+                yield Rule.NOT_OFFERED, Severity.WARNING, text
+
+
+class ActionIds:
+    """Check that an actionId identifies one action, ever (7.3)."""
+
+    def __init__(self) -> None:
+        self._known: BoundedDict[str, tuple[str, str]] = BoundedDict()
+
+    def check(self, actions: Iterable[Action], within: str) -> Iterator[Problem]:
+        """Check actions that are sent ``within`` an order or as instant actions."""
+        for action in actions:
+            known = self._known.get(action.action_id)
+            if known is None:
+                known = self._known[action.action_id] = action.action_type, within
+            if known[0] != action.action_type:
+                text = f"actionId '{action.action_id}' identifies '{known[0]}' and '{action.action_type}'"
+                yield Rule.ACTION_ID, Severity.ERROR, text
+            elif known[1] != within:
+                text = f"actionId '{action.action_id}' was already used in {known[1]}"
+                yield Rule.ACTION_ID, Severity.WARNING, text
+
+
+class RobotConversation:
+    """Follow the conversation of one robot with fleet control; it may begin in the middle of an order."""
+
+    def __init__(self) -> None:
+        self._headers = HeaderChecks()
+        self._connection = ConnectionChecks()
+        self._factsheet = FactsheetChecks()
+        self._action_ids = ActionIds()
+        self._orders = OrderConversation()
+        self._instants = InstantConversation()
+        self._requests: BoundedDict[str, None] = BoundedDict()
+        self._state: State | None = None
+        self._cleared: str | None = None
+        """Order at the last state in a mode that clears orders; later states may still show parts of it."""
+
+    def check(self, received: ReceivedMessage) -> Iterator[Problem]:
+        """Process the next message and yield its problems."""
+        yield from message_problems(received)
+        if received.message is None:
+            return
+        yield from self._headers.check(received, received.message)
+        if received.retained and received.sender is Sender.FLEET:
+            return  # an old command, which robots ignore
+        yield from self._content(received, received.message)
+
+    def overdue(self, now: datetime, *, ended: bool = False) -> Iterator[tuple[ReceivedMessage, Problem]]:
+        """Yield, once, messages without an answer and an overdue state at ``now``.
+
+        ``ended``: the conversation ends here, so no answer will follow.
+        """
+        yield from self._orders.unanswered(now, ended=ended)
+        yield from self._instants.unanswered(now, ended=ended)
+        if overdue := self._connection.overdue_state(now):
+            yield overdue
+
+    def _content(self, received: ReceivedMessage, message: Header) -> Iterator[Problem]:
+        match message:
+            case Order():
+                yield from self._order(received, message)
+            case InstantActions():
+                yield from self._action_ids.check(message.actions, "instantActions")
+                yield from self._factsheet.check(message.actions, ActionScope.INSTANT)
+                newest = self._orders.newest
+                yield from self._instants.on_instant_actions(received, message, self._state, newest)
+            case Responses():
+                yield from self._responses(message)
+            case State():
+                yield from self._on_state(received, message)
+            case Connection():
+                self._connection.on_connection(message)
+            case Factsheet():
+                self._factsheet.on_factsheet(message)
+
+    def _order(self, received: ReceivedMessage, order: Order) -> Iterator[Problem]:
+        yield from self._action_ids.check(actions_of(order), f"order '{order.order_id}'")
+        yield from self._factsheet.on_order(order)
+        cancelled = self._instants.ends(order.order_id)
+        yield from self._orders.on_order(received, order, self._state, cancelled=cancelled)
+
+    def _on_state(self, received: ReceivedMessage, state: State) -> Iterator[Problem]:
+        yield from self._connection.on_state(received)
+        yield from self._instants.on_state(state)
+        if state.operating_mode.clears_order:
+            self._cleared = state.order_id
+        ends_early = state.order_id == self._cleared or self._instants.ends(state.order_id)
+        yield from self._orders.on_state(state, self._state, ends_early=ends_early)
+        if order := self._orders.current:
+            yield from order_action_problems(state, order)
+        yield from status_problems(self._state, state)
+        for request_id in _request_ids(state):
+            self._requests[request_id] = None
+        self._state = state
+
+    def _responses(self, message: Responses) -> Iterator[Problem]:
+        for each in message.responses:
+            if self._state and each.request_id not in self._requests:
+                text = f"the robot did not send the request '{each.request_id}'"
+                yield Rule.RESPONSE, Severity.WARNING, text
+
+
+def _request_ids(state: State) -> Iterator[str]:
+    yield from (each.request_id for each in state.zone_requests or ())
+    yield from (each.request_id for each in state.edge_requests or ())
+
+
+MAX_ROBOTS: Final = 10_000
+"""Robots that are followed at a time; beyond, the oldest is dropped."""
+OVERDUE_INTERVAL: Final = timedelta(seconds=1)
+"""Conversation time between two checks for overdue messages."""
+
+
+class Checker:
+    """Check messages one by one; ``checked`` counts those of VDA 5050."""
+
+    def __init__(self) -> None:
+        self.checked = 0
+        self._number = 0
+        self._now: datetime | None = None
+        self._overdue_checked: datetime | None = None
+        self._robots: BoundedDict[str, RobotConversation] = BoundedDict(MAX_ROBOTS)
+        """By topic prefix: a robot that changes its major version starts a new conversation."""
+
+    def add(self, entry: Entry) -> Iterator[Finding]:
+        """Check the next message, and what is overdue by now."""
+        self._number += 1
+        received = parse(entry, self._number)
+        if received is None:
+            return
+        self.checked += 1
+        yield from self._advance(received.time)
+        if received.topic_prefix not in self._robots:
+            self._robots[received.topic_prefix] = RobotConversation()
+        for problem in self._robots[received.topic_prefix].check(received):
+            yield from _findings(received, problem)
+
+    def skip(self) -> None:
+        """Count a message that is not checked, so that numbers match the recording."""
+        self._number += 1
+
+    def end(self) -> Iterator[Finding]:
+        """Yield messages without an answer at the end of the conversation."""
+        if self._now is not None:
+            yield from self._overdue(self._now, ended=True)
+
+    def _advance(self, now: datetime) -> Iterator[Finding]:
+        self._now = now
+        if self._overdue_checked is None or now - self._overdue_checked >= OVERDUE_INTERVAL:
+            self._overdue_checked = now
+            yield from self._overdue(now, ended=False)
+
+    def _overdue(self, now: datetime, *, ended: bool) -> Iterator[Finding]:
+        for robot in self._robots.values():
+            for late, problem in robot.overdue(now, ended=ended):
+                yield from _findings(late, problem)
+
+
+def _findings(received: ReceivedMessage, problem: Problem) -> Iterator[Finding]:
+    """Yield a finding if the message's version has the rule."""
+    rule, severity, text = problem
+    section = rule.section(received.codec.version, received.topic)
+    if section is not None:
+        yield Finding(
+            number=received.number,
+            time=received.time,
+            robot=received.robot,
+            topic=received.topic,
+            version=received.codec.version,
+            rule=rule,
+            section=section,
+            severity=severity,
+            text=text,
+        )
+
+
+def check(entries: Iterable[Entry]) -> Iterator[Finding]:
+    """Check a whole conversation."""
+    checker = Checker()
+    for entry in entries:
+        yield from checker.add(entry)
+    yield from checker.end()

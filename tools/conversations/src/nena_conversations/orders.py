@@ -1,0 +1,322 @@
+"""Orders in a conversation: what fleet control sends (6.1), and what the robot's states echo (6.6.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from itertools import chain
+from typing import Final
+
+from nena_conversations.message import ReceivedMessage
+from nena_conversations.pending import BoundedDict, Unanswered
+from nena_conversations.rules import Problem, Rule, Severity
+from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.order import Edge, Node, Order
+from nena_shared.vda5050.state import State
+
+OrderKey = tuple[str, int]
+"""orderId and orderUpdateId."""
+
+
+@dataclass(frozen=True, slots=True)
+class StitchedOrder:
+    """An order as sent so far over all updates: the base, and the last update with its horizon."""
+
+    last: Order
+    nodes: dict[int, Node]
+    """Released nodes by sequenceId."""
+    actions: dict[str, Action]
+    """Actions of the base and of the last update's horizon, by actionId."""
+    complete: bool
+    """Whether the conversation contains the order from its beginning."""
+
+    @property
+    def key(self) -> OrderKey:
+        """OrderId and orderUpdateId of the last update."""
+        return self.last.order_id, self.last.order_update_id
+
+    @property
+    def decision_point(self) -> Node:
+        """Last released node."""
+        return self.nodes[max(self.nodes)]
+
+    @property
+    def end(self) -> int:
+        """SequenceId of the last node, including the horizon."""
+        return self.last.nodes[-1].sequence_id
+
+    def released(self) -> dict[int, tuple[str, bool]]:
+        """Return nodeId and released of each node, by sequenceId."""
+        base = {number: (node.node_id, True) for number, node in self.nodes.items()}
+        return base | {node.sequence_id: (node.node_id, node.released) for node in self.last.nodes}
+
+
+def stitch(before: StitchedOrder | None, order: Order) -> StitchedOrder:
+    """Return the order extended by an update, or a new one for another orderId."""
+    nodes = {node.sequence_id: node for node in order.nodes if node.released}
+    actions = {action.action_id: action for action in actions_of(order)}
+    complete = order.nodes[0].sequence_id == 0
+    if before and before.last.order_id == order.order_id:
+        horizon = {action.action_id for action in _horizon_actions(before.last)}
+        kept = {name: action for name, action in before.actions.items() if name not in horizon}
+        nodes, actions, complete = before.nodes | nodes, kept | actions, before.complete
+    return StitchedOrder(order, nodes, actions, complete)
+
+
+def _horizon_actions(order: Order) -> Iterator[Action]:
+    parts: Iterator[Node | Edge] = chain(order.nodes, order.edges)
+    return chain.from_iterable(part.actions for part in parts if not part.released)
+
+
+def actions_of(order: Order) -> Iterator[Action]:
+    """Yield all actions of an order message, those of nodes first."""
+    yield from chain.from_iterable(node.actions for node in order.nodes)
+    yield from chain.from_iterable(edge.actions for edge in order.edges)
+
+
+HEADER: Final = frozenset(Header.model_fields)
+
+
+def new_order_problems(order: Order) -> Iterator[Problem]:
+    """Check an order with a new orderId (6.1.1)."""
+    if order.order_update_id:
+        text = f"order '{order.order_id}' begins with orderUpdateId {order.order_update_id}, not 0"
+        yield Rule.FIRST_UPDATE_ID, Severity.ERROR, text
+    if order.nodes[0].sequence_id:
+        text = f"order '{order.order_id}' begins with sequenceId {order.nodes[0].sequence_id}, not 0"
+        yield Rule.FIRST_SEQUENCE_ID, Severity.ERROR, text
+
+
+def situation_problems(order: Order, state: State | None, held: StitchedOrder | None) -> Iterator[Problem]:
+    """Check whether the robot, by its last state, may receive an order (6.1.4.6, 6.6.6).
+
+    ``held`` is the order that the state echoes, as far as it is known.
+    """
+    if state is None:
+        return
+    if not state.operating_mode.takes_orders:
+        text = f"order '{order.order_id}' is sent to a robot in the mode {state.operating_mode}"
+        yield Rule.MODE, Severity.ERROR, text
+    open_actions = {each.action_id for each in state.action_states if not each.action_status.ended}
+    acts = held is not None and not open_actions.isdisjoint(held.actions)
+    if state.order_id != order.order_id and (state.node_states or state.edge_states or acts):
+        text = f"order '{order.order_id}' is sent while '{state.order_id}' is not ended"
+        yield Rule.OTHER_ORDER, Severity.ERROR, text
+
+
+def update_problems(order: Order, before: StitchedOrder, *, cancelled: bool) -> Iterator[Problem]:
+    """Check an order with the same orderId as the previous one (6.1.2, 6.1.4)."""
+    name = f"update {order.order_update_id} of order '{order.order_id}'"
+    last = before.last.order_update_id
+    if order.order_update_id == last:
+        if _content(order) != _content(before.last):
+            yield Rule.SAME_UPDATE_ID, Severity.ERROR, f"{name} is repeated with different content"
+        return
+    if order.order_update_id < last:
+        yield Rule.OUTDATED_UPDATE, Severity.ERROR, f"{name} follows update {last}"
+        return
+    if cancelled:
+        yield Rule.UPDATE_AFTER_CANCEL, Severity.ERROR, f"{name} follows the order's cancelOrder"
+    yield from _stitching_problems(order, before, name)
+
+
+def _stitching_problems(order: Order, before: StitchedOrder, name: str) -> Iterator[Problem]:
+    first, point = order.nodes[0], before.decision_point
+    if (first.node_id, first.sequence_id) != (point.node_id, point.sequence_id):
+        text = (
+            f"{name} begins at node '{first.node_id}' ({first.sequence_id}), the base ends at "
+            f"'{point.node_id}' ({point.sequence_id})"
+        )
+        yield Rule.STITCHING, Severity.ERROR, text
+    elif first != point:
+        yield Rule.STITCHING_NODE, Severity.ERROR, f"{name} changes the decision point '{first.node_id}'"
+
+
+def _content(order: Order) -> str:
+    return order.model_dump_json(exclude=set(HEADER), exclude_none=True)
+
+
+def progress_problems(
+    before: State | None, now: State, order: StitchedOrder, *, ends_early: bool
+) -> Iterator[Problem]:
+    """Check nodes and edges of a state of ``order``, after the state ``before`` (6.6.2).
+
+    ``ends_early``: something ends the order, so nodes may disappear without being reached.
+    """
+    yield from _content_problems(now, order)
+    yield from _last_node_problems(now, order)
+    same = before is not None and before.order_id == now.order_id
+    if not now.node_states:
+        if (
+            before
+            and same
+            and before.node_states
+            and not ends_early
+            and now.last_node_sequence_id != order.end
+        ):
+            # a person may have switched the mode and back between two states
+            text = f"the rest of order '{now.order_id}' disappeared after node {now.last_node_sequence_id}"
+            yield Rule.PROGRESS, Severity.WARNING, f"{text} without a visible reason"
+        return
+    yield from _first_node_problems(now)
+    yield from _skipped(now, order)
+    if before and same:
+        yield from _steps(before, now, order)
+
+
+def _content_problems(now: State, order: StitchedOrder) -> Iterator[Problem]:
+    known = order.released()
+    for each in now.node_states:
+        node_id, released = known.get(each.sequence_id, (None, False))
+        name = f"node '{each.node_id}' ({each.sequence_id})"
+        if node_id != each.node_id:
+            yield _error(f"{name} is not part of the order")
+        elif released is not each.released:
+            yield _error(f"{name} has released {each.released}, in the order {released}")
+    yield from _not_rising([each.sequence_id for each in now.node_states], "nodeStates")
+    yield from _not_rising([each.sequence_id for each in now.edge_states], "edgeStates")
+
+
+def _last_node_problems(now: State, order: StitchedOrder) -> Iterator[Problem]:
+    """Check that the robot has not driven into the horizon."""
+    number = now.last_node_sequence_id
+    if order.released().get(number) == (now.last_node_id, False):
+        yield _error(f"the robot reached node '{now.last_node_id}' ({number}), which is not released")
+
+
+def _not_rising(numbers: Sequence[int], what: str) -> Iterator[Problem]:
+    if list(numbers) != sorted(set(numbers)):
+        yield _error(f"the sequenceIds of {what} do not rise: {', '.join(map(str, numbers))}")
+
+
+def _first_node_problems(now: State) -> Iterator[Problem]:
+    if now.node_states[0].sequence_id == 0:
+        text = f"the first node '{now.node_states[0].node_id}' of the order is in nodeStates"
+        yield Rule.FIRST_NODE, Severity.ERROR, text
+
+
+def _skipped(now: State, order: StitchedOrder) -> Iterator[Problem]:
+    """Find nodes that disappeared although the robot reached none of them."""
+    ahead, last = min(each.sequence_id for each in now.node_states), now.last_node_sequence_id
+    if now.last_node_id and ahead > last + 2:
+        numbers = f"{last + 2}" if ahead == last + 4 else f"{last + 2} to {ahead - 2}"
+        yield _error(f"node {numbers} of order '{order.last.order_id}' disappeared without being reached")
+
+
+def _steps(before: State, now: State, order: StitchedOrder) -> Iterator[Problem]:
+    """Compare two states of one order: no node comes back."""
+    number = now.last_node_sequence_id
+    known = order.released().get(number)
+    if known and now.last_node_id and known[0] != now.last_node_id:
+        yield _error(f"lastNodeId '{now.last_node_id}' is not node {number} of the order")
+    if before.order_update_id == now.order_update_id:
+        old = {each.sequence_id for each in before.node_states}
+        for each in now.node_states:
+            if each.sequence_id not in old:
+                yield _error(f"node '{each.node_id}' ({each.sequence_id}) had disappeared and is back")
+    if number < before.last_node_sequence_id and now.last_node_id:
+        yield _error(f"lastNodeSequenceId goes back from {before.last_node_sequence_id} to {number}")
+
+
+def _error(text: str) -> Problem:
+    return Rule.PROGRESS, Severity.ERROR, text
+
+
+ORDERS_REMEMBERED: Final = 200
+
+
+class OrderConversation:
+    """Follow orders, updates and their echoes; may begin in the middle of an order."""
+
+    def __init__(self) -> None:
+        self._sent: StitchedOrder | None = None
+        """Newest order that was sent and not rejected."""
+        self._taken: StitchedOrder | None = None
+        """Order of the robot's last state."""
+        self._known: BoundedDict[OrderKey, StitchedOrder] = BoundedDict(ORDERS_REMEMBERED)
+        self._waiting: Unanswered[OrderKey] = Unanswered()
+
+    @property
+    def current(self) -> StitchedOrder | None:
+        """Order of the robot's last state, if it was sent in this conversation."""
+        return self._taken
+
+    @property
+    def newest(self) -> str | None:
+        """OrderId that was sent last and not rejected, if any."""
+        return self._sent.last.order_id if self._sent else None
+
+    def on_order(
+        self, received: ReceivedMessage, order: Order, state: State | None, *, cancelled: bool
+    ) -> Iterator[Problem]:
+        """Check an order or update; ``state`` is the robot's last one."""
+        before = self._before(order)
+        yield from situation_problems(order, state, self._taken)
+        if before:
+            yield from update_problems(order, before, cancelled=cancelled)
+        elif state is None or state.order_id != order.order_id:
+            yield from new_order_problems(order)
+        self._waiting.add((order.order_id, order.order_update_id), received)
+        if before is None or order.order_update_id > before.last.order_update_id:
+            self._sent = stitch(before, order)
+            self._known[self._sent.key] = self._sent
+
+    def on_state(self, state: State, before: State | None, *, ends_early: bool) -> Iterator[Problem]:
+        """Check the order of a state.
+
+        ``before`` is the previous state; ``ends_early``: nodes may disappear without being reached.
+        """
+        rejected = _rejected_orders(state)
+        self._waiting.on_state(lambda key: _echoes(state, key) or _rejects(state, key, rejected))
+        yield from self._echo_problems(state, before)
+        self._taken = self._known.get((state.order_id, state.order_update_id))
+        if self._sent and _rejects(state, self._sent.key, rejected):
+            self._sent = self._taken
+        if self._taken and self._taken.complete:
+            yield from progress_problems(before, state, self._taken, ends_early=ends_early)
+
+    def unanswered(self, now: datetime, *, ended: bool) -> Iterator[tuple[ReceivedMessage, Problem]]:
+        """Yield, once, orders without an answer in time."""
+        for (order_id, update), received in self._waiting.overdue(now, ended=ended):
+            text = f"no state echoes update {update} of order '{order_id}', and no error names it"
+            yield received, (Rule.ANSWER, Severity.WARNING, text)
+
+    def _before(self, order: Order) -> StitchedOrder | None:
+        """Return the order as known before this message."""
+        candidates = (self._sent, self._taken)
+        return next((each for each in candidates if each and each.last.order_id == order.order_id), None)
+
+    def _echo_problems(self, state: State, before: State | None) -> Iterator[Problem]:
+        key = state.order_id, state.order_update_id
+        if before is None or key == (before.order_id, before.order_update_id) or not state.order_id:
+            return
+        if state.order_id == before.order_id and state.order_update_id < before.order_update_id:
+            text = f"orderUpdateId goes back from {before.order_update_id} to {state.order_update_id}"
+            yield Rule.ECHO, Severity.ERROR, text
+        elif self._known and key not in self._known:
+            text = f"the state has update {key[1]} of order '{key[0]}', which was not sent here"
+            yield Rule.ECHO, Severity.WARNING, text
+
+
+def _echoes(state: State, key: OrderKey) -> bool:
+    return key[0] == state.order_id and key[1] <= state.order_update_id
+
+
+def _rejects(state: State, key: OrderKey, rejected: set[tuple[str, int | None]]) -> bool:
+    """Return whether an error rejects the order; errors may name an accepted order for other reasons."""
+    if _echoes(state, key):
+        return False
+    return key in rejected or (key[0] != state.order_id and (key[0], None) in rejected)
+
+
+def _rejected_orders(state: State) -> set[tuple[str, int | None]]:
+    """Return orderId and, if given, orderUpdateId of the orders that errors name."""
+    found: set[tuple[str, int | None]] = set()
+    for error in state.errors:
+        references = {each.reference_key: each.reference_value for each in error.error_references}
+        update = references.get("orderUpdateId", "")
+        if "orderId" in references:
+            found.add((references["orderId"], int(update) if update.isdecimal() else None))
+    return found

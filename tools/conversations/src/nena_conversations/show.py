@@ -1,0 +1,245 @@
+"""A conversation as a person reads it: who sent what, and what changed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from datetime import datetime
+from typing import Any
+
+from rich.console import Console
+from rich.text import Text
+
+from nena_conversations.message import ReceivedMessage, Sender, parse
+from nena_conversations.recording import Entry
+from nena_shared.vda5050.action import Action, ActionState, InstantActions
+from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.connection import Connection
+from nena_shared.vda5050.error import ErrorEntry
+from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.request import EdgeRequest, ZoneRequest
+from nena_shared.vda5050.responses import Responses
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.zone_set import ZoneSetTransfer
+
+MOVED = 0.05
+"""Minimum reported movement, metres."""
+
+
+def describe(message: Header, before: State | None) -> list[str]:
+    """Describe a message in lines; ``before`` is the robot's previous state, if any."""
+    if isinstance(message, State):
+        return list(_state(message, before)) or ["no change"]
+    return list(_other(message))
+
+
+def _other(message: Header) -> Iterator[str]:
+    match message:
+        case Order():
+            yield from _order(message)
+        case InstantActions():
+            yield from (f"do {_action(each)}" for each in message.actions)
+        case Connection():
+            yield str(message.connection_state)
+        case Factsheet():
+            actions = message.protocol_features.mobile_robot_actions
+            supported = _list(each.action_type for each in actions)
+            yield f"{message.type_specification.series_name}: supports {supported}"
+        case Responses():
+            yield from (f"{each.request_id}: {each.grant_type}" for each in message.responses)
+        case ZoneSetTransfer():
+            zones = message.zone_set.zones
+            yield f"zone set '{message.zone_set.zone_set_id}': {_list(each.zone_id for each in zones)}"
+
+
+def _order(order: Order) -> Iterator[str]:
+    base = [node.node_id for node in order.nodes if node.released]
+    horizon = [node.node_id for node in order.nodes if not node.released]
+    yield f"order '{order.order_id}' update {order.order_update_id}"
+    yield "base " + " → ".join(base) + (", horizon " + " → ".join(horizon) if horizon else "")
+    for node in order.nodes:
+        yield from (f"on {node.node_id}: {_action(each)}" for each in node.actions)
+    for edge in order.edges:
+        yield from (f"along {edge.edge_id}: {_action(each)}" for each in edge.actions)
+
+
+def _action(action: Action) -> str:
+    parameters = ", ".join(f"{each.key}={each.value}" for each in action.action_parameters)
+    return f"{action.action_type}({parameters}) as '{action.action_id}', {action.blocking_type}"
+
+
+def _state(now: State, before: State | None) -> Iterator[str]:
+    yield from _order_of(now, before)
+    for name, text in (
+        ("operating_mode", "mode"),
+        ("driving", "driving"),
+        ("paused", "paused"),
+        ("new_base_request", "requests more base"),
+    ):
+        yield from _changed(text, getattr(now, name), getattr(before, name) if before else None)
+    yield from _place(now, before)
+    yield from _actions(now, before)
+    yield from _errors(now.errors, before.errors if before else ())
+    yield from _rest(now, before)
+
+
+def _order_of(now: State, before: State | None) -> Iterator[str]:
+    identity = now.order_id, now.order_update_id
+    if before is None or identity != (before.order_id, before.order_update_id):
+        yield f"order '{now.order_id}' update {now.order_update_id}" if now.order_id else "no order yet"
+    last = now.last_node_id, now.last_node_sequence_id
+    if before is None or last != (before.last_node_id, before.last_node_sequence_id):
+        yield f"last node '{now.last_node_id}' ({now.last_node_sequence_id})"
+    left = _left(now)
+    if before is None or left != _left(before):
+        yield f"nodes left: {left}"
+
+
+def _left(state: State) -> str:
+    base = [node.node_id for node in state.node_states if node.released]
+    horizon = [node.node_id for node in state.node_states if not node.released]
+    return _list(base) + (f", horizon {_list(horizon)}" if horizon else "")
+
+
+def _place(now: State, before: State | None) -> Iterator[str]:
+    here, there = now.mobile_robot_position, before.mobile_robot_position if before else None
+    if here is None:
+        if there:
+            yield "position unknown"
+        return
+    if there is None or abs(here.x - there.x) + abs(here.y - there.y) > MOVED or here.map_id != there.map_id:
+        yield f"at x {here.x:.2f}, y {here.y:.2f} on '{here.map_id}'"
+    if there is None or here.localized is not there.localized:
+        yield "localised" if here.localized else "not localised"
+
+
+def _actions(now: State, before: State | None) -> Iterator[str]:
+    old = {each.action_id: each.action_status for each in _all(before)}
+    for each in _all(now):
+        if old.get(each.action_id) is not each.action_status:
+            result = f": {each.action_result}" if each.action_result else ""
+            yield f"{each.action_type or 'action'} '{each.action_id}' {each.action_status}{result}"
+    gone = set(old) - {each.action_id for each in _all(now)}
+    if gone:
+        yield "no longer listed: " + _list(sorted(gone))
+
+
+def _errors(now: Iterable[ErrorEntry], before: Iterable[ErrorEntry]) -> Iterator[str]:
+    old, new = tuple(before), tuple(now)
+    for each in new:
+        if each not in old:
+            yield f"{each.error_level} {each.error_type}: {each.error_description or ''}"
+    for each in old:
+        if each not in new:
+            yield f"cleared: {each.error_type}"
+
+
+def _rest(now: State, before: State | None) -> Iterator[str]:
+    old = before.power_supply if before else None
+    if old is None or int(now.power_supply.state_of_charge) != int(old.state_of_charge):
+        yield f"battery {now.power_supply.state_of_charge:.0f} %"
+    yield from _changed("charging", now.power_supply.charging, old.charging if old else None)
+    yield from _changed("loads", _loads(now), _loads(before) if before else None)
+    yield from _changed("emergency stop", now.safety_state.active_emergency_stop.value, _stop(before))
+    yield from _changed(
+        "field violation", now.safety_state.field_violation, before and before.safety_state.field_violation
+    )
+    yield from _changed("maps", _held(now.maps, "map_id"), _held(before.maps, "map_id") if before else None)
+    yield from _changed(
+        "zone sets",
+        _held(now.zone_sets, "zone_set_id"),
+        _held(before.zone_sets, "zone_set_id") if before else None,
+    )
+    yield from _changed("requests", _requests(now), _requests(before) if before else None)
+
+
+def _changed(name: str, now: Any, before: Any) -> Iterator[str]:  # noqa: ANN401 - any two values of one field
+    """Yield a changed value; an empty one only if it was not empty before."""
+    if now != before and (now or before):
+        shown = {True: "yes", False: "no", None: "unknown", "": "none"}.get(now, now)
+        yield f"{name}: {shown}"
+
+
+def _all(state: State | None) -> tuple[ActionState, ...]:
+    return (*state.action_states, *state.instant_action_states) if state else ()
+
+
+def _loads(state: State) -> str:
+    return (
+        _list(each.load_id or each.load_type or "a load" for each in state.loads or ()) if state.loads else ""
+    )
+
+
+def _stop(state: State | None) -> str:
+    return state.safety_state.active_emergency_stop.value if state else "NONE"
+
+
+def _held(held: Iterable[Any] | None, name: str) -> str:
+    def status(each: Any) -> str:  # noqa: ANN401 - a map or a zone set
+        return str(getattr(each, "map_status", None) or getattr(each, "zone_set_status", ""))
+
+    return ", ".join(f"{getattr(each, name)} {status(each)}" for each in held or ())
+
+
+def _requests(state: State) -> str:
+    requests: list[ZoneRequest | EdgeRequest] = [*(state.zone_requests or ()), *(state.edge_requests or ())]
+    return ", ".join(f"{each.request_id} {each.request_status}" for each in requests)
+
+
+def _list(names: Iterable[str]) -> str:
+    return ", ".join(names) or "none"
+
+
+QUIET = (Topic.VISUALIZATION,)
+"""Topics that are shown only on request."""
+
+
+def show(
+    entries: Iterable[Entry], console: Console, *, robot: str | None = None, everything: bool = False
+) -> int:
+    """Print a conversation, of one robot (``manufacturer/serialNumber``) or of all; return the count."""
+    shown = 0
+    for received, lines in readable(entries):
+        if robot not in (None, str(received.robot)) or (received.topic in QUIET and not everything):
+            continue
+        if lines == ["no change"] and not everything:
+            continue
+        shown += 1
+        console.print(
+            _heading(received), *(f"    {line}" for line in lines), sep="\n", markup=False, highlight=False
+        )
+    return shown
+
+
+def readable(entries: Iterable[Entry]) -> Iterator[tuple[ReceivedMessage, list[str]]]:
+    """Yield each message of VDA 5050 with its description; states by their changes."""
+    states: dict[RobotKey, State] = {}
+    for number, entry in enumerate(entries, start=1):
+        received = parse(entry, number)
+        if received is None:
+            continue
+        if received.message is None:
+            yield received, [f"malformed: {problem}" for problem in received.problems]
+            continue
+        yield received, describe(received.message, states.get(received.robot))
+        if isinstance(received.message, State):
+            states[received.robot] = received.message
+
+
+def _heading(received: ReceivedMessage) -> Text:
+    to_robot = received.sender is Sender.FLEET
+    direction = f"fleet → {received.robot}" if to_robot else f"{received.robot} → fleet"
+    colour = "cyan" if to_robot else "green"
+    if received.message is None:
+        colour = "red"
+    retained = " (retained)" if received.retained else ""
+    return Text.assemble(
+        (f"{received.number:>6} {_clock(received.time)} ", "dim"),
+        (f"{direction} {received.topic}", colour),
+        (f" {received.codec.version}{retained}", "dim"),
+    )
+
+
+def _clock(time: datetime) -> str:
+    return f"{time:%H:%M:%S}.{time.microsecond // 1000:03d}"
