@@ -43,7 +43,8 @@ def run(
             sys.stderr.write(f"{program}: setting {problem}\n")
         return EXIT_MISCONFIGURED
     except (StartError, TaskFailedError) as error:
-        sys.stderr.write(f"{program}: {error}\n")
+        told = f"{error}: {error.__cause__}" if isinstance(error.__cause__, StartError) else str(error)
+        sys.stderr.write(f"{program}: {told}\n")
         return EXIT_FAILED
     return 0
 

@@ -33,7 +33,7 @@ class Supervisor:
 
     def __init__(self) -> None:
         self._tasks: set[asyncio.Task[None]] = set()
-        self._failed: asyncio.Future[str] | None = None
+        self._failed: asyncio.Future[TaskFailedError] | None = None
 
     async def __aenter__(self) -> Self:
         """Begin; tasks may be started from now on."""
@@ -61,13 +61,15 @@ class Supervisor:
         if error is not None:
             log.error("task failed", task=task.get_name(), exc_info=error)
         if vital and self._failed is not None and not self._failed.done():
-            self._failed.set_result(task.get_name())
+            failure = TaskFailedError(task.get_name())
+            failure.__cause__ = error
+            self._failed.set_result(failure)
 
     async def wait(self, stop: asyncio.Event) -> None:
         """Wait until ``stop`` is set.
 
         Raises:
-            TaskFailedError: a vital task ended before that.
+            TaskFailedError: a vital task ended before that; its cause is what that task raised.
 
         """
         failed = self._failed
@@ -81,7 +83,7 @@ class Supervisor:
         finally:
             stopping.cancel()
         if failed.done():
-            raise TaskFailedError(failed.result())
+            raise failed.result()
 
 
 async def end(*tasks: asyncio.Task[Any], again_after: float = AGAIN_AFTER) -> None:

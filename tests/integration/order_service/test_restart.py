@@ -10,6 +10,7 @@ import pytest
 
 from support.broker import MqttPeer
 from support.order_service_fleet import Fleet, actions_done, every_order_ended, order_in, vehicle_idle
+from support.programs import ENDED_WITHIN
 from support.waiting import until
 
 pytestmark = [pytest.mark.broker, pytest.mark.e2e]
@@ -145,3 +146,17 @@ async def test_what_was_answered_is_in_the_file(fleet: Fleet) -> None:
     program.kill()
     with sqlite3.connect(fleet.folder / "orders.db") as store:
         assert store.execute("SELECT name FROM transport_orders").fetchall() == [(answer.json()["name"],)]
+
+
+async def test_a_store_that_is_deleted_takes_no_orders_and_ends_the_program(fleet: Fleet) -> None:
+    program = fleet.order_service()
+    async with await program.client() as client:
+        assert (await client.post("/v1/transportOrders", json={"destinations": [LOAD]})).status_code == 201
+        for file in fleet.folder.glob("orders.db*"):
+            file.unlink()
+        refused = await client.post("/v1/transportOrders", json={"destinations": [LOAD]})
+        assert (refused.status_code, "was deleted while in use" in refused.json()["detail"]) == (503, True)
+        ready = await client.get("/readyz")
+        assert (ready.status_code, ready.json()["storeReady"]) == (503, False)
+    assert program.process.wait(ENDED_WITHIN) == 1, program.log
+    assert "was deleted while in use, so orders could not be kept" in program.log.splitlines()[-1]

@@ -51,6 +51,15 @@ async def loses_a_vital_task(_settings: ServiceSettings, stop: asyncio.Event) ->
         await tasks.wait(stop)
 
 
+async def loses_its_store(_settings: ServiceSettings, stop: asyncio.Event) -> None:
+    async def fail() -> None:
+        raise StartError("the file is gone")
+
+    async with Supervisor() as tasks:
+        tasks.start("store", fail())
+        await tasks.wait(stop)
+
+
 @pytest.mark.parametrize(
     ("serve", "status", "told"),
     [
@@ -65,6 +74,7 @@ async def loses_a_vital_task(_settings: ServiceSettings, stop: asyncio.Event) ->
             ],
         ),
         (loses_a_vital_task, EXIT_FAILED, ["example: task 'mqtt' has ended"]),
+        (loses_its_store, EXIT_FAILED, ["example: task 'store' has ended: the file is gone"]),
     ],
 )
 def test_exit_status_and_last_lines(

@@ -84,7 +84,9 @@ async def committed(steps: Steps, store: Store, seconds: float) -> None:
     """Wait until all that has been changed so far is committed; raises StoreNotReadyError."""
     try:
         async with asyncio.timeout(seconds):
-            await steps.committed()
+            answer = steps.committed()
+            store.fail_on_loss(answer)
+            await answer
     except TimeoutError:
         raise StoreNotReadyError(store.why_not_answered) from None
 

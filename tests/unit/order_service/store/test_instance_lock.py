@@ -30,3 +30,34 @@ def test_what_cannot_be_locked_is_said(bad: str, tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"store\.url"):
         InstanceLock.take(bad)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_database_itself_is_locked(sqlite_url: str) -> None:
+    """A file beside it could be deleted, and a second order service would start."""
+    lock = InstanceLock.take(sqlite_url)
+    assert lock is not None
+    file = Path(sqlite_url.removeprefix("sqlite:///"))
+    assert list(file.parent.iterdir()) == [file]
+    lock.release()
+
+
+def test_a_file_that_is_deleted_or_replaced_is_noticed(sqlite_url: str) -> None:
+    lock = InstanceLock.take(sqlite_url)
+    assert lock is not None
+    file = Path(sqlite_url.removeprefix("sqlite:///"))
+    assert lock.loss() == ""
+    kept = file.rename(file.with_suffix(".kept"))
+    assert "deleted" in lock.loss()
+    file.touch()
+    assert "another file" in lock.loss()
+    kept.rename(file)
+    assert lock.loss() == ""
+    lock.release()
+
+
+def test_a_file_may_be_named_as_sqlite_names_it(sqlite_url: str) -> None:
+    lock = InstanceLock.take(sqlite_url.replace("sqlite:///", "sqlite:///file:") + "?uri=true")
+    assert lock is not None
+    with pytest.raises(StoreError, match="another order service"):
+        InstanceLock.take(sqlite_url)
+    lock.release()

@@ -4,13 +4,17 @@ import asyncio
 import sqlite3
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from pathlib import Path
 
 import pytest
 
+from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import store as store_module
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import open_database
+from nena_order_service.store.errors import StoreLostError
+from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.store import Store
 from support.order_service import NOW, dispatchable_order
 from support.pausing import turn_passes
@@ -132,3 +136,29 @@ async def test_too_many_waiting_steps_make_it_unready(
         assert store.ready
         store.commit(change(dispatchable_order(number=number)), lambda: None)
     assert not store.ready
+
+
+def delete(url: str) -> None:
+    Path(url.removeprefix("sqlite:///")).unlink()
+
+
+async def test_what_is_committed_to_a_deleted_file_is_told_to_nobody(
+    sqlite_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(store_module, "LOSS_SHOWN", 0.0)
+    lock = InstanceLock.take(sqlite_url)
+    store = Store(open_database(sqlite_url), lock)
+    told: list[str] = []
+    answer: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+    store.fail_on_loss(answer)
+    store.commit(change(dispatchable_order()), lambda: told.append("told"))
+    delete(sqlite_url)
+
+    with pytest.raises(StoreLostError, match="was deleted while in use"):
+        await asyncio.wait_for(store.run(), PATIENCE)
+
+    assert not store.ready
+    assert told == []
+    with pytest.raises(StoreNotReadyError):
+        await answer
+    store.close()

@@ -17,3 +17,12 @@ class FencedError(StoreError):
             "another order service is the active one on this store now, so this one has ended. "
             "Start it again: it stands by then"
         )
+
+
+class StoreLostError(StoreError):
+    """The database file is not the one that was opened; what is committed there is gone after a restart."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(
+            f"{reason}, so orders could not be kept. Put the file back, or restore a backup, and start again"
+        )

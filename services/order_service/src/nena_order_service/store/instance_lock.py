@@ -1,32 +1,46 @@
-"""Keeps a second order service away from the same SQLite file: both would send the same orders."""
+"""The file of a SQLite store: one order service at a time, and the same file until its end."""
 
 from __future__ import annotations
 
 import fcntl
+import os
 from pathlib import Path
 from typing import Self
+from urllib.parse import urlsplit
 
 from nena_order_service.store.engine import parse_url
 from nena_order_service.store.errors import StoreError
 
 
 class InstanceLock:
-    """Held from :meth:`take` on until the process ends, however it ends."""
+    """Locks the database file itself, from :meth:`take` until :meth:`release` or the end of the process.
+
+    A second order service on the same file would send the same orders. To be released after the database is
+    closed: closing any descriptor of a file gives up SQLite's own locks on it (POSIX).
+    """
 
     def __init__(self, path: Path) -> None:
-        self._file = path.open("w", encoding="utf-8")
+        """Open and lock ``path``; makes an empty file where there is none, a new one for SQLite.
+
+        Raises:
+            OSError: it cannot be opened; BlockingIOError: another process has it.
+
+        """
+        self._path = path
+        self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            self._file.close()
+            os.close(self._file)
             raise
+        self._opened = os.fstat(self._file)
 
     @classmethod
     def take(cls, url: str) -> Self | None:
-        """Take the lock of a SQLite file; None for other databases.
+        """Lock the file of a SQLite URL; None for other databases.
 
         Raises:
-            StoreError: another process has it, the lock file cannot be made, or the URL names no file.
+            StoreError: another process has it, it cannot be written, or the URL names no file.
 
         """
         parsed = parse_url(url)
@@ -35,16 +49,30 @@ class InstanceLock:
         if parsed.database in (None, "", ":memory:"):
             message = "store.url names no file, so orders would be lost. Name one: sqlite:///orders.db"
             raise StoreError(message)
-        path = Path(f"{parsed.database}.lock")
+        path = _path_of(str(parsed.database))
         try:
             return cls(path)
         except BlockingIOError as error:
-            message = f"another order service uses {parsed.database}: end it, or name another store.url"
+            message = f"another order service uses {path}: end it, or name another store.url"
             raise StoreError(message) from error
         except OSError as error:
-            message = f"cannot make {path}: {error.strerror}. Name a file that can be written in store.url"
+            message = f"cannot open {path}: {error.strerror}. Name a file that can be written in store.url"
             raise StoreError(message) from error
+
+    def loss(self) -> str:
+        """Return why the path does not lead to the file that was opened; empty while it does."""
+        try:
+            present = self._path.stat()
+        except (FileNotFoundError, NotADirectoryError):
+            return f"the database file {self._path} was deleted while in use"
+        except OSError:
+            return ""  # whether it is another file is not known; the commit itself tells what is wrong
+        return "" if os.path.samestat(present, self._opened) else f"another file was put at {self._path}"
 
     def release(self) -> None:
         """Let another process have the store."""
-        self._file.close()
+        os.close(self._file)
+
+
+def _path_of(database: str) -> Path:
+    return Path(urlsplit(database).path if database.startswith("file:") else database)

@@ -18,6 +18,7 @@ from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import OrderFilter, Unfinished
 from nena_order_service.store.documents import read_documents
 from nena_order_service.store.engine import PASSING, reason_of
+from nena_order_service.store.errors import StoreLostError
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.leadership import Fence
 from nena_shared.database_lines import hang_up
@@ -34,6 +35,10 @@ WAITING_LIMIT = 10_000
 """Steps that may wait for the writer; above that the store is not ready and new orders are refused."""
 
 
+LOSS_SHOWN = 3.0
+"""Seconds that hosts and probes are told that the database file is gone, before the program ends."""
+
+
 class Store:
     """Commits changes in the order in which they come; all that wait are committed together.
 
@@ -48,7 +53,7 @@ class Store:
 
         Args:
             engine: the database.
-            lock: what keeps others from a file; let go of by :meth:`close`.
+            lock: keeps others from a file, and notices when it is gone; released by :meth:`close`.
             fence: what keeps this program from writing to a store that another one has taken over.
 
         """
@@ -65,6 +70,9 @@ class Store:
         """Why the last try to write failed; empty when it did not."""
         self.lead_problem = ""
         """Why it is not sure that this program may write to a shared store; empty when it is."""
+        self._loss = ""
+        """Why the database file is not the one that was opened; empty while it is."""
+        self._answers: set[asyncio.Future[None]] = set()
         self.commits = 0
         self.numbers = ChangeNumbers()
 
@@ -72,7 +80,7 @@ class Store:
     def why_not_ready(self) -> str:
         """Why new orders may not be taken; empty when they may."""
         full = "too much waits to be written" if len(self._then) >= WAITING_LIMIT else ""
-        return self.problem or self.lead_problem or full
+        return self._lost() or self.problem or self.lead_problem or full
 
     @property
     def why_not_answered(self) -> str:
@@ -103,11 +111,20 @@ class Store:
         Raises:
             SQLAlchemyError: the database refuses the changes as such; going on would lose them.
             FencedError: another order service has taken the store over.
+            StoreLostError: the database file was deleted or replaced.
 
         """
         while True:
             await self._wake.wait()
+            if self._lost():
+                await asyncio.sleep(LOSS_SHOWN)
+                raise StoreLostError(self._loss)
             await self._write_waiting()
+
+    def fail_on_loss(self, answer: asyncio.Future[None]) -> None:
+        """Have ``answer`` raise StoreNotReadyError if the database file is gone."""
+        self._answers.add(answer)
+        answer.add_done_callback(self._answers.discard)
 
     async def drain(self, seconds: float) -> bool:
         """Wait at most ``seconds`` until all that waits is committed and told; tell whether it is."""
@@ -185,6 +202,8 @@ class Store:
         try:
             if changes:
                 await self._write(changes)
+                if self._lost():
+                    return  # what was committed is gone with its file, so nobody is told of it
             for each in then:
                 self._tell(each)
         finally:
@@ -202,6 +221,16 @@ class Store:
                 self.commits += 1
                 self._set_problem("")
                 return
+
+    def _lost(self) -> str:
+        """Look at the database file; return why it is not the one that was opened, empty while it is."""
+        if not self._loss and self._lock and (loss := self._lock.loss()):
+            log.critical("no more orders are taken, the order service ends", reason=loss)
+            self._loss = loss
+            self._wake.set()
+            for answer in [each for each in self._answers if not each.done()]:
+                answer.set_exception(StoreNotReadyError(loss))
+        return self._loss
 
     def _set_problem(self, problem: str) -> None:
         if problem and problem != self.problem:
