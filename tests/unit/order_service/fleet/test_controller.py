@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
 from nena_order_service.fleet import (
     FleetSettings,
     LinkStatus,
+    Mission,
     MissionFinished,
+    MissionPhase,
+    PublishOrder,
+    RobotBusyError,
     RobotChanged,
 )
-from nena_order_service.fleet.controller import RETAINED_WITHIN
+from nena_order_service.fleet.controller import RETAINED_WITHIN, STRAY_PAUSE, RobotControl
+from nena_order_service.fleet.mission import released_to
 from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.state import OperatingMode
 from nena_shared.vda5050.topics import RobotKey
-from support.fleet import Bench, make_mission
-from support.honest_robot import ROBOT
+from support.fleet import Bench, hand_over, make_mission
+from support.fleet_examples import factsheet
+from support.honest_robot import ROBOT, HonestRobot
 
 
 def test_robots_do_not_touch_each_other() -> None:
@@ -93,3 +106,291 @@ def test_a_tick_looks_at_those_who_have_something_to_do_and_at_those_who_fall_si
     bench.report()
     bench.now += bench.settings.silent_after + 0.1
     assert bench.tick() == (RobotChanged(ROBOT),), "and anew once it was heard again"
+
+
+def slow_factsheet() -> Factsheet:
+    """Give one of a robot that takes an order every three seconds."""
+    made = factsheet()
+    timing = made.protocol_limits.timing.model_copy(update={"minimum_order_interval": 3.0})
+    limits = made.protocol_limits.model_copy(update={"timing": timing})
+    return made.model_copy(update={"protocol_limits": limits})
+
+
+def test_a_robot_has_one_mission_at_a_time() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    with pytest.raises(RobotBusyError, match="one mission at a time") as caught:
+        bench.start(make_mission("n", "A", "B"))
+    assert caught.value.mission_id == "m"
+    assert bench.orders_sent() == ["m"]
+
+
+@pytest.mark.clause("6.1.3/fleet")
+def test_an_order_that_comes_too_late_is_stopped() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.wait(60, reporting=True)
+    bench.deliver()
+    bench.report()
+    assert not bench.view().availability.can_take_order
+    assert bench.instants_sent() == ["cancelOrder"]
+    bench.deliver()
+    bench.report()
+    assert bench.view().availability.can_take_order
+    assert bench.ends() == {"m": 1}
+
+
+@pytest.mark.clause("6.1.3/fleet")
+def test_no_order_is_sent_while_a_cancel_may_still_hit_it() -> None:
+    bench = Bench().online()
+    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.cancel()
+    bench.robot.step()
+    bench.report()
+    bench.start(make_mission("n", "B", "C", x=1.0))
+    assert bench.orders_sent() == ["m"]
+    assert bench.view().mission_note == "the robot has not yet confirmed a cancelOrder"
+    bench.run()
+    assert [each.mission_id for each in bench.told(MissionFinished)] == ["m", "n"]
+
+
+def test_an_order_that_is_not_confirmed_in_the_usual_time_says_so() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    assert bench.view().mission_note == ""
+    bench.wait(2)
+    assert bench.view().mission_note == "the robot has not yet confirmed the order"
+
+
+@pytest.mark.clause("6.5/fleet")
+def test_an_order_waits_for_a_robot_that_is_away_and_says_so() -> None:
+    bench = Bench().online()
+    bench.connection(ConnectionState.CONNECTION_BROKEN)
+    bench.start(make_mission("m", "A", "B"))
+    bench.wait(120)
+    assert bench.sent == []
+    assert bench.view().mission_phase is MissionPhase.WAITING
+    assert bench.view().mission_note == "the robot has lost its connection to the broker"
+    bench.connection(ConnectionState.ONLINE)
+    bench.report()
+    bench.run()
+    assert bench.told(MissionFinished)
+
+
+def test_the_delivery_begins_anew_when_a_robot_comes_back() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.lose()
+    bench.wait(5)
+    bench.connection(ConnectionState.CONNECTION_BROKEN)
+    bench.wait(300)
+    sent = len(bench.sent)
+    bench.connection(ConnectionState.ONLINE)
+    bench.report()
+    assert len(bench.sent) == sent + 1
+    bench.run()
+    assert bench.told(MissionFinished)
+
+
+@pytest.mark.clause("4.1/offline")
+def test_nothing_is_sent_and_nothing_fails_while_our_own_link_is_down() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.lose()
+    bench.take(bench.fleet.on_broker(connected=False, now=bench.now))
+    bench.wait(300)
+    assert bench.orders_sent() == ["m"]
+    assert "no connection to the MQTT broker" in bench.view().mission_note
+    bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
+    bench.report()
+    bench.run()
+    assert bench.told(MissionFinished)
+
+
+@pytest.mark.clause("6.5/fleet")
+def test_an_order_to_a_robot_that_is_silent_without_a_will_fails_in_the_end() -> None:
+    bench = Bench().online()
+    bench.wait(30)
+    bench.start(make_mission("m", "A", "B"))
+    bench.wait(20)
+    assert bench.view().link is LinkStatus.SILENT
+    bench.wait(40)
+    assert bench.ends() == {"m": 1}
+
+
+@pytest.mark.clause("4.1/offline")
+def test_a_running_mission_outlives_the_loss_of_the_link() -> None:
+    bench = Bench().online()
+    bench.start_and_tell(make_mission("m", "A", "B", "C"))
+    bench.connection(ConnectionState.CONNECTION_BROKEN)
+    bench.wait(600)
+    assert bench.ends() == {}
+    bench.robot.step()
+    bench.robot.step()
+    bench.connection(ConnectionState.ONLINE)
+    bench.report()
+    assert bench.told(MissionFinished)
+    assert bench.orders_sent() == ["m"]
+
+
+@pytest.mark.clause("7.10/interval")
+def test_orders_keep_the_least_interval_of_the_factsheet() -> None:
+    bench = Bench(FleetSettings(resend_after=0.25)).online()
+    bench.take(bench.fleet.on_factsheet(ROBOT, slow_factsheet(), bench.now))
+    bench.start(make_mission("m", "A", "B"))
+    bench.wait(2.75)
+    assert bench.orders_sent() == ["m"]
+    bench.wait(0.25)
+    assert bench.orders_sent() == ["m", "m"]
+
+
+def test_the_next_mission_is_sent_as_soon_as_the_first_is_done() -> None:
+    bench = Bench().online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.run()
+    outputs = bench.start(make_mission("n", "B", "C", x=1.0))
+    assert any(isinstance(each, PublishOrder) for each in outputs)
+    bench.run()
+    assert bench.robot.accepted == ["m", "n"]
+
+
+def long_way() -> Mission:
+    return make_mission("m", "A", "B", "C", operation="pick")
+
+
+def extending(settings: FleetSettings | None = None) -> Bench:
+    """Give a robot that drives to B, is to go on to C, and has not got the update that says so."""
+    bench = Bench(settings).online()
+    bench.start_and_tell(released_to(long_way(), 2))
+    bench.take(bench.fleet.extend_mission(ROBOT, long_way(), bench.now))
+    bench.lose()
+    return bench
+
+
+def broken_link(bench: Bench) -> None:
+    bench.connection(ConnectionState.CONNECTION_BROKEN)
+
+
+def own_link_down(bench: Bench) -> None:
+    bench.take(bench.fleet.on_broker(connected=False, now=bench.now))
+
+
+@pytest.mark.clause("6.1.2/fleet", "4.1/offline")
+@pytest.mark.parametrize("go_away", [broken_link, own_link_down])
+@pytest.mark.parametrize("sendings", [1, 6])
+def test_an_update_is_not_given_up_while_the_robot_is_away(
+    go_away: Callable[[Bench], None], sendings: int
+) -> None:
+    bench = extending()
+    while len(bench.orders_sent()) < 1 + sendings:
+        bench.wait(0.25)
+    go_away(bench)
+    bench.lose()
+    bench.wait(120)
+    assert bench.view().mission_phase is MissionPhase.RUNNING
+    assert len(bench.orders_sent()) == 1 + sendings
+
+    bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
+    bench.connection(ConnectionState.ONLINE)
+    bench.report()
+    bench.run()
+    assert bench.story()[-1] == "MissionFinished"
+    assert bench.instants_sent() == []
+
+
+@pytest.mark.clause("7.10/interval")
+def test_updates_keep_the_least_interval_too() -> None:
+    bench = Bench(FleetSettings(resend_after=0.25)).online()
+    bench.take(bench.fleet.on_factsheet(ROBOT, slow_factsheet(), bench.now))
+    bench.start_and_tell(released_to(long_way(), 2))
+    bench.take(bench.fleet.extend_mission(ROBOT, long_way(), bench.now))
+    bench.wait(2.75)
+    assert bench.orders_sent() == ["m"]
+    bench.wait(0.25)
+    assert bench.orders_sent() == ["m", "m"]
+
+
+def test_without_a_mission_there_is_nothing_to_cancel_or_to_extend() -> None:
+    bench = Bench().online()
+    assert bench.cancel() == ()
+    assert bench.take(bench.fleet.extend_mission(ROBOT, long_way(), bench.now)) == ()
+    assert bench.sent == []
+
+
+def test_an_extension_of_another_mission_is_passed_over() -> None:
+    bench = Bench().online()
+    bench.start_and_tell(released_to(long_way(), 2))
+    bench.take(bench.fleet.extend_mission(ROBOT, make_mission("n", "A", "B", "C"), bench.now))
+    bench.wait(5)
+    assert bench.orders_sent() == ["m"]
+
+
+@pytest.mark.clause("6.1.3/fleet")
+def test_a_robot_that_goes_on_with_what_has_ended_is_stopped_again_after_a_pause() -> None:
+    bench = Bench(FleetSettings(sendings=1)).online()
+    bench.start(make_mission("m", "A", "B"))
+    bench.wait(3)
+    assert bench.ends() == {"m": 1}
+    bench.deliver()
+    bench.robot.nodes[0] = bench.robot.nodes[0].model_copy(update={"released": False})  # it stands for long
+    bench.report()
+    bench.lose()
+    bench.wait(STRAY_PAUSE - 1, reporting=True)
+    assert bench.instants_sent() == ["cancelOrder"]
+    bench.wait(3, reporting=True)
+    assert bench.instants_sent() == ["cancelOrder", "cancelOrder"]
+
+
+@pytest.mark.parametrize(
+    ("change", "worth_telling"),
+    [
+        ({"position": (7.0, 7.0, 1.0)}, False),
+        ({"charge": 80.9}, False),
+        ({"charge": 79.9}, True),
+        ({"charging": True}, True),
+        ({"localized": False}, True),
+        ({"mode": OperatingMode.MANUAL}, True),
+        ({"last_node_id": "Z"}, True),
+    ],
+)
+def test_only_what_somebody_decides_by_is_told_as_a_change(
+    change: dict[str, Any], *, worth_telling: bool
+) -> None:
+    bench = Bench().online()
+    assert bench.report() == ()
+    for name, value in change.items():
+        setattr(bench.robot, name, value)
+    assert bench.report() == ((RobotChanged(ROBOT),) if worth_telling else ())
+    assert bench.report() == ()
+
+
+def test_the_view_is_made_anew_only_where_something_may_have_changed() -> None:
+    bench = Bench().online()
+    seen = bench.view()
+    bench.now += 1.0
+    assert bench.view() is seen
+    bench.report()
+    assert bench.view() is not seen
+    assert bench.view().state_at == bench.now
+    bench.now += bench.settings.silent_after + 1.0
+    assert bench.view().link is LinkStatus.SILENT
+    bench.fleet.on_malformed(ROBOT)
+    assert bench.view().malformed == 1
+
+
+def test_one_who_drives_as_it_was_told_is_quiet() -> None:
+    settings = FleetSettings()
+    control = RobotControl(ROBOT, settings, lambda: "id", broker=True)
+    robot = HonestRobot()
+    quiet = [control.quiet]
+    tuple(control.on_factsheet(robot.factsheet(), 0.0))
+    tuple(control.on_state(robot.state(), 0.0))
+    (order, _) = control.start(control.new_run(make_mission("m", "A", "B")), 0.0)
+    assert isinstance(order, PublishOrder)
+    quiet.append(control.quiet)
+    hand_over(order, robot)
+    tuple(control.on_state(robot.state(), 1.0))
+    quiet.append(control.quiet)
+    assert quiet == [True, False, True], "before it is confirmed the order may have to be sent again"
+    assert tuple(control.tick(2.0)) == ()
+    assert tuple(control.tick(2.0 + settings.silent_after)) == (RobotChanged(ROBOT),), "it is silent now"

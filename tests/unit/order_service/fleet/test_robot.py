@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from nena_order_service.fleet import FleetSettings, LinkStatus
-from nena_order_service.fleet.robot import Robot
+from nena_order_service.fleet.mission_run import read
+from nena_order_service.fleet.robot import MessageOrder, Robot, Silences
 from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.topics import RobotKey
+from support.fleet import make_mission
 from support.fleet_examples import ROBOT, connection, factsheet, state
 
 
@@ -97,3 +103,155 @@ def test_a_robot_with_a_lost_clock_is_believed_once_it_has_connected(robot: Robo
     robot.take_connection(connection(), 501.0)
     fresh: dict[str, Any] = {"order_id": "x"}
     assert robot.take_state(state(0, at=0.0, **fresh), 502.0)
+
+
+START = datetime(2026, 1, 1, tzinfo=UTC)
+
+
+def at(seconds: float) -> datetime:
+    return START + timedelta(seconds=seconds)
+
+
+def order_at(header_id: int, seconds: float) -> MessageOrder:
+    order = MessageOrder()
+    assert order.is_new(header_id, at(seconds), 0.0)
+    return order
+
+
+def test_rising_headers_are_new() -> None:
+    order = order_at(5, 5)
+    assert order.is_new(6, at(6), 0.0)
+    assert order.is_new(7, at(6), 0.0), "several messages within a hundredth of a second"
+
+
+@pytest.mark.clause("7.2/headerId")
+def test_the_same_message_again_is_not_new_however_often() -> None:
+    order = order_at(5, 5)
+    assert [order.is_new(5, at(5), 0.0) for _ in range(10)] == [False] * 10
+
+
+@pytest.mark.clause("7.2/headerId")
+def test_an_overtaken_message_is_not_new() -> None:
+    order = order_at(5, 5)
+    assert not order.is_new(4, at(4), 0.0)
+    assert order.is_new(6, at(6), 0.0)
+
+
+@pytest.mark.clause("7.2/headerId")
+def test_a_restart_at_zero_is_new_at_once() -> None:
+    assert order_at(5000, 5).is_new(0, at(6), 0.0)
+
+
+def test_a_clock_that_was_set_back_does_not_matter_while_headers_rise() -> None:
+    assert order_at(5, 5000).is_new(6, at(0), 0.0)
+
+
+@pytest.mark.clause("7.2/headerId")
+def test_the_count_may_run_over() -> None:
+    assert order_at(2**32 - 1, 5).is_new(0, at(6), 0.0)
+
+
+@pytest.mark.clause("7.2/headerId")
+def test_a_restart_with_a_lost_clock_is_believed_after_some_messages_and_seconds() -> None:
+    order = order_at(5000, 5000)
+    judged = [order.is_new(number, at(number), now=4.0 * number) for number in range(5)]
+    assert judged == [False, False, False, True, True]
+
+
+def test_old_messages_that_come_in_a_heap_are_no_restart() -> None:
+    order = order_at(5000, 5000)
+    assert not any(order.is_new(number, at(number), now=9.0) for number in range(100))
+
+
+def test_a_few_overtaken_messages_are_no_restart() -> None:
+    order = order_at(50, 50)
+    assert not order.is_new(48, at(48), 0.0)
+    assert not order.is_new(47, at(47), 0.0)
+    assert not order.is_new(48, at(48), 0.0)
+    assert not order.is_new(46, at(46), 0.0)
+
+
+@pytest.mark.clause("7.2/headerId")
+def test_after_a_new_connection_any_message_is_new() -> None:
+    order = order_at(5000, 5000)
+    order.restart()
+    assert order.is_new(0, at(0), 0.0)
+    assert not order.is_new(0, at(0), 0.0)
+
+
+ONE, OTHER = RobotKey("NeNa", "one"), RobotKey("NeNa", "other")
+
+
+def test_a_robot_is_given_once_and_only_after_its_moment() -> None:
+    silences = Silences()
+    silences.expect(ONE, 10.0)
+    assert list(silences.passed(10.0)) == []
+    assert list(silences.passed(10.1)) == [ONE]
+    assert list(silences.passed(20.0)) == []
+
+
+def test_what_is_heard_meanwhile_moves_nothing_until_the_robot_was_given() -> None:
+    silences = Silences()
+    silences.expect(ONE, 10.0)
+    silences.expect(ONE, 15.0)
+    assert list(silences.passed(12.0)) == [ONE]
+    silences.expect(ONE, 15.0)
+    assert list(silences.passed(14.0)) == []
+    assert list(silences.passed(16.0)) == [ONE]
+
+
+def test_a_sooner_moment_counts() -> None:
+    silences = Silences()
+    silences.expect(ONE, 10.0)
+    silences.expect(ONE, 5.0)
+    assert list(silences.passed(6.0)) == [ONE]
+    assert list(silences.passed(11.0)) == []
+
+
+def test_a_moment_that_was_looked_at_is_not_given_again() -> None:
+    silences = Silences()
+    silences.expect(ONE, 5.0)
+    for robot in silences.passed(10.0):
+        silences.expect(robot, 5.0)
+    silences.expect(ONE, 5.0)
+    assert list(silences.passed(11.0)) == []
+
+
+@given(st.lists(st.tuples(st.sampled_from((ONE, OTHER)), st.floats(0, 100)), max_size=20), st.floats(0, 100))
+def test_all_whose_soonest_moment_has_passed_are_given(
+    expected: list[tuple[RobotKey, float]], now: float
+) -> None:
+    silences = Silences()
+    for robot, at in expected:
+        silences.expect(robot, at)
+    soonest = {robot: min(at for other, at in expected if other == robot) for robot, _ in expected}
+    found = list(silences.passed(now))
+    assert sorted(found) == sorted(robot for robot, at in soonest.items() if at < now)
+
+
+MISSION = make_mission("m", "A", "B")
+
+
+@pytest.mark.clause("6.6.2/first")
+def test_a_robot_that_lists_its_first_node_has_passed_nothing_yet() -> None:
+    listed = [{"node_id": "A", "sequence_id": 0, "released": True}, *_to_b()]
+
+    progress = read(state(order_id="m", last_node_id="A", node_states=listed), MISSION)
+
+    assert (progress.passed, progress.done) == (-1, False)
+
+
+@pytest.mark.clause("6.6.2/first", "6.6.2/fleet")
+def test_a_robot_that_does_not_list_it_stands_there() -> None:
+    assert read(state(order_id="m", last_node_id="A", node_states=_to_b()), MISSION).passed == 0
+
+
+@pytest.mark.clause("6.6.2/fleet")
+def test_a_number_that_is_left_from_the_order_before_does_not_count() -> None:
+    late = state(order_id="m", last_node_id="A", last_node_sequence_id=8, node_states=_to_b())
+
+    assert read(late, MISSION).passed < MISSION.last_sequence_id
+
+
+def _to_b() -> list[dict[str, object]]:
+    return [{"node_id": "B", "sequence_id": 2, "released": True}]

@@ -2,11 +2,26 @@
 
 from __future__ import annotations
 
+from collections import Counter, deque
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from nena_order_service.routing import Router
-from nena_order_service.traffic.resources import Resources, ResourceSet
+from nena_order_service.traffic.resources import (
+    Footings,
+    Found,
+    Occupant,
+    Resources,
+    ResourceSet,
+    UseIndex,
+    covered_from,
+)
 from nena_shared.plant import PlantModel
 from nena_shared.plant.block import Block, BlockType
-from support.plants import path, plant
+from nena_shared.plant.geometry import BoundingBox
+from support.plants import path, plant, point
 
 
 def sets(model: PlantModel, start: str, end: str, location: str | None = None) -> list[ResourceSet]:
@@ -64,3 +79,131 @@ def test_without_the_property_the_path_is_the_direction() -> None:
 
     assert sets(model, "A", "B")[0].uses["Aisle"] == "A --- B"
     assert sets(model, "B", "A")[0].uses["Aisle"] == "A --- B:backward"
+
+
+def test_others_are_those_who_cannot_share() -> None:
+    index = UseIndex()
+    index.add("a", {"x": None, "aisle": "north"})
+    index.add("b", {"aisle": "north"})
+
+    assert set(index.others("c", {"x": None})) == {("a", "x")}
+    assert set(index.others("c", {"aisle": "north"})) == set()
+    assert set(index.others("c", {"aisle": "south"})) == {("a", "aisle"), ("b", "aisle")}
+    assert set(index.others("c", {"aisle": None})) == {("a", "aisle"), ("b", "aisle")}
+    assert set(index.others("a", {"x": None})) == set()
+    assert index.users("aisle") == {"a", "b"}
+
+
+USES = st.dictionaries(st.sampled_from("xyz"), st.sampled_from([None, "n", "s"]), min_size=1)
+
+
+@given(st.lists(st.tuples(st.sampled_from("ab"), USES), max_size=12))
+def test_a_resource_is_used_until_each_use_was_taken_back(
+    uses: list[tuple[str, dict[str, str | None]]],
+) -> None:
+    index, left = UseIndex(), Counter[tuple[str, str]]()
+    for vehicle, each in uses:
+        index.add(vehicle, each)
+        left.update((vehicle, resource) for resource in each)
+    for vehicle, each in reversed(uses):
+        index.remove(vehicle, each)
+        left.subtract((vehicle, resource) for resource in each)
+        for resource in "xyz":
+            assert index.users(resource) == {who for who in "ab" if left[who, resource]}
+
+
+WAY = [
+    ResourceSet(name, length, {name: None})
+    for name, length in [("A", 0), ("B", 1000), ("C", 400), ("D", 700)]
+]
+
+
+@pytest.mark.parametrize(
+    ("length_mm", "first"),
+    [(0, 3), (700, 3), (701, 2), (1100, 2), (1101, 1), (2100, 1), (2101, 0), (9999, 0)],
+)
+def test_sets_that_a_vehicle_at_the_last_point_covers(length_mm: int, first: int) -> None:
+    assert covered_from(WAY, 3, length_mm) == first
+
+
+def state(occupant: Occupant) -> tuple[str, int, bool]:
+    return occupant.point, occupant.ahead, occupant.resting
+
+
+def test_what_is_behind_the_tail_is_free_and_what_is_ahead_is_kept() -> None:
+    occupant = Occupant("v", 500, deque(WAY))
+
+    assert occupant.arrive(1) == [WAY[0]]
+    assert state(occupant) == ("B", 2, False)
+    assert occupant.arrive(1) == []
+    assert state(occupant) == ("C", 1, False)
+    assert occupant.arrive(2) == WAY[1:3]
+    assert state(occupant) == ("D", 0, True)
+
+
+def test_a_vehicle_with_a_claim_does_not_rest() -> None:
+    occupant = Occupant("v", 0, deque(WAY[:1]))
+    occupant.claimed.extend(WAY[1:])
+
+    assert state(occupant) == ("A", 0, False)
+    assert occupant.at_end(occupant.claimed) == WAY[3:]
+
+
+PLANT = PlantModel(
+    name="corner",
+    points=(
+        point("A"),
+        point("B", 4000),
+        point("C", 4000, 3000),
+        point("far", 0, 50_000),
+        point("above", 0, 0, properties={"vda5050:mapId": "upstairs"}),
+    ),
+    paths=(path("A B", 4000), path("B C", 3000)),
+    blocks=(Block(name="corner", members=("B",)),),
+)
+
+
+def under(found: Found, length_mm: int = 1000) -> set[str]:
+    footings = Footings(PLANT, Resources(PLANT))
+    return set(footings.of(found, BoundingBox(length_mm=length_mm)).under.uses)
+
+
+@pytest.mark.parametrize(
+    ("found", "length_mm", "expected"),
+    [
+        (Found("A", on_point=True), 1000, {"A"}),
+        (Found("B", on_point=True, place_mm=(3900.0, 0.0), map_id="hall"), 1000, {"B", "corner"}),
+        (Found("A", on_point=True, place_mm=(0.0, 0.0), map_id="hall"), 8200, {"A", "B", "corner"}),
+        (Found("A", on_point=False, place_mm=(1500.0, 300.0), map_id="hall"), 1000, {"A --- B"}),
+        (
+            Found("B", on_point=False, place_mm=(3700.0, 200.0), map_id="hall"),
+            1000,
+            {"A --- B", "B --- C", "B", "corner"},
+        ),
+        (Found("far", on_point=False, place_mm=(9000.0, 40_000.0), map_id="hall"), 1000, set()),
+    ],
+    ids=["as it says", "on a point", "long", "on a path", "near a corner", "off the plant"],
+)
+def test_what_is_under_a_vehicle(found: Found, length_mm: int, expected: set[str]) -> None:
+    assert under(found, length_mm) == expected
+
+
+def test_a_vehicle_beside_its_point_needs_that_to_come_to_it() -> None:
+    footings = Footings(PLANT, Resources(PLANT))
+
+    beside = footings.of(Found("B", on_point=False, place_mm=(4000.0, 700.0)), BoundingBox())
+    on_it = footings.of(Found("B", on_point=True, place_mm=(4000.0, 100.0)), BoundingBox())
+
+    assert on_it.entry is None
+    assert beside.entry is not None
+    assert (beside.entry.point, beside.entry.length_mm) == ("B", 700)
+    assert set(beside.entry.uses) == {"B", "corner"}
+
+
+def test_the_reference_point_may_be_far_from_the_middle() -> None:
+    footings = Footings(PLANT, Resources(PLANT))
+    box = BoundingBox(length_mm=1000, reference_offset_x_mm=3600)
+
+    found = footings.of(Found("A", on_point=True, place_mm=(0.0, 0.0), map_id="hall"), box)
+
+    assert set(found.under.uses) == {"A", "B", "corner"}

@@ -2,8 +2,23 @@
 
 from __future__ import annotations
 
-from nena_order_service.traffic.traffic_control import Wish
+from collections.abc import Iterable
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nena_order_service.traffic.resources import ResourceSet, conflict
+from nena_order_service.traffic.traffic_control import (
+    CANDIDATES_TRIED,
+    Evader,
+    UnknownOccupantError,
+    Wish,
+    overlap,
+)
 from nena_shared.plant import PlantModel
+from nena_shared.plant.block import Block, BlockType
 from nena_shared.plant.point import Point, PointType
 from support.plants import path, plant
 from support.traffic.scenes import Scene
@@ -190,3 +205,338 @@ def test_a_location_is_one_vehicles_also_where_that_stands_there_already() -> No
     assert str(scene.control.why_waiting("w")) == "lets v go first at 'Shelf'"
     assert scene.allocate("v") == ""
     assert list(scene.decide("v")) == []
+
+
+def track(points: str, *, length_mm: int = 0, **places: str) -> Scene:
+    """Make a single track along ``points`` that is driven in both directions."""
+    names = points.split()
+    paths = [path(f"{one} {other}", max_reverse_velocity_mm_s=BOTH_WAYS) for one, other in pairwise(names)]
+    return Scene(plant(*paths), length_mm=length_mm, **places)
+
+
+def test_what_one_vehicle_holds_nobody_else_gets() -> None:
+    scene = track("A B C D", v="A", w="C")
+    assert scene.claim("v", "B") == ""
+    assert scene.allocate("v") == ""
+
+    assert scene.claim("w", "B") == "lets v go first at 'B'"
+    assert not scene.scheduler.occupant("w").claimed
+
+
+def test_what_is_left_behind_is_free() -> None:
+    scene = track("A B C D", v="A", w="D")
+    scene.claim("v", "B")
+    scene.drive_to_end("v")
+
+    assert scene.scheduler.users("A") == frozenset()
+    assert scene.scheduler.users("B") == {"v"}
+    assert scene.scheduler.users("A --- B") == {"v"}
+
+
+def test_a_way_over_somebody_who_rests_is_refused_with_who_it_is() -> None:
+    scene = track("A B C D", v="A", w="C")
+
+    assert scene.claim("v", "D") == "waits for 'C', where w rests"
+    assert scene.scheduler.resting_on("v", scene.way("v", "D")) == ("w",)
+
+
+def test_two_who_want_to_pass_each_other_on_a_single_track_are_not_both_let_in() -> None:
+    scene = Scene(
+        plant(
+            *(
+                path(ends, max_reverse_velocity_mm_s=BOTH_WAYS)
+                for ends in ("A B", "B C", "C D", "B X", "C Y")
+            ),
+        ),
+        v="A",
+        w="D",
+    )
+    assert scene.claim("v", "Y") == ""
+    assert scene.claim("w", "X") == ""
+    assert scene.allocate("v") == ""  # to B: w must wait until v has left it
+
+    assert scene.allocate("w") == "lets v go first at 'C'"
+    scene.drive("v")
+    scene.drive_to_end("v")
+    scene.drive_to_end("w")
+
+    assert scene.scheduler.occupant("v").point == "Y"
+    assert scene.scheduler.occupant("w").point == "X"
+
+
+def test_nobody_comes_to_rest_where_somebody_else_has_still_to_pass() -> None:
+    scene = Scene(plant(path("A B"), path("B C"), path("X B"), path("B Y")), v="A", w="X")
+    assert scene.claim("v", "C") == ""
+    assert scene.claim("w", "B") == ""
+
+    assert scene.allocate("w") == "lets v go first at 'B'"
+    scene.drive_to_end("v")
+    assert scene.allocate("w") == ""
+
+
+def test_a_ring_of_vehicles_in_which_each_wants_the_next_ones_place_is_not_begun() -> None:
+    scene = Scene(plant(path("A B"), path("B C"), path("C A")), u="A", v="B", w="C")
+
+    assert scene.claim("u", "B") == "waits for 'B', where v rests"
+    assert scene.claim("v", "C") == "waits for 'C', where w rests"
+    assert scene.claim("w", "A") == "waits for 'A', where u rests"
+
+
+def test_one_behind_the_other_they_drive_at_the_same_time() -> None:
+    scene = track("A B C D E", v="A", w="B")
+    assert scene.claim("w", "E") == ""
+    assert scene.claim("v", "D") == ""
+
+    assert scene.allocate("v") == "waits for 'B', which w holds"
+    assert scene.allocate("w") == ""
+    scene.drive("w")
+    assert scene.allocate("v") == ""
+    assert scene.allocate("w") == ""
+
+
+def test_a_block_holds_one_vehicle() -> None:
+    block = Block(name="Crossing", members=("B", "Y"))
+    scene = Scene(plant(path("A B"), path("B C"), path("X Y"), path("Y Z"), blocks=(block,)), v="A", w="X")
+    scene.claim("v", "C")
+    scene.claim("w", "Z")
+    assert scene.allocate("v") == ""
+
+    assert scene.allocate("w") == "waits for 'Crossing', which v holds"
+    scene.drive("v")
+    assert scene.allocate("v") == ""
+    scene.drive("v")
+    assert scene.allocate("w") == ""
+
+
+@pytest.mark.parametrize(("direction", "let_in"), [("north", True), ("south", False)])
+def test_a_same_direction_block_holds_those_of_one_direction(direction: str, let_in: bool) -> None:  # noqa: FBT001 - an example
+    block = Block(name="Aisle", type=BlockType.SAME_DIRECTION_ONLY, members=("B", "Y"))
+    scene = Scene(
+        plant(
+            path("A B", properties={"tcs:blockEntryDirection": "north"}),
+            path("B C"),
+            path("X Y", properties={"tcs:blockEntryDirection": direction}),
+            path("Y Z"),
+            blocks=(block,),
+        ),
+        v="A",
+        w="X",
+    )
+    scene.claim("v", "C")
+    scene.claim("w", "Z")
+    scene.allocate("v")
+
+    assert (scene.allocate("w") == "") is let_in
+
+
+def test_a_long_vehicle_keeps_what_its_tail_covers() -> None:
+    scene = track("A B C D", length_mm=1500, v="A")
+    scene.claim("v", "D")
+    scene.drive_to_end("v")
+
+    assert scene.scheduler.users("C") == {"v"}
+    assert scene.scheduler.users("B --- C") == {"v"}
+    assert scene.scheduler.users("B") == frozenset()
+
+
+def test_a_claim_that_is_given_up_leaves_what_is_held() -> None:
+    scene = track("A B C D", v="A", w="D")
+    scene.claim("v", "C")
+    scene.allocate("v")
+
+    scene.scheduler.give_up_claim("v")
+
+    assert scene.scheduler.users("B") == {"v"}
+    assert scene.scheduler.users("C") == frozenset()
+    assert scene.claim("w", "C") == ""
+
+
+def test_one_who_stands_for_good_keeps_the_way_to_the_next_point_alone() -> None:
+    scene = track("A B C D", v="A")
+    scene.claim("v", "D")
+    for _ in range(3):
+        scene.allocate("v")
+
+    scene.scheduler.stand("v")
+
+    assert scene.scheduler.users("A") == {"v"}
+    assert scene.scheduler.users("B") == {"v"}
+    assert scene.scheduler.users("C") == frozenset()
+    assert scene.scheduler.occupant("v").resting
+
+
+def test_a_refused_claim_leaves_the_one_before() -> None:
+    scene = track("A B C D", v="A", w="D")
+    scene.claim("v", "B")
+
+    assert scene.claim("v", "D") == "waits for 'D', where w rests"
+
+    assert [each.point for each in scene.scheduler.occupant("v").claimed] == ["B"]
+    assert scene.scheduler.users("C") == frozenset()
+
+
+def test_a_vehicle_that_is_taken_out_frees_everything() -> None:
+    scene = track("A B C D", v="A", w="D")
+    scene.claim("v", "C")
+    scene.allocate("v")
+
+    scene.scheduler.remove("v")
+
+    assert "v" not in scene.scheduler
+    assert all(scene.scheduler.users(name) <= {"w"} for name in ("A", "A --- B", "B", "B --- C", "C"))
+    with pytest.raises(UnknownOccupantError, match="place vehicle 'v'"):
+        scene.scheduler.occupant("v")
+
+
+def test_who_claims_nothing_is_allocated_nothing() -> None:
+    with pytest.raises(LookupError, match="claims nothing"):
+        track("A B", v="A").allocate("v")
+
+
+def test_who_finds_somebody_resting_farther_on_its_way_does_not_come_nearer() -> None:
+    scene = track("A B C D", v="A", w="C")
+    scene.claim("w", "D")
+    scene.claim("v", "C")
+    scene.scheduler.give_up_claim("w")
+
+    assert scene.allocate("v") == "waits for 'C', where w rests"
+    assert scene.claim("w", "D") == ""
+    assert scene.allocate("v") == ""
+
+
+def test_what_was_granted_before_a_restart_is_held_and_claimed_unasked() -> None:
+    scene = track("A B C D", v="A", w="C")
+    way = scene.way("v", "D")
+
+    scene.scheduler.resume("v", way[:2], way[2:])
+
+    assert scene.scheduler.users("C") == {"v", "w"}
+    assert scene.scheduler.sharing("w") == ("v", "C")
+    assert scene.scheduler.occupant("v").ahead == 2
+    scene.scheduler.seize("v")
+    assert scene.scheduler.occupant("v").ahead == 3
+    assert not scene.scheduler.occupant("v").claimed
+
+
+def tracks_of_evasion(*ends: str, parking: str = "") -> PlantModel:
+    """Make a plant of tracks of 1 m for both directions; ``parking`` names its parking positions."""
+    made = plant(*(path(each, max_reverse_velocity_mm_s=BOTH_WAYS) for each in ends))
+    park = {"type": PointType.PARK_POSITION}
+    points = (each.model_copy(update=park if each.name in parking.split() else {}) for each in made.points)
+    return made.model_copy(update={"points": tuple(points)})
+
+
+class Bench:
+    def __init__(self, model: PlantModel, *, length_mm: int = 0, **places: str) -> None:
+        self.scene = Scene(model, length_mm=length_mm, **places)
+        self._evader = Evader(model, self.scene.control.resources, self.scene.scheduler, self.scene)
+
+    def evade(self, *blockers: str, kept: Iterable[str] = (), fixed: str = "") -> dict[str, str]:
+        """Send vehicles away from the points ``kept``; gives the goal of each that goes."""
+        kept_free = [self.scene.control.resources.at(each) for each in kept]
+        found = self._evader.evade(blockers, kept_free, lambda name: name not in fixed.split())
+        return {each.vehicle: each.route.points[-1] for each in found}
+
+    def claimed(self, vehicle: str) -> list[str]:
+        return [each.point for each in self.scene.scheduler.occupant(vehicle).claimed]
+
+
+def test_it_goes_to_the_nearest_place_and_has_claimed_the_way() -> None:
+    bench = Bench(tracks_of_evasion("A B", "B C", "C D"), w="B")
+    assert bench.evade("w", kept=["A"]) == {"w": "C"}
+    assert bench.claimed("w") == ["C"]
+
+
+def test_where_vehicles_park_goes_before_what_is_near() -> None:
+    bench = Bench(tracks_of_evasion("A B", "B C", "C D", "D P", parking="P"), w="B")
+    assert bench.evade("w") == {"w": "P"}
+    assert bench.claimed("w") == ["C", "D", "P"]
+
+
+def test_a_place_that_somebody_stands_on_or_comes_to_is_none() -> None:
+    bench = Bench(tracks_of_evasion("A B", "A C", "A D", "X D", "A Y", "Y Z", "X Q"), w="A", u="C", v="X")
+    bench.scene.claim("v", "D")
+    assert bench.evade("w", kept=["B"]) == {"w": "Y"}
+
+
+def test_the_way_may_lead_over_what_is_kept_free_but_not_end_there() -> None:
+    bench = Bench(tracks_of_evasion("A B", "B C"), w="A")
+    assert bench.evade("w", kept=["B"]) == {"w": "C"}
+    assert Bench(tracks_of_evasion("A B", "B C"), w="A").evade("w", kept=["B", "C"]) == {}
+
+
+def test_a_long_vehicle_goes_as_far_as_it_takes_to_have_its_tail_out_of_the_way() -> None:
+    model = tracks_of_evasion("A B", "B C", "C D", "D E")
+    assert Bench(model, w="A").evade("w", kept=["B"]) == {"w": "C"}
+    assert Bench(model, w="A", length_mm=1500).evade("w", kept=["B"]) == {"w": "D"}
+    assert Bench(model, w="A", length_mm=2500).evade("w", kept=["B"]) == {"w": "E"}
+
+
+def test_who_cannot_be_moved_stays_and_who_is_named_twice_goes_once() -> None:
+    bench = Bench(tracks_of_evasion("A B", "B C", "C D"), w="B")
+    assert bench.evade("w", fixed="w") == {}
+    assert bench.claimed("w") == []
+    assert list(bench._evader.evade(["w", "w"], [], lambda _: True))[1:] == []
+
+
+def test_several_get_places_of_their_own() -> None:
+    bench = Bench(tracks_of_evasion("A B", "A C", "X A", "X Y"), w="A", u="X")
+    went = bench.evade("w", "u", kept=["A", "X"])
+    assert went.keys() == {"w", "u"}
+    assert len(set(went.values())) == 2
+
+
+def test_who_is_enclosed_has_the_others_go_first_and_farther() -> None:
+    """In a row with a free place for each, the last one goes first, behind the places of the others."""
+    bench = Bench(tracks_of_evasion("A B", "B C", "C X", "X Y", "Y Z"), u="A", w="B", v="C")
+    went = []
+    for _ in range(3):
+        (vehicle, goal), *others = bench.evade("u", kept=["A"]).items()
+        assert others == []
+        bench.scene.drive_to_end(vehicle)
+        went.append((vehicle, goal))
+    assert went == [("v", "Z"), ("w", "X"), ("u", "B")]
+
+
+def test_nobody_goes_for_somebody_whom_that_would_not_let_out() -> None:
+    bench = Bench(tracks_of_evasion("A B", "B C", "C X"), u="A", w="B", v="C")
+    assert bench.evade("u", kept=["A"], fixed="v") == {}
+
+
+@pytest.mark.parametrize(("behind", "goes"), [(CANDIDATES_TRIED - 1, {"w": "Far"}), (CANDIDATES_TRIED, {})])
+def test_only_so_many_places_are_looked_at(behind: int, goes: dict[str, str]) -> None:
+    """All places near are behind somebody who stays."""
+    near = [path("H Gate", 100), *(path(f"Gate N{number}", 100) for number in range(behind))]
+    bench = Bench(plant(*near, path("H Far", 5000)), w="H", u="Gate")
+    assert bench.evade("w", fixed="u") == goes
+
+
+USES = st.dictionaries(st.sampled_from("abc"), st.sampled_from([None, "north", "south"]), max_size=3)
+SETS = st.lists(st.builds(ResourceSet, point=st.just("P"), length_mm=st.just(0), uses=USES), max_size=3)
+
+
+@given(SETS, SETS)
+def test_sets_overlap_where_two_vehicles_are_in_conflict(
+    one: list[ResourceSet], other: list[ResourceSet]
+) -> None:
+    wanted = {
+        name
+        for each in one
+        for name, direction in each.uses.items()
+        if any(name in also.uses and conflict(direction, also.uses[name]) for also in other)
+    }
+    found = overlap(one, other)
+    assert found in wanted if wanted else found is None
+    assert (overlap(other, one) is None) is (found is None)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "overlapping"),
+    [("north", "north", False), ("north", "south", True), (None, "north", True), (None, None, True)],
+)
+def test_one_direction_is_shared(one: str | None, other: str | None, *, overlapping: bool) -> None:
+    def using(direction: str | None) -> list[ResourceSet]:
+        return [ResourceSet("P", 0, {"Aisle": direction})]
+
+    assert overlap(using(one), using(other)) == ("Aisle" if overlapping else None)
+    assert overlap(using(other), using(one)) == ("Aisle" if overlapping else None)

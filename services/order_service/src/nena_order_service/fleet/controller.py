@@ -1,22 +1,339 @@
-"""Fleet control over many robots: messages and time in, messages to send and news out."""
+"""Fleet control over many robots: messages and time in, messages to send and events out."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from itertools import chain
 from typing import Final
 
+from nena_order_service.fleet import availability
+from nena_order_service.fleet.availability import equipment, matters
+from nena_order_service.fleet.failures import RobotBusyError
+from nena_order_service.fleet.feasibility import fitted, order_problem
+from nena_order_service.fleet.instant_actions import InstantDesk
 from nena_order_service.fleet.mission import Mission, fresh_id
-from nena_order_service.fleet.outputs import FleetOutput, Outputs
-from nena_order_service.fleet.robot import RobotView, Silences, State
-from nena_order_service.fleet.robot_control import RobotControl
+from nena_order_service.fleet.mission_run import MissionRun
+from nena_order_service.fleet.outputs import FleetOutput, Outputs, RobotChanged
+from nena_order_service.fleet.robot import (
+    Availability,
+    LinkStatus,
+    MissionPhase,
+    Robot,
+    RobotView,
+    Silences,
+    State,
+    is_idle,
+)
 from nena_order_service.fleet.settings import FleetSettings
 from nena_order_service.fleet.zones import ReleaseDesk
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.topics import RobotKey
+
+ENDED_MISSIONS_KEPT: Final = 50
+"""Ids of missions that are remembered, so that a robot that takes one up too late is stopped."""
+
+STRAY_PAUSE: Final = 30.0
+"""Seconds between tries to stop a robot that works on a mission that has ended for us."""
+
+
+class RobotControl:
+    """Everything about one robot. The methods give what is to be sent and told, lazily: take all of it."""
+
+    def __init__(
+        self, key: RobotKey, settings: FleetSettings, new_id: Callable[[], str], *, broker: bool
+    ) -> None:
+        self.robot = Robot(key, settings)
+        self._settings = settings
+        self._desk = InstantDesk(self.robot, settings, new_id, broker=broker)
+        self._run: MissionRun | None = None
+        self._ended: deque[str] = deque(maxlen=ENDED_MISSIONS_KEPT)
+        self._last_order_at: float | None = None
+        self._next_stray_cancel = 0.0
+        self._told: tuple[object, ...] = ()
+        self._told_link = LinkStatus.UNKNOWN
+        self._changes = 0
+        """How often anything may have changed."""
+        self._mattered: tuple[object, ...] = ()
+        """What mattered of the last state."""
+        self._left_at = -1
+        """The changes when that had been taken in."""
+        self._seen: tuple[tuple[object, ...], RobotView] | None = None
+
+    def on_broker(self, *, connected: bool, now: float) -> Iterator[FleetOutput]:
+        """Take notice of our own link."""
+        self._desk.broker = connected
+        yield from self._advance(now)
+
+    def on_connection(self, message: Connection, now: float) -> Iterator[FleetOutput]:
+        """Take in a connection message."""
+        self.robot.take_connection(message, now)
+        self._desk.reconnected()
+        yield from self._advance(now)
+
+    def on_factsheet(self, message: Factsheet, now: float) -> Iterator[FleetOutput]:
+        """Take in a factsheet."""
+        self.robot.take_factsheet(message)
+        yield from self._advance(now)
+
+    def on_state(self, message: State, now: float) -> Iterator[FleetOutput]:
+        """Take in a state; instant actions first, for a mission may end by one."""
+        if not self.robot.take_state(message, now):
+            return
+        if self._says_nothing_new(message):
+            self._changes += 1
+        else:
+            yield from self._take_state(message, now)
+        self._left_at = self._changes
+
+    def _says_nothing_new(self, message: State) -> bool:
+        """Tell whether all is as the last state left it, and nothing would come of the same again.
+
+        Strays are stopped, actions cleared away and factsheets asked for by time, while states say the same.
+        """
+        before, self._mattered = self._mattered, matters(message)
+        if self._mattered != before or self._changes != self._left_at or not self.quiet:
+            return False
+        if message.instant_action_states or self.robot.abilities is None:
+            return False
+        return self._run is not None or is_idle(message, self._desk.ids)
+
+    def _take_state(self, message: State, now: float) -> Iterator[FleetOutput]:
+        for news in self._desk.on_state(message, now):
+            if self._run:
+                self._run.on_news(news)
+            yield news
+        if self._run:
+            yield from self._run.on_state(message, now)
+        yield from self._advance(now)
+
+    def start(self, run: MissionRun, now: float) -> Iterator[FleetOutput]:
+        """Begin a mission. Raises RobotBusyError, before anything is taken from the iterator."""
+        if self._run:
+            raise RobotBusyError(self.robot.key, self._run.mission.mission_id)
+        self._run = run
+        return self._advance(now)
+
+    def extend(self, mission: Mission, now: float) -> Iterator[FleetOutput]:
+        """Have the robot do the mission by a newer plan; one that has ended meanwhile is passed over.
+
+        Raises BaseChangedError, before anything is taken from the iterator.
+        """
+        run, abilities = self._run, self.robot.abilities
+        if run and run.mission.mission_id == mission.mission_id:
+            run.extend(fitted(mission, abilities) if abilities else mission)
+        return self._advance(now)
+
+    def new_run(
+        self, mission: Mission, *, adopted: bool = False, accepted: bool = False, update_id: int = 0
+    ) -> MissionRun:
+        """Make the run of a mission at this robot."""
+        return MissionRun(
+            self.robot.key,
+            mission,
+            self._settings,
+            adopted=adopted,
+            accepted=accepted,
+            update_id=update_id,
+        )
+
+    def cancel(self, now: float) -> Iterator[FleetOutput]:
+        """End the mission early."""
+        if self._run:
+            yield from self._run.begin_cancel()
+            yield from self._advance(now)
+
+    def instruct(self, action: Action, now: float) -> Iterator[FleetOutput]:
+        """Send an instant action, unless it is known already that the robot would not get or take it."""
+        yield from self._desk.request(action, now)
+        yield from self._advance(now)
+
+    def tick(self, now: float) -> Iterator[FleetOutput]:
+        """Do what is overdue; who is quiet has nothing, unless it has fallen silent."""
+        if self.quiet and self.robot.link(now) is self._told_link:
+            return
+        yield from self._desk.on_tick(now)
+        if self._run:
+            if self._cannot_get(self._run, now):
+                self._run.hold()
+            yield from self._run.on_tick(self.robot.state, now)
+        yield from self._advance(now)
+
+    def _cannot_get(self, run: MissionRun, now: float) -> bool:
+        """Tell whether the robot cannot be sent now what it still is to get of its mission."""
+        if run.phase in (MissionPhase.WAITING, MissionPhase.SENT):
+            return self._obstacle(now) is not None
+        away = availability.away(self.robot.link(now), broker=self._desk.broker)
+        return run.phase is MissionPhase.RUNNING and away is not None
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing is to be done before the robot tells something new."""
+        return (self._run is None or self._run.quiet) and not self._desk.busy
+
+    def view(self, now: float) -> RobotView:
+        """Tell what is known; made anew only where that may have changed."""
+        robot = self.robot
+        moment = (self._changes, robot.link(now), robot.malformed, self._desk.awaits_factsheet(now))
+        if self._seen is None or self._seen[0] != moment:
+            self._seen = moment, self._view(now)
+        return self._seen[1]
+
+    def _view(self, now: float) -> RobotView:
+        robot, run = self.robot, self._run
+        link = robot.link(now)
+        return RobotView(
+            key=robot.key,
+            link=link,
+            vehicle_state=availability.vehicle_state(robot.state, link, self._desk.ids),
+            availability=self._availability(now),
+            state=robot.state,
+            state_at=robot.state_at,
+            factsheet=robot.factsheet,
+            malformed=robot.malformed,
+            mission_id=run.mission.mission_id if run else None,
+            mission_phase=run.phase if run else None,
+            mission_note=self._mission_note(now),
+        )
+
+    def _advance(self, now: float) -> Iterator[FleetOutput]:
+        """Send what is due, let go of what has ended, tell what has changed."""
+        self._changes += 1
+        run = self._run
+        if run and run.ended:
+            self._ended.append(run.mission.mission_id)
+            self._run = None
+        elif run:
+            yield from self._send_order(run, now)
+            yield from self._send_update(run, now)
+            if run.wants_cancel(self.robot.state) and self._desk.can_cancel(now):
+                run.cancel = self._desk.cancel(run.mission.mission_id)
+        self._stop_stray(now)
+        if self._desk.busy:
+            yield from self._desk.send(now)
+        yield from self._tell_change(now)
+
+    def _send_order(self, run: MissionRun, now: float) -> Iterator[FleetOutput]:
+        if not run.wants_sending(now):
+            return
+        since = self._last_order_at
+        if since is not None and now - since < self.robot.least_order_interval:
+            return
+        state = self.robot.state
+        if state is None or self._obstacle(now):
+            run.hold()
+            return
+        if self.robot.abilities and run.phase is MissionPhase.WAITING:
+            run.mission = fitted(run.mission, self.robot.abilities)
+            problem = order_problem(run.mission, self.robot.abilities)
+            if problem:
+                yield from self._refuse(run, problem)
+                return
+        self._last_order_at = now
+        yield run.send(state.errors, now)
+
+    def _send_update(self, run: MissionRun, now: float) -> Iterator[FleetOutput]:
+        state, since = self.robot.state, self._last_order_at
+        if state is None or not run.wants_update(now):
+            return
+        if since is not None and now - since < self.robot.least_order_interval:
+            return
+        if self._cannot_get(run, now):
+            run.hold()
+            return
+        if abilities := self.robot.abilities:
+            run.refit(lambda mission: fitted(mission, abilities))
+        self._last_order_at = now
+        yield run.send_update(state.errors, now)
+
+    def _refuse(self, run: MissionRun, problem: str) -> Iterator[FleetOutput]:
+        """End a mission that the robot could never take, before anything of it is sent."""
+        yield run.refuse(f"the robot cannot take the order: {problem}")
+        self._ended.append(run.mission.mission_id)
+        self._run = None
+
+    def _obstacle(self, now: float) -> str | None:
+        """Say why the robot must not be sent an order now; None if it may."""
+        link = self.robot.link(now)
+        if link is LinkStatus.SILENT and self._run and self._run.phase is MissionPhase.SENT:
+            link = LinkStatus.ONLINE  # the sendings count, so that an order to a dead robot fails in the end
+        reason = availability.away(link, broker=self._desk.broker)
+        state = self.robot.state
+        if reason or state is None:
+            return reason or "has not reported its state yet"
+        if self._desk.cancelling:
+            return "has not yet confirmed a cancelOrder"
+        if self._desk.awaits_factsheet(now):
+            return "has not told its factsheet yet"
+        return availability.occupied(state, self._desk.ids) or availability.unfit(state)
+
+    def _availability(self, now: float) -> Availability:
+        state = self.robot.state
+        reason = availability.away(self.robot.link(now), broker=self._desk.broker)
+        if reason is None and self._run:
+            reason = f"works on the mission {self._run.mission.mission_id!r}"
+        reason = reason or self._obstacle(now) or (availability.hindered(state) if state else None)
+        return Availability(reason is None, reason or "is free")
+
+    def _mission_note(self, now: float) -> str:
+        run = self._run
+        if run is None:
+            return ""
+        away = availability.away(self.robot.link(now), broker=self._desk.broker)
+        if run.phase in (MissionPhase.WAITING, MissionPhase.SENT):
+            reason = self._obstacle(now)
+            unconfirmed = "has not yet confirmed the order" if run.sent_again else ""
+            return f"the robot {reason or unconfirmed}" if reason or unconfirmed else ""
+        if run.phase is MissionPhase.CANCELLING:
+            return f"the robot {away or 'has not yet confirmed the end of the order'}"
+        state = self.robot.state
+        reason = away or (availability.hindered(state) if state else None)
+        return f"the robot {reason}" if reason else ""
+
+    def _stop_stray(self, now: float) -> None:
+        """Cancel an order that the robot works on though its mission has ended for us."""
+        state = self.robot.state
+        if state is None or state.order_id not in self._ended or now < self._next_stray_cancel:
+            return
+        desk = self._desk
+        if desk.cancelling or is_idle(state, desk.ids) or not desk.can_cancel(now):
+            return
+        self._next_stray_cancel = now + STRAY_PAUSE
+        desk.cancel(state.order_id)
+
+    def _tell_change(self, now: float) -> Iterator[FleetOutput]:
+        self._told_link = self.robot.link(now)
+        signature = self._signature(now)
+        if signature != self._told:
+            self._told = signature
+            yield RobotChanged(self.robot.key)
+
+    def _signature(self, now: float) -> tuple[object, ...]:
+        """Give what makes a change worth telling: not its place on the map, speeds, parts of a percent."""
+        state, run = self.robot.state, self._run
+        mission = (run.mission.mission_id, run.phase, self._mission_note(now)) if run else None
+        abilities = self.robot.abilities
+        transforms = abilities and abilities.transforms_itself
+        common = (self.robot.link(now), self._availability(now), mission, transforms)
+        if state is None:
+            return common
+        power, position = state.power_supply, state.mobile_robot_position
+        return (
+            *common,
+            position and (position.map_id, position.localized),
+            state.operating_mode,
+            state.last_node_id,
+            state.errors,
+            int(power.state_of_charge),
+            power.charging,
+            is_idle(state, self._desk.ids),
+            availability.hindered(state),
+            equipment(state),
+        )
+
 
 RETAINED_WITHIN: Final = 1.0
 """Seconds after our own connect in which the broker tells which robots there are."""

@@ -9,10 +9,12 @@ from nena_order_service.fleet import (
     FailureKind,
     MissionFailed,
     MissionFinished,
+    failures,
     retry_or_skip,
 )
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType
 from nena_shared.vda5050.state import OperatingMode
 from support.fleet import Bench, make_mission
 from support.honest_robot import HonestRobot
@@ -100,3 +102,49 @@ def test_an_action_that_may_be_tried_again_is_told_each_time_that_it_fails() -> 
     robot.statuses["m/pick"] = ActionStatus.FINISHED
     bench.report()
     assert bench.told(MissionFinished)
+
+
+ORDER_ID, UPDATE_ID = "T-1-0", 2
+
+
+def refusal(**references: str) -> ErrorEntry:
+    return ErrorEntry(
+        error_type=ErrorType.VALIDATION_FAILURE,
+        error_level=ErrorLevel.WARNING,
+        error_references=tuple(
+            ErrorReference(reference_key=key, reference_value=value) for key, value in references.items()
+        ),
+    )
+
+
+@pytest.mark.parametrize(
+    ("references", "meant"),
+    [
+        ({}, True),
+        ({"topic": "order"}, True),
+        ({"topic": "instantActions"}, False),
+        ({"topic": "order", "orderId": ORDER_ID}, True),
+        ({"topic": "order", "orderId": "T-9-0"}, False),
+        ({"orderId": ORDER_ID, "orderUpdateId": "1"}, False),
+    ],
+)
+def test_what_is_about_another_topic_order_or_update_refuses_no_update(
+    references: dict[str, str], *, meant: bool
+) -> None:
+    found = failures.refuses_update(refusal(**references), ORDER_ID, UPDATE_ID)
+
+    assert found is meant
+
+
+def test_what_is_about_another_topic_refuses_no_order() -> None:
+    mission = make_mission(ORDER_ID)
+    meant, foreign = refusal(topic="order"), refusal(topic="instantActions")
+
+    assert failures.refusals((meant, foreign), mission, frozenset()) == (meant,)
+
+
+def test_a_reason_and_what_the_robot_says_of_it_are_one_sentence() -> None:
+    assert failures.with_details("it has failed", ()) == "it has failed"
+    assert (
+        failures.with_details("it has failed", ("cancelled", "jammed")) == "it has failed: cancelled; jammed"
+    )

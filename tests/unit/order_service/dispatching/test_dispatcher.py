@@ -1,0 +1,490 @@
+from __future__ import annotations
+
+from datetime import timedelta
+from math import inf
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from nena_order_service.dispatching.dispatcher import (
+    BUSY,
+    CANDIDATE_VALUES,
+    COULD,
+    ORDER_VALUES,
+    VEHICLE_VALUES,
+    Candidate,
+    Carried,
+    Decisions,
+    DispatchedVehicle,
+    Dispatcher,
+    Now,
+    Pick,
+    acceptable,
+    carried,
+    explain,
+    rank_candidates,
+    rank_orders,
+    rank_vehicles,
+    type_priority,
+    why_not_accepted,
+)
+from nena_order_service.dispatching.settings import (
+    CandidateKey,
+    Chooser,
+    DispatchSettings,
+    OrderKey,
+    VehicleKey,
+)
+from nena_order_service.dispatching.way import WayCost
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_shared.fleet_api.order_types import ANY_ORDER_TYPE, AcceptableOrderType
+from nena_shared.vda5050.factsheet import Factsheet, LoadSpecification
+from support.dispatching import Told, pairs, vehicles
+from support.fleet_examples import factsheet, state
+from support.order_service import NOW, assigned_order, dispatchable_order
+
+LOW = "has to recharge first"
+
+
+def decide(
+    waiting: list[TransportOrder],
+    fleet: list[DispatchedVehicle],
+    told: Told,
+    kept: dict[int, str] | None = None,
+    **settings: Any,
+) -> Decisions:
+    return Dispatcher(DispatchSettings(**settings)).decide(waiting, fleet, told, now=NOW, kept=kept or {})
+
+
+def test_cheapest_vehicle_gets_the_order() -> None:
+    decisions = decide([dispatchable_order()], vehicles(near="", far=""), Told({"near": 1, "far": 2}))
+    assert pairs(decisions) == {"T-1": "near"}
+    assert "cheapest" in decisions.assignments[0].why
+
+
+def test_most_urgent_order_chooses_first() -> None:
+    orders = [dispatchable_order(number=2), dispatchable_order(number=1)]
+    decisions = decide(orders, vehicles(near="", far=""), Told({"near": 1, "far": 2}))
+    assert pairs(decisions) == {"T-2": "near", "T-1": "far"}
+
+
+def test_orders_are_sorted_by_the_keys_of_the_settings() -> None:
+    orders = [dispatchable_order(number=1, name="b"), dispatchable_order(number=2, name="a")]
+    decisions = decide(orders, vehicles(one=""), Told({"one": 1}), orders=[OrderKey.BY_NAME])
+    assert pairs(decisions) == {"a": "one"}
+
+
+def test_intended_vehicle_is_waited_for_and_named() -> None:
+    order = dispatchable_order(intended_vehicle="V-2")
+    decisions = decide([order], [*vehicles(V1=""), DispatchedVehicle("V-2", "is offline")], Told({"V1": 1}))
+    assert pairs(decisions) == {}
+    assert decisions.reasons == {"T-1": "waits for vehicle 'V-2', which is offline"}
+
+
+def test_a_load_keeps_a_vehicle_from_orders_that_begin_with_another_one_and_from_no_others() -> None:
+    orders = [dispatchable_order("A:Load", number=1), dispatchable_order("A:Unload", number=2)]
+    loaded = DispatchedVehicle("V1", carried=Carried(("",)))
+    decisions = decide(orders, [loaded], Told({"V1": 1}))
+    assert pairs(decisions) == {"T-2": "V1"}
+    assert decisions.reasons == {
+        "T-1": "waits for a vehicle: each of them carries a load, and has no room for another one"
+    }
+
+
+def test_reason_names_each_kind_of_obstacle_once_and_stays_the_same() -> None:
+    reason = f"waits for a vehicle: each of them is offline or {BUSY}"
+    fleet = vehicles(a="is offline", b=BUSY, c="is offline")
+    assert decide([dispatchable_order()], fleet, Told()).reasons == {"T-1": reason}
+    assert decide([dispatchable_order()], [*fleet, *vehicles(d=BUSY)], Told()).reasons == {"T-1": reason}
+
+
+def test_a_reason_does_not_grow_with_the_fleet() -> None:
+    fleet = vehicles(**{f"v{number}": f"has fault {number}" for number in range(20)})
+    reason = decide([dispatchable_order()], fleet, Told()).reasons["T-1"]
+    assert reason.count("has fault") == 5
+    assert reason.endswith("or something else")
+
+
+def test_unreachable_destination_is_the_reason() -> None:
+    decisions = decide([dispatchable_order()], vehicles(V1=""), Told())
+    assert decisions.reasons["T-1"] == "waits, for vehicle 'V1' has no way: No route for T-1 and V1."
+
+
+def test_fleet_without_vehicles_is_said() -> None:
+    assert "the plant model has none" in decide([dispatchable_order()], [], Told()).reasons["T-1"]
+
+
+def test_a_vehicle_that_must_not_do_an_order_is_passed_over_and_the_reason_is_told() -> None:
+    told = Told({"picky": 1, "other": 2}, {("Hazardous", "picky"): "accepts no orders of type 'Hazardous'"})
+    orders = [dispatchable_order(number=1, type="Hazardous")]
+    assert pairs(decide(orders, vehicles(picky="", other=""), told)) == {"T-1": "other"}
+    reason = decide(orders, vehicles(picky="", other=BUSY), told).reasons["T-1"]
+    assert reason == f"waits for a vehicle: each of them accepts no orders of type 'Hazardous' or {BUSY}"
+
+
+def test_orders_of_another_kind_do_not_wait_for_the_reason_of_one_kind() -> None:
+    told = Told({"picky": 1}, {("Hazardous", "picky"): "accepts no orders of type 'Hazardous'"})
+    orders = [dispatchable_order(number=1, type="Hazardous"), dispatchable_order(number=2)]
+    decisions = decide(orders, vehicles(picky=""), told)
+    assert pairs(decisions) == {"T-2": "picky"}
+    assert list(decisions.reasons) == ["T-1"]
+
+
+def test_a_vehicle_without_energy_takes_orders_to_recharge_only() -> None:
+    low = DispatchedVehicle("low", restriction=LOW)
+    orders = [dispatchable_order(number=1), dispatchable_order("Dock:Charge", number=2)]
+    decisions = decide(orders, [low], Told({"low": 1}))
+    assert pairs(decisions) == {"T-2": "low"}
+    assert decisions.reasons == {"T-1": f"waits for a vehicle: each of them {LOW}"}
+
+
+def test_a_dispensable_order_is_given_up_for_another_one_but_not_for_its_like() -> None:
+    parking = DispatchedVehicle("V1", idle=False, gives_up="Park-1")
+    told = Told({"V1": 1})
+    assignment = decide([dispatchable_order()], [parking], told).assignments[0]
+    assert assignment.gives_up == "Park-1"
+    reason = decide([dispatchable_order(dispensable=True)], [parking], told).reasons["T-1"]
+    assert reason.endswith("has a dispensable order itself")
+
+
+def test_a_vehicle_that_is_kept_for_an_order_does_that_one_first_of_all() -> None:
+    fleet = [DispatchedVehicle("V1", kept_for=2), *vehicles(V2=BUSY)]
+    orders = [dispatchable_order(number=1, priority=9), dispatchable_order(number=2)]
+    decisions = decide(orders, fleet, Told({"V1": 1}), {2: "V1"})
+    assert pairs(decisions) == {"T-2": "V1"}
+    assert "T-1" in decisions.reasons
+
+
+def test_an_order_for_which_a_vehicle_is_kept_waits_for_no_other_one() -> None:
+    fleet = vehicles(V1="gives up a dispensable order first", V2="")
+    decisions = decide([dispatchable_order()], fleet, Told({"V1": 1, "V2": 1}), {1: "V1"})
+    assert decisions.reasons == {"T-1": "waits for vehicle 'V1', which gives up a dispensable order first"}
+
+
+def test_who_is_scarce_may_choose() -> None:
+    orders = [dispatchable_order(number=number) for number in (1, 2, 3)]
+    told = Told({("T-1", "V1"): 9, ("T-2", "V1"): 1, ("T-3", "V1"): 5})
+    settings: dict[str, Any] = {
+        "choosers": Chooser.SCARCER,
+        "order_candidates": [CandidateKey.BY_COMPLETE_ROUTING_COSTS],
+    }
+    decisions = decide(orders, vehicles(V1=""), told, **settings)
+    assert pairs(decisions) == {"T-2": "V1"}
+    assert decisions.reasons.keys() == {"T-1", "T-3"}
+    assert pairs(decide(orders[:1], vehicles(V1="", V2=""), told, **settings)) == {"T-1": "V1"}
+
+
+NAMES = st.sampled_from("abcd")
+
+FLEETS = st.lists(
+    st.builds(
+        DispatchedVehicle,
+        NAMES,
+        st.sampled_from(["", "is offline", BUSY]),
+        restriction=st.sampled_from(["", LOW]),
+        gives_up=st.sampled_from(["", "Park-1"]),
+        energy=st.floats(0, 100),
+    ),
+    unique_by=lambda each: each.name,
+)
+
+WANTED = st.lists(st.tuples(st.sampled_from([None, "a", "b", "c", "gone"]), st.booleans()), max_size=8)
+"""Intended vehicles, and whether the orders are dispensable."""
+
+
+@given(
+    wanted=WANTED, fleet=FLEETS, costs=st.dictionaries(NAMES, st.floats(0, 10)), by=st.sampled_from(Chooser)
+)
+def test_every_order_is_assigned_once_or_has_a_reason(
+    wanted: list[tuple[str | None, bool]],
+    fleet: list[DispatchedVehicle],
+    costs: dict[str, float],
+    by: Chooser,
+) -> None:
+    orders = [
+        dispatchable_order(number=n, intended_vehicle=vehicle, dispensable=dispensable)
+        for n, (vehicle, dispensable) in enumerate(wanted, start=1)
+    ]
+    decisions = decide(orders, fleet, Told(costs), choosers=by)
+    given_to, known = pairs(decisions), {each.name: each for each in fleet}
+    assert len(given_to) == len(decisions.assignments)
+    assert len(set(given_to.values())) == len(given_to)
+    for order in orders:
+        assert (order.name in given_to) != bool(decisions.reasons.get(order.name))
+    for each in decisions.assignments:
+        vehicle = known[each.vehicle]
+        assert (vehicle.obstacle, vehicle.restriction) == ("", "")
+        assert each.vehicle in costs
+        assert each.order.status.intended_vehicle in (None, each.vehicle)
+        assert each.gives_up == vehicle.gives_up
+        assert not (each.gives_up and each.order.status.dispensable)
+
+
+@given(costs=st.dictionaries(NAMES, st.floats(0, 10), min_size=1))
+def test_no_other_free_vehicle_is_cheaper(costs: dict[str, float]) -> None:
+    decisions = decide([dispatchable_order()], vehicles(**dict.fromkeys(costs, "")), Told(costs))
+    assert costs[decisions.assignments[0].vehicle] == min(costs.values())
+
+
+MOMENT = Now(NOW, timedelta(minutes=1))
+
+
+def due(seconds: float) -> dict[str, Any]:
+    return {"deadline": NOW + timedelta(seconds=seconds)}
+
+
+OLD = dispatchable_order(number=1, name="z")
+URGENT = dispatchable_order(number=2, name="y", priority=5)
+LATE = dispatchable_order(number=3, name="x", **due(30))
+LATER = dispatchable_order(number=4, name="w", **due(3000))
+ORDERS = [OLD, URGENT, LATE, LATER]
+
+
+@pytest.mark.parametrize(
+    ("keys", "expected"),
+    [
+        ([OrderKey.BY_AGE], "zyxw"),
+        ([OrderKey.BY_NAME], "wxyz"),
+        ([OrderKey.BY_PRIORITY], "yzxw"),
+        ([OrderKey.BY_DEADLINE], "xwzy"),
+        ([OrderKey.DEADLINE_AT_RISK_FIRST], "xzyw"),
+        ([OrderKey.DEADLINE_AT_RISK_FIRST, OrderKey.BY_PRIORITY, OrderKey.BY_DEADLINE], "xywz"),
+    ],
+)
+def test_orders_by_key(keys: list[OrderKey], expected: str) -> None:
+    assert "".join(each.name for each in sorted(ORDERS, key=rank_orders(keys, MOMENT))) == expected
+
+
+@pytest.mark.parametrize(
+    ("keys", "expected"),
+    [
+        ([VehicleKey.BY_NAME], "abc"),
+        ([VehicleKey.BY_ENERGY_LEVEL], "cba"),
+        ([VehicleKey.IDLE_FIRST], "abc"),
+        ([VehicleKey.IDLE_FIRST, VehicleKey.BY_ENERGY_LEVEL], "bac"),
+    ],
+)
+def test_vehicles_by_key(keys: list[VehicleKey], expected: str) -> None:
+    fleet = [
+        DispatchedVehicle("c", energy=90, idle=False),
+        DispatchedVehicle("b", energy=80),
+        DispatchedVehicle("a", energy=70),
+    ]
+    assert "".join(each.name for each in sorted(fleet, key=rank_vehicles(keys))) == expected
+
+
+def test_candidates_by_cost_and_by_what_vehicles_like() -> None:
+    likes = (AcceptableOrderType(name="-", priority=3),)
+    near = Candidate(OLD, DispatchedVehicle("near", order_types=likes), WayCost(5, 2))
+    short = Candidate(URGENT, DispatchedVehicle("short", idle=False), WayCost(4, 3))
+    for key, first in (
+        (CandidateKey.BY_COMPLETE_ROUTING_COSTS, short),
+        (CandidateKey.BY_INITIAL_ROUTING_COSTS, near),
+        (CandidateKey.BY_ORDER_TYPE_PRIORITY, short),
+        (CandidateKey.BY_PRIORITY, short),
+        (CandidateKey.BY_AGE, near),
+        (CandidateKey.BY_ORDER_NAME, short),
+        (CandidateKey.BY_VEHICLE_NAME, near),
+        (CandidateKey.IDLE_FIRST, near),
+    ):
+        assert min((near, short), key=rank_candidates([key], MOMENT)) is first, key
+
+
+def test_every_key_has_a_value() -> None:
+    assert ORDER_VALUES.keys() == set(OrderKey)
+    assert VEHICLE_VALUES.keys() == set(VehicleKey)
+    assert CANDIDATE_VALUES.keys() == set(CandidateKey)
+
+
+def test_an_unknown_key_is_refused_with_the_list_of_those_that_there_are() -> None:
+    with pytest.raises(ValidationError) as refused:
+        DispatchSettings.model_validate({"orders": ["BY_COLOUR"]})
+    assert all(key in str(refused.value) for key in OrderKey)
+
+
+orders = st.builds(
+    lambda number, priority, due_in: dispatchable_order(
+        number=number, priority=priority, **({} if due_in is None else due(due_in))
+    ),
+    st.integers(1, 50),
+    st.integers(-3, 3),
+    st.none() | st.integers(-100, 100),
+)
+
+
+@given(some=st.lists(orders, max_size=8, unique_by=lambda each: each.number), data=st.data())
+def test_the_same_orders_are_always_sorted_the_same_way(
+    some: list[TransportOrder], data: st.DataObject
+) -> None:
+    keys = data.draw(st.lists(st.sampled_from(OrderKey), min_size=1, max_size=4))
+    rank = rank_orders(keys, MOMENT)
+    shuffled = data.draw(st.permutations(some))
+    assert sorted(shuffled, key=rank) == sorted(some, key=rank)
+
+
+@given(some=st.lists(orders, max_size=8, unique_by=lambda each: each.number))
+def test_the_usual_keys_are_the_urgency_of_orders(some: list[TransportOrder]) -> None:
+    rank = rank_orders(DispatchSettings().orders, MOMENT)
+    assert sorted(some, key=rank) == sorted(some, key=lambda order: order.urgency)
+
+
+FLEET = [
+    *vehicles(far="", near="", lost="", out="is offline"),
+    DispatchedVehicle("low", restriction="has to recharge"),
+]
+TOLD = Told({"far": 9, "near": 2, "low": 1})
+
+
+def test_each_vehicle_has_a_reason_and_those_that_could_come_first() -> None:
+    found = explain(dispatchable_order(), FLEET, TOLD)
+    assert [(each.vehicle, each.fits) for each in found[:2]] == [("near", True), ("far", True)]
+    assert [each.cost for each in found] == [2, 9, None, None, None]
+    assert {each.vehicle: each.reason for each in found} == {
+        "near": COULD,
+        "far": COULD,
+        "lost": "has no way: No route for T-1 and lost.",
+        "low": "has to recharge",
+        "out": "is offline",
+    }
+
+
+def test_who_is_not_meant_is_told_who_is() -> None:
+    order = dispatchable_order(intended_vehicle="near")
+    reasons = {each.vehicle: each.reason for each in explain(order, FLEET, TOLD)}
+    assert reasons["near"] == COULD
+    assert reasons["far"] == "is not 'near', which it is for"
+    kept = {each.vehicle: each.reason for each in explain(dispatchable_order(), FLEET, TOLD, kept={1: "far"})}
+    assert kept["near"] == "is not 'far', which is kept for it"
+
+
+def test_who_does_it_is_said() -> None:
+    found = explain(assigned_order(vehicle="V-1"), vehicles(**{"V-1": BUSY}), TOLD)
+    assert [(each.fits, each.reason) for each in found] == [(True, "does it")]
+
+
+def test_a_load_that_is_in_the_way_is_told() -> None:
+    loaded = [DispatchedVehicle("near", carried=Carried(("",)))]
+    (pick,), (drop,) = (explain(dispatchable_order(stop), loaded, TOLD) for stop in ("A:Load", "A:Unload"))
+    assert (pick.fits, pick.reason) == (False, "carries a load, and has no room for another one")
+    assert (drop.fits, drop.reason) == (True, COULD)
+
+
+ONE = "carries a load, and has no room for another one"
+
+
+def specified(**specification: Any) -> Factsheet:
+    told = LoadSpecification.model_validate(specification, strict=False)
+    return factsheet().model_copy(update={"load_specification": told})
+
+
+def at(*places: str | None) -> tuple[dict[str, Any], ...]:
+    return tuple({"load_id": str(index), "load_position": place} for index, place in enumerate(places))
+
+
+def why(places: tuple[str | None, ...], sheet: Factsheet | None, pick: Pick) -> str:
+    found = carried(state(loads=at(*places)), sheet)
+    assert found
+    return found.why_no_room(pick)
+
+
+@pytest.mark.clause("7.8/loads")
+@pytest.mark.parametrize("loads", [None, ()], ids=["cannot tell", "empty"])
+def test_who_carries_nothing_or_cannot_tell_has_room(loads: tuple[()] | None) -> None:
+    assert carried(state(loads=loads), None) is None
+
+
+@pytest.mark.parametrize("sheet", [None, specified(), specified(load_positions=())])
+def test_who_says_of_no_places_has_one(sheet: Factsheet | None) -> None:
+    assert why((None,), sheet, Pick()) == ONE
+    assert why(("front",), sheet, Pick("pallet")) == ONE
+    assert why(("front",), sheet, Pick(place="front")) == f"{ONE} at 'front'"
+    assert why(("front",), sheet, Pick(place="rear")) == ""
+
+
+def test_each_place_takes_one_load() -> None:
+    sheet = specified(load_positions=("front", "rear"))
+    assert why((None,), sheet, Pick()) == ""
+    assert why(("front", "rear"), sheet, Pick()) == "carries 2 loads, and has no room for another one"
+    assert why(("front", None), sheet, Pick()).startswith("carries 2 loads")
+    assert why(("front",), sheet, Pick(place="rear")) == ""
+    assert why((None,), sheet, Pick(place="rear")) == f"{ONE} at 'rear'"
+
+
+def test_loads_of_some_types_go_to_some_places_only() -> None:
+    sets = (
+        {"set_name": "a", "load_type": "pallet", "load_positions": ("fork",)},
+        {"set_name": "b", "load_type": "box", "load_positions": ("fork",)},
+        {"set_name": "c", "load_type": "box", "load_positions": ("shelf",)},
+        {"set_name": "d", "load_type": "bag"},
+    )
+    sheet = specified(load_positions=("fork", "shelf"), load_sets=sets)
+    assert why(("fork",), sheet, Pick("pallet")) == ONE
+    assert why(("shelf",), sheet, Pick("pallet")) == ""
+    assert [why(("fork",), sheet, Pick(each)) for each in ("box", "bag", "crate")] == ["", "", ""]
+    assert why(("elsewhere",), sheet, Pick("pallet")) == ONE
+
+
+def test_what_is_carried_can_be_compared() -> None:
+    sheet = specified(load_positions=("front",))
+    assert carried(state(loads=at("front")), sheet) == Carried(("front",), frozenset({"front"}), {})
+
+
+def test_of_a_vehicle_of_which_nobody_has_said_anything_any_type_is_accepted() -> None:
+    assert acceptable(None) == ANY_ORDER_TYPE
+    assert why_not_accepted(acceptable(None), "-") == ""
+
+
+@pytest.mark.parametrize(
+    ("names", "order_type", "priority"),
+    [
+        (("Transport", "Charge"), "Transport", 0),
+        (("Transport", "Charge"), "Charge", 1),
+        (("Transport", "Charge"), "-", None),
+        (("*", "Charge"), "Charge", 1),
+        (("Charge", "*"), "Transport", 1),
+        ((), "Transport", None),
+    ],
+)
+def test_the_very_type_counts_more_than_any(
+    names: tuple[str, ...], order_type: str, priority: int | None
+) -> None:
+    assert type_priority(acceptable(names), order_type) == priority
+
+
+def test_the_reason_names_what_is_accepted() -> None:
+    assert why_not_accepted(acceptable(("B", "A")), "-") == "accepts no orders of type '-', only 'B', 'A'"
+    assert why_not_accepted((), "-") == "accepts no orders of any type"
+
+
+def test_obstacles_count_before_all_else() -> None:
+    vehicle = DispatchedVehicle("V1", "is offline", restriction="has to recharge", kept_for=2)
+    assert vehicle.why_not(dispatchable_order(), recharges=True) == "is offline"
+
+
+def test_a_restriction_lets_it_recharge() -> None:
+    vehicle = DispatchedVehicle("V1", restriction="has to recharge")
+    assert vehicle.why_not(dispatchable_order(), recharges=False) == "has to recharge"
+    assert vehicle.why_not(dispatchable_order(), recharges=True) == ""
+
+
+def test_it_is_kept_for_one_order() -> None:
+    vehicle = DispatchedVehicle("V1", kept_for=2)
+    assert vehicle.why_not(dispatchable_order(number=1), recharges=False) == "is kept for another order"
+    assert vehicle.why_not(dispatchable_order(number=2), recharges=False) == ""
+
+
+def test_a_vehicle_with_a_load_takes_what_does_not_begin_with_another_one() -> None:
+    vehicle = DispatchedVehicle("V1", carried=Carried(("",)))
+    order = dispatchable_order()
+    assert vehicle.why_not(order, recharges=False, pick=Pick()).startswith("carries a load")
+    assert vehicle.why_not(order, recharges=False) == ""
+    assert DispatchedVehicle("V1").why_not(order, recharges=False, pick=Pick()) == ""
+
+
+def test_types_have_priorities() -> None:
+    vehicle = DispatchedVehicle("V1", order_types=(AcceptableOrderType(name="Transport", priority=4),))
+    assert vehicle.type_priority(dispatchable_order(type="Transport")) == 4
+    assert vehicle.type_priority(dispatchable_order(type="Park")) == inf
