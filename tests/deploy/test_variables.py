@@ -12,7 +12,7 @@ from pydantic import BaseModel
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_order_service.settings import OrderServiceSettings
 from nena_robot_simulator.settings import SimulatorSettings
-from nena_shared.signs_of_life import HEARTBEAT_FILE
+from nena_shared.program import HEARTBEAT_FILE
 from nena_status_aggregator.settings import AggregatorSettings
 
 ROOT = Path(__file__).parents[2]

@@ -25,7 +25,7 @@ from nena_order_service.settings import OrderServiceSettings, StoreSettings
 from nena_order_service.store.database import open_database
 from nena_order_service.store.store import Store
 from nena_shared.clock import SystemClock
-from nena_shared.fleet_api.robot_map import topics_of_maps
+from nena_shared.fleet_api.plant import topics_of_maps
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_status_aggregator.aggregator import Aggregator

@@ -14,7 +14,7 @@ from typing import Any
 from axe_playwright_python.async_playwright import Axe  # type: ignore[import-untyped]
 from playwright.async_api import Browser, Page, expect
 
-from nena_shared.fleet_api.robot_map import topic_of_map
+from nena_shared.fleet_api.plant import topic_of_map
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.base import Header

@@ -6,7 +6,7 @@ from base64 import b64encode
 from typing import Any
 
 from nena_edge_agent.occupancy_image import occupancy_image
-from nena_shared.fleet_api.robot_map import SIDE_LIMIT, RobotMap
+from nena_shared.fleet_api.plant import SIDE_LIMIT, RobotMap
 
 
 def room(width: int = 40, height: int = 20) -> bytes:

@@ -37,8 +37,7 @@ from nena_order_service.store.database import Unfinished
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.clock import ManualClock
-from nena_shared.fleet_api.failure_policy import FailurePolicy
-from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from nena_shared.fleet_api.transport_order import FailurePolicy, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.plant import PlantModel
 from nena_shared.vda5050.action import Action, ActionStatus

@@ -1,4 +1,4 @@
-"""Time, handed to whoever needs it: monotonic for durations, UTC for what people and the wire see."""
+"""Clocks for durations and the time of day, and how times are read and written: UTC, milliseconds."""
 
 from __future__ import annotations
 
@@ -53,3 +53,22 @@ class ManualClock:
             message = "a clock does not go back"
             raise ValueError(message)
         self.seconds += seconds
+
+
+def in_utc(value: datetime) -> datetime:
+    """Give the same moment in UTC; a time without a zone is taken as UTC.
+
+    Raises:
+        ValueError: in UTC the moment would be before the year 1 or after the year 9999.
+
+    """
+    try:
+        return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+    except OverflowError as error:
+        message = "the time lies outside the years 1 to 9999 in UTC"
+        raise ValueError(message) from error
+
+
+def iso(moment: datetime) -> str:
+    """Write a UTC time as ISO 8601 with milliseconds; the year has four digits, else nobody can read it."""
+    return f"{moment.isoformat(timespec='milliseconds')[:23]}Z"

@@ -1,15 +1,107 @@
-"""How a NeNa program starts and ends: one clear line for each mistake, an orderly end for each signal."""
+"""Start and end a NeNa program: settings, log, signals, and signs of life for its supervisor."""
 
 from __future__ import annotations
 
 import asyncio
+import os
+import socket
 import sys
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
 
-from nena_shared import log
+from nena_shared.log import configure, get_logger
 from nena_shared.settings import ConfigurationError, S, load
-from nena_shared.signs_of_life import signs_of_life
-from nena_shared.tasks import TaskFailedError, stop_on_signals
+from nena_shared.tasks import TaskFailedError, end, stop_on_signals
+
+log = get_logger(__name__)
+
+BEAT = 5.0
+"""Seconds between two signs unless systemd wants them more often."""
+
+HEARTBEAT_FILE = "NENA_HEARTBEAT_FILE"
+"""Environment variable that names the file; its time of change is the newest sign."""
+
+
+@dataclass(frozen=True, slots=True)
+class Supervision:
+    """Who wants signs of life, and how often (``period`` in seconds)."""
+
+    notify_socket: str | None
+    file: Path | None
+    period: float
+
+    @classmethod
+    def of(cls, environment: Mapping[str, str]) -> Supervision:
+        """Read the variables of systemd (sd_notify(3), sd_watchdog_enabled(3)) and our own."""
+        file = environment.get(HEARTBEAT_FILE)
+        watchdog = environment.get("WATCHDOG_USEC", "")
+        seconds = int(watchdog) / 1e6 if watchdog.isdecimal() and int(watchdog) else 2 * BEAT
+        return cls(environment.get("NOTIFY_SOCKET"), Path(file) if file else None, min(BEAT, seconds / 2))
+
+    def tell(self, text: str) -> None:
+        """Send ``text`` to systemd, in the form of sd_notify(3).
+
+        Raises:
+            OSError: the socket is gone.
+
+        """
+        if self.notify_socket is None:
+            return
+        address = self.notify_socket
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as sender:
+            sender.sendto(text.encode(), "\0" + address[1:] if address.startswith("@") else address)
+
+    def beat(self) -> None:
+        """Give one sign; raises as :meth:`tell`."""
+        self.tell("WATCHDOG=1")
+        if self.file:
+            self.file.touch()
+
+
+@asynccontextmanager
+async def signs_of_life(
+    stop: asyncio.Event, environment: Mapping[str, str] = os.environ
+) -> AsyncIterator[None]:
+    """Tell that the program is ready, that it lives, and, once ``stop`` is set, that it ends."""
+    supervision = Supervision.of(environment)
+    if supervision.notify_socket is None and supervision.file is None:
+        yield
+        return
+    work = asyncio.create_task(_give_signs(supervision, stop), name="signs of life")
+    try:
+        yield
+    finally:
+        await end(work)
+
+
+async def _give_signs(supervision: Supervision, stop: asyncio.Event) -> None:
+    """Go on until cancelled, also while the program ends: that may take its time."""
+    news, well = "READY=1", True
+    while True:
+        try:
+            if news:
+                supervision.tell(news)
+            supervision.beat()
+            well = True
+        except OSError as error:
+            if well:
+                log.warning("a sign of life cannot be given", reason=str(error))
+            well = False
+        news = "STOPPING=1" if await _set_within(supervision.period, stop) else ""
+
+
+async def _set_within(seconds: float, stop: asyncio.Event) -> bool:
+    """Wait ``seconds``; tells whether ``stop`` was set in that time."""
+    if stop.is_set():
+        await asyncio.sleep(seconds)
+        return False
+    with suppress(TimeoutError):
+        async with asyncio.timeout(seconds):
+            await stop.wait()
+    return stop.is_set()
+
 
 EXIT_FAILED = 1
 EXIT_MISCONFIGURED = 2
@@ -35,9 +127,9 @@ def run(
         chosen = load(
             settings, sys.argv[1:] if argv is None else argv, program=program, description=description
         )
-        log.configure(chosen.log)
+        configure(chosen.log)
         asyncio.run(_serve(chosen, serve))
-        log.get_logger(__name__).info("program ended", program=program)
+        get_logger(__name__).info("program ended", program=program)
     except ConfigurationError as error:
         for problem in error.problems:
             sys.stderr.write(f"{program}: setting {problem}\n")

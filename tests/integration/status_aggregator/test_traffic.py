@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 
 import pytest
 
-from nena_shared.fleet_api.robot_map import topic_of_map
+from nena_shared.fleet_api.plant import topic_of_map
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import Vehicle
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme

@@ -20,10 +20,13 @@ from nena_order_service.kernel import Kernel, KernelSettings
 from nena_order_service.kernel.mission_flow import BEGUN_MEANWHILE
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.vehicles.idle import BARRED
-from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
-from nena_shared.fleet_api.rerouting import ReroutingOutcome, ReroutingType
-from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState, TransportOrderStatus
-from nena_shared.fleet_api.vehicle import VehicleStatus
+from nena_shared.fleet_api.transport_order import (
+    DriveOrderState,
+    OrderSequenceStatus,
+    TransportOrderState,
+    TransportOrderStatus,
+)
+from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType, VehicleStatus
 from nena_shared.plant import PlantModel
 from nena_shared.plant.point import PointType
 from nena_shared.vda5050.connection import ConnectionState

@@ -4,8 +4,13 @@ import pytest
 import typer
 
 from nena_cli.arguments import parse_coordinate, parse_measure, parse_property, parse_stop
-from nena_shared.fleet_api.failure_policy import FailureMeasure, FailureStep
-from nena_shared.fleet_api.transport_order import Coordinate, Destination, Property
+from nena_shared.fleet_api.transport_order import (
+    Coordinate,
+    Destination,
+    FailureMeasure,
+    FailureStep,
+    Property,
+)
 
 
 @pytest.mark.parametrize(

@@ -10,14 +10,18 @@ from nena_cli.client import Event
 from nena_cli.orders import ENDED_SHOWN, Board
 from nena_cli.tables import sequence_details, sequence_history, sequences_table
 from nena_order_service.orders.order_sequence import OrderSequence
-from nena_shared.fleet_api.delivery import DeliveryPhase, DeliveryStatus
-from nena_shared.fleet_api.order_sequence import OrderSequenceRequest
-from nena_shared.fleet_api.order_types import AcceptableOrderType
-from nena_shared.fleet_api.rerouting import ReroutingAnswer, ReroutingOutcome
-from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from nena_shared.fleet_api.transport_order import (
+    DeliveryPhase,
+    DeliveryStatus,
+    OrderSequenceRequest,
+    TransportOrderStatus,
+)
 from nena_shared.fleet_api.vehicle import (
+    AcceptableOrderType,
     PrecisePosition,
     ProcessingState,
+    ReroutingAnswer,
+    ReroutingOutcome,
     RobotMap,
     VehicleState,
     VehicleStatus,

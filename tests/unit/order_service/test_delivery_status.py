@@ -5,7 +5,7 @@ from dataclasses import replace
 from nena_order_service.fleet import Availability, LinkStatus, RobotView
 from nena_order_service.fleet.robot import MissionPhase
 from nena_order_service.host_requests import delivery_status
-from nena_shared.fleet_api.delivery import DeliveryPhase
+from nena_shared.fleet_api.transport_order import DeliveryPhase
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.vda5050.topics import RobotKey
 from support.fleet_examples import state

@@ -16,8 +16,7 @@ from nena_order_service.errors import StoreNotReadyError, TooManyClientsError
 from nena_order_service.event_stream import EventKind, EventStream, Interest
 from nena_order_service.parts import OrderService
 from nena_order_service.settings import EventSettings
-from nena_shared.fleet_api.order_sequence import OrderSequenceRequest
-from nena_shared.fleet_api.transport_order import TransportOrderRequest
+from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderRequest
 from support.waiting import PATIENCE
 
 ORDERS = Interest(frozenset({EventKind.TRANSPORT_ORDER}))

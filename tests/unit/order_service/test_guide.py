@@ -20,9 +20,8 @@ from nena_order_service.rest.bodies import (
     ResumeRequest,
     WithdrawalRequest,
 )
-from nena_shared.fleet_api.order_sequence import OrderSequenceRequest
 from nena_shared.fleet_api.topics import FleetTopics
-from nena_shared.fleet_api.transport_order import TransportOrderRequest
+from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderRequest
 
 GUIDE = (Path(__file__).parents[3] / "docs" / "order-service.md").read_text(encoding="utf-8")
 

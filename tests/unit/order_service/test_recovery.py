@@ -8,8 +8,7 @@ import pytest
 
 from nena_order_service.kernel import Kernel
 from nena_order_service.kernel.vehicle_book import VehicleRecord
-from nena_shared.fleet_api.order_sequence import OrderSequenceRequest
-from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point

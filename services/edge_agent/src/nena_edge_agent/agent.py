@@ -53,7 +53,7 @@ from nena_edge_agent.robot_messages import RobotMessages
 from nena_edge_agent.schedule import StateSchedule, VisualizationSchedule
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.robot_map import RobotMap
+from nena_shared.fleet_api.plant import RobotMap
 from nena_shared.log import get_logger
 from nena_shared.mqtt import MqttLink, Outbound
 from nena_shared.tasks import Supervisor, TaskFailedError

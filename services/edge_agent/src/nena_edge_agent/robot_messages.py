@@ -9,7 +9,7 @@ from nena_edge_agent.header import HeaderMaker, Reserved
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.robot_map import RobotMap, topic_of_map
+from nena_shared.fleet_api.plant import RobotMap, topic_of_map
 from nena_shared.mqtt import Outbound
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import Connection, ConnectionState

@@ -10,9 +10,13 @@ from pydantic import BaseModel
 from pydantic.json_schema import JsonSchemaMode, models_json_schema
 
 from nena_order_service.mqtt_command_bodies import COMMANDS, CommandAnswer
-from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.topics import FleetTopics
-from nena_shared.fleet_api.transport_order import CreationAnswer, TransportOrderRequest, TransportOrderStatus
+from nena_shared.fleet_api.transport_order import (
+    CreationAnswer,
+    OrderSequenceStatus,
+    TransportOrderRequest,
+    TransportOrderStatus,
+)
 from nena_shared.fleet_api.vehicle import VehicleStatus
 
 PARAMETERS = {

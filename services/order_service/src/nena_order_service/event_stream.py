@@ -21,8 +21,7 @@ from itertools import islice
 from nena_order_service.errors import StoreNotReadyError, TooManyClientsError
 from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.settings import EventSettings
-from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
-from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from nena_shared.fleet_api.transport_order import OrderSequenceStatus, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.web.event_source import HEARTBEAT, HEARTBEAT_FRAME, News, nothing_within
 

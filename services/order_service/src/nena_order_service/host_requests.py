@@ -36,17 +36,24 @@ from nena_order_service.store.sequences import SequenceFilter
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_order_service.vehicles.zone_sets import ZoneSets
-from nena_shared.fleet_api.assignment import AssignmentStatus, VehicleForOrder
-from nena_shared.fleet_api.delivery import DeliveryPhase, DeliveryStatus
-from nena_shared.fleet_api.order_sequence import OrderSequenceRequest, OrderSequenceStatus
-from nena_shared.fleet_api.order_types import AcceptableOrderType
-from nena_shared.fleet_api.rerouting import ReroutingAnswer, ReroutingType
 from nena_shared.fleet_api.transport_order import (
+    AssignmentStatus,
+    DeliveryPhase,
+    DeliveryStatus,
+    OrderSequenceRequest,
+    OrderSequenceStatus,
     TransportOrderRequest,
     TransportOrderState,
     TransportOrderStatus,
+    VehicleForOrder,
 )
-from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
+from nena_shared.fleet_api.vehicle import (
+    AcceptableOrderType,
+    IntegrationLevel,
+    ReroutingAnswer,
+    ReroutingType,
+    VehicleStatus,
+)
 from nena_shared.log import get_logger
 from nena_shared.plant import MapPose, PlantPose, Point
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType

@@ -19,15 +19,17 @@ from nena_order_service.rest.bodies import (
     ResumeRequest,
     WithdrawalRequest,
 )
-from nena_shared.fleet_api.assignment import AssignmentStatus
 from nena_shared.fleet_api.base import ObjectName, Request, Resource
-from nena_shared.fleet_api.delivery import DeliveryStatus
-from nena_shared.fleet_api.order_sequence import OrderSequenceRequest, OrderSequenceStatus
-from nena_shared.fleet_api.path import PathStatus
-from nena_shared.fleet_api.rerouting import ReroutingAnswer
-from nena_shared.fleet_api.transport_order import Problem, TransportOrderStatus
-from nena_shared.fleet_api.vehicle import VehicleStatus
-from nena_shared.fleet_api.zone_set import StoredZoneSet, ZoneSetStatus
+from nena_shared.fleet_api.plant import PathStatus, StoredZoneSet, ZoneSetStatus
+from nena_shared.fleet_api.transport_order import (
+    AssignmentStatus,
+    DeliveryStatus,
+    OrderSequenceRequest,
+    OrderSequenceStatus,
+    Problem,
+    TransportOrderStatus,
+)
+from nena_shared.fleet_api.vehicle import ReroutingAnswer, VehicleStatus
 
 
 class Command(Request):

@@ -13,10 +13,10 @@ from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.mqtt_limits import MqttLimits
 from nena_order_service.mqtt_requests import read_request, text_in
 from nena_order_service.problems import FORESEEN, problem_of
-from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import (
     CreationAnswer,
+    OrderSequenceStatus,
     Problem,
     TransportOrderRequest,
     TransportOrderStatus,

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, HttpUrl, SecretStr
 from nena_order_service.fleet import FleetSettings
 from nena_order_service.kernel.settings import KernelSettings
 from nena_order_service.routing import CostKey
-from nena_shared.fleet_api.failure_policy import FailurePolicy
+from nena_shared.fleet_api.transport_order import FailurePolicy
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix, secret_in
 from nena_shared.web.settings import HttpSettings
 

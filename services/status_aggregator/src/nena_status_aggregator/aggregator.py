@@ -7,8 +7,7 @@ from secrets import token_hex
 
 from pydantic_core import to_json
 
-from nena_shared.clock import Clock
-from nena_shared.utc import iso
+from nena_shared.clock import Clock, iso
 from nena_status_aggregator.api.events import EventStream
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
 from nena_status_aggregator.fleet.robot import Instant

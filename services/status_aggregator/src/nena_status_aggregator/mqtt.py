@@ -10,7 +10,7 @@ from typing import TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.robot_map import PAYLOAD_LIMIT, RobotMap, robot_of_map, topics_of_maps
+from nena_shared.fleet_api.plant import PAYLOAD_LIMIT, RobotMap, robot_of_map, topics_of_maps
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus

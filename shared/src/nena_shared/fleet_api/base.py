@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer
 from pydantic.alias_generators import to_camel
 
-from nena_shared.utc import in_utc, iso
+from nena_shared.clock import in_utc, iso
 
 
 class CamelCase(BaseModel):

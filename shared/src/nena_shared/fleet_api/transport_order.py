@@ -1,4 +1,4 @@
-"""Transport orders: what a host asks for, and what it is told."""
+"""Transport orders as hosts see them: orders, sequences, failure policies, assignment, delivery."""
 
 from __future__ import annotations
 
@@ -6,11 +6,75 @@ from enum import StrEnum
 from math import pi
 from typing import Annotated, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from nena_shared.fleet_api.base import IdempotencyKey, Moment, ObjectName, OrderName, Request, Resource
-from nena_shared.fleet_api.failure_policy import FailurePolicy, Hold, Seconds
-from nena_shared.fleet_api.order_types import OrderType
+from nena_shared.fleet_api.vehicle import ANY_TYPE, OrderType
+
+
+class FailureMeasure(StrEnum):
+    """One thing that can be done about a failure."""
+
+    RETRY = "RETRY"
+    """The same vehicle does the same destination again, from where it stands."""
+    REPLAN = "REPLAN"
+    """The same vehicle takes another way, which avoids where it failed."""
+    OTHER_VEHICLE = "OTHER_VEHICLE"
+    """The order waits for another vehicle; never while the vehicle carries something for it."""
+    SKIP = "SKIP"
+    """The operation is left out, and the order goes on with the next destination."""
+    HOLD = "HOLD"
+    """The order keeps its vehicle and waits until a person resumes or withdraws it."""
+    FAIL = "FAIL"
+
+    @property
+    def last(self) -> bool:
+        """Whether nothing can come after it."""
+        return self in (FailureMeasure.HOLD, FailureMeasure.FAIL)
+
+
+ONCE = (FailureMeasure.SKIP, FailureMeasure.HOLD, FailureMeasure.FAIL)
+
+
+class FailureStep(Request):
+    """A measure, how often it is taken, and how many seconds after the failure."""
+
+    do: FailureMeasure
+    times: Annotated[int, Field(ge=1, le=100)] = 1
+    after: Annotated[float, Field(ge=0, le=86_400)] = 0.0
+    """Only of RETRY and REPLAN."""
+
+    @model_validator(mode="after")
+    def _makes_sense(self) -> Self:
+        if self.times > 1 and self.do in ONCE:
+            message = f"{self.do} is done once: leave times out"
+            raise ValueError(message)
+        if self.after and self.do not in (FailureMeasure.RETRY, FailureMeasure.REPLAN):
+            message = f"{self.do} waits for nothing: leave after out"
+            raise ValueError(message)
+        return self
+
+
+def _ends_once(steps: tuple[FailureStep, ...]) -> tuple[FailureStep, ...]:
+    if any(step.do.last for step in steps[:-1]):
+        message = "nothing comes after HOLD or FAIL: put it last"
+        raise ValueError(message)
+    return steps
+
+
+FailurePolicy = Annotated[tuple[FailureStep, ...], Field(max_length=20), AfterValidator(_ends_once)]
+"""Steps that are tried in turn; one that makes no sense for a failure is passed over, and FAIL comes last."""
+
+Seconds = Annotated[float, Field(gt=0, le=31_536_000)]
+
+
+class Hold(Resource):
+    """An order that goes on when a person says so."""
+
+    by: str
+    """Who holds it: a host or a person by name; ``failure policy`` for the order service itself."""
+    reason: str
+    since: Moment
 
 
 class TransportOrderState(StrEnum):
@@ -214,3 +278,102 @@ class CreationAnswer(Resource):
     idempotency_key: str | None = None
     transport_order: TransportOrderStatus | None = None
     problem: Problem | None = None
+
+
+class OrderSequenceRequest(Request):
+    """Asks for an order sequence, empty at first; orders name it as their ``wrappingSequence``."""
+
+    name: OrderName | None = None
+    """None: the order service makes one."""
+    incomplete_name: bool = False
+    """Whether the order service completes ``name`` to a unique one."""
+    idempotency_key: IdempotencyKey | None = None
+    """The same key again gives the sequence that the first request made, and no second one."""
+    order_types: Annotated[tuple[OrderType, ...], Field(min_length=1, max_length=100)] = (ANY_TYPE,)
+    """Types of the orders that may be added; ``*``: any."""
+    intended_vehicle: ObjectName | None = None
+    failure_fatal: bool = False
+    """Whether all orders behind one that fails, and is not dispensable, fail with it."""
+    properties: Annotated[tuple[Property, ...], Field(max_length=100)] = ()
+
+
+class OrderSequenceStatus(Resource):
+    """An order sequence as it stands."""
+
+    name: str
+    version: int
+    """Counts the changes; 1 at first."""
+    reason: str
+    """What it waits for, or how it has ended, in words."""
+    order_types: tuple[str, ...]
+    orders: tuple[str, ...] = ()
+    """Names of its transport orders, in the order in which they are done."""
+    finished_index: int = -1
+    """Index of the last order up to which all are at their end; -1 before the first."""
+    complete: bool = False
+    """Whether no more orders are added."""
+    finished: bool = False
+    """Whether it is complete and all of its orders are at their end: its vehicle is free."""
+    failure_fatal: bool = False
+    intended_vehicle: str | None = None
+    processing_vehicle: str | None = None
+    """The vehicle that took the first order; it is bound until the sequence is finished."""
+    properties: tuple[Property, ...] = ()
+    created: Moment
+    finished_time: Moment | None = None
+    history: tuple[HistoryEntry, ...] = ()
+
+
+class VehicleForOrder(Resource):
+    """What is between an order and one vehicle."""
+
+    vehicle: str
+    fits: bool
+    """Whether it does the order, or could do it now."""
+    reason: str
+    """Why not, in words that follow its name."""
+    cost: float | None = None
+    """Of its way, where it could do it; the unit is that of ``routing.costs``, mm by default."""
+
+
+class AssignmentStatus(Resource):
+    """How the dispatcher sees one transport order now."""
+
+    transport_order: str
+    state: TransportOrderState
+    reason: str
+    """Why it is in this state, or what it waits for."""
+    processing_vehicle: str | None = None
+    vehicles: tuple[VehicleForOrder, ...] = ()
+    """Those that could do it first, the cheapest way before others; none for an order at its end."""
+    left_out: int = 0
+    """How many vehicles more there are."""
+
+
+class DeliveryPhase(StrEnum):
+    """Where the VDA 5050 order of a transport order is."""
+
+    NONE = "NONE"
+    """There is none: no vehicle has the transport order, or it is at its end."""
+    WAITING = "WAITING"
+    """It is not sent: the robot cannot be sent anything now."""
+    SENT = "SENT"
+    """It is sent, and sent again, until a state of the robot echoes it."""
+    DELIVERED = "DELIVERED"
+    """The robot has it."""
+    CANCELLING = "CANCELLING"
+    """It is to end early, and the robot has not confirmed that yet."""
+
+
+class DeliveryStatus(Resource):
+    """The delivery of one transport order."""
+
+    transport_order: str
+    phase: DeliveryPhase
+    vehicle: str | None = None
+    order_id: str | None = None
+    """orderId of VDA 5050."""
+    echoed_update_id: int | None = None
+    """orderUpdateId that the robot's last state echoes; None: it echoes none of this order."""
+    note: str = ""
+    """What it waits for, in words; empty where it waits for nothing but the robot's driving."""

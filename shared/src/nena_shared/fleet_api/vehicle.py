@@ -1,11 +1,32 @@
-"""Vehicles as the order service sees them."""
+"""Vehicles as hosts see and command them: status, integration level, accepted order types, rerouting."""
 
 from __future__ import annotations
 
 from enum import StrEnum
+from typing import Annotated, Final
 
-from nena_shared.fleet_api.base import Moment, Resource
-from nena_shared.fleet_api.order_types import ANY_ORDER_TYPE, AcceptableOrderType
+from pydantic import Field
+
+from nena_shared.fleet_api.base import Moment, Request, Resource
+
+ANY_TYPE: Final = "*"
+"""Accepted by it, an order may be of any type."""
+
+OrderType = Annotated[str, Field(min_length=1, max_length=100)]
+"""Free text; ``Transport``, ``Charge`` and ``Park`` are customary, ``-`` is an order that says none."""
+
+
+class AcceptableOrderType(Request):
+    """A type of orders that a vehicle accepts."""
+
+    name: OrderType
+    """``*``: any."""
+    priority: Annotated[int, Field(ge=-1000, le=1000)] = 0
+    """Less is preferred, where the dispatcher is told to look at it."""
+
+
+ANY_ORDER_TYPE: Final = (AcceptableOrderType(name=ANY_TYPE),)
+"""What a vehicle accepts of which nobody has said anything else."""
 
 
 class VehicleState(StrEnum):
@@ -92,3 +113,35 @@ class VehicleStatus(Resource):
     """The order sequence to which it is bound: it does nothing else until that is finished."""
     errors: tuple[str, ...] = ()
     last_state: Moment | None = None
+
+
+class ReroutingType(StrEnum):
+    """Where the new way begins."""
+
+    REGULAR = "REGULAR"
+    """At the end of what the robot was told to drive: it goes on without a stop, by an order update."""
+    FORCED = "FORCED"
+    """Where the robot stands: its order is cancelled first, and it gets a new one."""
+
+
+class ReroutingOutcome(StrEnum):
+    """What has become of a request for rerouting."""
+
+    REROUTED = "REROUTED"
+    """The vehicle goes another way."""
+    UNCHANGED = "UNCHANGED"
+    """The way stays; the reason says why."""
+    STOPPING = "STOPPING"
+    """The robot is told to stop, at once or at the end of its base; the way goes on from there."""
+
+
+class ReroutingAnswer(Resource):
+    """Answer to a request for rerouting."""
+
+    vehicle: str
+    transport_order: str
+    outcome: ReroutingOutcome
+    reason: str
+    """In words."""
+    route: tuple[str, ...] = ()
+    """The points from the end of the base to the destination, where the way is known."""

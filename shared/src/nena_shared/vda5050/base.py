@@ -9,7 +9,7 @@ from typing import Annotated, Self, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, JsonValue, PlainSerializer, WithJsonSchema
 from pydantic.alias_generators import to_camel
 
-from nena_shared.utc import in_utc, iso
+from nena_shared.clock import in_utc, iso
 
 J = TypeVar("J", bound=JsonValue)
 

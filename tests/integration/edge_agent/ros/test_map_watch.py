@@ -13,7 +13,7 @@ from nena_edge_agent.ros.session import RosSession
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_robot_simulator.grid_map import GridMap
 from nena_robot_simulator.messages import map_message
-from nena_shared.fleet_api.robot_map import RobotMap
+from nena_shared.fleet_api.plant import RobotMap
 from nena_shared.plant.transform import MapTransform
 from support.robot_maps import room
 from support.simulator import HALL, simulated_robot

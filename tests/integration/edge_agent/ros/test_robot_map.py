@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from nena_shared.fleet_api.robot_map import RobotMap, topic_of_map
+from nena_shared.fleet_api.plant import RobotMap, topic_of_map
 from nena_shared.vda5050.topics import RobotKey, TopicScheme
 from support.broker import Broker, MqttPeer
 from support.edge_agent import MANUFACTURER, SERIAL

@@ -11,8 +11,7 @@ from nena_order_service.dispatching.settings import DispatchSettings
 from nena_order_service.kernel import Kernel, KernelSettings
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing import graph
-from nena_shared.fleet_api.order_sequence import OrderSequenceRequest
-from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point

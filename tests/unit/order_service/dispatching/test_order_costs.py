@@ -17,7 +17,7 @@ from nena_order_service.orders.vda_orders import MissionPlanner
 from nena_order_service.routing import Router
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.clock import ManualClock
-from nena_shared.fleet_api.order_types import AcceptableOrderType
+from nena_shared.fleet_api.vehicle import AcceptableOrderType
 from nena_shared.plant import Vehicle
 from support.order_service import NOW, assigned_order, dispatchable_order
 from support.plants import path, plant

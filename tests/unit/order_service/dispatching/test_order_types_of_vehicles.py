@@ -6,8 +6,8 @@ from datetime import UTC, datetime
 
 from nena_order_service.kernel import Kernel
 from nena_order_service.vehicles.registry import FleetVehicle
-from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.vehicle import AcceptableOrderType
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point

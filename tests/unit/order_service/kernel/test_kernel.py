@@ -12,8 +12,11 @@ from nena_order_service.fleet import Mission
 from nena_order_service.kernel import Kernel
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.traffic.driving import EVASION_PAUSE
-from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
-from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.fleet_api.transport_order import (
+    OrderSequenceStatus,
+    TransportOrderState,
+    TransportOrderStatus,
+)
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from support.order_service import request

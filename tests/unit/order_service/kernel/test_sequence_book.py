@@ -6,8 +6,11 @@ from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.kernel.sequence_book import SequenceBook
 from nena_order_service.kernel.steps import Steps
 from nena_order_service.orders.order_sequence import OrderSequence
-from nena_shared.fleet_api.order_sequence import OrderSequenceRequest, OrderSequenceStatus
-from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from nena_shared.fleet_api.transport_order import (
+    OrderSequenceRequest,
+    OrderSequenceStatus,
+    TransportOrderStatus,
+)
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from support.order_service import NOW
 from support.scripted_fleet import MemoryStore

@@ -14,8 +14,12 @@ from hypothesis import strategies as st
 from nena_order_service.kernel import Kernel
 from nena_order_service.traffic.driving import EVASION_PAUSE
 from nena_shared.clock import ManualClock
-from nena_shared.fleet_api.order_sequence import OrderSequenceRequest, OrderSequenceStatus
-from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
+from nena_shared.fleet_api.transport_order import (
+    OrderSequenceRequest,
+    OrderSequenceStatus,
+    TransportOrderState,
+    TransportOrderStatus,
+)
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleStatus
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request

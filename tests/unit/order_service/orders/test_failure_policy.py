@@ -6,9 +6,8 @@ from hypothesis import strategies as st
 
 from nena_order_service.fleet import FailureKind as K
 from nena_order_service.orders.failure_policy import Situation, decide, is_carrying
-from nena_shared.fleet_api.failure_policy import FailureMeasure as M
-from nena_shared.fleet_api.failure_policy import FailureStep
-from nena_shared.fleet_api.transport_order import DriveOrderState, DriveOrderStatus
+from nena_shared.fleet_api.transport_order import DriveOrderState, DriveOrderStatus, FailureStep
+from nena_shared.fleet_api.transport_order import FailureMeasure as M
 from support.fleet_examples import drive_order
 
 S = DriveOrderState

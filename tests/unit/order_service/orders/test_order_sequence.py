@@ -9,7 +9,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from nena_order_service.orders import order_sequence
 from nena_order_service.orders.order_sequence import OrderSequence, SequenceEvent, SequenceRuleError
-from nena_shared.fleet_api.order_sequence import OrderSequenceRequest
+from nena_shared.fleet_api.transport_order import OrderSequenceRequest
 from support.order_service import NOW, request
 
 

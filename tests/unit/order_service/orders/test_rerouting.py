@@ -12,8 +12,8 @@ from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
 from nena_order_service.fleet import Mission, OperationStarted
 from nena_order_service.kernel import Kernel
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_shared.fleet_api.rerouting import ReroutingOutcome, ReroutingType
 from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point

@@ -8,7 +8,7 @@ from nena_order_service.kernel.steps import Steps
 from nena_order_service.orders.sequences import Sequences
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.clock import ManualClock
-from nena_shared.fleet_api.order_sequence import OrderSequenceRequest
+from nena_shared.fleet_api.transport_order import OrderSequenceRequest
 from support.order_service import NOW, raw_order
 from support.scripted_fleet import MemoryStore
 

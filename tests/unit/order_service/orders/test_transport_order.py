@@ -16,8 +16,7 @@ from nena_order_service.orders.transport_order import (
     TransportOrder,
     sortable_id,
 )
-from nena_shared.fleet_api.failure_policy import Hold
-from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
+from nena_shared.fleet_api.transport_order import DriveOrderState, Hold, TransportOrderState
 from support.order_service import NOW, assigned_order, dispatchable_order, raw_order, request
 
 S = TransportOrderState

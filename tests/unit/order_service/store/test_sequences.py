@@ -6,7 +6,7 @@ from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import open_database, read_unfinished, write
 from nena_order_service.store.sequences import SequenceFilter, read_sequence, read_sequences
-from nena_shared.fleet_api.order_sequence import OrderSequenceRequest
+from nena_shared.fleet_api.transport_order import OrderSequenceRequest
 from support.order_service import NOW
 
 

@@ -8,8 +8,13 @@ import pytest
 from nena_order_service.fleet import Availability, LinkStatus, RobotProfile, RobotView
 from nena_order_service.kernel.vehicle_status import essentials, vehicle_status
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
-from nena_shared.fleet_api.order_types import ANY_ORDER_TYPE
-from nena_shared.fleet_api.vehicle import IntegrationLevel, ProcessingState, VehicleState, VehicleStatus
+from nena_shared.fleet_api.vehicle import (
+    ANY_ORDER_TYPE,
+    IntegrationLevel,
+    ProcessingState,
+    VehicleState,
+    VehicleStatus,
+)
 from nena_shared.plant import MapPlace, MapTransform, PlantModel, PlantPlace, Vehicle
 from nena_shared.vda5050.topics import RobotKey
 from support.fleet_examples import state

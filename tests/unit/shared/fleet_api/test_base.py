@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
+from nena_shared.clock import iso
 from nena_shared.fleet_api.base import IdempotencyKey, Moment, OrderName
-from nena_shared.utc import iso
 
 MOMENT: TypeAdapter[datetime] = TypeAdapter(Moment)
 KEY: TypeAdapter[str] = TypeAdapter(IdempotencyKey)

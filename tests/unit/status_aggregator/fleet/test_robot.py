@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from nena_shared.clock import iso
 from nena_shared.plant import PlantModel
-from nena_shared.utc import iso
 from nena_shared.vda5050.brief.state import PositionBrief
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.own_actions import SHOW_MAP_TRANSFORMS

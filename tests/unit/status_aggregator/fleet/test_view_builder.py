@@ -4,8 +4,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from nena_shared.clock import ManualClock
-from nena_shared.fleet_api.failure_policy import Hold
-from nena_shared.fleet_api.transport_order import Coordinate, Destination
+from nena_shared.fleet_api.transport_order import Coordinate, Destination, Hold
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_status_aggregator.fleet.orders import TrackedOrder
 from nena_status_aggregator.fleet.robot import Instant, Robot

@@ -8,8 +8,13 @@ from typing import Annotated
 import typer
 from pydantic import ValidationError
 
-from nena_shared.fleet_api.failure_policy import FailureStep
-from nena_shared.fleet_api.transport_order import Coordinate, DependencyFailure, Destination, Property
+from nena_shared.fleet_api.transport_order import (
+    Coordinate,
+    DependencyFailure,
+    Destination,
+    FailureStep,
+    Property,
+)
 from nena_shared.vda5050.malformed import problems_of
 
 COORDINATE = "@"

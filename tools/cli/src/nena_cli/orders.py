@@ -20,8 +20,8 @@ from nena_cli.arguments import parse_measure, parse_property, parse_stop
 from nena_cli.client import Connection, Event, Page, follow
 from nena_cli.output import REFUSED, give_up, put_json, say
 from nena_cli.service import Service, of_service
-from nena_shared.fleet_api.delivery import DeliveryStatus
 from nena_shared.fleet_api.transport_order import (
+    DeliveryStatus,
     DependencyFailure,
     TransportOrderRequest,
     TransportOrderState,

@@ -19,7 +19,7 @@ from rich.text import Text
 
 from nena_cli.output import give_up, put_json, say
 from nena_cli.service import Service, of_service
-from nena_shared.fleet_api.plant_model import PlantModelChange
+from nena_shared.fleet_api.plant import PlantModelChange
 from nena_shared.plant import PlantModel, PlantModelError, Problem, files, lif, opentcs_xml
 from nena_shared.plant.files import PlantFormat
 from nena_shared.plant.json_text import DEFAULT_LIMITS

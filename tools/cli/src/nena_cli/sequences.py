@@ -14,7 +14,7 @@ from nena_cli import arguments as option
 from nena_cli import tables
 from nena_cli.client import Connection, Page, Query
 from nena_cli.service import Service, of_service
-from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
+from nena_shared.fleet_api.transport_order import OrderSequenceStatus
 
 app = typer.Typer(help="Order sequences of a running order service.", no_args_is_help=True)
 

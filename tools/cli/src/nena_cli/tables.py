@@ -8,12 +8,15 @@ from datetime import datetime
 from rich.table import Table
 from rich.text import Text
 
-from nena_shared.fleet_api.delivery import DeliveryStatus
-from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
-from nena_shared.fleet_api.rerouting import ReroutingAnswer
-from nena_shared.fleet_api.transport_order import DriveOrderStatus, TransportOrderState, TransportOrderStatus
-from nena_shared.fleet_api.vehicle import VehicleState, VehicleStatus
-from nena_shared.fleet_api.zone_set import ZoneSetStatus
+from nena_shared.fleet_api.plant import ZoneSetStatus
+from nena_shared.fleet_api.transport_order import (
+    DeliveryStatus,
+    DriveOrderStatus,
+    OrderSequenceStatus,
+    TransportOrderState,
+    TransportOrderStatus,
+)
+from nena_shared.fleet_api.vehicle import ReroutingAnswer, VehicleState, VehicleStatus
 
 STATE_STYLES = {
     TransportOrderState.FINISHED: "green",

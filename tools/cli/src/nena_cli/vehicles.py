@@ -14,9 +14,8 @@ from nena_cli.arguments import COORDINATE, parse_coordinate
 from nena_cli.orders import Board, put_or_watch, watch
 from nena_cli.service import Service, of_service
 from nena_shared.fleet_api.base import Resource
-from nena_shared.fleet_api.rerouting import ReroutingAnswer, ReroutingType
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
-from nena_shared.fleet_api.vehicle import VehicleState, VehicleStatus
+from nena_shared.fleet_api.vehicle import ReroutingAnswer, ReroutingType, VehicleState, VehicleStatus
 
 app = typer.Typer(help="Vehicles of a running order service.", no_args_is_help=True)
 

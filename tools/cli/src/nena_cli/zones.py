@@ -12,7 +12,7 @@ from pydantic_core import from_json
 from nena_cli import tables
 from nena_cli.output import give_up
 from nena_cli.service import Service, of_service
-from nena_shared.fleet_api.zone_set import ZoneSetList, ZoneSetStatus
+from nena_shared.fleet_api.plant import ZoneSetList, ZoneSetStatus
 
 app = typer.Typer(help="Zone sets of a running order service.", no_args_is_help=True)
 

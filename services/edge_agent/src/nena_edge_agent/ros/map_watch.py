@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from nena_edge_agent.driver.plant_frame import PlantFrame
 from nena_edge_agent.occupancy_image import occupancy_image
-from nena_shared.fleet_api.robot_map import PNG_LIMIT, SIDE_LIMIT, RobotMap
+from nena_shared.fleet_api.plant import PNG_LIMIT, SIDE_LIMIT, RobotMap
 from nena_shared.log import get_logger
 from nena_shared.plant.transform import MapPose, MapTransform
 

@@ -19,7 +19,7 @@ from nena_order_service.dispatching.settings import (
 from nena_order_service.dispatching.way import WayCost
 from nena_order_service.fleet.robot import State
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_shared.fleet_api.order_types import ANY_ORDER_TYPE, ANY_TYPE, AcceptableOrderType
+from nena_shared.fleet_api.vehicle import ANY_ORDER_TYPE, ANY_TYPE, AcceptableOrderType
 from nena_shared.vda5050.factsheet import Factsheet, LoadSpecification
 
 Rank = tuple[float | str, ...]

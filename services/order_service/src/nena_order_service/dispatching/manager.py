@@ -34,9 +34,8 @@ from nena_order_service.routing import NoRouteError
 from nena_order_service.traffic.driving import Driving
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry, why_not_on
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.transport_order import Destination, DriveOrderState, TransportOrderState
-from nena_shared.fleet_api.vehicle import VehicleState
+from nena_shared.fleet_api.vehicle import AcceptableOrderType, VehicleState
 from nena_shared.plant import PlantModel
 
 

@@ -12,8 +12,7 @@ from nena_order_service.orders import transport_order
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.traffic.driving import Driving
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.failure_policy import FailureMeasure
-from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.transport_order import FailureMeasure, TransportOrderState
 from nena_shared.log import get_logger
 from nena_shared.vda5050.action import ActionStatus
 

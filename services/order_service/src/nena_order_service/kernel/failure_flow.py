@@ -17,8 +17,13 @@ from nena_order_service.orders.vda_orders import MissionPlanner
 from nena_order_service.routing import NoRouteError
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.failure_policy import FailureMeasure, FailurePolicy, FailureStep, Hold
-from nena_shared.fleet_api.transport_order import DriveOrderState
+from nena_shared.fleet_api.transport_order import (
+    DriveOrderState,
+    FailureMeasure,
+    FailurePolicy,
+    FailureStep,
+    Hold,
+)
 from nena_shared.log import get_logger
 from nena_shared.plant import UnknownObjectError
 

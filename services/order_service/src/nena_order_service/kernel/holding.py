@@ -10,8 +10,7 @@ from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.traffic.driving import Driving, Pauses
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.failure_policy import Hold
-from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
+from nena_shared.fleet_api.transport_order import DriveOrderState, Hold, TransportOrderState
 from nena_shared.log import get_logger
 
 log = get_logger(__name__)

@@ -36,11 +36,8 @@ from nena_order_service.vehicles.idle import IdleVehicles
 from nena_order_service.vehicles.positions import Places
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.failure_policy import FailurePolicy
-from nena_shared.fleet_api.order_types import AcceptableOrderType
-from nena_shared.fleet_api.rerouting import ReroutingType
-from nena_shared.fleet_api.transport_order import TransportOrderRequest, TransportOrderState
-from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
+from nena_shared.fleet_api.transport_order import FailurePolicy, TransportOrderRequest, TransportOrderState
+from nena_shared.fleet_api.vehicle import AcceptableOrderType, IntegrationLevel, ReroutingType, VehicleStatus
 from nena_shared.log import get_logger
 from nena_shared.plant import PlantModel
 from nena_shared.vda5050.action import Action

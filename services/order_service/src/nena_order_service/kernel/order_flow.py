@@ -30,8 +30,7 @@ from nena_order_service.routing import NoRouteError
 from nena_order_service.traffic.driving import Driving, Pauses
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.failure_policy import FailurePolicy
-from nena_shared.fleet_api.transport_order import TransportOrderRequest, TransportOrderState
+from nena_shared.fleet_api.transport_order import FailurePolicy, TransportOrderRequest, TransportOrderState
 from nena_shared.log import get_logger
 from nena_shared.plant import PlantModel, UnknownObjectError
 from nena_shared.vda5050.topics import RobotKey

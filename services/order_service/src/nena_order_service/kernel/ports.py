@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from nena_order_service.fleet import Mission, RobotView
-from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
-from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from nena_shared.fleet_api.transport_order import OrderSequenceStatus, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.topics import RobotKey

@@ -13,7 +13,7 @@ from nena_order_service.kernel.ports import Listener
 from nena_order_service.kernel.vehicle_status import Essentials
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store.store import Store
-from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
+from nena_shared.fleet_api.transport_order import OrderSequenceStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
 

@@ -9,8 +9,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.orders.vda_orders import MissionRecord
 from nena_order_service.traffic.resources import ResourceSet
-from nena_shared.fleet_api.order_types import AcceptableOrderType
-from nena_shared.fleet_api.vehicle import IntegrationLevel
+from nena_shared.fleet_api.vehicle import AcceptableOrderType, IntegrationLevel
 from nena_shared.log import get_logger
 from nena_shared.vda5050.malformed import problems_of
 from nena_shared.vda5050.topics import RobotKey

@@ -8,8 +8,8 @@ from typing import NamedTuple, Self
 from nena_order_service.fleet import NotLocatedError, RobotView, locate
 from nena_order_service.fleet.robot import ErrorEntry, State
 from nena_order_service.vehicles.registry import FleetVehicle, robot_maps
-from nena_shared.fleet_api.order_types import AcceptableOrderType
 from nena_shared.fleet_api.vehicle import (
+    AcceptableOrderType,
     IntegrationLevel,
     PrecisePosition,
     ProcessingState,

@@ -6,8 +6,12 @@ from typing import Final
 
 from nena_order_service.orders.transport_order import TransportOrder, sortable_id
 from nena_order_service.orders.validation import PARK
-from nena_shared.fleet_api.failure_policy import FailureMeasure, FailureStep
-from nena_shared.fleet_api.transport_order import Destination, TransportOrderRequest
+from nena_shared.fleet_api.transport_order import (
+    Destination,
+    FailureMeasure,
+    FailureStep,
+    TransportOrderRequest,
+)
 
 PARK_TYPE: Final = "Park"
 RECHARGE_TYPE: Final = "Charge"

@@ -8,8 +8,7 @@ from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.orders.sequences import Sequences
 from nena_order_service.orders.transport_order import TransportOrder, held
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.failure_policy import Hold
-from nena_shared.fleet_api.transport_order import DependencyFailure, TransportOrderState
+from nena_shared.fleet_api.transport_order import DependencyFailure, Hold, TransportOrderState
 
 NAMES_SHOWN = 3
 

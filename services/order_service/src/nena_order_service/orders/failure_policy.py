@@ -12,8 +12,12 @@ from types import MappingProxyType
 from typing import Final
 
 from nena_order_service.fleet.failures import FailureKind
-from nena_shared.fleet_api.failure_policy import FailureMeasure, FailureStep
-from nena_shared.fleet_api.transport_order import DriveOrderState, DriveOrderStatus
+from nena_shared.fleet_api.transport_order import (
+    DriveOrderState,
+    DriveOrderStatus,
+    FailureMeasure,
+    FailureStep,
+)
 
 FAIL: Final = FailureStep(do=FailureMeasure.FAIL)
 

@@ -8,9 +8,13 @@ from datetime import datetime
 from enum import StrEnum
 from typing import Self
 
-from nena_shared.fleet_api.order_sequence import OrderSequenceRequest, OrderSequenceStatus
-from nena_shared.fleet_api.order_types import ANY_TYPE
-from nena_shared.fleet_api.transport_order import HistoryEntry, TransportOrderRequest
+from nena_shared.fleet_api.transport_order import (
+    HistoryEntry,
+    OrderSequenceRequest,
+    OrderSequenceStatus,
+    TransportOrderRequest,
+)
+from nena_shared.fleet_api.vehicle import ANY_TYPE
 
 ORDERS_LIMIT = 1000
 """Orders that a sequence may have."""

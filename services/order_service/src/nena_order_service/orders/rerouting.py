@@ -19,8 +19,8 @@ from nena_order_service.traffic.driving import Driving
 from nena_order_service.traffic.traffic_control import Hindrance, Refusal
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.rerouting import ReroutingOutcome, ReroutingType
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
+from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType
 from nena_shared.log import get_logger
 from nena_shared.plant import BACKWARD_SUFFIX, PlantModel
 from nena_shared.vda5050.order import Edge

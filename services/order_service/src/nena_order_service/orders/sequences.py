@@ -8,8 +8,7 @@ from nena_order_service.kernel.steps import Steps
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.order_sequence import OrderSequenceRequest
-from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderState
 
 MARKED = "marked complete by a host"
 

@@ -10,11 +10,11 @@ from enum import StrEnum
 from secrets import token_hex
 from typing import Any, Self
 
-from nena_shared.fleet_api.failure_policy import Hold
 from nena_shared.fleet_api.transport_order import (
     DriveOrderState,
     DriveOrderStatus,
     HistoryEntry,
+    Hold,
     TransportOrderRequest,
     TransportOrderState,
     TransportOrderStatus,

@@ -10,12 +10,14 @@ from pydantic import Field, model_validator
 
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_shared.fleet_api.base import IdempotencyKey, ObjectName, Request, Resource
-from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
-from nena_shared.fleet_api.order_types import AcceptableOrderType
-from nena_shared.fleet_api.path import PathStatus
-from nena_shared.fleet_api.rerouting import ReroutingType
-from nena_shared.fleet_api.transport_order import Coordinate, Destination, TransportOrderStatus
-from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
+from nena_shared.fleet_api.plant import PathStatus
+from nena_shared.fleet_api.transport_order import (
+    Coordinate,
+    Destination,
+    OrderSequenceStatus,
+    TransportOrderStatus,
+)
+from nena_shared.fleet_api.vehicle import AcceptableOrderType, IntegrationLevel, ReroutingType, VehicleStatus
 from nena_shared.vda5050.action import ActionStatus, BlockingType, ParameterValue
 
 

@@ -14,7 +14,7 @@ from nena_order_service.rest.bodies import OrderSequencePage
 from nena_order_service.rest.responses import IfMatch, IfNoneMatch, as_json
 from nena_order_service.rest.transport_orders import IdempotencyKey
 from nena_order_service.store.sequences import SequenceFilter
-from nena_shared.fleet_api.order_sequence import OrderSequenceRequest, OrderSequenceStatus
+from nena_shared.fleet_api.transport_order import OrderSequenceRequest, OrderSequenceStatus
 
 
 def make_router(requests: SequenceRequests) -> APIRouter:

@@ -10,7 +10,7 @@ from fastapi import APIRouter, Query, Request, Response
 from nena_order_service.plant_file import read_plant
 from nena_order_service.rest.responses import as_json
 from nena_order_service.serving import ChangePlant
-from nena_shared.fleet_api.plant_model import PlantModelChange
+from nena_shared.fleet_api.plant import PlantModelChange
 from nena_shared.plant.json_text import DEFAULT_LIMITS
 
 PATH = "/v1/plantModel"

@@ -19,9 +19,9 @@ from nena_order_service.rest.bodies import (
 )
 from nena_order_service.rest.responses import IfMatch, IfNoneMatch, as_json
 from nena_order_service.store.database import OrderFilter
-from nena_shared.fleet_api.assignment import AssignmentStatus
-from nena_shared.fleet_api.delivery import DeliveryStatus
 from nena_shared.fleet_api.transport_order import (
+    AssignmentStatus,
+    DeliveryStatus,
     TransportOrderRequest,
     TransportOrderState,
     TransportOrderStatus,

@@ -16,8 +16,8 @@ from nena_order_service.rest.bodies import (
     ReroutingRequest,
 )
 from nena_order_service.rest.responses import as_json
-from nena_shared.fleet_api.rerouting import ReroutingAnswer
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
+from nena_shared.fleet_api.vehicle import ReroutingAnswer
 
 
 def make_router(requests: HostRequests) -> APIRouter:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from nena_order_service.errors import StoreNotReadyError, UnknownPathError
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.store import Store
-from nena_shared.fleet_api.path import PathStatus
+from nena_shared.fleet_api.plant import PathStatus
 from nena_shared.log import get_logger
 from nena_shared.plant import Path, PlantModel
 

@@ -12,7 +12,7 @@ from sqlalchemy.engine import Row
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.store import schema
 from nena_order_service.store.statements import DatabaseRow, Statements, equals, execute
-from nena_shared.fleet_api.order_sequence import OrderSequenceStatus
+from nena_shared.fleet_api.transport_order import OrderSequenceStatus
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from nena_order_service.fleet.mission import fresh_id
 from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.store.changes import Changes
 from nena_order_service.vehicles.registry import FleetVehicle
-from nena_shared.fleet_api.zone_set import ZoneSetAtVehicle, ZoneSetPhase, ZoneSetStatus
+from nena_shared.fleet_api.plant import ZoneSetAtVehicle, ZoneSetPhase, ZoneSetStatus
 from nena_shared.log import get_logger
 from nena_shared.tasks import forever
 from nena_shared.vda5050 import state as vda_state

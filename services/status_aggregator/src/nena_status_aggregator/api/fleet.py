@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter, Response
 from typing_extensions import TypedDict
 
-from nena_shared.utc import iso
+from nena_shared.clock import iso
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.problems import as_json, found

@@ -12,7 +12,7 @@ from pydantic import AfterValidator
 from starlette.responses import StreamingResponse
 from typing_extensions import TypedDict
 
-from nena_shared.utc import in_utc
+from nena_shared.clock import in_utc
 from nena_status_aggregator.api.problems import ProblemError
 from nena_status_aggregator.fleet.events import Code
 from nena_status_aggregator.history.database import HistoryEntry, HistoryFilter

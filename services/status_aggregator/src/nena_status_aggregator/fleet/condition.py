@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from enum import StrEnum
 
-from nena_shared.utc import iso
+from nena_shared.clock import iso
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.brief.state import ActionBrief, ErrorBrief, StateBrief
 from nena_shared.vda5050.connection import ConnectionState

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from math import inf
 from weakref import WeakValueDictionary
 
-from nena_shared.fleet_api.robot_map import RobotMap
+from nena_shared.clock import iso
+from nena_shared.fleet_api.plant import RobotMap
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant.model import PlantModel
-from nena_shared.utc import iso
 from nena_shared.vda5050.brief.state import StateBrief, VisualizationBrief
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from nena_shared.clock import Clock
-from nena_shared.fleet_api.robot_map import RobotMap
+from nena_shared.fleet_api.plant import RobotMap
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
 from nena_shared.plant import MapPlace, MapPose, MapTransform, PlantModel

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from nena_shared.fleet_api.failure_policy import Hold
-from nena_shared.fleet_api.transport_order import Destination
-from nena_shared.utc import iso
+from nena_shared.clock import iso
+from nena_shared.fleet_api.transport_order import Destination, Hold
 from nena_shared.vda5050.brief.state import (
     ActionBrief,
     ErrorBrief,

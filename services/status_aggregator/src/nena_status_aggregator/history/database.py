@@ -32,9 +32,9 @@ from sqlalchemy.exc import ArgumentError
 from sqlalchemy.pool import ConnectionPoolEntry
 from typing_extensions import TypedDict
 
+from nena_shared.clock import iso
 from nena_shared.database_lines import remember
 from nena_shared.program import StartError
-from nena_shared.utc import iso
 from nena_status_aggregator.fleet.events import Code, Happening, Values
 
 SCHEMA_VERSION = 1

@@ -9,7 +9,7 @@ from typing import Annotated
 from msgspec import Meta, Struct
 from msgspec.structs import force_setattr
 
-from nena_shared.utc import in_utc
+from nena_shared.clock import in_utc
 
 UInt32 = Annotated[int, Meta(ge=0, le=2**32 - 1)]
 Angle = Annotated[float, Meta(ge=-pi - 1e-6, le=pi + 1e-6)]

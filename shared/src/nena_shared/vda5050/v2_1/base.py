@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, ValidationInfo, WithJsonSchema
 
-from nena_shared.utc import in_utc
+from nena_shared.clock import in_utc
 
 
 def _hundredths(value: datetime) -> str:

@@ -26,9 +26,8 @@ from nena_order_service.rest.opentcs.bodies import (
 from nena_order_service.rest.opentcs.errors import NotPossibleError
 from nena_order_service.routing.path_locks import PathLocks
 from nena_order_service.store.database import OrderFilter
-from nena_shared.fleet_api.rerouting import ReroutingType
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
-from nena_shared.fleet_api.vehicle import ProcessingState
+from nena_shared.fleet_api.vehicle import ProcessingState, ReroutingType
 from nena_shared.plant import PlantModel
 
 LISTED = 1000

@@ -9,7 +9,6 @@ from typing import Annotated, Any, Self
 from pydantic import ConfigDict, Field
 
 from nena_shared.fleet_api.base import CamelCase, Moment
-from nena_shared.fleet_api.order_types import AcceptableOrderType, OrderType
 from nena_shared.fleet_api.transport_order import (
     Destination,
     DriveOrderStatus,
@@ -17,7 +16,7 @@ from nena_shared.fleet_api.transport_order import (
     TransportOrderRequest,
     TransportOrderStatus,
 )
-from nena_shared.fleet_api.vehicle import PrecisePosition, VehicleStatus
+from nena_shared.fleet_api.vehicle import AcceptableOrderType, OrderType, PrecisePosition, VehicleStatus
 from nena_shared.plant import BoundingBox, Vehicle
 
 MM_PER_M = 1000.0

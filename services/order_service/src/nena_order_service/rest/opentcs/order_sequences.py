@@ -12,9 +12,8 @@ from nena_order_service.errors import SequenceNameTakenError
 from nena_order_service.host_requests import SequenceRequests
 from nena_order_service.rest.opentcs.bodies import Body
 from nena_order_service.store.sequences import SequenceFilter
-from nena_shared.fleet_api.order_sequence import OrderSequenceRequest, OrderSequenceStatus
-from nena_shared.fleet_api.order_types import ANY_TYPE, OrderType
-from nena_shared.fleet_api.transport_order import Property
+from nena_shared.fleet_api.transport_order import OrderSequenceRequest, OrderSequenceStatus, Property
+from nena_shared.fleet_api.vehicle import ANY_TYPE, OrderType
 
 LISTED = 1000
 """Sequences that a list has at most, the newest; openTCS has no pages."""

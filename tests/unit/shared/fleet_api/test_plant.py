@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from nena_shared.fleet_api import robot_map
-from nena_shared.fleet_api.robot_map import (
+from nena_shared.fleet_api import plant
+from nena_shared.fleet_api.plant import (
     PAYLOAD_LIMIT,
     PNG_LIMIT,
     RobotMap,
@@ -77,7 +77,7 @@ def test_what_is_no_map_is_refused(wrong: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("limit", ["SIDE_LIMIT", "PNG_LIMIT"])
 def test_an_image_that_is_too_large_is_refused(limit: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(robot_map, limit, 30)
+    monkeypatch.setattr(plant, limit, 30)
     with pytest.raises(ValidationError, match="must be a PNG image of at most"):
         robot_maps.robot_map()
 

@@ -3,8 +3,7 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from nena_shared.fleet_api.failure_policy import FailureMeasure, FailureStep
-from nena_shared.fleet_api.transport_order import TransportOrderRequest
+from nena_shared.fleet_api.transport_order import FailureMeasure, FailureStep, TransportOrderRequest
 from support.order_service import request
 
 
