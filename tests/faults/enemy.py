@@ -12,7 +12,7 @@ import httpx
 
 from faults.site import Site
 from nena_conversations.recording import read_file
-from nena_order_service.asyncapi import channels
+from nena_order_service.api.asyncapi import channels
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.vda5050.topics import Topic
 from support.conversations import FOLDER

@@ -13,7 +13,7 @@ from fastapi import FastAPI, Response
 
 from nena_cli import client
 from nena_cli.client import Connection, Event, NotReachedError, RefusedError, follow, read_events
-from nena_order_service.rest.standby import make_standby_app
+from nena_order_service.api.server import make_standby_app
 from nena_shared.fleet_api.transport_order import DeliveryPhase, DeliveryStatus, Problem
 from nena_shared.web.server import HttpServer
 from nena_shared.web.settings import HttpSettings

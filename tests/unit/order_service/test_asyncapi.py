@@ -9,7 +9,7 @@ from typing import Any
 import httpx
 from jsonschema import Draft202012Validator
 
-from nena_order_service.asyncapi import channels, document
+from nena_order_service.api.asyncapi import channels, document
 from nena_order_service.mqtt_command_bodies import COMMANDS
 from nena_shared.fleet_api.topics import FleetTopics
 

@@ -9,7 +9,7 @@ import httpx
 import pytest
 from pydantic import BaseModel
 
-from nena_order_service.rest.bodies import (
+from nena_shared.fleet_api.requests import (
     DispatchRequest,
     HoldRequest,
     InstantActionRequest,

@@ -5,7 +5,7 @@ import inspect
 import pytest
 
 from nena_order_service import errors
-from nena_order_service.problems import FORESEEN, STATUS, problem_of
+from nena_order_service.api.problems import FORESEEN, STATUS, problem_of
 
 
 def test_each_error_of_the_service_has_one_status() -> None:

@@ -6,11 +6,9 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any
 
+from nena_order_service.api.server import RestDoor, make_standby_app, make_starting_app
 from nena_order_service.parts import OrderService, build
 from nena_order_service.plant_file import PlantFile, load_plant
-from nena_order_service.rest.door import RestDoor
-from nena_order_service.rest.standby import make_standby_app
-from nena_order_service.rest.starting import make_starting_app
 from nena_order_service.serving import Serving
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.database import open_database

@@ -6,7 +6,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from nena_order_service.rest.bodies import (
+from nena_shared.fleet_api.base import ObjectName, Request, Resource
+from nena_shared.fleet_api.plant import PathStatus, StoredZoneSet, ZoneSetStatus
+from nena_shared.fleet_api.requests import (
     DispatchRequest,
     HoldRequest,
     InstantActionAnswer,
@@ -19,8 +21,6 @@ from nena_order_service.rest.bodies import (
     ResumeRequest,
     WithdrawalRequest,
 )
-from nena_shared.fleet_api.base import ObjectName, Request, Resource
-from nena_shared.fleet_api.plant import PathStatus, StoredZoneSet, ZoneSetStatus
 from nena_shared.fleet_api.transport_order import (
     AssignmentStatus,
     DeliveryStatus,

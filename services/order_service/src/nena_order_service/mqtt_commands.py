@@ -8,6 +8,7 @@ from http import HTTPStatus
 from typing import Any
 
 from nena_order_service import vehicle_commands
+from nena_order_service.api.problems import FORESEEN, problem_of
 from nena_order_service.host_requests import ETag, HostServices
 from nena_order_service.mqtt_command_bodies import (
     COMMANDS,
@@ -34,9 +35,8 @@ from nena_order_service.mqtt_command_bodies import (
 )
 from nena_order_service.mqtt_limits import MqttLimits
 from nena_order_service.mqtt_requests import read_request, text_in
-from nena_order_service.problems import FORESEEN, problem_of
-from nena_order_service.rest.bodies import SOMEBODY, OrderSequencePage
 from nena_order_service.store.sequences import SequenceFilter
+from nena_shared.fleet_api.requests import SOMEBODY, OrderSequencePage
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.log import get_logger
@@ -175,7 +175,8 @@ class Verbs:
         """List order sequences."""
         after = None if command.after is None else int(command.after)
         wanted = SequenceFilter(command.finished, before=after, limit=command.limit + 1)
-        page = OrderSequencePage.of(await self._sequences.sequences(wanted), command.limit)
+        found = [(each.number, each.status) for each in await self._sequences.sequences(wanted)]
+        page = OrderSequencePage.of(found, command.limit)
         return CommandAnswer(status=HTTPStatus.OK, order_sequences=page)
 
     async def complete_sequence(self, command: CompleteSequenceCommand) -> CommandAnswer:

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from http import HTTPStatus
 
+from nena_order_service.api.problems import FORESEEN, problem_of
 from nena_order_service.ended_orders import EndedOrders
 from nena_order_service.host_requests import HostRequests
 from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.mqtt_limits import MqttLimits
 from nena_order_service.mqtt_requests import read_request, text_in
-from nena_order_service.problems import FORESEEN, problem_of
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import (
     CreationAnswer,

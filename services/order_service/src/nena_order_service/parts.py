@@ -11,9 +11,10 @@ from secrets import token_hex
 from fastapi import FastAPI
 from starlette.types import ASGIApp
 
-from nena_order_service.asyncapi import document
+from nena_order_service.api import opentcs
+from nena_order_service.api.asyncapi import document
+from nena_order_service.api.events import EventStream
 from nena_order_service.dispatching.way import WayFinder
-from nena_order_service.event_stream import EventStream
 from nena_order_service.fleet import FleetLink, OperationMap, RobotAddresses
 from nena_order_service.host_requests import HostRequests, HostServices, SequenceRequests
 from nena_order_service.kernel import Kernel
@@ -22,8 +23,6 @@ from nena_order_service.mqtt_door import MqttDoor
 from nena_order_service.mqtt_limits import MqttLimits
 from nena_order_service.orders.vda_orders import MissionPlanner
 from nena_order_service.rest.api import make_app
-from nena_order_service.rest.bodies import Readiness
-from nena_order_service.rest.opentcs import app as opentcs
 from nena_order_service.retained_sweep import RetainedSweep
 from nena_order_service.routing import Router, evaluators
 from nena_order_service.routing.path_locks import PathLocks
@@ -33,6 +32,7 @@ from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_order_service.vehicles.zone_sets import ZoneSets
 from nena_shared.clock import Clock, SystemClock
+from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.mqtt import MqttLink
 from nena_shared.plant import PlantModel

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from nena_order_service.host_requests import HostRequests
-from nena_order_service.rest.bodies import DispatchRequest, InstantActionAnswer, InstantActionRequest
 from nena_order_service.rest.instant_actions import answer_of, parameters_of, type_of
+from nena_shared.fleet_api.requests import DispatchRequest, InstantActionAnswer, InstantActionRequest
 from nena_shared.fleet_api.transport_order import TransportOrderRequest, TransportOrderStatus
 
 

@@ -11,7 +11,7 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
-from nena_order_service.rest.door import RestDoor
+from nena_order_service.api.server import RestDoor
 from nena_shared.tasks import Supervisor
 from nena_shared.web.access import WRONG_TOKENS_AT_ONCE
 from nena_shared.web.settings import HttpSettings

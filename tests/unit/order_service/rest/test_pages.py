@@ -8,7 +8,7 @@ import httpx
 import pytest
 from starlette.responses import PlainTextResponse
 
-from nena_order_service.rest.door import RestDoor
+from nena_order_service.api.server import RestDoor
 from nena_shared.tasks import Supervisor
 from nena_shared.web.settings import HttpSettings
 from nena_shared.web.users import Role, User, hash_of, write_users

@@ -4,8 +4,8 @@ import httpx
 from fastapi import FastAPI
 
 from nena_demo.plants import sample_plant_path
+from nena_order_service.api import problems
 from nena_order_service.parts import OrderService
-from nena_order_service.rest import problems
 from nena_order_service.rest.plant_model import make_router
 from nena_shared.plant import PlantModel
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import httpx
 import pytest
 
-from nena_order_service.rest.starting import make_starting_app
+from nena_order_service.api.server import make_starting_app
 from nena_shared.fleet_api.transport_order import Problem
 
 

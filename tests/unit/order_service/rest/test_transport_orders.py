@@ -9,7 +9,7 @@ import pytest
 from starlette.types import Receive, Scope, Send
 
 from nena_order_service.parts import OrderService
-from nena_order_service.rest.bodies import BY_LIMIT
+from nena_shared.fleet_api.requests import BY_LIMIT
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.web.access import KnownUser
 from nena_shared.web.oidc.person import OidcUser

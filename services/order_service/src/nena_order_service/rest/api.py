@@ -11,23 +11,23 @@ from starlette.responses import PlainTextResponse
 from starlette.routing import Mount
 from starlette.types import ASGIApp
 
-from nena_order_service.event_stream import EventStream
+from nena_order_service.api import problems
+from nena_order_service.api.events import EventStream
 from nena_order_service.host_requests import HostServices
 from nena_order_service.rest import (
     events,
     order_sequences,
     paths,
     plant_model,
-    problems,
     transport_orders,
     vehicle_commands,
     vehicles,
     zone_sets,
 )
-from nena_order_service.rest.bodies import Readiness
 from nena_order_service.rest.body_limit import BodyLimit
 from nena_order_service.rest.responses import as_json
 from nena_order_service.serving import ChangePlant
+from nena_shared.fleet_api.requests import Readiness
 from nena_shared.web.described import describe_problems
 
 NOT_READY: dict[int | str, dict[str, object]] = {

@@ -8,7 +8,7 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Query
 from starlette.responses import StreamingResponse
 
-from nena_order_service.event_stream import EventKind, EventStream, Interest
+from nena_order_service.api.events import EventKind, EventStream, Interest
 from nena_shared.fleet_api.base import ObjectName
 from nena_shared.web.event_source import HEADERS
 

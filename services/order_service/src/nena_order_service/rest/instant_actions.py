@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from nena_order_service.fleet import InstantActionEnded
 from nena_order_service.host_requests import HostRequests
-from nena_order_service.rest.bodies import InitialPose, InstantActionAnswer, InstantActionRequest
+from nena_shared.fleet_api.requests import InitialPose, InstantActionAnswer, InstantActionRequest
 from nena_shared.plant import PlantPose
 from nena_shared.vda5050.action import Action, ActionParameter
 

@@ -10,10 +10,10 @@ from fastapi import APIRouter, Query, Response
 
 from nena_order_service.host_requests import ETag, SequenceRequests
 from nena_order_service.rest import responses
-from nena_order_service.rest.bodies import OrderSequencePage
 from nena_order_service.rest.responses import IfMatch, IfNoneMatch, as_json
 from nena_order_service.rest.transport_orders import IdempotencyKey
 from nena_order_service.store.sequences import SequenceFilter
+from nena_shared.fleet_api.requests import OrderSequencePage
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest, OrderSequenceStatus
 
 
@@ -32,7 +32,9 @@ def make_router(requests: SequenceRequests) -> APIRouter:
     ) -> Response:
         """List order sequences, newest first."""
         wanted = SequenceFilter(finished, intended_vehicle, int(after) if after else None, limit + 1)
-        return as_json(OrderSequencePage.of(await requests.sequences(wanted), limit))
+        return as_json(
+            OrderSequencePage.of([(e.number, e.status) for e in await requests.sequences(wanted)], limit)
+        )
 
     @router.get("/{name}", response_model=OrderSequenceStatus)
     async def show(name: str, if_none_match: IfNoneMatch = None) -> Response:

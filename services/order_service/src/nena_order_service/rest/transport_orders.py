@@ -9,7 +9,9 @@ from fastapi import APIRouter, Header, Query, Request, Response
 
 from nena_order_service.host_requests import VEHICLES_EXPLAINED, HostRequests
 from nena_order_service.rest import responses
-from nena_order_service.rest.bodies import (
+from nena_order_service.rest.responses import IfMatch, IfNoneMatch, as_json
+from nena_order_service.store.database import OrderFilter
+from nena_shared.fleet_api.requests import (
     BY_LIMIT,
     SOMEBODY,
     HoldRequest,
@@ -17,8 +19,6 @@ from nena_order_service.rest.bodies import (
     TransportOrderPage,
     WithdrawalRequest,
 )
-from nena_order_service.rest.responses import IfMatch, IfNoneMatch, as_json
-from nena_order_service.store.database import OrderFilter
 from nena_shared.fleet_api.transport_order import (
     AssignmentStatus,
     DeliveryStatus,

@@ -9,13 +9,13 @@ from fastapi import APIRouter, Response
 from nena_order_service import vehicle_commands
 from nena_order_service.host_requests import HostRequests
 from nena_order_service.rest import responses
-from nena_order_service.rest.bodies import (
+from nena_order_service.rest.responses import as_json
+from nena_shared.fleet_api.requests import (
     DispatchRequest,
     InstantActionAnswer,
     InstantActionRequest,
     ReroutingRequest,
 )
-from nena_order_service.rest.responses import as_json
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import ReroutingAnswer
 

@@ -9,13 +9,9 @@ from fastapi import APIRouter, Query, Response
 
 from nena_order_service.errors import UnknownVehicleError
 from nena_order_service.host_requests import HostRequests
-from nena_order_service.rest.bodies import (
-    IntegrationLevelRequest,
-    OrderTypesRequest,
-    VehicleList,
-)
 from nena_order_service.rest.responses import as_json
 from nena_shared.fleet_api.base import ObjectName
+from nena_shared.fleet_api.requests import IntegrationLevelRequest, OrderTypesRequest, VehicleList
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 
 

@@ -9,8 +9,8 @@ import pytest
 from pydantic import ValidationError
 
 from nena_demo.plants import sample_plant_path
+from nena_order_service.api.opentcs import AccessKey
 from nena_order_service.parts import OrderService
-from nena_order_service.rest.opentcs.app import AccessKey
 from nena_order_service.settings import OrderServiceSettings
 
 API = "/opentcs/v1"

@@ -1,4 +1,4 @@
-"""Bodies of the doors that nobody else needs to know."""
+"""What hosts send with their requests, and lists and other answers that belong to one operation."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from nena_order_service.orders.order_sequence import OrderSequence
 from nena_shared.fleet_api.base import IdempotencyKey, ObjectName, Request, Resource
 from nena_shared.fleet_api.plant import PathStatus
 from nena_shared.fleet_api.transport_order import (
@@ -37,11 +36,11 @@ class OrderSequencePage(Resource):
     """Give it as ``after`` for the page that follows; None: this is the last one."""
 
     @classmethod
-    def of(cls, found: Sequence[OrderSequence], limit: int) -> Self:
-        """Make a page of what was found, which is one more than ``limit`` where there are more."""
+    def of(cls, found: Sequence[tuple[int, OrderSequenceStatus]], limit: int) -> Self:
+        """Make a page of numbered sequences, one more than ``limit`` where there are more."""
         page = found[:limit]
-        following = str(page[-1].number) if len(found) > limit else None
-        return cls(order_sequences=tuple(each.status for each in page), next=following)
+        following = str(page[-1][0]) if len(found) > limit else None
+        return cls(order_sequences=tuple(status for _, status in page), next=following)
 
 
 class VehicleList(Resource):

@@ -1,0 +1,575 @@
+"""openTCS's web API, version 1, for orders, sequences, vehicles and paths; its clients need another URL."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from datetime import UTC, datetime
+from http import HTTPStatus
+from math import degrees
+from typing import Annotated, Any, Self
+
+from fastapi import APIRouter, FastAPI, Query, Request, Response
+from fastapi.exceptions import RequestValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from starlette.datastructures import MutableHeaders
+from starlette.exceptions import HTTPException
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from nena_order_service import vehicle_commands
+from nena_order_service.api.problems import FORESEEN, problem_of
+from nena_order_service.errors import NameTakenError, SequenceNameTakenError
+from nena_order_service.host_requests import HostRequests, HostServices, SequenceRequests
+from nena_order_service.routing.path_locks import PathLocks
+from nena_order_service.store.database import OrderFilter
+from nena_order_service.store.sequences import SequenceFilter
+from nena_shared.fleet_api.base import CamelCase, Moment
+from nena_shared.fleet_api.requests import InstantActionRequest
+from nena_shared.fleet_api.transport_order import (
+    Destination,
+    DriveOrderStatus,
+    OrderSequenceRequest,
+    OrderSequenceStatus,
+    Property,
+    TransportOrderRequest,
+    TransportOrderStatus,
+)
+from nena_shared.fleet_api.vehicle import (
+    ANY_TYPE,
+    AcceptableOrderType,
+    OrderType,
+    PrecisePosition,
+    ProcessingState,
+    ReroutingType,
+    VehicleStatus,
+)
+from nena_shared.log import get_logger
+from nena_shared.misfits import TOLD, in_words
+from nena_shared.plant import BoundingBox, PlantModel, Vehicle
+from nena_shared.web.described import describe_problems
+
+log = get_logger(__name__)
+
+
+class NotPossibleError(Exception):
+    """Something that openTCS can do and NeNa cannot, or not that way."""
+
+    def __init__(self, *reasons: str) -> None:
+        super().__init__("; ".join(reasons))
+        self.reasons = reasons
+
+
+def answer(status: int, reasons: tuple[str, ...], headers: dict[str, str] | None = None) -> Response:
+    """Put sentences into a response."""
+    return Response(json.dumps(reasons), status, headers, "application/json")
+
+
+def install(app: FastAPI) -> None:
+    """Let every error of ``app`` be answered as openTCS does, and described.
+
+    What is refused before it comes here (too much, too often, by nobody known) is answered with a problem.
+    """
+    describe_problems(app, {"application/json": {"type": "array", "items": {"type": "string"}}})
+
+    @app.exception_handler(RequestValidationError)
+    async def malformed(_request: Request, error: RequestValidationError) -> Response:
+        return answer(
+            HTTPStatus.BAD_REQUEST, tuple(in_words(error.errors(), whole="body", root="body", most=TOLD))
+        )
+
+    @app.exception_handler(ValidationError)
+    async def misfit(_request: Request, error: ValidationError) -> Response:
+        return answer(
+            HTTPStatus.BAD_REQUEST, tuple(in_words(error.errors(), whole="body", root="body", most=TOLD))
+        )
+
+    @app.exception_handler(HTTPException)
+    async def refused(_request: Request, error: HTTPException) -> Response:
+        return answer(error.status_code, (str(error.detail),), dict(error.headers or {}))
+
+    @app.exception_handler(NotPossibleError)
+    async def not_possible(_request: Request, error: NotPossibleError) -> Response:
+        return answer(HTTPStatus.BAD_REQUEST, error.reasons)
+
+    async def foreseen(_request: Request, error: Exception) -> Response:
+        problem = problem_of(error)
+        # openTCS knows no 422.
+        status = (
+            HTTPStatus.BAD_REQUEST if problem.status == HTTPStatus.UNPROCESSABLE_ENTITY else problem.status
+        )
+        return answer(status, problem.errors or (problem.detail,))
+
+    for kind in FORESEEN:
+        app.add_exception_handler(kind, foreseen)
+
+    @app.exception_handler(Exception)
+    async def failed(request: Request, error: Exception) -> Response:
+        log.error("request failed", path=request.url.path, exc_info=error)
+        return answer(HTTPStatus.INTERNAL_SERVER_ERROR, (problem_of(error).detail,))
+
+
+MM_PER_M = 1000.0
+
+END_OF_TIME = datetime(9999, 12, 31, 23, 59, 59, tzinfo=UTC)
+"""What openTCS says of an order without a deadline, as near as it can be written."""
+
+
+class Body(CamelCase):
+    """A JSON object; fields that openTCS has and NeNa has not are passed over."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+class DestinationRequest(Body):
+    """One stop."""
+
+    location_name: Annotated[str, Field(min_length=1, max_length=200)]
+    operation: Annotated[str, Field(min_length=1, max_length=200)] = "NOP"
+    properties: Annotated[tuple[Property, ...], Field(max_length=100)] | None = None
+
+
+class CreationRequest(Body):
+    """Asks for a transport order; its name stands in the path."""
+
+    incomplete_name: bool = False
+    deadline: Moment | None = None
+    intended_vehicle: str | None = None
+    type: Annotated[str, Field(min_length=1, max_length=100)] | None = None
+    destinations: Annotated[tuple[DestinationRequest, ...], Field(min_length=1, max_length=100)]
+    properties: Annotated[tuple[Property, ...], Field(max_length=100)] | None = None
+    dependencies: tuple[str, ...] | None = None
+    wrapping_sequence: str | None = None
+    dispensable: bool = False
+    peripheral_reservation_token: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+
+    def request(self, name: str) -> dict[str, Any]:
+        """Give the body of NeNa's own request; not yet validated."""
+        return {
+            "name": name,
+            "incompleteName": self.incomplete_name,
+            "destinations": [
+                Destination(
+                    location_name=each.location_name,
+                    operation=each.operation,
+                    properties=each.properties or (),
+                )
+                for each in self.destinations
+            ],
+            "intendedVehicle": self.intended_vehicle,
+            "type": self.type or TransportOrderRequest.model_fields["type"].default,
+            "deadline": self.deadline,
+            "dispensable": self.dispensable,
+            "peripheralReservationToken": self.peripheral_reservation_token,
+            "properties": self.properties or (),
+            "dependencies": self.dependencies or (),
+            "wrappingSequence": self.wrapping_sequence,
+        }
+
+
+class AcceptableOrderTypes(Body):
+    """The types of orders that a vehicle is to accept."""
+
+    acceptable_order_types: Annotated[tuple[AcceptableOrderType, ...], Field(max_length=100)]
+
+
+class AllowedOrderTypes(Body):
+    """The same without priorities, as openTCS has it up to 6.0."""
+
+    order_types: Annotated[tuple[OrderType, ...], Field(max_length=100)]
+
+    def acceptable(self) -> tuple[AcceptableOrderType, ...]:
+        """Give them with one priority for all."""
+        return tuple(AcceptableOrderType(name=name) for name in dict.fromkeys(self.order_types))
+
+
+class DestinationState(Body):
+    """One stop as it stands."""
+
+    location_name: str
+    operation: str
+    state: str
+    properties: tuple[Property, ...]
+
+    @classmethod
+    def of(cls, drive_order: DriveOrderStatus) -> Self:
+        """Tell it of a drive order; a coordinate has no name."""
+        destination = drive_order.destination
+        return cls(
+            location_name=destination.location_name or "",
+            operation=destination.operation,
+            state=drive_order.state.value,
+            properties=destination.properties,
+        )
+
+
+class TransportOrderState(Body):
+    """A transport order as it stands."""
+
+    name: str
+    type: str
+    state: str
+    category: str
+    intended_vehicle: str | None
+    processing_vehicle: str | None
+    dispensable: bool
+    peripheral_reservation_token: str | None
+    wrapping_sequence: str | None
+    dependencies: tuple[str, ...]
+    creation_time: Moment
+    deadline: Moment
+    finished_time: Moment | None
+    destinations: tuple[DestinationState, ...]
+    properties: tuple[Property, ...]
+
+    @classmethod
+    def of(cls, order: TransportOrderStatus) -> Self:
+        """Tell it of one of NeNa's orders."""
+        return cls(
+            name=order.name,
+            type=order.type,
+            category=order.type,
+            state=order.state.value,
+            intended_vehicle=order.intended_vehicle,
+            processing_vehicle=order.processing_vehicle,
+            dispensable=order.dispensable,
+            wrapping_sequence=order.wrapping_sequence,
+            dependencies=order.dependencies,
+            peripheral_reservation_token=order.peripheral_reservation_token,
+            creation_time=order.created,
+            deadline=order.deadline or END_OF_TIME,
+            finished_time=order.finished,
+            destinations=tuple(DestinationState.of(each) for each in order.drive_orders),
+            properties=order.properties,
+        )
+
+
+class Triple(Body):
+    """A position in mm."""
+
+    x: int
+    y: int
+    z: int = 0
+
+    @classmethod
+    def of(cls, position: PrecisePosition) -> Self:
+        """Give it in whole mm of the plant's frame."""
+        return cls(x=round(position.x * MM_PER_M), y=round(position.y * MM_PER_M))
+
+
+class Size(Body):
+    """How large a vehicle is, in mm."""
+
+    length: int
+    width: int
+    height: int
+    reference_offset: dict[str, int]
+
+    @classmethod
+    def of(cls, box: BoundingBox) -> Self:
+        """Tell it of a vehicle of the plant model."""
+        offset = {"x": box.reference_offset_x_mm, "y": box.reference_offset_y_mm}
+        return cls(length=box.length_mm, width=box.width_mm, height=box.height_mm, reference_offset=offset)
+
+
+class VehicleState(Body):
+    """A vehicle as it stands."""
+
+    name: str
+    properties: dict[str, str]
+    length: int
+    bounding_box: Size
+    energy_level_good: int
+    energy_level_critical: int
+    energy_level_sufficiently_recharged: int
+    energy_level_fully_recharged: int
+    energy_level: int
+    integration_level: str
+    paused: bool = False
+    proc_state: str
+    transport_order: str | None
+    current_position: str | None
+    precise_position: Triple | None
+    orientation_angle: float | None
+    """Degrees."""
+    state: str
+    allocated_resources: tuple[tuple[str, ...], ...] = ()
+    claimed_resources: tuple[tuple[str, ...], ...] = ()
+    acceptable_order_types: tuple[AcceptableOrderType, ...]
+    allowed_order_types: tuple[str, ...]
+    """The same as openTCS has it up to 6.0."""
+    envelope_key: str | None = None
+
+    @classmethod
+    def of(cls, status: VehicleStatus, model: Vehicle | None) -> Self:
+        """Tell it of one of NeNa's vehicles, and what the plant model says of it."""
+        model = model or Vehicle(name=status.name)
+        position, levels = status.precise_position, model.energy_thresholds
+        return cls(
+            name=status.name,
+            properties=dict(model.properties),
+            length=model.bounding_box.length_mm,
+            bounding_box=Size.of(model.bounding_box),
+            energy_level_good=levels.good,
+            energy_level_critical=levels.critical,
+            energy_level_sufficiently_recharged=levels.sufficiently_recharged,
+            energy_level_fully_recharged=levels.fully_recharged,
+            energy_level=round(status.energy_level or 0),
+            integration_level=status.integration_level.value,
+            proc_state=status.processing_state.value,
+            transport_order=status.transport_order,
+            current_position=status.current_position,
+            precise_position=Triple.of(position) if position else None,
+            acceptable_order_types=status.acceptable_order_types,
+            allowed_order_types=tuple(each.name for each in status.acceptable_order_types),
+            orientation_angle=round(degrees(position.theta), 3) if position else None,
+            state=status.state.value,
+        )
+
+
+class OrderSequenceCreation(Body):
+    """Asks for an order sequence; its name stands in the path."""
+
+    incomplete_name: bool = False
+    type: OrderType | None = None
+    """The one type of its orders, as openTCS has it up to 6; ``orderTypes`` counts more."""
+    order_types: Annotated[tuple[OrderType, ...], Field(min_length=1, max_length=100)] | None = None
+    intended_vehicle: str | None = None
+    failure_fatal: bool = False
+    properties: Annotated[tuple[Property, ...], Field(max_length=100)] | None = None
+
+    def request(self, name: str) -> OrderSequenceRequest:
+        """Give NeNa's own request; raises ValidationError."""
+        return OrderSequenceRequest(
+            name=name,
+            incomplete_name=self.incomplete_name,
+            order_types=self.order_types or (self.type or ANY_TYPE,),
+            intended_vehicle=self.intended_vehicle,
+            failure_fatal=self.failure_fatal,
+            properties=self.properties or (),
+        )
+
+
+class OrderSequenceState(Body):
+    """An order sequence as it stands."""
+
+    name: str
+    type: str
+    order_types: tuple[str, ...]
+    orders: tuple[str, ...]
+    finished_index: int
+    complete: bool
+    finished: bool
+    failure_fatal: bool
+    intended_vehicle: str | None
+    processing_vehicle: str | None
+    properties: tuple[Property, ...]
+
+    @classmethod
+    def of(cls, sequence: OrderSequenceStatus) -> Self:
+        """Tell it of one of NeNa's sequences."""
+        return cls(
+            name=sequence.name,
+            type=sequence.order_types[0],
+            order_types=sequence.order_types,
+            orders=sequence.orders,
+            finished_index=sequence.finished_index,
+            complete=sequence.complete,
+            finished=sequence.finished,
+            failure_fatal=sequence.failure_fatal,
+            intended_vehicle=sequence.intended_vehicle,
+            processing_vehicle=sequence.processing_vehicle,
+            properties=sequence.properties,
+        )
+
+
+_SEQUENCES = TypeAdapter(list[OrderSequenceState])
+
+
+def sequence_router(requests: SequenceRequests) -> APIRouter:
+    """Make the routes over what hosts may ask for."""
+    router = APIRouter()
+
+    @router.get("", response_model=list[OrderSequenceState])
+    async def list_sequences(
+        intended_vehicle: Annotated[str | None, Query(alias="intendedVehicle")] = None,
+    ) -> Response:
+        found = await requests.sequences(SequenceFilter(intended_vehicle=intended_vehicle, limit=LISTED))
+        states = [OrderSequenceState.of(each.status) for each in found]
+        return Response(_SEQUENCES.dump_json(states, by_alias=True), media_type="application/json")
+
+    @router.get("/{name}", response_model=OrderSequenceState)
+    async def show(name: str) -> Response:
+        return _sequence_answer(await requests.sequence(name))
+
+    @router.post("/{name}", response_model=OrderSequenceState)
+    async def create(name: str, body: OrderSequenceCreation) -> Response:
+        sequence, new = await requests.create(body.request(name))
+        if not new:
+            raise SequenceNameTakenError(name)
+        return _sequence_answer(sequence)
+
+    @router.put("/{name}/complete", response_class=Response)
+    async def complete(name: str) -> Response:
+        await requests.complete(name)
+        return Response(status_code=HTTPStatus.OK)
+
+    return router
+
+
+def _sequence_answer(sequence: OrderSequenceStatus) -> Response:
+    body = OrderSequenceState.of(sequence).model_dump_json(by_alias=True)
+    return Response(body, media_type="application/json")
+
+
+LISTED = 1000
+"""Orders that a list has at most, the newest; openTCS has no pages."""
+
+REASON = "withdrawn by a host of openTCS's web API"
+
+KEY_HEADER = "x-api-access-key"
+
+_ORDERS = TypeAdapter(list[TransportOrderState])
+_VEHICLES = TypeAdapter(list[VehicleState])
+
+
+class AccessKey:
+    """ASGI middleware: takes openTCS's key for the token that this program asks for."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on, with its key as its token."""
+        if scope["type"] == "http":
+            headers = MutableHeaders(scope=scope)
+            key = headers.get(KEY_HEADER)
+            if key and "authorization" not in headers:
+                headers["authorization"] = f"Bearer {key}"
+        await self._app(scope, receive, send)
+
+
+def make_app(
+    hosts: HostServices,
+    *,
+    plant: PlantModel,
+    dispatch: Callable[[], None],
+) -> FastAPI:
+    """Make the ASGI application; ``dispatch`` has the dispatcher look again."""
+    app = FastAPI(title="openTCS web API, version 1, as NeNa serves it", docs_url=None, redoc_url=None)
+    install(app)
+    app.include_router(_orders(hosts.requests, dispatch), prefix="/v1/transportOrders")
+    app.include_router(sequence_router(hosts.sequences), prefix="/v1/orderSequences")
+    app.include_router(_vehicles(hosts.requests, plant), prefix="/v1/vehicles")
+    app.include_router(_plant(hosts.locks, dispatch), prefix="/v1")
+    return app
+
+
+def _json(body: BaseModel) -> Response:
+    return Response(body.model_dump_json(by_alias=True), media_type="application/json")
+
+
+def _done() -> Response:
+    return Response(status_code=HTTPStatus.OK)
+
+
+def _orders(requests: HostRequests, dispatch: Callable[[], None]) -> APIRouter:
+    router = APIRouter()
+
+    @router.get("", response_model=list[TransportOrderState])
+    async def list_orders(
+        intended_vehicle: Annotated[str | None, Query(alias="intendedVehicle")] = None,
+    ) -> Response:
+        found = await requests.orders(OrderFilter(intended_vehicle=intended_vehicle, limit=LISTED))
+        orders = [TransportOrderState.of(each.status) for each in found]
+        return Response(_ORDERS.dump_json(orders, by_alias=True), media_type="application/json")
+
+    @router.post("/dispatcher/trigger", response_class=Response)
+    async def trigger() -> Response:
+        dispatch()
+        return _done()
+
+    @router.get("/{name}", response_model=TransportOrderState)
+    async def show(name: str) -> Response:
+        return _json(TransportOrderState.of(await requests.order(name)))
+
+    @router.post("/{name}", response_model=TransportOrderState)
+    async def create(name: str, body: CreationRequest) -> Response:
+        order, new = await requests.create(TransportOrderRequest.model_validate(body.request(name)))
+        if not new:
+            raise NameTakenError(name)
+        return _json(TransportOrderState.of(order))
+
+    @router.post("/{name}/withdrawal", response_class=Response)
+    async def withdraw(name: str) -> Response:
+        await requests.withdraw(name, REASON)
+        return _done()
+
+    return router
+
+
+def _vehicles(requests: HostRequests, plant: PlantModel) -> APIRouter:
+    router = APIRouter()
+    models = {vehicle.name: vehicle for vehicle in plant.vehicles}
+
+    @router.get("", response_model=list[VehicleState])
+    async def list_vehicles(
+        proc_state: Annotated[ProcessingState | None, Query(alias="procState")] = None,
+    ) -> Response:
+        chosen = (v for v in requests.vehicles() if proc_state in (None, v.processing_state))
+        states = [VehicleState.of(each, models.get(each.name)) for each in chosen]
+        return Response(_VEHICLES.dump_json(states, by_alias=True), media_type="application/json")
+
+    @router.get("/{name}", response_model=VehicleState)
+    async def show(name: str) -> Response:
+        return _json(VehicleState.of(requests.vehicle(name), models.get(name)))
+
+    @router.post("/{name}/withdrawal", response_class=Response)
+    async def withdraw(name: str) -> Response:
+        order = requests.vehicle(name).transport_order
+        if order is not None:
+            await requests.withdraw(order, REASON)
+        return _done()
+
+    @router.post("/{name}/rerouteRequest", response_class=Response)
+    async def reroute(name: str, *, forced: bool = False) -> Response:
+        await requests.reroute(name, ReroutingType.FORCED if forced else ReroutingType.REGULAR)
+        return _done()
+
+    @router.put("/{name}/paused", response_class=Response)
+    async def pause(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> Response:
+        request = InstantActionRequest(action_type="pause" if new_value else "resume")
+        told = await vehicle_commands.instant_action(requests, name, request)
+        if told.status == "FAILED":
+            raise NotPossibleError(told.reason)
+        return _done()
+
+    _add_order_types(router, requests)
+    return router
+
+
+def _add_order_types(router: APIRouter, requests: HostRequests) -> None:
+    @router.put("/{name}/acceptableOrderTypes", response_class=Response)
+    async def accept(name: str, body: AcceptableOrderTypes) -> Response:
+        await requests.accept_order_types(name, body.acceptable_order_types)
+        return _done()
+
+    @router.put("/{name}/allowedOrderTypes", response_class=Response)
+    async def allow(name: str, body: AllowedOrderTypes) -> Response:
+        await requests.accept_order_types(name, body.acceptable())
+        return _done()
+
+
+def _plant(locks: PathLocks, dispatch: Callable[[], None]) -> APIRouter:
+    router = APIRouter()
+
+    @router.post("/dispatcher/trigger", response_class=Response)
+    async def trigger() -> Response:
+        dispatch()
+        return _done()
+
+    @router.put("/paths/{name:path}/locked", response_class=Response)
+    async def lock(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> Response:
+        await locks.set(name, locked=new_value)
+        return _done()
+
+    return router

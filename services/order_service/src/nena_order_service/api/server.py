@@ -1,0 +1,179 @@
+"""The HTTP server of the order service: one port and one guard for the whole run, whatever app answers."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from http import HTTPStatus
+
+from fastapi import FastAPI, Request, Response
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from nena_order_service.api import problems
+from nena_order_service.api.opentcs import AccessKey
+from nena_order_service.rest.roles import READING, role_needed
+from nena_shared.fleet_api.requests import Readiness
+from nena_shared.fleet_api.transport_order import Problem
+from nena_shared.tasks import Supervisor
+from nena_shared.web.access import protect
+from nena_shared.web.problem import answer, refusal
+from nena_shared.web.server import SHUTDOWN_TIMEOUT, HttpServer
+from nena_shared.web.settings import HttpSettings
+
+DETAIL = (
+    "Commands of web pages (Origin) are not taken where nobody has to log in. Use the control panel; or set "
+    "http.users, and send a token."
+)
+
+
+class NoPages:
+    """ASGI middleware: answers 403 to whatever a browser says that a page has asked for.
+
+    A browser asks on behalf of any page that is open in it. A request without a body it sends to other sites
+    unasked, and to a name that a page has made to point here anything: only a token tells people from pages.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass on what programs ask, and what changes nothing."""
+        asks = scope["type"] == "http" and scope["method"] not in READING
+        if asks and "origin" in Headers(scope=scope):
+            await refusal(HTTPStatus.FORBIDDEN, DETAIL)(scope, receive, send)
+        else:
+            await self._app(scope, receive, send)
+
+
+RETRY_AFTER = "1"
+"""Seconds; a takeover takes a few."""
+
+METHODS = ["GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"]
+
+
+def make_standby_app(active_url: Callable[[], str], problem: Callable[[], str]) -> FastAPI:
+    """Make the ASGI application.
+
+    Args:
+        active_url: tells where the active order service is; empty where that is not known.
+        problem: tells why the database cannot be asked for that; empty where it can.
+
+    """
+    app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
+    problems.install(app)
+
+    @app.get("/healthz")
+    async def alive() -> Response:
+        return Response("ok\n", media_type="text/plain")
+
+    @app.get("/readyz")
+    async def ready() -> Response:
+        where = f"The active one is {active_url()}." if active_url() else "It is not known which is active."
+        said = [f"This order service stands by. {where}"]
+        if problem():
+            said.append(f"The database does not answer ({problem()}): no takeover is possible now.")
+        body = Readiness(
+            ready=False,
+            role="standby",
+            broker_connected=False,
+            store_ready=not problem(),
+            problems=tuple(said),
+        )
+        status = HTTPStatus.SERVICE_UNAVAILABLE
+        return Response(body.model_dump_json(by_alias=True), status, media_type="application/json")
+
+    @app.api_route("/{path:path}", methods=METHODS)
+    async def elsewhere(request: Request) -> Response:
+        raw: bytes = request.scope["raw_path"]  # as it came: names may have letters that no header holds
+        return _go_there(active_url(), raw.decode("ascii"))
+
+    return app
+
+
+def _go_there(active_url: str, path: str) -> Response:
+    status = HTTPStatus.SERVICE_UNAVAILABLE
+    where = (
+        f"Send the request to the active one: {active_url}{path}"
+        if active_url
+        else "It is not known yet which is active. Try again in a moment, here and at the others"
+    )
+    problem = Problem(title="Standing by", status=status, detail=f"This order service stands by. {where}.")
+    headers = {"Retry-After": RETRY_AFTER}
+    if active_url:
+        headers["Link"] = f'<{active_url}{path}>; rel="alternate"'
+    return answer(problem, headers)
+
+
+def make_starting_app(problem: Callable[[], str]) -> FastAPI:
+    """Make the ASGI application; ``problem`` tells why the store takes nothing."""
+    app = FastAPI(openapi_url=None, docs_url=None, redoc_url=None)
+    problems.install(app)
+    status = HTTPStatus.SERVICE_UNAVAILABLE
+
+    def said() -> str:
+        why = f" ({problem()})" if problem() else ""
+        return (
+            f"This order service starts, and waits until its store takes something{why}. "
+            "Look at the disk or server of store.url; it goes on by itself."
+        )
+
+    @app.get("/healthz")
+    async def alive() -> Response:
+        return Response("ok\n", media_type="text/plain")
+
+    @app.get("/readyz")
+    async def ready() -> Response:
+        body = Readiness(
+            ready=False, role="starting", broker_connected=False, store_ready=False, problems=(said(),)
+        )
+        return Response(body.model_dump_json(by_alias=True), status, media_type="application/json")
+
+    @app.api_route("/{path:path}", methods=METHODS)
+    async def later() -> Response:
+        told = Problem(title="Starting", status=status, detail=said())
+        return answer(told, {"Retry-After": RETRY_AFTER})
+
+    return app
+
+
+class RestDoor:
+    """Has the port from its making on.
+
+    What answers may be changed; users, an issuer's keys and what limits of requests have counted stay.
+    """
+
+    def __init__(self, app: ASGIApp, settings: HttpSettings) -> None:
+        """Take the port.
+
+        Raises:
+            ConfigurationError: the address is not protected as it must be, or a file cannot be used.
+            StartError: somebody else has the port, or the address is not ours.
+
+        """
+        self._guard = protect(app, settings, role_needed)
+        asks = settings.users is not None or settings.oidc is not None
+        self._http = HttpServer(AccessKey(self._guard if asks else NoPages(self._guard)), settings)
+        self._answering: asyncio.Task[None] | None = None
+
+    @property
+    def url(self) -> str:
+        """Where it is found, as far as the settings tell."""
+        return self._http.url
+
+    def show(self, app: ASGIApp) -> None:
+        """Have ``app`` answer from the next request on."""
+        self._guard.app = app
+
+    def open(self, supervisor: Supervisor) -> None:
+        """Answer requests from now on; nothing happens where that is so already."""
+        self._answering = self._answering or supervisor.start("http", self._http.run())
+
+    async def close(self) -> None:
+        """Take no more requests, and give those that are open a moment to end."""
+        answering, self._answering = self._answering, None
+        if answering is None:
+            self._http.close()
+            return
+        self._http.stop()
+        await asyncio.wait({answering}, timeout=SHUTDOWN_TIMEOUT + 1)
