@@ -12,8 +12,8 @@ from time import process_time
 
 from bench.figures import Figures
 from nena_edge_agent.driver.port import Arrived, PoseReport
+from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import OrderReceived
-from nena_edge_agent.protocol.rules import RULES
 from nena_shared.vda5050.brief.reader import read_brief
 from nena_shared.vda5050.brief.state import StateBrief
 from nena_shared.vda5050.order import Order

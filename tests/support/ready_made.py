@@ -9,8 +9,7 @@ from nena_edge_agent.actions.plugin import ActionPlugin, PluginContext
 from nena_edge_agent.actions.ready_made import ready_made
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.runner import ActionRunner
-from nena_edge_agent.protocol.effects import StartAction
-from nena_edge_agent.protocol.events import ActionReport
+from nena_edge_agent.protocol.events import ActionReport, StartAction
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.topics import RobotKey
 from support.pausing import turn_passes

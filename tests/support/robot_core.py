@@ -19,17 +19,17 @@ from nena_edge_agent.driver.port import (
     PoseReport,
 )
 from nena_edge_agent.protocol.capabilities import Capabilities
-from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
-from nena_edge_agent.protocol.effects import Drive, Effect
+from nena_edge_agent.protocol.declaration import PREDEFINED, ActionDeclaration, Parameter, spoken
 from nena_edge_agent.protocol.events import (
     ActionReport,
+    Drive,
+    Effect,
     Event,
     InstantActionsReceived,
     OrderReceived,
     Started,
 )
 from nena_edge_agent.protocol.memory import Memory
-from nena_edge_agent.protocol.predefined import PREDEFINED, spoken
 from nena_edge_agent.protocol.robot import RobotCore
 from nena_shared.vda5050.action import (
     Action,

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from nena_edge_agent.mailbox import Mailbox
+from nena_edge_agent.queues import Mailbox
 from nena_shared.vda5050.error import ErrorLevel
 from nena_shared.vda5050.state import OperatingMode
 from support.broker import Broker, MqttPeer

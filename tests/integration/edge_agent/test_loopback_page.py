@@ -15,8 +15,8 @@ from typing import get_args
 
 import pytest
 
-from nena_edge_agent.loopback.commands import AnyCommand
-from nena_edge_agent.loopback.rehearsal import rehearsal_actions
+from nena_edge_agent.loopback.actions import rehearsal_actions
+from nena_edge_agent.loopback.control import AnyCommand
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from support.broker import Broker, MqttPeer
 from support.loopback_bench import BenchRobot

@@ -12,8 +12,7 @@ from pydantic import BaseModel
 from pydantic_core import to_json
 
 from nena_edge_agent.driver.port import Pose
-from nena_edge_agent.loopback.bench import Bench
-from nena_edge_agent.loopback.control import ControlDoor
+from nena_edge_agent.loopback.control import Bench, ControlDoor
 from nena_edge_agent.loopback.driver import LoopbackDriver
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.protocol.events import Event

@@ -13,8 +13,7 @@ from hypothesis.stateful import run_state_machine_as_test
 
 from nena_conversations.message import SENDERS, Sender
 from nena_conversations.rules import Severity
-from nena_edge_agent.protocol.effects import Effect
-from nena_edge_agent.protocol.events import Event, InstantActionsReceived, OrderReceived
+from nena_edge_agent.protocol.events import Effect, Event, InstantActionsReceived, OrderReceived
 from support.examples import EXAMPLES
 from support.robot_core import Bench
 from support.talk import VERSIONS, Talk

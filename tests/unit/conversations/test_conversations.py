@@ -12,6 +12,7 @@ from nena_conversations.checker import check
 from nena_conversations.message import ReceivedMessage, Sender, parse
 from nena_conversations.recording import read_file
 from nena_conversations.rules import Rule
+from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import (
     ActionReport,
     InstantActionsReceived,
@@ -20,7 +21,6 @@ from nena_edge_agent.protocol.events import (
     Started,
     ZoneSetReceived,
 )
-from nena_edge_agent.protocol.rules import RULES
 from nena_order_service.fleet import FleetController, FleetSettings, LinkStatus
 from nena_shared.vda5050.action import ActionStatus, InstantActions
 from nena_shared.vda5050.connection import Connection

@@ -6,7 +6,7 @@ import pytest
 
 from nena_edge_agent.driver.port import Pose, PoseReport
 from nena_edge_agent.drivers import driver_maker
-from nena_edge_agent.loopback.bench import Bench
+from nena_edge_agent.loopback.control import Bench
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.protocol.events import Event
 from nena_edge_agent.ros.session_actions import SessionSwitch

@@ -11,8 +11,8 @@ import shutil
 from pathlib import Path
 
 from nena_edge_agent.journal import Journal
+from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.memory import Memory
-from nena_edge_agent.protocol.rules import RULES
 from nena_shared.vda5050.topics import RobotKey
 from support.robot_core import Bench
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from nena_edge_agent.__main__ import make_registry
-from nena_edge_agent.loopback.bench import Bench
+from nena_edge_agent.loopback.control import Bench
 from nena_edge_agent.settings import EdgeAgentSettings
 
 REHEARSAL = {"waitUninterrupted", "failAlways", "failOnce", "needParameter"}

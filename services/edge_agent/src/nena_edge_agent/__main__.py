@@ -20,10 +20,8 @@ from nena_edge_agent.agent import RobotAgent
 from nena_edge_agent.drivers import driver_maker
 from nena_edge_agent.fleet import run_fleet
 from nena_edge_agent.journal import sole_user
-from nena_edge_agent.loopback.bench import Bench
-from nena_edge_agent.loopback.charging import ChargingWatch
-from nena_edge_agent.loopback.control import ControlDoor
-from nena_edge_agent.loopback.rehearsal import rehearsal_actions
+from nena_edge_agent.loopback.actions import ChargingWatch, rehearsal_actions
+from nena_edge_agent.loopback.control import Bench, ControlDoor
 from nena_edge_agent.maps.actions import map_actions
 from nena_edge_agent.maps.selection import map_store
 from nena_edge_agent.maps.store import MapStore

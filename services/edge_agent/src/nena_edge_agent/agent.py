@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import ParamSpec
 
@@ -11,46 +13,37 @@ from structlog.contextvars import bind_contextvars
 
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.runner import ActionRunner
-from nena_edge_agent.client_id import client_id_of
-from nena_edge_agent.collector import spare_what_is_loaded
 from nena_edge_agent.driver.port import DriveFailed, DriveFailure, DriveGoal, Driver, Pose
-from nena_edge_agent.inbox import Inbox
-from nena_edge_agent.journal import Journal, recollection
-from nena_edge_agent.kept_frame import check_frame
-from nena_edge_agent.mailbox import Mailbox
-from nena_edge_agent.own_capabilities import make_capabilities
-from nena_edge_agent.postponed import Postponed
+from nena_edge_agent.factsheet import make_capabilities
+from nena_edge_agent.journal import Journal, Recorder, check_frame, recollection
+from nena_edge_agent.messages import Inbox, RobotMessages, client_id_of
 from nena_edge_agent.protocol.conditions import journal_lost
-from nena_edge_agent.protocol.effects import (
+from nena_edge_agent.protocol.errors import error_key
+from nena_edge_agent.protocol.events import (
     CancelAction,
     Drive,
     Effect,
+    ErrorSwitched,
+    Event,
     Halt,
+    JournalReport,
     LimitSpeed,
+    LinkReport,
+    MapsReport,
     PauseAction,
+    PluginsReport,
     ReportState,
     ResumeAction,
     SendFactsheet,
     SetPosition,
     StartAction,
-)
-from nena_edge_agent.protocol.errors import error_key
-from nena_edge_agent.protocol.events import (
-    ErrorSwitched,
-    Event,
-    JournalReport,
-    LinkReport,
-    MapsReport,
-    PluginsReport,
     Started,
     SubscriptionsReport,
     TimePassed,
 )
 from nena_edge_agent.protocol.robot import RobotCore
 from nena_edge_agent.protocol.state_report import as_recorded
-from nena_edge_agent.recorder import Recorder
-from nena_edge_agent.robot_messages import RobotMessages
-from nena_edge_agent.schedule import StateSchedule, VisualizationSchedule
+from nena_edge_agent.queues import Mailbox, Postponed, StateSchedule, VisualizationSchedule
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.plant import RobotMap
@@ -348,3 +341,13 @@ class RobotAgent:
         self._link.publish(self._messages.connection(state))
         if not await self._link.drain(FAREWELL):
             self._log.warning("the broker was not told that the robot leaves")
+
+
+@cache
+def spare_what_is_loaded() -> None:
+    """Exclude all objects loaded so far from garbage collection; a full pass would block a robot for 30 ms.
+
+    Freezes once per process: a second freeze would keep what is left of a failed robot for good, and
+    ``gc.get_freeze_count()`` walks all frozen objects.
+    """
+    gc.freeze()

@@ -8,7 +8,7 @@ from nena_edge_agent.agent import DriverMaker
 from nena_edge_agent.driver.map_port import MapDriver, MapEmit
 from nena_edge_agent.driver.plant_frame import PlantFrame, PlantFrameDriver
 from nena_edge_agent.driver.port import Driver, Emit, Pose
-from nena_edge_agent.loopback.bench import Bench
+from nena_edge_agent.loopback.control import Bench
 from nena_edge_agent.loopback.driver import LoopbackDriver
 from nena_edge_agent.protocol.events import Event
 from nena_edge_agent.ros.guest import NodeGuest

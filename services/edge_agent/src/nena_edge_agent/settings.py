@@ -12,9 +12,7 @@ from nena_edge_agent.actions.settings import ActionSettings, AnyOperation, defau
 from nena_edge_agent.download import DownloadSettings
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.maps.settings import MapSettings
-from nena_edge_agent.protocol.capabilities import DriveStrategy, ExternalGoals
-from nena_edge_agent.protocol.link_loss import LinkLossPolicy
-from nena_edge_agent.protocol.optional_parameters import TOLERABLE
+from nena_edge_agent.protocol.capabilities import TOLERABLE, DriveStrategy, ExternalGoals, LinkLossPolicy
 from nena_edge_agent.ros.settings import Navigation, RosSettings
 from nena_shared.plant.map_transforms import parse_transform
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix

@@ -18,8 +18,7 @@ from nena_edge_agent.actions.ports import Fields, RosError, TopicQos
 from nena_edge_agent.actions.ready_made import ready_made
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.runner import ActionRunner
-from nena_edge_agent.protocol.effects import CancelAction, StartAction
-from nena_edge_agent.protocol.events import ActionReport
+from nena_edge_agent.protocol.events import ActionReport, CancelAction, StartAction
 from nena_edge_agent.ros.plugin_port import PluginRos
 from nena_edge_agent.ros.session import RosSession
 from nena_edge_agent.settings import EdgeAgentSettings

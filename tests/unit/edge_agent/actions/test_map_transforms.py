@@ -2,9 +2,8 @@ from __future__ import annotations
 
 from nena_edge_agent.__main__ import make_registry
 from nena_edge_agent.actions.map_transforms import MapTransforms
-from nena_edge_agent.factsheet import make_factsheet
-from nena_edge_agent.loopback.bench import Bench
-from nena_edge_agent.own_capabilities import make_capabilities
+from nena_edge_agent.factsheet import make_capabilities, make_factsheet
+from nena_edge_agent.loopback.control import Bench
 from nena_edge_agent.protocol.events import ActionReport
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from nena_edge_agent.protocol.effects import CancelAction, PauseAction, ResumeAction
+from nena_edge_agent.protocol.events import CancelAction, PauseAction, ResumeAction
 from nena_shared.vda5050.action import ActionStatus
 from support.ready_made import CALL, CLAMP, LIFT, STEERED, Robot
 from support.waiting import until

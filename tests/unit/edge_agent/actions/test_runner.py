@@ -7,8 +7,7 @@ from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.runner import ActionRunner
 from nena_edge_agent.actions.wait import Wait
 from nena_edge_agent.protocol.declaration import ActionDeclaration
-from nena_edge_agent.protocol.effects import CancelAction, PauseAction, ResumeAction, StartAction
-from nena_edge_agent.protocol.events import ActionReport
+from nena_edge_agent.protocol.events import ActionReport, CancelAction, PauseAction, ResumeAction, StartAction
 from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.factsheet import ActionScope

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
-from nena_edge_agent.protocol.action_states import ActionRecord, ActionStates
-from nena_shared.vda5050.action import ActionStatus
+from nena_edge_agent.protocol.action_states import ActionQueue, ActionRecord, ActionStates, lets_drive
+from nena_edge_agent.protocol.declaration import ActionDeclaration, LoadChange
+from nena_edge_agent.protocol.events import ActionReport, LoadSensed, StartAction
+from nena_edge_agent.protocol.memory import Memory
+from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.factsheet import ActionScope
-from support.robot_core import action
+from nena_shared.vda5050.state import Load
+from support.robot_core import ACTIONS, Bench, action, instant, order
 
 
 def states(status: str) -> ActionStates:
@@ -62,3 +68,263 @@ def test_a_result_alone_is_a_change_and_the_same_status_again_is_none() -> None:
 
 def test_an_unknown_action_is_passed_over() -> None:
     assert not states("RUNNING").change("b", ActionStatus.FINISHED)
+
+
+def queue(*kinds: str) -> ActionQueue:
+    """Make a queue of actions that are called like their kinds: N NONE, S SOFT, H HARD, 1 SINGLE."""
+    names = {"N": "NONE", "S": "SOFT", "H": "HARD", "1": "SINGLE"}
+    made = ActionQueue()
+    made.append([action(kind, names[kind[0]]) for kind in kinds])
+    return made
+
+
+@pytest.mark.clause("6.2.2")
+@pytest.mark.parametrize(
+    ("kinds", "runnable", "driving"),
+    [
+        ((), [], True),
+        (("Na", "Nb"), ["Na", "Nb"], True),
+        (("Sa", "Nb", "Sc"), ["Sa", "Nb", "Sc"], False),
+        (("Ha", "Nb"), ["Ha"], False),
+        (("Na", "Hb", "Nc"), ["Na"], False),
+        (("1a", "Nb"), ["1a"], True),
+        (("Na", "1b"), ["Na"], True),
+        (("Sa", "1b", "Hc"), ["Sa"], False),
+        (("Na", "Nb", "Sc", "Hd"), ["Na", "Nb", "Sc"], False),
+    ],
+)
+def test_what_may_run_and_whether_the_robot_may_drive(
+    kinds: tuple[str, ...],
+    runnable: list[str],
+    driving: bool,  # noqa: FBT001
+) -> None:
+    made = queue(*kinds)
+
+    assert made.runnable() == runnable
+    assert made.driving_allowed is driving
+
+
+@pytest.mark.clause("6.2.2")
+def test_an_ended_action_leaves_the_queue_and_lets_the_next_ones_run() -> None:
+    made = queue("Na", "Hb", "Nc")
+
+    made.remove("Na")
+    assert made.runnable() == ["Hb"]
+    made.remove("Hb")
+    assert (made.runnable(), made.driving_allowed) == (["Nc"], True)
+
+
+@pytest.mark.clause("6.2.2")
+def test_a_node_lets_drive_unless_an_action_wants_the_robot_to_stand() -> None:
+    assert lets_drive([action("a", "NONE"), action("b", "SINGLE")])
+    assert not lets_drive([action("a", "NONE"), action("b", "SOFT")])
+
+
+@pytest.mark.clause("6.2.2")
+def test_the_example_of_the_standard() -> None:
+    """[N1, H1, N2, H2, N3]: stop; N1; then H1 alone; N2; H2 alone; N3, now driving is allowed."""
+    names = ["N1", "H1", "N2", "H2", "N3"]
+    bench = Bench()
+    actions = [action(name, "NONE" if name[0] == "N" else "HARD") for name in names]
+    bench.send(order("n0", "n1", node_actions={"n0": actions}))
+
+    for position, name in enumerate(names):
+        begun = [bench.status(each) for each in names]
+        assert begun == ["FINISHED"] * position + ["INITIALIZING"] + ["WAITING"] * (4 - position)
+        assert bool(bench.goals) is (name == "N3")
+        bench.runs(name)
+        bench.finishes(name)
+
+    assert len(bench.goals) == 1
+
+
+@pytest.mark.clause("6.2.2", "6.6.9/failed")
+def test_a_failed_action_does_not_hold_back_the_others() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", node_actions={"n0": [action("a", "HARD"), action("b", "HARD")]}))
+
+    bench.fails("a")
+
+    assert bench.status("b") == "INITIALIZING"
+    bench.finishes("b")
+    assert len(bench.goals) == 1
+
+
+@pytest.mark.clause("6.2.2/outlive")
+def test_actions_of_a_node_may_outlive_it() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", node_actions={"n0": [action("a")], "n1": [action("b", "HARD")]}))
+    bench.runs("a")
+    bench.arrive()
+    assert bench.statuses() == {"a": "RUNNING", "b": "WAITING"}
+
+    bench.finishes("a")
+
+    assert bench.status("b") == "INITIALIZING"
+
+
+@pytest.mark.clause("6.2.2/edge")
+def test_what_cannot_be_interrupted_outlives_its_edge() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", edge_actions={"n0-n1": [action("e", "NONE", "press")]}))
+    bench.runs("e")
+
+    bench.arrive()
+    assert bench.status("e") == "RUNNING"
+    assert not bench.idle
+    bench.finishes("e")
+
+    assert bench.status("e") == "FINISHED"
+    assert not bench.errors
+
+
+SCOPES = (ActionScope.NODE, ActionScope.EDGE, ActionScope.INSTANT)
+PICK = ActionDeclaration("pick", SCOPES, load=LoadChange.TAKE)
+DROP = ActionDeclaration("drop", SCOPES, load=LoadChange.GIVE)
+BOX = Load(load_id="box", load_type="EPAL")
+
+
+def robot(*, memory: Memory | None = None) -> Bench:
+    return Bench(memory=memory, actions={**ACTIONS, "pick": PICK, "drop": DROP})
+
+
+def pick(action_id: str = "p") -> Action:
+    return action(action_id, "HARD", "pick", loadId="box", loadType="EPAL")
+
+
+def drop(action_id: str = "d") -> Action:
+    return action(action_id, "HARD", "drop")
+
+
+def loaded() -> Bench:
+    bench = robot()
+    bench.send(order("n0", order_id="fetch", node_actions={"n0": [pick()]}))
+    bench.runs("p")
+    bench.finishes("p")
+    assert bench.state.loads == (BOX,)
+    return bench
+
+
+@pytest.mark.clause("6.2.3/pick", "7.8/loads")
+def test_taking_loads_the_robot_and_giving_unloads_it() -> None:
+    bench = loaded()
+
+    bench.send(order("n0", order_id="bring", node_actions={"n0": [drop()]}))
+    bench.finishes("d")
+
+    assert bench.state.loads == ()
+
+
+def test_an_action_that_fails_leaves_the_load_alone() -> None:
+    bench = loaded()
+    bench.send(order("n0", order_id="bring", node_actions={"n0": [drop()]}))
+    bench.fails("d")
+
+    assert bench.state.loads == (BOX,)
+
+
+def test_a_plug_in_may_know_the_load_better() -> None:
+    bench = robot()
+    bench.send(order("n0", node_actions={"n0": [pick()]}))
+    bench.do(ActionReport("p", ActionStatus.FINISHED, loads=(Load(load_id="two"),)))
+
+    assert bench.state.loads == (Load(load_id="two"),)
+
+
+@pytest.mark.clause("6.1.4.3")
+@pytest.mark.parametrize(
+    ("what", "refused"),
+    [
+        ([drop()], "carries nothing"),
+        ([pick(), pick("p2")], "loaded already"),
+        ([pick(), drop(), drop("d2")], "carries nothing"),
+        ([pick(), drop(), pick("p2")], None),
+    ],
+)
+def test_an_order_that_will_not_fit_the_load_is_refused_before_the_robot_drives(
+    what: list[Action], refused: str | None
+) -> None:
+    bench = robot()
+    names = [f"n{number}" for number in range(len(what) + 1)]
+    bench.send(order(*names, node_actions={name: [each] for name, each in zip(names[1:], what, strict=True)}))
+
+    assert bool(bench.goals) == (refused is None)
+    assert bench.errors == (["INVALID_ORDER_ACTION"] if refused else [])
+    if refused:
+        assert refused in str(bench.state.errors[0].error_description)
+
+
+def test_actions_of_edges_have_their_turn_between_those_of_nodes() -> None:
+    bench = robot()
+    bench.send(order("n0", "n1", node_actions={"n0": [pick()]}, edge_actions={"n0-n1": [drop()]}))
+
+    assert bench.errors == []
+
+
+def test_an_update_begins_with_the_load_that_the_base_will_leave() -> None:
+    bench = robot()
+    bench.send(order("n0", "n1", node_actions={"n1": [pick()]}))
+    bench.send(order("n1", "n2", update=1, first=2, node_actions={"n1": [pick()], "n2": [pick("p2")]}))
+    assert bench.errors == ["INVALID_ORDER_ACTION"]
+
+    bench.send(order("n1", "n2", update=1, first=2, node_actions={"n1": [pick()], "n2": [drop()]}))
+    assert bench.errors == []
+
+
+def test_an_order_that_comes_again_when_its_load_is_taken_is_no_other_order() -> None:
+    bench = robot()
+    sent = order("n0", "n1", node_actions={"n0": [pick()]})
+    bench.send(sent)
+    bench.finishes("p")
+    bench.send(sent)
+
+    assert bench.errors == []
+
+
+@pytest.mark.clause("6.2.3/pick")
+def test_an_action_whose_load_did_not_come_fails_without_its_plug_in() -> None:
+    bench = robot()
+    bench.send(order("n0", node_actions={"n0": [pick(), drop(), action("w", "HARD")]}))
+    bench.fails("p")
+
+    assert bench.statuses() == {"p": "FAILED", "d": "FAILED", "w": "INITIALIZING"}
+    started = [each.action.action_id for each in bench.effects_of(StartAction)]
+    assert started == ["p", "w"]
+
+
+@pytest.mark.clause("6.2.1/refused")
+def test_an_instant_action_that_does_not_fit_the_load_is_refused() -> None:
+    bench = robot()
+    bench.do(instant(drop()))
+
+    assert bench.status("d") == "FAILED"
+    assert bench.errors == ["INVALID_INSTANT_ACTION"]
+
+
+@pytest.mark.clause("7.8/loads")
+def test_the_load_survives_a_restart() -> None:
+    kept = loaded().core.memory().model_dump_json(exclude_defaults=True)
+
+    assert robot(memory=Memory.model_validate_json(kept)).state.loads == (BOX,)
+
+
+def test_a_sensor_has_the_last_word_and_knows_no_names() -> None:
+    bench = loaded()
+
+    def seen(*, loaded: bool) -> tuple[Load, ...]:
+        bench.do(LoadSensed(loaded=loaded))
+        return bench.core.parts.loads
+
+    assert seen(loaded=True) == (BOX,)
+    assert seen(loaded=False) == ()
+    assert seen(loaded=True) == (Load(),)
+
+
+def test_what_a_robot_never_does_is_refused_with_its_reason() -> None:
+    away: dict[str, Any] = {
+        "actions": {"lift": ActionDeclaration("lift", SCOPES, unavailable="it has no ROS")}
+    }
+    bench = Bench(**away)
+    bench.send(order("n0", node_actions={"n0": [action("a", "HARD", "lift")]}))
+
+    assert "it has no ROS" in str(bench.state.errors[0].error_description)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from nena_edge_agent.driver.port import BlockedReport, Pose, PoseReport
 from nena_edge_agent.protocol.conditions import ACTION_PLUGIN_UNUSABLE, ROBOT_BLOCKED
-from nena_edge_agent.protocol.effects import Halt, ReportState
-from nena_edge_agent.protocol.events import PluginsReport
+from nena_edge_agent.protocol.events import Halt, PluginsReport, ReportState
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from support.robot_core import MAP, Bench, order
 

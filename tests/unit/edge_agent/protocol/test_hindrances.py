@@ -4,8 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from nena_edge_agent.protocol.effects import Halt, PauseAction, ResumeAction
-from nena_edge_agent.protocol.events import ErrorSwitched, Event, PauseButton, SafetyReport
+from nena_edge_agent.protocol.events import (
+    ErrorSwitched,
+    Event,
+    Halt,
+    PauseAction,
+    PauseButton,
+    ResumeAction,
+    SafetyReport,
+)
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.state import EmergencyStop, OperatingMode
 from support.robot_core import Bench, action, order

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from nena_edge_agent.protocol.action_states import DESCRIPTOR_SHOWN
-from nena_edge_agent.protocol.effects import ReportState, SendFactsheet, StartAction
+from nena_edge_agent.protocol.capabilities import RULES
+from nena_edge_agent.protocol.events import ReportState, SendFactsheet, StartAction
 from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT, STATES_KEPT
-from nena_edge_agent.protocol.rules import RULES
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from support.robot_core import Bench, action, order
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from nena_edge_agent.protocol.capabilities import DriveStrategy
-from nena_edge_agent.protocol.effects import Halt
-from nena_edge_agent.protocol.events import LinkReport, Started, TimePassed
-from nena_edge_agent.protocol.link_loss import LinkLossPolicy
+from nena_edge_agent.protocol.capabilities import DriveStrategy, LinkLossPolicy
+from nena_edge_agent.protocol.events import Halt, LinkReport, Started, TimePassed
 from support.robot_core import Bench, at, order
 
 LOST, BACK = LinkReport(connected=False), LinkReport(connected=True)

@@ -6,10 +6,9 @@ from typing import Any
 
 import pytest
 
-from nena_edge_agent.protocol.effects import CancelAction, Halt
-from nena_edge_agent.protocol.events import ErrorSwitched, OperatingModeSwitched
+from nena_edge_agent.protocol.capabilities import RULES
+from nena_edge_agent.protocol.events import CancelAction, ErrorSwitched, Halt, OperatingModeSwitched
 from nena_edge_agent.protocol.memory import Memory
-from nena_edge_agent.protocol.rules import RULES
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.state import OperatingMode
 from support.robot_core import Bench, action, at, order

@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from nena_edge_agent.protocol.optional_parameters import DEMANDS, supported
-from nena_edge_agent.protocol.rules import RULES
+from nena_edge_agent.protocol.capabilities import DEMANDS, RULES, supported
 from nena_shared.vda5050.factsheet import Support
 from nena_shared.vda5050.order import ControlPoint, Corridor, Trajectory
 from support.robot_core import Bench, order

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from nena_edge_agent.driver.port import DriveFailed, DriveFailure
-from nena_edge_agent.protocol.effects import CancelAction, Halt
-from nena_edge_agent.protocol.rules import RULES
+from nena_edge_agent.protocol.capabilities import RULES
+from nena_edge_agent.protocol.events import CancelAction, Halt
 from nena_shared.vda5050.error import ErrorType
 from support.robot_core import Bench, action, at, order, position
 

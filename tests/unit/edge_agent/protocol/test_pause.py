@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_edge_agent.protocol.effects import Halt, PauseAction, ResumeAction, StartAction
-from nena_edge_agent.protocol.events import ActionReport
+from nena_edge_agent.protocol.events import ActionReport, Halt, PauseAction, ResumeAction, StartAction
 from nena_shared.vda5050.action import ActionStatus
 from support.robot_core import Bench, action, order
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from nena_edge_agent.driver.port import Pose, PositionInitialized
-from nena_edge_agent.protocol.effects import SetPosition
-from nena_edge_agent.protocol.events import TimePassed
+from nena_edge_agent.protocol.events import SetPosition, TimePassed
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.error import ErrorType
 from support.robot_core import MAP, Bench, action, at, order

@@ -9,8 +9,16 @@ import pytest
 
 from nena_edge_agent.driver.port import Arrived, GoalReport, GoalTable, Halted, NavigationReport, OwnGoals
 from nena_edge_agent.protocol.capabilities import DriveStrategy
-from nena_edge_agent.protocol.effects import CancelAction, Halt, ResumeAction, SetPosition, StartAction
-from nena_edge_agent.protocol.events import ActionReport, JournalReport, Started
+from nena_edge_agent.protocol.events import (
+    ActionReport,
+    CancelAction,
+    Halt,
+    JournalReport,
+    ResumeAction,
+    SetPosition,
+    StartAction,
+    Started,
+)
 from nena_edge_agent.protocol.instant_actions import STATES_KEPT
 from nena_edge_agent.protocol.memory import Memory
 from nena_edge_agent.protocol.state_report import as_recorded

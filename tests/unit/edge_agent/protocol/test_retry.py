@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from nena_edge_agent.protocol.effects import StartAction
+from nena_edge_agent.protocol.capabilities import RULES
+from nena_edge_agent.protocol.events import StartAction
 from nena_edge_agent.protocol.memory import Memory
-from nena_edge_agent.protocol.rules import RULES
 from support.robot_core import Bench, action, order
 
 pytestmark = pytest.mark.clause("6.6.9/retriable")

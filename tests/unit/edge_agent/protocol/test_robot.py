@@ -7,8 +7,7 @@ from math import inf, nan
 import pytest
 
 from nena_edge_agent.driver.port import BatteryReport, GoalReport, GoalTable, Pose, PoseReport
-from nena_edge_agent.protocol.effects import ReportState
-from nena_edge_agent.protocol.events import ActionReport
+from nena_edge_agent.protocol.events import ActionReport, ReportState
 from nena_edge_agent.protocol.memory import Memory
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.order import Order

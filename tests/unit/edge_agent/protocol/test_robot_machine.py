@@ -29,18 +29,20 @@ from nena_edge_agent.driver.port import (
     NavigationReport,
     PoseReport,
 )
-from nena_edge_agent.protocol.capabilities import DriveStrategy
-from nena_edge_agent.protocol.effects import (
+from nena_edge_agent.protocol.capabilities import RULES, DriveStrategy
+from nena_edge_agent.protocol.events import (
+    ActionReport,
     CancelAction,
     Drive,
     Effect,
+    OperatingModeSwitched,
+    OrderReceived,
     PauseAction,
     ResumeAction,
     StartAction,
+    Started,
 )
-from nena_edge_agent.protocol.events import ActionReport, OperatingModeSwitched, OrderReceived, Started
 from nena_edge_agent.protocol.memory import Memory
-from nena_edge_agent.protocol.rules import RULES
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.order import Node, Order
 from nena_shared.vda5050.state import OperatingMode

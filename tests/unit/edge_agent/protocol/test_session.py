@@ -6,7 +6,7 @@ import pytest
 
 from nena_edge_agent.driver.port import NavigationReport, SessionReport
 from nena_edge_agent.protocol.declaration import ActionDeclaration
-from nena_edge_agent.protocol.effects import StartAction
+from nena_edge_agent.protocol.events import StartAction
 from nena_edge_agent.ros.session_state import SessionState
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.own_actions import ROS_SESSION, START_ROS_SESSION, STOP_ROS_SESSION

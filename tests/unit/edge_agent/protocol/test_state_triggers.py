@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 import pytest
 
 from nena_edge_agent.driver.port import Arrived, BatteryReport, Halted
-from nena_edge_agent.protocol.effects import ReportState
+from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import (
     ActionReport,
     ErrorSwitched,
@@ -16,11 +16,11 @@ from nena_edge_agent.protocol.events import (
     MapsReport,
     OperatingModeSwitched,
     PauseButton,
+    ReportState,
     ResponsesReceived,
     SafetyReport,
     ZoneSetReceived,
 )
-from nena_edge_agent.protocol.rules import RULES
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.state import EmergencyStop, Load, Map, MapStatus, OperatingMode, State

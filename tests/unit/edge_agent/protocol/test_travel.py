@@ -15,8 +15,7 @@ from nena_edge_agent.driver.port import (
     PoseReport,
 )
 from nena_edge_agent.protocol.capabilities import DriveStrategy
-from nena_edge_agent.protocol.effects import Drive, Halt, StartAction
-from nena_edge_agent.protocol.events import TimePassed
+from nena_edge_agent.protocol.events import Drive, Halt, StartAction, TimePassed
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from support.robot_core import MAP, Bench, action, at, order, position
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from nena_edge_agent.protocol.effects import StartAction
-from nena_edge_agent.protocol.events import LocalTrigger
-from nena_edge_agent.protocol.rules import RULES
+from nena_edge_agent.protocol.capabilities import RULES
+from nena_edge_agent.protocol.events import LocalTrigger, StartAction
 from support.robot_core import Bench, action, order
 
 

@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 
 from nena_edge_agent.driver.port import Pose
-from nena_edge_agent.protocol.capabilities import DriveStrategy
+from nena_edge_agent.protocol.capabilities import DriveStrategy, LinkLossPolicy
 from nena_edge_agent.protocol.events import LinkReport, TimePassed
-from nena_edge_agent.protocol.link_loss import LinkLossPolicy
 from nena_edge_agent.protocol.way_ahead import MOST
 from support.robot_core import MAP, Bench, action, at, order, position
 

@@ -8,15 +8,16 @@ from typing import Any
 import pytest
 
 from nena_edge_agent.driver.port import Halted
-from nena_edge_agent.protocol.effects import Halt, LimitSpeed
+from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import (
+    Halt,
+    LimitSpeed,
     OperatingModeSwitched,
     ResponsesReceived,
     Started,
     ZoneSetReceived,
 )
-from nena_edge_agent.protocol.rules import RULES
-from nena_edge_agent.protocol.zone_access import PAUSE_AFTER_REFUSAL
+from nena_edge_agent.protocol.zone_sets import PAUSE_AFTER_REFUSAL
 from nena_shared.vda5050.state import OperatingMode
 from nena_shared.vda5050.zone_set import Zone, ZoneReleaseLossBehavior
 from support.robot_core import Bench, action, at, order

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import ActionReport, ZoneSetReceived
-from nena_edge_agent.protocol.rules import RULES
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.zone_set import BidirectedLimitation, DirectedLimitation
 from support.robot_core import Bench, action, order

@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
-import pytest
+from datetime import UTC, datetime, timedelta
 
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+
+from nena_edge_agent.protocol.geometry import box
 from nena_edge_agent.protocol.zone_sets import (
+    LOST,
+    PAUSE_AFTER_REFUSAL,
     SETS_HELD,
     ZONES_IN_A_SET,
+    AccessRequest,
     DuplicateZoneSetError,
+    EnabledZone,
     NoRoomForZoneSetError,
+    ZoneAccess,
+    ZoneKey,
     ZoneSetRefusedError,
     ZoneSets,
 )
+from nena_shared.vda5050.request import RequestStatus
+from nena_shared.vda5050.responses import GrantType, Response
 from nena_shared.vda5050.zone_set import Vertex, Zone, ZoneSet, ZoneType
+from support.robot_core import MAP
 from support.zones import zone, zone_set
 
 SUPPORTED = frozenset({ZoneType.BLOCKED, ZoneType.RELEASE})
@@ -121,3 +136,208 @@ def test_what_is_held_can_be_held_again() -> None:
 
     assert again.states == sets.states
     assert again.enabled == sets.enabled
+
+
+NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
+NOWHERE: frozenset[ZoneKey] = frozenset()
+
+
+def gate(name: str) -> EnabledZone:
+    made = zone(name, "RELEASE", 13, 17)
+    contour = tuple((each.x, each.y) for each in made.vertices)
+    return EnabledZone(MAP, "s", made, contour, box(contour))
+
+
+A, B = gate("a"), gate("b")
+IN_A = frozenset({A.key})
+
+
+def response(request_id: str, grant: GrantType, *, lasting: float | None = None) -> Response:
+    until = None if lasting is None else NOON + timedelta(seconds=lasting)
+    return Response(request_id=request_id, grant_type=grant, lease_expiry=until)
+
+
+def asked(*, status: RequestStatus = RequestStatus.REQUESTED, lasting: float | None = None) -> ZoneAccess:
+    """Give one that asked for A, and has been answered if the status says so."""
+    expiry = None if lasting is None else NOON + timedelta(seconds=lasting)
+    return ZoneAccess([AccessRequest(*A.key, "zone-1", status, expiry)], last_number=1)
+
+
+def ids(access: ZoneAccess) -> list[str]:
+    return [each.request_id for each in access.requests]
+
+
+def test_each_zone_is_asked_for_once_by_a_request_of_its_own() -> None:
+    access = ZoneAccess(last_number=7)
+    access.want([A, B], now=0.0)
+    access.want([B, A], now=1.0)
+    assert [(each.zone_id, each.request_id) for each in access.requests] == [("a", "zone-8"), ("b", "zone-9")]
+    assert [each.request_status for each in access.states] == [RequestStatus.REQUESTED] * 2
+    assert access.last_number == 9
+
+
+def test_zones_of_one_name_in_two_sets_are_two_zones() -> None:
+    other = EnabledZone(MAP, "t", A.zone, A.contour, A.box)
+    access = ZoneAccess()
+    access.want([A, other], now=0.0)
+    assert [each.zone_set_id for each in access.states] == ["s", "t"]
+    access.answer(response("zone-2", GrantType.GRANTED), NOWHERE, 0.0)
+    assert (access.status(A.key), access.status(other.key)) == (
+        RequestStatus.REQUESTED,
+        RequestStatus.GRANTED,
+    )
+
+
+def test_a_refused_zone_is_asked_for_again_after_a_pause_and_not_before() -> None:
+    access = asked()
+    access.answer(response("zone-1", GrantType.REJECTED), NOWHERE, now=50.0)
+    assert access.waits, "time alone lets it ask again"
+    access.want([A, B], now=50.0 + PAUSE_AFTER_REFUSAL - 0.01)
+    assert [each.zone_id for each in access.requests] == ["b"]
+    access.want([A, B], now=50.0 + PAUSE_AFTER_REFUSAL)
+    assert (ids(access), access.waits) == (["zone-2", "zone-3"], False)
+
+
+@pytest.mark.parametrize("grant", [GrantType.REVOKED, GrantType.REJECTED])
+@pytest.mark.parametrize("inside", [NOWHERE, IN_A])
+def test_a_grant_that_is_taken_back_is_shown_while_the_robot_is_in_the_zone(
+    grant: GrantType, inside: frozenset[ZoneKey]
+) -> None:
+    access = asked(status=RequestStatus.GRANTED, lasting=60)
+    access.answer(response("zone-1", grant), inside, 0.0)
+    assert access.status(A.key) is (RequestStatus.REVOKED if inside else None)
+    access.expire(NOON + timedelta(seconds=60), inside)
+    assert access.status(A.key) is (RequestStatus.REVOKED if inside else None), "its lease went with it"
+    access.keep_only(frozenset({A.key}))
+    assert access.requests == ()
+
+
+def test_what_was_never_granted_is_gone_when_refused_even_within_the_zone() -> None:
+    access = asked()
+    access.answer(response("zone-1", GrantType.REJECTED), IN_A, 0.0)
+    assert access.requests == ()
+    access.want([A], now=1.0)
+    assert access.requests == ()
+
+
+def test_a_grant_taken_back_before_the_zone_is_asked_for_again_at_once() -> None:
+    access = asked(status=RequestStatus.GRANTED)
+    access.answer(response("zone-1", GrantType.REVOKED), NOWHERE, 0.0)
+    access.want([A], now=0.0)
+    assert ids(access) == ["zone-2"]
+
+
+@pytest.mark.parametrize(
+    ("after", "inside", "status"),
+    [
+        (59.9, IN_A, RequestStatus.GRANTED),
+        (60.0, IN_A, RequestStatus.EXPIRED),
+        (60.0, NOWHERE, None),
+    ],
+)
+def test_a_lease_ends_at_its_moment(
+    after: float, inside: frozenset[ZoneKey], status: RequestStatus | None
+) -> None:
+    access = asked(status=RequestStatus.GRANTED, lasting=60)
+    assert access.waits
+    access.expire(NOON + timedelta(seconds=after), inside)
+    assert access.status(A.key) is status
+    assert access.waits is (status is RequestStatus.GRANTED)
+
+
+def test_a_grant_without_an_end_lasts_and_a_longer_lease_counts() -> None:
+    for_ever = asked(status=RequestStatus.GRANTED)
+    for_ever.expire(datetime.max.replace(tzinfo=UTC), NOWHERE)
+    assert for_ever.status(A.key) is RequestStatus.GRANTED
+
+    longer = asked(status=RequestStatus.GRANTED, lasting=60)
+    longer.answer(response("zone-1", GrantType.GRANTED, lasting=120), NOWHERE, 0.0)
+    longer.expire(NOON + timedelta(seconds=119), NOWHERE)
+    assert longer.status(A.key) is RequestStatus.GRANTED
+    longer.expire(NOON + timedelta(seconds=120), NOWHERE)
+    assert longer.status(A.key) is None
+
+
+@pytest.mark.parametrize(
+    ("request_id", "grant"), [("zone-1", GrantType.QUEUED), ("zone-9", GrantType.GRANTED)]
+)
+def test_an_answer_that_says_nothing_new_changes_nothing(request_id: str, grant: GrantType) -> None:
+    access = asked()
+    access.answer(response(request_id, grant), IN_A, 0.0)
+    assert (access.status(A.key), access.revision) == (RequestStatus.REQUESTED, 0)
+
+
+def test_only_what_is_wanted_is_kept() -> None:
+    access = ZoneAccess()
+    access.want([A, B], now=0.0)
+    access.keep_only(frozenset({B.key}))
+    assert [each.zone_id for each in access.requests] == ["b"]
+
+
+SECONDS = st.sampled_from([0.0, 1.0, PAUSE_AFTER_REFUSAL, 60.0])
+INSIDE = st.sampled_from([NOWHERE, IN_A, frozenset({A.key, B.key})])
+
+
+class AccessMachine(RuleBasedStateMachine):
+    """Whatever fleet control answers, and whenever."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.access = ZoneAccess()
+        self.now = 0.0
+        self.inside: frozenset[ZoneKey] = NOWHERE
+        self.given: dict[str, ZoneKey] = {}
+        self.before: tuple[int, tuple[AccessRequest, ...]] = (0, ())
+
+    @rule(zones=st.lists(st.sampled_from([A, B]), max_size=2), seconds=SECONDS)
+    def want(self, zones: list[EnabledZone], seconds: float) -> None:
+        self.now += seconds
+        known = set(self.given)
+        self.access.want(zones, self.now)
+        new = {each.request_id: each.key for each in self.access.requests if each.request_id not in known}
+        assert all(int(each.split("-")[1]) > len(known) for each in new), "no id is used twice"
+        self.given |= new
+
+    @rule(
+        number=st.integers(1, 6),
+        grant=st.sampled_from(GrantType),
+        lasting=st.none() | SECONDS,
+        inside=INSIDE,
+    )
+    def answer(
+        self, number: int, grant: GrantType, lasting: float | None, inside: frozenset[ZoneKey]
+    ) -> None:
+        self.inside = inside
+        lasting = None if lasting is None else self.now + lasting
+        self.access.answer(response(f"zone-{number}", grant, lasting=lasting), inside, self.now)
+        self.access.keep_only(frozenset({A.key, B.key}), inside)
+
+    @rule(seconds=SECONDS, inside=INSIDE)
+    def expire(self, seconds: float, inside: frozenset[ZoneKey]) -> None:
+        self.now += seconds
+        self.inside = inside
+        utc = NOON + timedelta(seconds=self.now)
+        self.access.expire(utc, inside)
+        self.access.keep_only(frozenset({A.key, B.key}), inside)
+        leases = (each.lease_expiry for each in self.access.requests)
+        assert all(each > utc for each in leases if each), "nobody drives on a lease that is over"
+
+    @invariant()
+    def each_zone_has_one_request_and_its_own(self) -> None:
+        requests = self.access.requests
+        assert len({each.key for each in requests}) == len(requests)
+        assert all(self.given[each.request_id] == each.key for each in requests)
+
+    @invariant()
+    def what_is_lost_is_only_shown_inside(self) -> None:
+        assert all(each.key in self.inside for each in self.access.requests if each.status in LOST)
+
+    @invariant()
+    def each_change_is_told_by_the_revision(self) -> None:
+        revision, requests = self.before
+        self.before = self.access.revision, self.access.requests
+        assert self.access.revision != revision or self.access.requests == requests
+
+
+TestAnyAnswers = AccessMachine.TestCase
+TestAnyAnswers.settings = settings(max_examples=60, stateful_step_count=20, deadline=None)

@@ -28,10 +28,8 @@ from nena_edge_agent.actions.trial import (
     called,
 )
 from nena_edge_agent.factsheet import make_factsheet
-from nena_edge_agent.protocol.capabilities import Capabilities
-from nena_edge_agent.protocol.declaration import ActionDeclaration
-from nena_edge_agent.protocol.predefined import PREDEFINED
-from nena_edge_agent.protocol.rules import RULES
+from nena_edge_agent.protocol.capabilities import RULES, Capabilities
+from nena_edge_agent.protocol.declaration import PREDEFINED, ActionDeclaration
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.malformed import MalformedMessageError

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 from nena_edge_agent.actions.installed import NOTHING, Installed
 from nena_edge_agent.actions.plugin import ActionPlugin
-from nena_edge_agent.protocol.declaration import ActionDeclaration
-from nena_edge_agent.protocol.predefined import PREDEFINED
+from nena_edge_agent.protocol.declaration import PREDEFINED, ActionDeclaration
 from nena_shared.log import get_logger
 from nena_shared.settings import ConfigurationError
 from nena_shared.vda5050.action import Action

@@ -5,8 +5,7 @@ from __future__ import annotations
 from nena_edge_agent.actions.plugin import Report
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.run import Patience, Run
-from nena_edge_agent.protocol.effects import CancelAction, PauseAction, ResumeAction, StartAction
-from nena_edge_agent.protocol.events import ActionReport
+from nena_edge_agent.protocol.events import ActionReport, CancelAction, PauseAction, ResumeAction, StartAction
 from nena_shared.vda5050.action import ActionStatus
 
 

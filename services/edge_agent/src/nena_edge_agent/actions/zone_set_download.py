@@ -10,9 +10,8 @@ from typing import Any
 from nena_edge_agent.actions.background import BackgroundAction, WorkFailedError
 from nena_edge_agent.actions.plugin import Report, RunningAction
 from nena_edge_agent.download import DownloadError, DownloadSettings, download
-from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
+from nena_edge_agent.protocol.declaration import DOWNLOAD_ZONE_SET, ActionDeclaration, Parameter
 from nena_edge_agent.protocol.events import ActionReport
-from nena_edge_agent.protocol.predefined import DOWNLOAD_ZONE_SET
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType

@@ -15,9 +15,8 @@ from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from paho.mqtt.reasoncodes import ReasonCode
 
-from nena_edge_agent.client_id import client_id_of
 from nena_edge_agent.doctor.finding import Finding, Link, missing, ok, unknown
-from nena_edge_agent.header import HeaderMaker
+from nena_edge_agent.messages import HeaderMaker, client_id_of
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.topics import FleetTopics

@@ -1,21 +1,348 @@
-"""The control door: commands by MQTT to the loopback robots of this program, and an answer to each."""
+"""Simulation control of loopback robots: commands over MQTT that do what people and the world would do."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from math import inf
+from typing import Annotated, Any, Literal, Self
 
-from nena_edge_agent.loopback.bench import Bench
-from nena_edge_agent.loopback.commands import CommandRefusedError, parse
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+from pydantic.alias_generators import to_camel
+
+from nena_edge_agent.driver.port import Circle
+from nena_edge_agent.loopback.driver import LoopbackDriver
+from nena_edge_agent.protocol.events import (
+    ErrorSwitched,
+    Event,
+    LocalTrigger,
+    OperatingModeSwitched,
+    PauseButton,
+    SafetyReport,
+)
 from nena_shared.log import get_logger
+from nena_shared.misfits import TOLD, in_words
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.settings import MqttSettings
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
+from nena_shared.vda5050.state import EmergencyStop, OperatingMode
 from nena_shared.vda5050.topics import RobotKey
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Text = Annotated[str, Field(max_length=1000)]
+Name = Annotated[str, Field(min_length=1, max_length=200)]
+
+
+class CommandRefusedError(Exception):
+    """A message to the control door is no command, or cannot be obeyed; ``problems`` says what to change."""
+
+    def __init__(self, *problems: str) -> None:
+        super().__init__("; ".join(problems))
+        self.problems = problems
+
+
+class _Command(BaseModel):
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, alias_generator=to_camel, validate_by_name=False
+    )
+
+    id: Text | None = Field(None, description="Comes back in the answer.")
+
+
+class SwitchOperatingMode(_Command):
+    """A person switches the operating mode."""
+
+    command: Literal["operatingMode"]
+    mode: OperatingMode
+
+
+class SwitchLocalization(_Command):
+    """The robot loses its position, or finds it again."""
+
+    command: Literal["localization"]
+    localized: bool
+
+
+class SwitchNavigation(_Command):
+    """What drives the robot goes away, or is there again."""
+
+    command: Literal["navigation"]
+    available: bool
+    reason: Text = "switched off at the control door"
+
+
+class _Area(_Command):
+    """A circle (m); without a centre everywhere."""
+
+    x: Finite | None = None
+    y: Finite | None = None
+    radius: Positive = 0.5
+    active: bool = True
+
+    @model_validator(mode="after")
+    def _whole_place(self) -> Self:
+        if (self.x is None) is not (self.y is None):
+            message = "give both x and y, or neither"
+            raise ValueError(message)
+        return self
+
+    @property
+    def circle(self) -> Circle:
+        """The area."""
+        if self.x is None or self.y is None:
+            return Circle(0.0, 0.0, inf)
+        return Circle(self.x, self.y, self.radius)
+
+
+class MakeUnreachable(_Area):
+    """Nodes there cannot be reached, which the robot finds out on the way."""
+
+    command: Literal["unreachable"]
+
+
+class TakeRoute(_Area):
+    """No way leads there, which the robot knows: it refuses orders that do."""
+
+    command: Literal["noRoute"]
+
+
+class SwitchError(_Command):
+    """An error comes, or goes; type and references say which."""
+
+    command: Literal["error"]
+    error_type: Name
+    error_level: ErrorLevel = ErrorLevel.WARNING
+    error_description: Text | None = None
+    error_hint: Text | None = None
+    error_references: Annotated[dict[Name, Text], Field(max_length=20)] = Field(default_factory=dict)
+    active: bool = True
+
+    @property
+    def entry(self) -> ErrorEntry:
+        """The error as the state shows it."""
+        references = tuple(
+            ErrorReference(reference_key=key, reference_value=value)
+            for key, value in self.error_references.items()
+        )
+        return ErrorEntry(
+            error_type=self.error_type,
+            error_level=self.error_level,
+            error_description=self.error_description,
+            error_hint=self.error_hint,
+            error_references=references,
+        )
+
+
+class SwitchFieldViolation(_Command):
+    """Something is in the protective field, or has left it."""
+
+    command: Literal["fieldViolation"]
+    active: bool
+
+
+class PressEmergencyStop(_Command):
+    """An emergency stop is pressed that is acknowledged at the robot (MANUAL) or from afar (REMOTE)."""
+
+    command: Literal["emergencyStop"]
+    stop: Literal[EmergencyStop.MANUAL, EmergencyStop.REMOTE] = EmergencyStop.MANUAL
+
+
+class AcknowledgeEmergencyStop(_Command):
+    """The emergency stop is released and acknowledged."""
+
+    command: Literal["acknowledgeEmergencyStop"]
+
+
+class SwitchPauseButton(_Command):
+    """The pause button is pressed, or released."""
+
+    command: Literal["pauseButton"]
+    pressed: bool
+
+
+class SwitchCharging(_Command):
+    """The charger is put to the robot, or taken away."""
+
+    command: Literal["charging"]
+    charging: bool
+
+
+class SetBattery(_Command):
+    """The battery holds so many percent from now on."""
+
+    command: Literal["battery"]
+    state_of_charge: Annotated[float, Field(ge=0, le=100)]
+
+
+class CarryAway(_Command):
+    """The robot is carried somewhere (m, rad), by default on its own map, and knows where it is."""
+
+    command: Literal["pose"]
+    x: Finite
+    y: Finite
+    theta: Finite = 0.0
+    map_id: Name | None = None
+
+
+class SetSpeed(_Command):
+    """The robot drives at so many m/s from now on, where the order does not want less."""
+
+    command: Literal["speed"]
+    speed: Positive
+
+
+class PullTrigger(_Command):
+    """Somebody at the robot releases the actions that wait for a trigger of this type."""
+
+    command: Literal["trigger"]
+    trigger_type: Name = "LOCAL"
+
+
+class LoseLink(_Command):
+    """The link to the broker breaks without a farewell, for so many seconds."""
+
+    command: Literal["linkSilence"]
+    seconds: Annotated[float, Field(gt=0, le=3600)]
+
+
+AnyCommand = (
+    SwitchOperatingMode
+    | SwitchLocalization
+    | SwitchNavigation
+    | MakeUnreachable
+    | TakeRoute
+    | SwitchError
+    | SwitchFieldViolation
+    | PressEmergencyStop
+    | AcknowledgeEmergencyStop
+    | SwitchPauseButton
+    | SwitchCharging
+    | SetBattery
+    | CarryAway
+    | SetSpeed
+    | PullTrigger
+    | LoseLink
+)
+
+_parser: TypeAdapter[AnyCommand] = TypeAdapter(Annotated[AnyCommand, Field(discriminator="command")])
+
+
+def parse(payload: bytes) -> AnyCommand:
+    """Read a command from JSON.
+
+    Raises:
+        CommandRefusedError: it is no JSON, or no command.
+
+    """
+    try:
+        return _parser.validate_json(payload)
+    except ValidationError as error:
+        raise CommandRefusedError(*in_words(error.errors(), whole="command", most=TOLD)) from error
+
+
+@dataclass(slots=True)
+class _Robot:
+    """What the bench has of a robot that runs."""
+
+    driver: LoopbackDriver
+    put: Callable[[Event], None]
+    safety: SafetyReport
+
+
+class Bench:
+    """One robot's; what was done to the world around it is forgotten when the robot is started anew.
+
+    ``cut_link`` breaks the robot's link to the broker for a number of seconds.
+    """
+
+    def __init__(self) -> None:
+        self._robot: _Robot | None = None
+        self.cut_link: Callable[[float], None] | None = None
+
+    def attach(self, driver: LoopbackDriver, put: Callable[[Event], None]) -> None:
+        """Work on the robot that ``driver`` drives; its core is told by ``put``."""
+        self._robot = _Robot(driver, put, SafetyReport())
+
+    def set_charging(self, charging: bool) -> None:  # noqa: FBT001 - called back with the one value
+        """Begin or end charging, as an action of the robot does."""
+        if self._robot:
+            self._robot.driver.set_charging(charging=charging)
+
+    def apply(self, command: AnyCommand) -> None:
+        """Obey ``command``.
+
+        Raises:
+            CommandRefusedError: it makes no sense now.
+
+        """
+        robot = self._robot
+        if robot is None or robot.driver.ended:
+            message = "the robot does not run now; send the command again"
+            raise CommandRefusedError(message)
+        match command:
+            case LoseLink(seconds=seconds) if self.cut_link:
+                self.cut_link(seconds)
+            case SwitchFieldViolation() | PressEmergencyStop() | AcknowledgeEmergencyStop():
+                _make_safe(robot, command)
+            case SwitchOperatingMode() | SwitchError() | SwitchPauseButton() | PullTrigger():
+                robot.put(_event(command))
+            case _:
+                _drive(robot.driver, command)
+
+
+def _make_safe(
+    robot: _Robot, command: SwitchFieldViolation | PressEmergencyStop | AcknowledgeEmergencyStop
+) -> None:
+    """Stop the robot before its core hears of it, as safety circuits do."""
+    match command:
+        case SwitchFieldViolation(active=active):
+            robot.safety = replace(robot.safety, field_violation=active)
+        case PressEmergencyStop(stop=stop):
+            robot.safety = replace(robot.safety, emergency_stop=stop)
+        case AcknowledgeEmergencyStop():
+            robot.safety = replace(robot.safety, emergency_stop=EmergencyStop.NONE)
+    if not isinstance(command, AcknowledgeEmergencyStop):
+        robot.driver.stop_at_once()
+    robot.put(robot.safety)
+
+
+def _event(command: SwitchOperatingMode | SwitchError | SwitchPauseButton | PullTrigger) -> Event:
+    match command:
+        case SwitchOperatingMode(mode=mode):
+            return OperatingModeSwitched(mode)
+        case SwitchError(active=active):
+            return ErrorSwitched(command.entry, active)
+        case SwitchPauseButton(pressed=pressed):
+            return PauseButton(pressed)
+        case PullTrigger(trigger_type=trigger_type):
+            return LocalTrigger(trigger_type)
+
+
+def _drive(driver: LoopbackDriver, command: AnyCommand) -> None:
+    match command:
+        case SwitchLocalization(localized=localized):
+            driver.set_localized(localized=localized)
+        case SwitchNavigation(available=available, reason=reason):
+            driver.set_navigation(available=available, reason="" if available else reason)
+        case MakeUnreachable(active=active):
+            driver.set_unreachable(command.circle, active=active)
+        case TakeRoute(active=active):
+            driver.set_no_route(command.circle, active=active)
+        case SwitchCharging(charging=charging):
+            driver.set_charging(charging=charging)
+        case SetBattery(state_of_charge=charge):
+            driver.set_charge(charge)
+        case CarryAway():
+            driver.carry_to(command.x, command.y, command.theta, command.map_id)
+        case SetSpeed(speed=speed):
+            driver.set_speed(speed)
+
 
 log = get_logger(__name__)
 
-LONGEST = 10_000
+LONGEST_PAYLOAD = 10_000
 """Bytes of a command."""
 
 
@@ -57,8 +384,8 @@ def _obey(bench: Bench, message: Inbound) -> tuple[str, ...]:
     """Obey the command; gives what keeps it from being obeyed."""
     if message.retained:
         return ("a retained command may be old and is not obeyed; send it without the retain flag",)
-    if len(message.payload) > LONGEST:
-        return (f"a command has at most {LONGEST} bytes",)
+    if len(message.payload) > LONGEST_PAYLOAD:
+        return (f"a command has at most {LONGEST_PAYLOAD} bytes",)
     try:
         bench.apply(parse(message.payload))
     except CommandRefusedError as refused:
@@ -77,7 +404,7 @@ def _answer(payload: bytes, problems: tuple[str, ...]) -> bytes:
 def _named(payload: bytes) -> dict[str, str]:
     """Give id and name of a command, as far as it has them."""
     try:
-        command = json.loads(payload[:LONGEST])
+        command = json.loads(payload[:LONGEST_PAYLOAD])
     except (ValueError, RecursionError):
         return {}
     if not isinstance(command, dict):

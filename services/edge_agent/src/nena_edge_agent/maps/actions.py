@@ -10,9 +10,14 @@ from nena_edge_agent.actions.background import BackgroundAction, WorkFailedError
 from nena_edge_agent.actions.plugin import ActionPlugin, Report, RunningAction
 from nena_edge_agent.download import DownloadError, DownloadSettings, download
 from nena_edge_agent.maps.store import DuplicateMapError, MapRefusedError, MapStore, find
-from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter
+from nena_edge_agent.protocol.declaration import (
+    DELETE_MAP,
+    DOWNLOAD_MAP,
+    ENABLE_MAP,
+    ActionDeclaration,
+    Parameter,
+)
 from nena_edge_agent.protocol.events import ActionReport
-from nena_edge_agent.protocol.predefined import DELETE_MAP, DOWNLOAD_MAP, ENABLE_MAP
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType

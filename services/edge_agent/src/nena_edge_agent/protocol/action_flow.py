@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from nena_edge_agent.protocol.action_states import ActionRecord, ActionStates
-from nena_edge_agent.protocol.declaration import ActionDeclaration
-from nena_edge_agent.protocol.effects import CancelAction, PauseAction, ResumeAction, StartAction
+from nena_edge_agent.protocol.action_states import ActionRecord, ActionStates, loads_after
+from nena_edge_agent.protocol.declaration import PREDEFINED, WAIT_FOR_TRIGGER, ActionDeclaration
 from nena_edge_agent.protocol.errors import Until
-from nena_edge_agent.protocol.events import ActionReport
-from nena_edge_agent.protocol.load_handling import loads_after
+from nena_edge_agent.protocol.events import ActionReport, CancelAction, PauseAction, ResumeAction, StartAction
 from nena_edge_agent.protocol.parts import RobotParts
-from nena_edge_agent.protocol.predefined import PREDEFINED, WAIT_FOR_TRIGGER
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope

@@ -1,12 +1,14 @@
-"""Actions and where each of them stands (section 6.6.9)."""
+"""States of actions, the queue of actions, and the load (sections 6.2.2, 6.2.3 and 6.6.9)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from nena_shared.vda5050.action import Action, ActionState, ActionStatus
+from nena_edge_agent.protocol.declaration import ActionDeclaration, LoadChange
+from nena_shared.vda5050.action import Action, ActionState, ActionStatus, BlockingType
 from nena_shared.vda5050.factsheet import ActionScope
+from nena_shared.vda5050.state import Load
 
 ACTIVE = frozenset(
     {ActionStatus.INITIALIZING, ActionStatus.RUNNING, ActionStatus.PAUSED, ActionStatus.RETRIABLE}
@@ -131,3 +133,105 @@ def _state(record: ActionRecord) -> ActionState:
 
 def _short(descriptor: str | None) -> str | None:
     return None if descriptor is None else descriptor[:DESCRIPTOR_SHOWN]
+
+
+ALONE = (BlockingType.SINGLE, BlockingType.HARD)
+STANDING = (BlockingType.SOFT, BlockingType.HARD)
+
+
+def lets_drive(actions: Iterable[Action]) -> bool:
+    """Tell whether none of ``actions`` wants the robot to stand."""
+    return all(action.blocking_type not in STANDING for action in actions)
+
+
+class ActionQueue:
+    """The actions of the nodes reached and edges entered that have not ended, in their order."""
+
+    def __init__(self) -> None:
+        self._actions: dict[str, BlockingType] = {}
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._actions)
+
+    def append(self, actions: Iterable[Action]) -> None:
+        """Put the actions of a node or edge behind those that are queued."""
+        self._actions.update((action.action_id, action.blocking_type) for action in actions)
+
+    def remove(self, action_id: str) -> None:
+        """Take out an action that has ended; unknown ones are passed over."""
+        self._actions.pop(action_id, None)
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._actions.clear()
+
+    @property
+    def driving_allowed(self) -> bool:
+        """Whether no SOFT or HARD action is left."""
+        return all(blocking not in STANDING for blocking in self._actions.values())
+
+    def runnable(self) -> list[str]:
+        """Give the actions that may run now, those that run already among them.
+
+        NONE and SOFT gather from the front and run side by side; a SINGLE or HARD one waits for all before
+        it, runs alone, and holds back all behind it.
+        """
+        gathered: list[str] = []
+        for action_id, blocking in self._actions.items():
+            if blocking in ALONE:
+                return gathered or [action_id]
+            gathered.append(action_id)
+        return gathered
+
+
+UNKNOWN_LOAD = Load()
+"""What a robot carries of which only that is known."""
+
+
+def loads_after(
+    action: Action, declaration: ActionDeclaration | None, loads: tuple[Load, ...]
+) -> tuple[Load, ...]:
+    """Give what a robot with ``loads`` carries when ``action`` has finished; the action may name its load."""
+    match declaration.load if declaration else None:
+        case LoadChange.TAKE:
+            return (Load(load_id=_text(action, "loadId"), load_type=_text(action, "loadType")),)
+        case LoadChange.GIVE:
+            return ()
+        case _:
+            return loads
+
+
+def loaded_after(
+    actions: Iterable[Action], declarations: Mapping[str, ActionDeclaration], *, loaded: bool
+) -> bool:
+    """Tell whether the robot carries something when all of ``actions`` have finished, one after the other."""
+    for action in actions:
+        declaration = declarations.get(action.action_type)
+        if declaration and declaration.load:
+            loaded = declaration.load is LoadChange.TAKE
+    return loaded
+
+
+def first_load_problem(
+    actions: Iterable[Action], declarations: Mapping[str, ActionDeclaration], *, loaded: bool
+) -> tuple[Action, str] | None:
+    """Find the first action that will not fit what the robot carries by then, and say why."""
+    for action in actions:
+        declaration = declarations.get(action.action_type)
+        problem = declaration.load_problem(loaded=loaded) if declaration else None
+        if problem:
+            return action, problem
+        loaded = loaded_after((action,), declarations, loaded=loaded)
+    return None
+
+
+def sensed(loads: tuple[Load, ...], *, loaded: bool) -> tuple[Load, ...]:
+    """Give what the robot carries by its sensor, which knows no names; one that is known stays known."""
+    if not loaded:
+        return ()
+    return loads or (UNKNOWN_LOAD,)
+
+
+def _text(action: Action, key: str) -> str | None:
+    value = action.parameter(key)
+    return None if value is None else str(value)

@@ -1,16 +1,91 @@
-"""What a robot can do and how it is set up, as far as the protocol core needs to know."""
+"""What the robot is set up to do, and how it differs between the versions of VDA 5050."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from types import MappingProxyType
+from typing import Final
 
 from nena_edge_agent.protocol.declaration import ActionDeclaration
-from nena_edge_agent.protocol.ground import Footprint
-from nena_edge_agent.protocol.link_loss import LinkLossPolicy
-from nena_edge_agent.protocol.rules import RULES, Rules
+from nena_edge_agent.protocol.geometry import Footprint
+from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.error import ErrorType
+from nena_shared.vda5050.factsheet import OptionalParameter, Support
+from nena_shared.vda5050.order import Edge, Order, OrientationType
+from nena_shared.vda5050.rules import RULES as STANDARD
+from nena_shared.vda5050.rules import Rules as StandardRules
+from nena_shared.vda5050.state import OperatingMode
 from nena_shared.vda5050.zone_set import ZoneType
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """How one version decides where the others decide differently; ``standard`` is what both sides know."""
+
+    standard: StandardRules
+    wrong_stitching_node: ErrorType
+    """The neutral error of an update that does not begin at the decision point; no version names it, and 2.x
+    has one name for all errors of updates."""
+    node_forgotten_in: frozenset[OperatingMode] = frozenset()
+    """Modes that are entered with an empty lastNodeId."""
+    node_left_in: frozenset[OperatingMode] = frozenset()
+    """Modes in which lastNodeId becomes empty where the node cannot be the start of an order any more."""
+
+
+RULES: Final[Mapping[str, Rules]] = MappingProxyType(
+    {
+        "2.0.0": Rules(STANDARD["2.0.0"], wrong_stitching_node=ErrorType.OUTDATED_ORDER_UPDATE),
+        "2.1.0": Rules(STANDARD["2.1.0"], wrong_stitching_node=ErrorType.OUTDATED_ORDER_UPDATE),
+        "3.0.0": Rules(
+            STANDARD["3.0.0"],
+            wrong_stitching_node=ErrorType.VALIDATION_FAILURE,
+            node_forgotten_in=frozenset(
+                {OperatingMode.STARTUP, OperatingMode.SERVICE, OperatingMode.TEACH_IN}
+            ),
+            node_left_in=frozenset({OperatingMode.MANUAL}),
+        ),
+    }
+)
+"""By version number."""
+
+
+class LinkLossPolicy(StrEnum):
+    """How a robot drives without its broker."""
+
+    ASSERTIVE = "assertive"
+    """It drives the base to its end, as the standard has it."""
+    PREVENTIVE_AT_ONCE = "preventive_at_once"
+    """It stops where it is, and waits."""
+    PREVENTIVE_NEXT_NODE = "preventive_next_node"
+    """It drives to the next node, and waits there."""
+
+
+@dataclass(slots=True)
+class LinkWatch:
+    """Since when the link is lost, as a monotonic time in s; None: it stands.
+
+    The robot may be without it for ``patience`` seconds.
+    """
+
+    policy: LinkLossPolicy
+    patience: float
+    lost_since: float | None = None
+
+    @property
+    def waits(self) -> bool:
+        """Whether a loss may come to last too long."""
+        return self.lost_since is not None and self.policy is not LinkLossPolicy.ASSERTIVE
+
+    def out_of_reach(self, now: float) -> bool:
+        """Tell whether the robot must not begin to drive to another node."""
+        since = self.lost_since
+        return self.waits and since is not None and now - since >= self.patience
+
+    def must_stand(self, now: float) -> bool:
+        """Tell whether the robot must stop where it is."""
+        return self.policy is LinkLossPolicy.PREVENTIVE_AT_ONCE and self.out_of_reach(now)
 
 
 class DriveStrategy(StrEnum):
@@ -83,3 +158,81 @@ class Capabilities:
             return frozenset()
         limit = {ZoneType.SPEED_LIMIT} if self.limits_speed else set()
         return frozenset({ZoneType.BLOCKED, ZoneType.LINE_GUIDED, ZoneType.RELEASE} | limit)
+
+
+SPEED = "edges.maximumSpeed"
+"""Optional field that only a driver which can limit the speed acts on."""
+ZONE_SET = "zoneSetId"
+"""Optional field of a 2.x order, which no robot here acts on: 2.x has no way to bring it a zone set."""
+
+_ALWAYS: tuple[OptionalParameter, ...] = (
+    OptionalParameter(
+        parameter="order.nodes.nodePosition",
+        support=Support.REQUIRED,
+        description="The robot drives to coordinates and knows no nodes by name.",
+    ),
+    OptionalParameter(parameter="order.nodes.nodePosition.theta", support=Support.SUPPORTED),
+    OptionalParameter(parameter="order.nodes.nodePosition.allowedDeviationXY", support=Support.SUPPORTED),
+    OptionalParameter(parameter="order.nodes.nodePosition.allowedDeviationTheta", support=Support.SUPPORTED),
+    OptionalParameter(parameter="order.edges.length", support=Support.SUPPORTED),
+)
+
+
+def _speed(edge: Edge, capabilities: Capabilities) -> bool:
+    """Tell whether the robot would be too fast; nobody drives along an edge at 0 m/s."""
+    limit = edge.maximum_speed
+    if limit is None or limit >= capabilities.maximum_speed:
+        return False
+    return limit == 0 or not capabilities.limits_speed
+
+
+def _orientation(edge: Edge, _: Capabilities) -> bool:
+    return edge.orientation is not None and (
+        edge.orientation != 0 or edge.orientation_type is OrientationType.GLOBAL
+    )
+
+
+DEMANDS: dict[str, Callable[[Edge, Capabilities], bool]] = {
+    SPEED: _speed,
+    "edges.maximumMobileRobotHeight": lambda edge, _: edge.maximum_mobile_robot_height is not None,
+    "edges.minimumLoadHandlingDeviceHeight": lambda edge, _: (
+        edge.minimum_load_handling_device_height is not None
+    ),
+    "edges.orientation": _orientation,
+    "edges.direction": lambda edge, _: bool(edge.direction),
+    "edges.reachOrientationBeforeEntering": lambda edge, _: bool(edge.reach_orientation_before_entering),
+    "edges.maximumRotationSpeed": lambda edge, _: edge.maximum_rotation_speed is not None,
+    "edges.trajectory": lambda edge, _: edge.trajectory is not None,
+    "edges.corridor": lambda edge, _: edge.corridor is not None,
+}
+"""Whether an edge asks for what the robot cannot do, for each field that may ask for it.
+
+What the robot does anyway (drive forwards, turn freely, keep to its own speed) is no demand.
+"""
+TOLERABLE: frozenset[str] = frozenset({ZONE_SET, *DEMANDS})
+"""Fields that a setting may have passed over."""
+
+
+def supported(capabilities: Capabilities) -> tuple[OptionalParameter, ...]:
+    """Give the optional fields that the factsheet names; what it does not name counts as unsupported."""
+    more: list[str] = []
+    if capabilities.limits_speed:
+        more.append(SPEED)
+    if ActionStatus.RETRIABLE in capabilities.rules.standard.action_statuses:
+        more += ["nodes.actions.retriable", "edges.actions.retriable"]
+    listed = (OptionalParameter(parameter=f"order.{each}", support=Support.SUPPORTED) for each in more)
+    return (*_ALWAYS, *listed)
+
+
+def unsupported(order: Order, capabilities: Capabilities) -> tuple[str, Edge | None] | None:
+    """Find the first optional field that the robot cannot act on, and the edge that it stands at, if any."""
+    if order.zone_set_id and ZONE_SET not in capabilities.tolerated_parameters:
+        return ZONE_SET, None
+    return next(_unsupported(order, capabilities), None)
+
+
+def _unsupported(order: Order, capabilities: Capabilities) -> Iterator[tuple[str, Edge]]:
+    for edge in order.edges:
+        for name, demanded in DEMANDS.items():
+            if name not in capabilities.tolerated_parameters and demanded(edge, capabilities):
+                yield name, edge

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from nena_edge_agent.protocol.action_flow import ActionFlow
+from nena_edge_agent.protocol.declaration import CANCEL_ORDER
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.parts import RobotParts
-from nena_edge_agent.protocol.predefined import CANCEL_ORDER
 from nena_edge_agent.protocol.travel import Travel
 from nena_shared.vda5050.action import ActionStatus
 

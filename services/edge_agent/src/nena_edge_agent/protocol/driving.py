@@ -7,7 +7,7 @@ from math import atan2
 
 from nena_edge_agent.driver.port import DriveGoal, OwnGoals, Pose
 from nena_edge_agent.protocol.capabilities import Capabilities
-from nena_edge_agent.protocol.tolerance import distance, radius
+from nena_edge_agent.protocol.geometry import distance, radius
 from nena_shared.vda5050.order import NodePosition
 
 HALT_PATIENCE = 5.0

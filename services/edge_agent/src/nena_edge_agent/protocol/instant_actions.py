@@ -7,14 +7,7 @@ from functools import partial
 
 from nena_edge_agent.protocol.action_flow import OwnAction
 from nena_edge_agent.protocol.action_states import ActionRecord
-from nena_edge_agent.protocol.effects import SendFactsheet, StartAction
-from nena_edge_agent.protocol.errors import Until
-from nena_edge_agent.protocol.instant_refusal import refuse
-from nena_edge_agent.protocol.order_cancel import OrderCancel
-from nena_edge_agent.protocol.parts import RobotParts
-from nena_edge_agent.protocol.pause import Pause
-from nena_edge_agent.protocol.position_setting import PositionSetting
-from nena_edge_agent.protocol.predefined import (
+from nena_edge_agent.protocol.declaration import (
     CANCEL_ORDER,
     CLEAR_INSTANT_ACTIONS,
     DELETE_ZONE_SET,
@@ -28,6 +21,13 @@ from nena_edge_agent.protocol.predefined import (
     STOP_PAUSE,
     TRIGGER,
 )
+from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.events import SendFactsheet, StartAction
+from nena_edge_agent.protocol.instant_refusal import refuse
+from nena_edge_agent.protocol.order_cancel import OrderCancel
+from nena_edge_agent.protocol.parts import RobotParts
+from nena_edge_agent.protocol.pause import Pause
+from nena_edge_agent.protocol.position_setting import PositionSetting
 from nena_edge_agent.protocol.retry import Retry
 from nena_edge_agent.protocol.trigger import Trigger
 from nena_edge_agent.protocol.zone_keeping import ZoneKeeping

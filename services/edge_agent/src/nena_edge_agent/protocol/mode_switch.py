@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from nena_edge_agent.protocol.clearing import Clearing
 from nena_edge_agent.protocol.events import OperatingModeSwitched
+from nena_edge_agent.protocol.geometry import in_place
 from nena_edge_agent.protocol.parts import RobotParts
-from nena_edge_agent.protocol.tolerance import in_place
 
 
 class ModeSwitch:

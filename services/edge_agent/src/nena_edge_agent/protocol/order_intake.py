@@ -5,14 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from nena_edge_agent.protocol.action_flow import ActionFlow
-from nena_edge_agent.protocol.action_states import ActionRecord
+from nena_edge_agent.protocol.action_states import ActionRecord, loaded_after
 from nena_edge_agent.protocol.errors import Until
-from nena_edge_agent.protocol.ground import CLOSED
-from nena_edge_agent.protocol.load_handling import loaded_after
-from nena_edge_agent.protocol.order_acceptance import Duplicate, NewOrder, Rejected, Update, Verdict, judge
+from nena_edge_agent.protocol.order_acceptance import (
+    Duplicate,
+    NewOrder,
+    Rejected,
+    Situation,
+    Update,
+    Verdict,
+    judge,
+)
 from nena_edge_agent.protocol.parts import RobotParts
 from nena_edge_agent.protocol.session import switched_off
-from nena_edge_agent.protocol.situation import Situation
+from nena_edge_agent.protocol.zone_sets import CLOSED
 from nena_shared.vda5050.error import ErrorType
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import Edge, Node, Order

@@ -1,16 +1,197 @@
-"""The order that a robot holds, and how far it has been driven (sections 6.1.2 and 6.6.2)."""
+"""The held order: what is left of it, what it said, and which orders have ended (sections 6.1.2, 6.6.2)."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
-from typing import NamedTuple
+from datetime import datetime, timedelta
+from functools import cached_property, lru_cache
+from hashlib import sha256
+from math import dist
+from typing import Final, NamedTuple, Protocol
 
-from nena_edge_agent.protocol.base_way import BaseWay
 from nena_edge_agent.protocol.memory import ProgressMemory
-from nena_edge_agent.protocol.order_content import HeldContent, OrderContent
-from nena_shared.vda5050.order import Edge, Node, Order
+from nena_shared.vda5050.base import Header, WireObject
+from nena_shared.vda5050.order import ControlPoint, Edge, Node, Order, Trajectory
 from nena_shared.vda5050.state import EdgeState, NodeState, PlannedPath
+
+
+class BaseWay:
+    """Straight from node to node; what lies before a node is known by its sequenceId.
+
+    Navigation chooses its own way between the nodes; what is planned for certain are the nodes.
+    """
+
+    def __init__(self, nodes: Iterable[Node] = ()) -> None:
+        self._base = [node for node in nodes if node.released]
+
+    def length_from(self, sequence_id: int) -> float:
+        """Give the way in m from a node of the base to its end; 0 where that is not known."""
+        index = self._index_of(sequence_id)
+        return self._left[index] if index is not None and index < len(self._left) else 0.0
+
+    def path(self, last: Node | None, sequence_id: int) -> PlannedPath | None:
+        """Give the planned path (section 6.6.2) from ``last`` over the nodes from ``sequence_id`` on.
+
+        None where there is none: no base is left, or a node of it has no place.
+        """
+        index = self._index_of(sequence_id)
+        if index is None or len(self._corners) != len(self._base):
+            return None
+        place = last.node_position if last else None
+        first = (_corner(place.x, place.y),) if place else ()
+        points = (*first, *self._corners[index:])
+        if len(points) <= 1:
+            return None
+        trajectory = Trajectory(degree=1, knot_vector=_knots(len(points)), control_points=points)
+        return PlannedPath(trajectory=trajectory, traversed_nodes=self._ids[index:])
+
+    def _index_of(self, sequence_id: int) -> int | None:
+        """Give the place of a node in the base: its nodes are numbered without gaps, by twos."""
+        index = (sequence_id - self._base[0].sequence_id) // 2 if self._base else -1
+        return index if 0 <= index < len(self._base) else None
+
+    @cached_property
+    def _ids(self) -> tuple[str, ...]:
+        return tuple(node.node_id for node in self._base)
+
+    @cached_property
+    def _corners(self) -> tuple[ControlPoint, ...]:
+        places = (node.node_position for node in self._base)
+        return tuple(_corner(place.x, place.y) for place in places if place)
+
+    @cached_property
+    def _left(self) -> list[float]:
+        return _lengths(self._corners)
+
+
+def _lengths(corners: tuple[ControlPoint, ...]) -> list[float]:
+    """Give for each corner the way from it to the last one."""
+    left = [0.0] * len(corners)
+    for index in range(len(corners) - 2, -1, -1):
+        here, there = corners[index], corners[index + 1]
+        left[index] = left[index + 1] + dist((here.x, here.y), (there.x, there.y))
+    return left
+
+
+@lru_cache(maxsize=1024)
+def _corner(x: float, y: float) -> ControlPoint:
+    return ControlPoint(x=x, y=y)
+
+
+@lru_cache(maxsize=256)
+def _knots(points: int) -> tuple[float, ...]:
+    """Give the knots of a curve of degree 1, which has a corner at each of its control points."""
+    steps = points - 1
+    return (0.0, *(index / steps for index in range(steps + 1)), 1.0)
+
+
+_HEADER = frozenset(Header.model_fields)
+
+
+class HeldContent(Protocol):
+    """Fingerprints of the order message that was accepted last."""
+
+    @property
+    def whole(self) -> str:
+        """Of all that it said."""
+        ...
+
+    @property
+    def decision_node(self) -> str:
+        """Of its last released node, with which an update begins."""
+        ...
+
+
+class OrderContent:
+    """The fingerprints of one message, taken when they are asked for: most orders never come again."""
+
+    def __init__(self, order: Order) -> None:
+        self._order = order
+
+    @cached_property
+    def whole(self) -> str:
+        """Of all that it said."""
+        return fingerprint(self._order)
+
+    @cached_property
+    def decision_node(self) -> str:
+        """Of its last released node."""
+        return fingerprint(next(node for node in reversed(self._order.nodes) if node.released))
+
+
+def fingerprint(message: WireObject) -> str:
+    """Give a text that is the same for all messages that say the same under whatever header."""
+    return sha256(message.model_dump_json(exclude=set(_HEADER), exclude_none=True).encode()).hexdigest()
+
+
+ENDED_ORDERS_KEPT: Final = 200
+"""Ended orders that are remembered; the oldest is dropped for the newest."""
+CLOCK_TOLERANCE: Final = timedelta(seconds=60)
+"""How far the clocks of two fleet controls, or of fleet control and robot, may differ."""
+
+
+class OrderHeader(NamedTuple):
+    """headerId and timestamp of the order message that was accepted last (section 7.2)."""
+
+    header_id: int
+    timestamp: datetime
+
+
+class OrderHistory:
+    """Ended orders by a digest of their orderId, oldest first, and the header that was accepted last.
+
+    A digest has one length for every orderId, so the journal stays small.
+    """
+
+    def __init__(self, ended: Iterable[str] = (), last_header: OrderHeader | None = None) -> None:
+        self._ended = dict.fromkeys(ended)
+        self.last_header = last_header
+
+    @property
+    def ended(self) -> tuple[str, ...]:
+        """Digests of the ended orders, oldest first."""
+        return tuple(self._ended)
+
+    def end(self, order_id: str) -> None:
+        """Remember an order that another one replaces; an empty ``order_id`` means that there was none."""
+        if not order_id:
+            return
+        self._ended[_digest(order_id)] = None
+        while len(self._ended) > ENDED_ORDERS_KEPT:
+            del self._ended[next(iter(self._ended))]
+
+    def accept(self, order: Order, utc: datetime | None) -> None:
+        """Remember the header of an accepted order or update; ``utc`` is the robot's time, if it is known.
+
+        A timestamp in the future is not remembered: once the sender's clock is corrected, every new order
+        would look old.
+        """
+        if utc is None or order.timestamp <= utc + CLOCK_TOLERANCE:
+            self.last_header = OrderHeader(order.header_id, order.timestamp)
+
+    def replay(self, order: Order) -> str | None:
+        """Return why a new ``order`` is a replay of an old message, None if it is not.
+
+        A sender whose counter starts again sends newer timestamps; one whose clock is set back goes on
+        counting. Only a message that is older by both is a replay.
+        """
+        if _digest(order.order_id) in self._ended:
+            return f"order '{order.order_id}' was received before and has ended"
+        last = self.last_header
+        if last is None or order.header_id > last.header_id:
+            return None
+        if order.timestamp >= last.timestamp - CLOCK_TOLERANCE:
+            return None
+        return f"the message ({_words(order)}) is older than the last accepted order ({_words(last)})"
+
+
+def _words(header: OrderHeader | Order) -> str:
+    return f"headerId {header.header_id}, {header.timestamp:%Y-%m-%dT%H:%M:%SZ}"
+
+
+def _digest(order_id: str) -> str:
+    return sha256(order_id.encode()).hexdigest()[:32]
 
 
 class Ahead(NamedTuple):

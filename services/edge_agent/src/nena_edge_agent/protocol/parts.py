@@ -17,18 +17,13 @@ from nena_edge_agent.driver.port import (
     PoseReport,
     SessionReport,
 )
-from nena_edge_agent.protocol.action_queue import ActionQueue
-from nena_edge_agent.protocol.action_states import ActionStates
-from nena_edge_agent.protocol.capabilities import Capabilities, ExternalGoals
+from nena_edge_agent.protocol.action_states import ActionQueue, ActionStates
+from nena_edge_agent.protocol.capabilities import Capabilities, ExternalGoals, LinkWatch
 from nena_edge_agent.protocol.driving import GoalInFlight
-from nena_edge_agent.protocol.effects import Effect
 from nena_edge_agent.protocol.errors import ActiveErrors
-from nena_edge_agent.protocol.events import SafetyReport
-from nena_edge_agent.protocol.link_loss import LinkWatch
-from nena_edge_agent.protocol.order_history import OrderHistory
-from nena_edge_agent.protocol.order_progress import OrderProgress
-from nena_edge_agent.protocol.zone_access import ZoneAccess
-from nena_edge_agent.protocol.zone_sets import ZoneSets
+from nena_edge_agent.protocol.events import Effect, SafetyReport
+from nena_edge_agent.protocol.order_progress import OrderHistory, OrderProgress
+from nena_edge_agent.protocol.zone_sets import ZoneAccess, ZoneSets
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.error import ErrorLevel
 from nena_shared.vda5050.state import EmergencyStop, Load, Map, MapStatus, OperatingMode

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from nena_edge_agent.protocol.action_flow import ActionFlow
+from nena_edge_agent.protocol.declaration import START_PAUSE
 from nena_edge_agent.protocol.parts import RobotParts
-from nena_edge_agent.protocol.predefined import START_PAUSE
 from nena_edge_agent.protocol.travel import Travel
 from nena_shared.vda5050.action import Action, ActionStatus
 

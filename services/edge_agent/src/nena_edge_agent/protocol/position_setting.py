@@ -5,10 +5,10 @@ from __future__ import annotations
 from math import pi
 
 from nena_edge_agent.driver.port import Pose, PositionInitialized
-from nena_edge_agent.protocol.effects import SetPosition
-from nena_edge_agent.protocol.order_checks import listed
+from nena_edge_agent.protocol.declaration import INITIALIZE_POSITION
+from nena_edge_agent.protocol.events import SetPosition
+from nena_edge_agent.protocol.order_acceptance import listed
 from nena_edge_agent.protocol.parts import RobotParts
-from nena_edge_agent.protocol.predefined import INITIALIZE_POSITION
 from nena_shared.vda5050.action import Action, ActionStatus
 
 PATIENCE = 30.0

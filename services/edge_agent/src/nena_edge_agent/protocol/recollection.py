@@ -16,10 +16,9 @@ from nena_edge_agent.protocol.memory import (
     ProgressMemory,
     ZoneSetMemory,
 )
-from nena_edge_agent.protocol.order_history import OrderHeader, OrderHistory
-from nena_edge_agent.protocol.order_progress import OrderProgress
+from nena_edge_agent.protocol.order_progress import OrderHeader, OrderHistory, OrderProgress
 from nena_edge_agent.protocol.parts import RobotParts
-from nena_edge_agent.protocol.zone_access import AccessRequest, ZoneAccess
+from nena_edge_agent.protocol.zone_sets import AccessRequest, ZoneAccess
 
 
 def recall(parts: RobotParts) -> Memory:

@@ -24,13 +24,15 @@ from nena_edge_agent.driver.port import (
     SessionReport,
 )
 from nena_edge_agent.protocol.action_flow import ActionFlow
+from nena_edge_agent.protocol.action_states import sensed
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.clearing import Clearing
 from nena_edge_agent.protocol.conditions import check_conditions
-from nena_edge_agent.protocol.effects import Effect, ReportState
+from nena_edge_agent.protocol.declaration import WAIT_FOR_TRIGGER
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import (
     ActionReport,
+    Effect,
     ErrorSwitched,
     Event,
     InstantActionsReceived,
@@ -44,6 +46,7 @@ from nena_edge_agent.protocol.events import (
     OrderReceived,
     PauseButton,
     PluginsReport,
+    ReportState,
     ResponsesReceived,
     SafetyReport,
     Started,
@@ -53,7 +56,6 @@ from nena_edge_agent.protocol.events import (
 )
 from nena_edge_agent.protocol.instant_actions import InstantActionFlow
 from nena_edge_agent.protocol.journey import Journey
-from nena_edge_agent.protocol.load_handling import sensed
 from nena_edge_agent.protocol.memory import Memory
 from nena_edge_agent.protocol.mode_switch import ModeSwitch
 from nena_edge_agent.protocol.order_cancel import OrderCancel
@@ -61,7 +63,6 @@ from nena_edge_agent.protocol.order_intake import OrderIntake
 from nena_edge_agent.protocol.parts import RobotParts
 from nena_edge_agent.protocol.pause import Pause
 from nena_edge_agent.protocol.position_setting import PositionSetting
-from nena_edge_agent.protocol.predefined import WAIT_FOR_TRIGGER
 from nena_edge_agent.protocol.recollection import recall, recollect
 from nena_edge_agent.protocol.retry import Retry
 from nena_edge_agent.protocol.state_report import make_state, make_visualization

@@ -7,11 +7,11 @@ from typing import Any
 
 from nena_edge_agent.driver.port import BatteryReport, GoalReport, GoalTable
 from nena_edge_agent.protocol.events import SafetyReport
+from nena_edge_agent.protocol.geometry import turn
 from nena_edge_agent.protocol.journey import Journey
 from nena_edge_agent.protocol.journey_report import intermediate_path, progress_information
 from nena_edge_agent.protocol.parts import RobotParts, Senses
 from nena_edge_agent.protocol.session import session_information
-from nena_edge_agent.protocol.tolerance import turn
 from nena_shared.vda5050.error import ErrorReference
 from nena_shared.vda5050.state import (
     InfoLevel,

@@ -7,13 +7,13 @@ from math import dist
 
 from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure, NavigationReport, Pose
 from nena_edge_agent.protocol.action_flow import ActionFlow
-from nena_edge_agent.protocol.action_queue import lets_drive
+from nena_edge_agent.protocol.action_states import lets_drive
 from nena_edge_agent.protocol.capabilities import DriveStrategy, ExternalGoals
 from nena_edge_agent.protocol.driving import HALT_PATIENCE, make_goal
-from nena_edge_agent.protocol.effects import Drive, Halt
 from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.events import Drive, Halt
+from nena_edge_agent.protocol.geometry import distance, heading_fits, in_place, same_place
 from nena_edge_agent.protocol.parts import RobotParts
-from nena_edge_agent.protocol.tolerance import distance, heading_fits, in_place, same_place
 from nena_edge_agent.protocol.way_ahead import way_ahead
 from nena_edge_agent.protocol.zone_guard import ZoneGuard
 from nena_shared.vda5050.error import ErrorType, error

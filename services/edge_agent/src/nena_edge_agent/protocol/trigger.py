@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from nena_edge_agent.protocol.action_flow import ActionFlow
 from nena_edge_agent.protocol.action_states import ActionRecord
+from nena_edge_agent.protocol.declaration import TRIGGER_TYPE, WAIT_FOR_TRIGGER
 from nena_edge_agent.protocol.parts import RobotParts
-from nena_edge_agent.protocol.predefined import TRIGGER_TYPE, WAIT_FOR_TRIGGER
 from nena_shared.vda5050.action import Action, ActionStatus
 
 FLEET_CONTROL = "FLEET_CONTROL"

@@ -7,10 +7,10 @@ from itertools import islice
 from math import atan2, hypot, pi, sin
 
 from nena_edge_agent.driver.port import Pose
-from nena_edge_agent.protocol.action_queue import lets_drive
+from nena_edge_agent.protocol.action_states import lets_drive
 from nena_edge_agent.protocol.capabilities import Capabilities
+from nena_edge_agent.protocol.geometry import radius, turn
 from nena_edge_agent.protocol.order_progress import OrderProgress
-from nena_edge_agent.protocol.tolerance import radius, turn
 from nena_shared.vda5050.order import Edge, Node, NodePosition
 
 MOST = 20

@@ -6,12 +6,10 @@ from datetime import datetime
 from itertools import islice
 
 from nena_edge_agent.driver.port import Pose
-from nena_edge_agent.protocol.effects import LimitSpeed
-from nena_edge_agent.protocol.ground import first_closed, zones_in
+from nena_edge_agent.protocol.events import LimitSpeed
+from nena_edge_agent.protocol.geometry import distance
 from nena_edge_agent.protocol.parts import RobotParts
-from nena_edge_agent.protocol.tolerance import distance
-from nena_edge_agent.protocol.zone_access import LOST, ZoneKey
-from nena_edge_agent.protocol.zone_sets import EnabledZone
+from nena_edge_agent.protocol.zone_sets import LOST, EnabledZone, ZoneKey, first_closed, zones_in
 from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
 from nena_shared.vda5050.order import NodePosition
 from nena_shared.vda5050.request import RequestStatus

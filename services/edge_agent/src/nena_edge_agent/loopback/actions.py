@@ -1,8 +1,9 @@
-"""Actions for rehearsal: to see how a fleet control takes what goes wrong."""
+"""Actions of loopback robots: simulated ones, and charging that reaches the simulated battery."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from nena_edge_agent.actions.countdown import Countdown
 from nena_edge_agent.actions.plugin import ActionPlugin, Report, RunningAction
@@ -13,7 +14,7 @@ from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
 from nena_shared.vda5050.state import Load
 
 EVERYWHERE = (ActionScope.NODE, ActionScope.EDGE, ActionScope.INSTANT)
-LONGEST = 86_400.0
+LONGEST_ACTION = 86_400.0
 """Seconds."""
 
 DURATION = Parameter("duration", ValueDataType.NUMBER, required=False, description="s, 0 to 86400")
@@ -39,7 +40,7 @@ class RehearsalAction:
             status = ActionStatus.FAILED if problem else ActionStatus.FINISHED
             report(ActionReport(action.action_id, status, problem or "done"))
 
-        countdown = Countdown(action.action_id, min(max(seconds, 0.0), LONGEST), report, done)
+        countdown = Countdown(action.action_id, min(max(seconds, 0.0), LONGEST_ACTION), report, done)
         countdown.start()
         return countdown
 
@@ -93,3 +94,29 @@ def _declare(
         restartable=True,
         description=description,
     )
+
+
+class ChargingWatch:
+    """Does what ``plugin`` does, and has ``switch`` called when it begins or ends charging.
+
+    The core hears of it by the battery alone, so that a charger that is taken away ends it as well.
+    """
+
+    def __init__(self, plugin: ActionPlugin, switch: Callable[[bool], None]) -> None:
+        self._plugin = plugin
+        self._switch = switch
+        self.declaration = plugin.declaration
+
+    def start(self, action: Action, loads: tuple[Load, ...], report: Report) -> RunningAction:
+        """Begin."""
+
+        def watched(told: ActionReport) -> None:
+            charging = getattr(
+                told, "charging", None
+            )  # a plug-in may tell anything; the agent judges it later
+            if isinstance(charging, bool):
+                self._switch(charging)
+                told = replace(told, charging=None)
+            report(told)
+
+        return self._plugin.start(action, loads, watched)

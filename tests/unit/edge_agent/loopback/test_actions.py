@@ -2,8 +2,7 @@ from __future__ import annotations
 
 from nena_edge_agent.actions.settings import OperationSettings
 from nena_edge_agent.actions.timed_operation import TimedOperation
-from nena_edge_agent.loopback.charging import ChargingWatch
-from nena_edge_agent.loopback.rehearsal import rehearsal_actions
+from nena_edge_agent.loopback.actions import ChargingWatch, rehearsal_actions
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.factsheet import ActionScope

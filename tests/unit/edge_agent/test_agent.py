@@ -5,7 +5,7 @@ from weakref import ref
 
 import pytest
 
-from nena_edge_agent.collector import spare_what_is_loaded
+from nena_edge_agent.agent import spare_what_is_loaded
 
 
 class Ring:

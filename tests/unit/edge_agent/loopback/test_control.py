@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_edge_agent.driver.port import Circle, NavigationReport, NoRouteReport, Pose, PoseReport
-from nena_edge_agent.loopback.bench import Bench
-from nena_edge_agent.loopback.commands import CommandRefusedError, parse
+from nena_edge_agent.loopback.control import Bench, CommandRefusedError, parse
 from nena_edge_agent.loopback.driver import LoopbackDriver
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.protocol.events import (

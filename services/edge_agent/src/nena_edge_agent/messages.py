@@ -1,0 +1,268 @@
+"""MQTT messages of one robot: what it sends, with headers and topics, and what it receives (section 6)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from nena_edge_agent.factsheet import make_factsheet
+from nena_edge_agent.protocol.capabilities import Capabilities
+from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.events import (
+    Event,
+    InstantActionsReceived,
+    MessageRefused,
+    OrderReceived,
+    ResponsesReceived,
+    ZoneSetReceived,
+)
+from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.clock import Clock
+from nena_shared.fleet_api.plant import RobotMap, topic_of_map
+from nena_shared.log import get_logger
+from nena_shared.mqtt import Handler, Inbound, Outbound
+from nena_shared.mqtt.client_id import private_client_id
+from nena_shared.settings import MqttSettings
+from nena_shared.vda5050.action import InstantActions
+from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.connection import Connection, ConnectionState
+from nena_shared.vda5050.error import ErrorEntry, ErrorReference, ErrorType, error
+from nena_shared.vda5050.malformed import MalformedMessageError
+from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.responses import Responses
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.versions import codec_for, topics_for
+from nena_shared.vda5050.visualization import Visualization
+from nena_shared.vda5050.zone_set import ZoneSetTransfer
+
+WRAP = 2**32
+RESERVE = 100
+"""Ids of a topic that are set apart at once: at most so many are left out by a restart."""
+TOPICS = (Topic.STATE, Topic.VISUALIZATION, Topic.CONNECTION, Topic.FACTSHEET)
+"""What a robot sends."""
+
+Reserved = tuple[tuple[Topic, int], ...]
+"""For each topic the first id that is not set apart."""
+
+
+class HeaderMaker:
+    """Counts the messages of each topic, from 0 or from where an earlier run of the program may have been.
+
+    Ids are used after they have been reserved on disk, so that none comes twice. A robot that cannot write
+    goes on counting: fleet control must take ids that begin anew.
+    """
+
+    def __init__(self, robot: RobotKey, *, version: str, clock: Clock, reserved: Reserved = ()) -> None:
+        self._robot = robot
+        self._version = version
+        self._clock = clock
+        self._counts: Counter[Topic] = Counter(dict(reserved))
+        self._reserved: dict[Topic, int] = {}
+
+    def reserve(self) -> Reserved:
+        """Give the first id of each topic that is not set apart; raised when half of those are used."""
+        for topic in TOPICS:
+            left = (self._reserved.get(topic, 0) - self._counts[topic]) % WRAP
+            if not RESERVE // 2 <= left <= RESERVE:
+                self._reserved[topic] = (self._counts[topic] + RESERVE) % WRAP
+        return tuple(self._reserved.items())
+
+    def make(self, topic: Topic) -> dict[str, Any]:
+        """Give the header of the next message under ``topic``, by its neutral names."""
+        number = self._counts[topic]
+        self._counts[topic] = (number + 1) % WRAP
+        return self.form(number)
+
+    def form(self, number: int) -> dict[str, Any]:
+        """Give a header with this headerId, without counting it."""
+        return {
+            "header_id": number,
+            "timestamp": self._clock.now(),
+            "version": self._version,
+            "manufacturer": self._robot.manufacturer,
+            "serial_number": self._robot.serial_number,
+        }
+
+    def last_id(self, topic: Topic) -> int:
+        """Give the headerId of the last message under ``topic``; 0 before the first."""
+        return max(0, self._counts[topic] - 1)
+
+
+def client_id_of(robot: RobotKey, settings: MqttSettings) -> str:
+    """Give the robot's MQTT client id, where the settings name none.
+
+    Raises:
+        ConfigurationError: a file with the robot's secret cannot be read.
+
+    """
+    return private_client_id(f"nena-edge-agent-{robot.manufacturer}-{robot.serial_number}", settings)
+
+
+class RobotMessages:
+    """Makes the messages of one robot, ready for the link; each takes the next headerId of its topic."""
+
+    def __init__(
+        self,
+        settings: EdgeAgentSettings,
+        robot: RobotKey,
+        capabilities: Capabilities,
+        *,
+        clock: Clock,
+        reserved: Reserved = (),
+    ) -> None:
+        self._settings = settings
+        self._robot = robot
+        self._capabilities = capabilities
+        self.codec = codec_for(settings.version)
+        self._topics = topics_for(settings.version, settings.interface_name)
+        self.headers = HeaderMaker(robot, version=settings.version, clock=clock, reserved=reserved)
+
+    def topic(self, topic: Topic) -> str:
+        """Name a topic of the robot."""
+        return self._topics.of(self._robot, topic)
+
+    def header(self, topic: Topic) -> dict[str, Any]:
+        """Give the header of the next message under ``topic``."""
+        return self.headers.make(topic)
+
+    def connection(self, state: ConnectionState) -> Outbound:
+        """Say whether the robot is there; kept by the broker."""
+        message = Connection(**self.header(Topic.CONNECTION), connection_state=state)
+        return self._outbound(Topic.CONNECTION, message, qos=1, retain=True)
+
+    def factsheet(self) -> Outbound:
+        """Say what the robot can do; kept by the broker."""
+        message = make_factsheet(self.header(Topic.FACTSHEET), self._settings, self._capabilities)
+        return self._outbound(Topic.FACTSHEET, message, qos=self._settings.qos, retain=True)
+
+    def state(self, message: State, *, keep: bool) -> Outbound:
+        """Say how the robot stands; ``keep``: for as long as it takes until the link is there."""
+        return self._outbound(Topic.STATE, message, qos=self._settings.qos, keep=keep)
+
+    def visualization(self, message: Visualization) -> Outbound:
+        """Say where the robot is; of no use when it is late."""
+        return self._outbound(Topic.VISUALIZATION, message, qos=0)
+
+    def map(self, found: RobotMap) -> Outbound:
+        """Say what the robot's map looks like; kept by the broker."""
+        payload = found.model_dump_json(by_alias=True).encode()
+        return Outbound(topic_of_map(self._topics, self._robot), payload, retain=True, keep=False)
+
+    def _outbound(
+        self, topic: Topic, message: Header, *, qos: int, retain: bool = False, keep: bool = False
+    ) -> Outbound:
+        return Outbound(self.topic(topic), self.codec.encode(message), qos=qos, retain=retain, keep=keep)
+
+
+log = get_logger(__name__)
+M = TypeVar("M", Order, InstantActions, ZoneSetTransfer, Responses)
+
+
+_UNTIL = {
+    Topic.INSTANT_ACTIONS: Until.INSTANT_ACTION_ACCEPTED,
+    Topic.ZONE_SET: Until.ZONE_SET_TAKEN,
+}
+"""What ends the report of a message that was refused, where it is not the next order."""
+
+
+@dataclass(slots=True)
+class InboxCounts:
+    """What came in so far."""
+
+    taken: int = 0
+    malformed: int = 0
+    misdirected: int = 0
+    retained: int = 0
+
+
+class Inbox:
+    """Reads the messages of fleet control to one robot."""
+
+    def __init__(self, codec: Codec, robot: RobotKey, put: Callable[[Event], None], clock: Clock) -> None:
+        self._codec = codec
+        self._robot = robot
+        self._put = put
+        self._clock = clock
+        self._log = log.bind(robot=str(robot))
+        self.counts = InboxCounts()
+
+    def handlers(self, *, zones: bool) -> dict[Topic, Handler]:
+        """Give what takes the messages under each topic; those for ``zones`` only where they are wanted."""
+        always: dict[Topic, Handler] = {
+            Topic.ORDER: self.take_order,
+            Topic.INSTANT_ACTIONS: self.take_instant_actions,
+        }
+        of_zones: dict[Topic, Handler] = {
+            Topic.ZONE_SET: self.take_zone_set,
+            Topic.RESPONSES: self.take_responses,
+        }
+        return always | of_zones if zones else always
+
+    def take_order(self, message: Inbound) -> None:
+        """Read a message under the order topic."""
+        order = self._read(Order, message, Topic.ORDER)
+        if order is not None:
+            self._log.info("order received", order=order.order_id, update=order.order_update_id)
+            self._put(OrderReceived(order))
+
+    def take_instant_actions(self, message: Inbound) -> None:
+        """Read a message under the instantActions topic."""
+        actions = self._read(InstantActions, message, Topic.INSTANT_ACTIONS)
+        if actions is not None:
+            self._put(InstantActionsReceived(actions))
+
+    def take_zone_set(self, message: Inbound) -> None:
+        """Read a message under the zoneSet topic."""
+        transfer = self._read(ZoneSetTransfer, message, Topic.ZONE_SET)
+        if transfer is not None:
+            self._put(ZoneSetReceived(transfer))
+
+    def take_responses(self, message: Inbound) -> None:
+        """Read a message under the responses topic."""
+        responses = self._read(Responses, message, Topic.RESPONSES)
+        if responses is not None:
+            self._put(ResponsesReceived(responses, self._clock.now()))
+
+    def _read(self, kind: type[M], message: Inbound, topic: Topic) -> M | None:
+        if not message.payload:
+            self._log.debug("an empty message is passed over: it clears what the broker keeps", topic=topic)
+            return None
+        if message.retained:
+            self.counts.retained += 1
+            self._log.warning("a retained command is passed over; it may be old", topic=message.topic)
+            return None
+        try:
+            read = self._codec.decode(kind, message.payload)
+        except MalformedMessageError as malformed:
+            self.counts.malformed += 1
+            self._refuse(str(malformed), topic, malformed.references)
+            return None
+        if RobotKey(read.manufacturer, read.serial_number) != self._robot:
+            self.counts.misdirected += 1
+            to = f"{read.manufacturer}/{read.serial_number}"
+            self._refuse(f"the header names the robot {to}", topic, {"headerId": str(read.header_id)})
+            return None
+        self.counts.taken += 1
+        return read
+
+    def _refuse(self, problem: str, topic: Topic, references: dict[str, str]) -> None:
+        self._log.warning("message refused", topic=topic.value, problem=problem, **references)
+        until = _UNTIL.get(topic, Until.ORDER_ACCEPTED)
+        self._put(MessageRefused(_refusal(problem, topic, references), until))
+
+
+def _refusal(problem: str, topic: Topic, references: dict[str, str]) -> ErrorEntry:
+    entry = error(
+        ErrorType.VALIDATION_FAILURE,
+        problem,
+        hint="correct the message and send it again; nothing has changed",
+        topic=topic.value,
+    )
+    known = tuple(
+        ErrorReference(reference_key=key, reference_value=value) for key, value in references.items()
+    )
+    return entry.model_copy(update={"error_references": (*entry.error_references, *known)})

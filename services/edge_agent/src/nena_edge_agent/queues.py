@@ -1,0 +1,176 @@
+"""What the agent's task waits for: events, effects that need the disk, and messages that are due."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Iterable
+from math import inf
+
+from nena_edge_agent.driver.port import BatteryReport, DriveProgress, GoalTable, PlanReport, PoseReport
+from nena_edge_agent.protocol.events import (
+    CancelAction,
+    Drive,
+    Effect,
+    Event,
+    Halt,
+    InstantActionsReceived,
+    MessageRefused,
+    OrderReceived,
+    ResponsesReceived,
+    SetPosition,
+    StartAction,
+    ZoneSetReceived,
+)
+
+MESSAGE_LIMIT = 100
+"""Messages of fleet control that may wait."""
+
+_MESSAGES = (OrderReceived, InstantActionsReceived, ZoneSetReceived, ResponsesReceived, MessageRefused)
+_SUPERSEDED = (PoseReport, BatteryReport, GoalTable, PlanReport, DriveProgress)
+
+
+class Mailbox:
+    """Collects events for one task.
+
+    Of poses, battery reports, plans, progress and tables of goals only the newest waits. Messages beyond the
+    limit are dropped and counted: fleet control sends them again until a state echoes them. All else is an
+    answer to something that the core has asked for, a handful per goal and action, and is never dropped.
+    """
+
+    def __init__(self) -> None:
+        self._events: deque[Event] = deque()
+        self._newest: dict[type, Event] = {}
+        self._messages = 0
+        self._filled = asyncio.Event()
+        self.dropped = 0
+
+    def put(self, event: Event) -> None:
+        """Add an event; to be called in the event loop's thread."""
+        if isinstance(event, _SUPERSEDED):
+            self._newest[type(event)] = event
+        elif not isinstance(event, _MESSAGES):
+            self._keep_order(event)
+        elif self._messages < MESSAGE_LIMIT:
+            self._messages += 1
+            self._keep_order(event)
+        else:
+            self.dropped += 1
+        self._filled.set()
+
+    def take(self) -> list[Event]:
+        """Give and forget all that waits, in its order."""
+        self._flush_newest()
+        events = list(self._events)
+        self._events.clear()
+        self._messages = 0
+        self._filled.clear()
+        return events
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing waits."""
+        return not self._filled.is_set()
+
+    def wake(self) -> None:
+        """End a wait, also without an event."""
+        self._filled.set()
+
+    async def wait(self, seconds: float) -> None:
+        """Wait until something is there, at most ``seconds``."""
+        if self._filled.is_set() or seconds <= 0:
+            await asyncio.sleep(0)
+            return
+        try:
+            async with asyncio.timeout(seconds):
+                await self._filled.wait()
+        except TimeoutError:
+            return
+
+    def _keep_order(self, event: Event) -> None:
+        """Put ``event`` behind the pose that came before it: an arrival is judged by its own pose."""
+        self._flush_newest()
+        self._events.append(event)
+
+    def _flush_newest(self) -> None:
+        self._events.extend(self._newest.values())
+        self._newest.clear()
+
+
+BEGINNINGS = (Drive, SetPosition, StartAction)
+"""All else ends something, or tells of it: that never waits."""
+
+
+class Postponed:
+    """Keeps back what is to be begun while the newest record is not on the disk."""
+
+    def __init__(self) -> None:
+        self._waiting: list[Effect] = []
+
+    def sift(self, effects: Iterable[Effect], *, recorded: bool) -> list[Effect]:
+        """Give what may be done now, in its order; ``recorded``: a record tells of all ``effects``.
+
+        What is ended while it waits is not begun any more.
+        """
+        if recorded:
+            waiting, self._waiting = self._waiting, []
+            return [*waiting, *effects]
+        now: list[Effect] = []
+        for effect in effects:
+            if isinstance(effect, BEGINNINGS):
+                self._waiting.append(effect)
+            else:
+                self._waiting = [each for each in self._waiting if not _ends(effect, each)]
+                now.append(effect)
+        return now
+
+
+def _ends(effect: Effect, waiting: Effect) -> bool:
+    """Tell whether ``effect`` is the end of what ``waiting`` would begin."""
+    match effect, waiting:
+        case Halt(), Drive():
+            return True
+        case CancelAction(action_id), StartAction(action):
+            return action.action_id == action_id
+        case _:
+            return False
+
+
+class StateSchedule:
+    """Times in s of a monotonic clock; requests that come too fast are answered by one state."""
+
+    def __init__(self, *, minimum: float, maximum: float) -> None:
+        self._minimum = minimum
+        self._maximum = maximum
+        self._last = -inf
+        self._requested = inf
+
+    def request(self, now: float) -> None:
+        """Want a state as soon as the minimum interval allows."""
+        self._requested = min(self._requested, now)
+
+    @property
+    def due(self) -> float:
+        """When the next state is to be sent."""
+        return min(max(self._requested, self._last + self._minimum), self._last + self._maximum)
+
+    def sent(self, now: float) -> None:
+        """Note that a state was sent."""
+        self._last, self._requested = now, inf
+
+
+class VisualizationSchedule:
+    """An even rate; an interval of 0 means never."""
+
+    def __init__(self, *, interval: float, now: float) -> None:
+        self._interval = interval
+        self._next = now if interval else inf
+
+    @property
+    def due(self) -> float:
+        """When the next visualization message is to be sent."""
+        return self._next
+
+    def sent(self, now: float) -> None:
+        """Note that one was sent; what was missed is not made up for."""
+        self._next = max(self._next + self._interval, now)

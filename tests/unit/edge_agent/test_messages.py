@@ -1,0 +1,246 @@
+from __future__ import annotations
+
+import json
+from datetime import timedelta
+
+import pytest
+
+from nena_edge_agent.actions.registry import ActionRegistry
+from nena_edge_agent.factsheet import make_capabilities
+from nena_edge_agent.messages import (
+    RESERVE,
+    WRAP,
+    HeaderMaker,
+    Inbox,
+    InboxCounts,
+    RobotMessages,
+    client_id_of,
+)
+from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.events import Event, InstantActionsReceived, MessageRefused, OrderReceived
+from nena_edge_agent.settings import EdgeAgentSettings
+from nena_shared.clock import ManualClock
+from nena_shared.mqtt import Inbound
+from nena_shared.settings import MqttSettings
+from nena_shared.vda5050.action import InstantActions
+from nena_shared.vda5050.connection import Connection, ConnectionState
+from nena_shared.vda5050.error import ErrorType
+from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.topics import RobotKey, Topic
+from nena_shared.vda5050.v2_1 import CODEC
+from nena_shared.vda5050.versions import codec_for
+from nena_shared.vda5050.visualization import Visualization
+from support.robot_core import HEADER, action, order
+
+
+@pytest.mark.clause("7.2/headerId", "7.2")
+def test_each_topic_is_counted_for_itself_from_0() -> None:
+    clock = ManualClock()
+    maker = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=clock)
+
+    first = maker.make(Topic.STATE)
+    clock.advance(2.0)
+    second = maker.make(Topic.STATE)
+    other = maker.make(Topic.CONNECTION)
+
+    assert (first["header_id"], second["header_id"], other["header_id"]) == (0, 1, 0)
+    assert second["timestamp"] - first["timestamp"] == timedelta(seconds=2)
+    assert (first["manufacturer"], first["serial_number"], first["version"]) == ("ACME", "1", "2.1.0")
+    assert (maker.last_id(Topic.STATE), maker.last_id(Topic.FACTSHEET)) == (1, 0)
+
+
+@pytest.mark.clause("7.2/headerId")
+def test_the_count_stays_within_32_bits() -> None:
+    maker = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=ManualClock())
+    maker._counts[Topic.STATE] = WRAP - 1
+
+    assert maker.make(Topic.STATE)["header_id"] == WRAP - 1
+    assert maker.make(Topic.STATE)["header_id"] == 0
+
+
+@pytest.mark.clause("7.2/headerId", "6.6/restart")
+def test_after_a_restart_the_count_goes_on_behind_all_that_may_have_been_used() -> None:
+    clock = ManualClock()
+    maker = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=clock)
+    used = 0
+    for _ in range(3 * RESERVE):
+        reserved = maker.reserve()
+        used = maker.make(Topic.STATE)["header_id"]
+
+    again = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=clock, reserved=reserved)
+
+    assert used < again.make(Topic.STATE)["header_id"] <= used + RESERVE
+    assert again.make(Topic.CONNECTION)["header_id"] == RESERVE
+
+
+def test_ids_are_set_apart_seldom() -> None:
+    maker = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=ManualClock())
+    reserved = set()
+    for _ in range(3 * RESERVE):
+        reserved.add(maker.reserve())
+        maker.make(Topic.STATE)
+
+    assert len(reserved) <= 3 * RESERVE // (RESERVE // 2)
+
+
+def test_ids_are_set_apart_over_the_end_of_the_count() -> None:
+    reserved = ((Topic.STATE, WRAP - 2),)
+    maker = HeaderMaker(RobotKey("ACME", "1"), version="2.1.0", clock=ManualClock(), reserved=reserved)
+
+    assert dict(maker.reserve())[Topic.STATE] == RESERVE - 2
+
+
+def test_a_robot_is_called_by_its_topics_and_what_only_it_has() -> None:
+    robot, secret = RobotKey("ACME", "1"), MqttSettings.model_validate({"password": "a"})
+
+    assert client_id_of(robot, MqttSettings()) == "nena-edge-agent-ACME-1"
+    assert client_id_of(robot, secret).startswith("nena-edge-agent-ACME-1-")
+    assert client_id_of(robot, secret) != client_id_of(RobotKey("ACME", "2"), secret)
+
+
+ROBOT = RobotKey("NeNa", "robot1")
+
+
+def messages(version: str = "2.1.0", first: int = 0) -> RobotMessages:
+    settings = EdgeAgentSettings.model_validate({"version": version, "qos": 0})
+    capabilities = make_capabilities(settings, ActionRegistry([]))
+    reserved = ((Topic.CONNECTION, first),)
+    return RobotMessages(settings, ROBOT, capabilities, clock=ManualClock(), reserved=reserved)
+
+
+@pytest.mark.clause("6.5", "7.9")
+@pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
+def test_whether_it_is_there_is_kept_by_the_broker_and_sent_with_care(version: str) -> None:
+    found = messages(version).connection(ConnectionState.ONLINE)
+
+    assert (found.retain, found.qos) == (True, 1)
+    assert found.topic.endswith("/NeNa/robot1/connection")
+    said = codec_for(version).decode(Connection, found.payload)
+    assert (said.connection_state, said.version) == (ConnectionState.ONLINE, version)
+
+
+@pytest.mark.clause("7.2/headerId")
+def test_each_topic_counts_its_own_messages_from_where_an_earlier_run_may_have_been() -> None:
+    made = messages(first=100)
+    codec = codec_for("2.1.0")
+
+    connections = [made.connection(ConnectionState.ONLINE).payload for _ in range(2)]
+    sheet = made.factsheet()
+
+    assert [codec.decode(Connection, each).header_id for each in connections] == [100, 101]
+    assert codec.decode(Factsheet, sheet.payload).header_id == 0
+    assert (sheet.retain, sheet.qos) == (True, 0)
+
+
+def test_where_it_is_is_told_without_a_receipt_and_not_kept() -> None:
+    made = messages()
+    here = Visualization(**made.header(Topic.VISUALIZATION), reference_state_header_id=0)
+
+    found = made.visualization(here)
+
+    assert (found.qos, found.retain, found.keep) == (0, False, False)
+    assert found.topic == made.topic(Topic.VISUALIZATION)
+
+
+class Desk:
+    def __init__(self, serial: str = "0001") -> None:
+        self.events: list[Event] = []
+        self.inbox = Inbox(CODEC, RobotKey("ACME", serial), self.events.append, ManualClock())
+
+    def order(self, payload: bytes, *, retained: bool = False) -> None:
+        self.inbox.take_order(Inbound("x/order", payload, retained))
+
+    @property
+    def refusal(self) -> dict[str, str]:
+        (event,) = self.events
+        assert isinstance(event, MessageRefused)
+        assert event.error.error_type == ErrorType.VALIDATION_FAILURE
+        return {each.reference_key: each.reference_value for each in event.error.error_references}
+
+
+def test_a_good_order_becomes_an_event() -> None:
+    desk = Desk()
+
+    desk.order(CODEC.encode(order("n0", "n1")))
+
+    (event,) = desk.events
+    assert isinstance(event, OrderReceived)
+    assert [node.node_id for node in event.order.nodes] == ["n0", "n1"]
+    assert desk.inbox.counts.taken == 1
+
+
+def test_good_instant_actions_become_an_event() -> None:
+    desk = Desk()
+
+    desk.inbox.take_instant_actions(
+        Inbound("x", CODEC.encode(InstantActions(**HEADER, actions=(action("a"),))), retained=False)
+    )
+
+    (event,) = desk.events
+    assert isinstance(event, InstantActionsReceived)
+    assert event.message.actions[0].action_id == "a"
+
+
+@pytest.mark.clause("4.1/retain")
+def test_a_retained_message_is_passed_over() -> None:
+    desk = Desk()
+
+    desk.order(CODEC.encode(order("n0")), retained=True)
+
+    assert desk.events == []
+    assert desk.inbox.counts.retained == 1
+
+
+@pytest.mark.parametrize("retained", [True, False])
+def test_an_empty_message_only_clears_what_the_broker_keeps(*, retained: bool) -> None:
+    desk = Desk()
+
+    desk.order(b"", retained=retained)
+
+    assert desk.events == []
+    assert desk.inbox.counts == InboxCounts()
+
+
+@pytest.mark.clause("6.1.4.1")
+@pytest.mark.parametrize("payload", [b" ", b"\xff", b"[]", b'"order"', b"{}", b"null"])
+def test_rubbish_is_refused_and_counted(payload: bytes) -> None:
+    desk = Desk()
+
+    desk.order(payload)
+
+    assert desk.refusal == {"topic": "order"}
+    assert desk.inbox.counts.malformed == 1
+
+
+@pytest.mark.clause("6.1.4.1", "6.6.5.2")
+def test_what_can_be_read_of_a_broken_message_is_referenced() -> None:
+    desk = Desk()
+    content = json.loads(CODEC.encode(order("n0", "n1", order_id="o7", update=2)))
+    content["edges"] = []
+
+    desk.order(json.dumps(content).encode())
+
+    assert desk.refusal == {"topic": "order", "headerId": "7", "orderId": "o7", "orderUpdateId": "2"}
+
+
+@pytest.mark.clause("7.2")
+def test_a_message_for_another_robot_is_refused() -> None:
+    desk = Desk(serial="0002")
+
+    desk.order(CODEC.encode(order("n0")))
+
+    assert desk.refusal == {"topic": "order", "headerId": "7"}
+    assert desk.inbox.counts.misdirected == 1
+
+
+@pytest.mark.clause("6.2.1/refused")
+def test_the_refusal_of_instant_actions_ends_with_the_next_ones_and_not_with_an_order() -> None:
+    desk = Desk()
+
+    desk.inbox.take_instant_actions(Inbound("x", b"{}", retained=False))
+    desk.order(b"{}")
+
+    assert [event.until for event in desk.events if isinstance(event, MessageRefused)] == [
+        Until.INSTANT_ACTION_ACCEPTED,
+        Until.ORDER_ACCEPTED,
+    ]

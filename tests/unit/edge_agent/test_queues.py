@@ -1,0 +1,149 @@
+from __future__ import annotations
+
+import asyncio
+from math import inf
+
+import pytest
+
+from nena_edge_agent.driver.port import Arrived, BatteryReport, DriveGoal, DriveProgress, Pose
+from nena_edge_agent.protocol.events import (
+    CancelAction,
+    Drive,
+    Effect,
+    Halt,
+    OrderReceived,
+    PauseAction,
+    ReportState,
+    StartAction,
+    Started,
+)
+from nena_edge_agent.queues import MESSAGE_LIMIT, Mailbox, Postponed, StateSchedule, VisualizationSchedule
+from support.robot_core import action, at, order
+from support.waiting import PATIENCE
+
+
+def test_events_come_out_in_their_order_and_once() -> None:
+    mailbox = Mailbox()
+    for event in (Started(), Arrived(1), Started()):
+        mailbox.put(event)
+
+    assert mailbox.take() == [Started(), Arrived(1), Started()]
+    assert mailbox.take() == []
+    assert mailbox.empty
+
+
+def test_of_poses_battery_reports_and_progress_only_the_newest_waits() -> None:
+    mailbox = Mailbox()
+    for number in range(5):
+        mailbox.put(at(float(number)))
+        mailbox.put(BatteryReport(state_of_charge=float(number), charging=False))
+        mailbox.put(DriveProgress(float(number), 0, "map"))
+
+    newest = [at(4.0), BatteryReport(state_of_charge=4.0, charging=False), DriveProgress(4.0, 0, "map")]
+    assert mailbox.take() == newest
+
+
+def test_a_pose_stays_before_the_arrival_that_it_proves() -> None:
+    mailbox = Mailbox()
+    for event in (at(1.0), at(2.0), Arrived(1), at(3.0)):
+        mailbox.put(event)
+
+    assert mailbox.take() == [at(2.0), Arrived(1), at(3.0)]
+
+
+def test_messages_beyond_the_limit_are_dropped_and_counted_and_answers_never() -> None:
+    mailbox = Mailbox()
+    for number in range(MESSAGE_LIMIT + 3):
+        mailbox.put(OrderReceived(order("n0", update=number)))
+        mailbox.put(Arrived(number))
+
+    taken = mailbox.take()
+    assert sum(isinstance(event, OrderReceived) for event in taken) == MESSAGE_LIMIT
+    assert sum(isinstance(event, Arrived) for event in taken) == MESSAGE_LIMIT + 3
+    assert mailbox.dropped == 3
+    mailbox.put(OrderReceived(order("n0")))
+    assert len(mailbox.take()) == 1
+
+
+async def test_a_wait_ends_with_an_event_or_with_its_time() -> None:
+    mailbox = Mailbox()
+    await mailbox.wait(0.01)
+    assert mailbox.empty
+
+    asyncio.get_running_loop().call_soon(mailbox.put, Started())
+    await asyncio.wait_for(mailbox.wait(600.0), PATIENCE)
+    assert mailbox.take() == [Started()]
+
+    mailbox.wake()
+    await asyncio.wait_for(mailbox.wait(600.0), PATIENCE)
+    assert mailbox.take() == []
+
+
+DRIVE = Drive(DriveGoal(1, Pose(1.0, 0.0, 0.0, "hall"), 0.5))
+OTHER = Drive(DriveGoal(2, Pose(2.0, 0.0, 0.0, "hall"), 0.5))
+LOAD, LIFT = (StartAction(action(name), ()) for name in ("load", "lift"))
+
+
+def test_what_is_recorded_is_done_at_once_in_its_order() -> None:
+    effects: list[Effect] = [Halt(), DRIVE, LOAD, ReportState()]
+    assert Postponed().sift(effects, recorded=True) == effects
+
+
+def test_what_is_not_recorded_is_not_begun_until_it_is() -> None:
+    postponed = Postponed()
+    assert postponed.sift([DRIVE, LOAD, ReportState()], recorded=False) == [ReportState()]
+    assert postponed.sift([LIFT], recorded=False) == []
+    assert postponed.sift([OTHER], recorded=True) == [DRIVE, LOAD, LIFT, OTHER]
+    assert postponed.sift([], recorded=True) == []
+
+
+def test_what_ends_is_never_postponed_and_what_it_ends_is_not_begun() -> None:
+    postponed = Postponed()
+    postponed.sift([DRIVE, LOAD, LIFT], recorded=False)
+    ends: list[Effect] = [Halt(), CancelAction("load"), PauseAction("lift")]
+    assert postponed.sift(ends, recorded=False) == ends
+    assert postponed.sift([], recorded=True) == [LIFT]
+
+
+def test_the_first_state_is_due_at_once() -> None:
+    assert StateSchedule(minimum=0.5, maximum=30.0).due == -inf
+
+
+@pytest.mark.clause("6.6.1/interval")
+def test_without_a_reason_the_next_state_comes_after_the_longest_interval() -> None:
+    schedule = StateSchedule(minimum=0.5, maximum=30.0)
+    schedule.sent(100.0)
+
+    assert schedule.due == 130.0
+
+
+@pytest.mark.clause("6.6.1/interval")
+def test_a_state_is_due_when_it_is_wanted_unless_that_is_too_soon() -> None:
+    schedule = StateSchedule(minimum=0.5, maximum=30.0)
+    schedule.sent(100.0)
+
+    schedule.request(100.1)
+    schedule.request(100.2)
+    assert schedule.due == 100.5
+    schedule.sent(100.5)
+    assert schedule.due == 130.5
+
+    schedule.request(110.0)
+    schedule.request(111.0)
+    assert schedule.due == 110.0
+
+
+@pytest.mark.clause("6.7")
+def test_visualization_keeps_its_rate_and_does_not_make_up_for_what_was_missed() -> None:
+    schedule = VisualizationSchedule(interval=2.0, now=100.0)
+    assert schedule.due == 100.0
+
+    schedule.sent(100.3)
+    assert schedule.due == 102.0
+    schedule.sent(109.0)
+    assert schedule.due == 109.0
+
+
+@pytest.mark.clause("6.7")
+def test_an_interval_of_0_means_never() -> None:
+    assert VisualizationSchedule(interval=0.0, now=100.0).due == inf
