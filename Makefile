@@ -24,7 +24,7 @@ FUZZED := tests/fuzz tests/unit/shared/plant/lif/test_damaged_files.py tests/uni
 STAMP := $(VENV)/.set-up
 
 .DEFAULT_GOAL := help
-.PHONY: help setup action-types lock format lint test soak soak-cores soak-site compose-test colcon-test smoke demo bench conversations hooks clean broker browser sbom fuzz faults conformance reference
+.PHONY: help setup action-types lock format lint test test-unit test-all soak soak-cores soak-site compose-test colcon-test smoke demo bench conversations hooks clean broker browser sbom fuzz faults conformance reference
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -64,8 +64,13 @@ lint: $(STAMP) ## style, types, import rules, what is known to be unsafe
 	$(BIN)/bandit --quiet -ll --recursive $(SOURCES)
 	deploy/audit
 
-test: $(STAMP) action-types broker browser ## every test, with branch coverage; TESTS=path for a part of them
-	$(if $(TESTS),$(BIN)/pytest $(TESTS),$(AGAIN) $(SHARED_OUT) --cov --cov-report=xml --cov-fail-under=85)
+test-unit: $(STAMP) ## unit tests only: no broker, ROS or browser; a few minutes
+	$(BIN)/pytest tests/unit $(SHARED_OUT) -m "not broker and not postgres and not ros and not e2e"
+
+test: $(STAMP) action-types broker browser ## all tests with branch coverage; TESTS=path runs a part of them
+	$(if $(TESTS),$(BIN)/pytest $(SHARED_OUT) $(TESTS),$(AGAIN) $(SHARED_OUT) --cov --cov-report=xml --cov-fail-under=85)
+
+test-all: test soak-cores fuzz faults ## all tests, then the long ones: several hours
 
 conformance: $(STAMP) ## write docs/vda5050.md anew: how the standard is kept, and which tests show it
 	PYTHONPATH=tests $(BIN)/python -m conformance.table

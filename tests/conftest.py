@@ -19,6 +19,27 @@ settings.register_profile("nena", deadline=None, suppress_health_check=[HealthCh
 settings.load_profile("nena")
 
 
+MARKED_BY = {
+    "broker": "broker",
+    "own_broker": "broker",
+    "postgres": "postgres",
+    "own_postgres": "postgres",
+    "postgres_server": "postgres",
+}
+"""Marks by the fixtures that a test asks for, so that ``make test-unit`` leaves out what needs a server."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark tests by the servers that they need."""
+    for item in items:
+        names = set(getattr(item, "fixturenames", ()))
+        call = getattr(item, "callspec", None)
+        if call is not None and "postgresql" in call.params.values():
+            names.add("postgres")
+        for fixture in names & MARKED_BY.keys():
+            item.add_marker(MARKED_BY[fixture])
+
+
 @pytest.fixture(scope="session")
 def publications() -> Iterator[Publications]:
     """Give what is watched of all messages that this process writes."""
