@@ -182,7 +182,14 @@ class MqttPeer:
     when the block begins.
     """
 
-    def __init__(self, broker: BrokerAddress, *topic_filters: str) -> None:
+    def __init__(
+        self,
+        broker: BrokerAddress,
+        *topic_filters: str,
+        on_message: Callable[[Inbound], None] = lambda _: None,
+    ) -> None:
+        self._on_message = on_message
+        """Called in the thread of the client."""
         self._order: list[Inbound] = []
         self.history: list[Inbound] = []
         """All that ever came, also what was cleared."""
@@ -210,6 +217,10 @@ class MqttPeer:
     def publish(self, topic: str, payload: bytes | str, *, qos: int = 1, retain: bool = False) -> None:
         """Publish and wait until it is on its way."""
         self._client.publish(topic, payload, qos, retain).wait_for_publish(CONNECTED_WITHIN)
+
+    def send(self, topic: str, payload: bytes | str, *, retain: bool = False) -> None:
+        """Publish without waiting, from any thread."""
+        self._client.publish(topic, payload, 1, retain)
 
     def received(self, topic_filter: str = "#") -> list[Inbound]:
         """Give what came under ``topic_filter`` so far, in the order of arrival."""
@@ -249,6 +260,8 @@ class MqttPeer:
             self._subscribed.set()
 
     def _record(self, _client: Client, _userdata: Any, message: MQTTMessage) -> None:
+        inbound = Inbound(message.topic, bytes(message.payload), message.retain)
         with self._lock:
-            self._order.append(Inbound(message.topic, bytes(message.payload), message.retain))
-            self.history.append(self._order[-1])
+            self._order.append(inbound)
+            self.history.append(inbound)
+        self._on_message(inbound)

@@ -17,6 +17,7 @@ from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.lead import Lead
 from nena_order_service.store.store import Store
 from nena_shared.log import get_logger
+from nena_shared.mqtt import Term, always
 from nena_shared.plant import PlantModel
 from nena_shared.tasks import Supervisor, end
 
@@ -99,7 +100,7 @@ async def _serve_shared(settings: OrderServiceSettings, plant: PlantFile, stop: 
         try:
             if await lead.take(stop):
                 store, epoch = await _take_over(settings, lead, supervisor, door.url)
-                serving = _serving(settings, plant, store, supervisor, epoch=epoch)
+                serving = _serving(settings, plant, store, supervisor, epoch=epoch, term=lead.lease.term)
                 await _begin_and_serve(serving, store, door, supervisor, stop)
         finally:
             await door.close()
@@ -144,9 +145,10 @@ def _serving(
     supervisor: Supervisor,
     *,
     epoch: int = 0,
+    term: Term = always,
 ) -> Serving[OrderService]:
     def make(model: PlantModel) -> OrderService:
-        return build(settings, model, store, epoch=epoch, change_plant=serving.change_plant)
+        return build(settings, model, store, epoch=epoch, term=term, change_plant=serving.change_plant)
 
     serving = Serving(plant, store, supervisor, make=make)
     return serving

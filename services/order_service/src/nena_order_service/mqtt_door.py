@@ -7,12 +7,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from http import HTTPStatus
 
+from pydantic import BaseModel
+
 from nena_order_service.api.problems import FORESEEN, problem_of
 from nena_order_service.ended_orders import EndedOrders
 from nena_order_service.host_requests import HostRequests
 from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.mqtt_limits import MqttLimits
 from nena_order_service.mqtt_requests import read_request, text_in
+from nena_shared.fleet_api.epoch import with_epoch
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import (
     CreationAnswer,
@@ -55,12 +58,14 @@ class MqttDoor:
         limits: MqttLimits,
         max_body: int,
         end_kept: float,
+        epoch: int = 0,
     ) -> None:
         self._mqtt = mqtt
         self._topics = topics
         self._kernel = kernel
         self._requests = requests
         self._plant_json = plant_json
+        self._epoch = epoch
         self._limits = limits
         self._max_body = max_body
         self._ended = EndedOrders(end_kept, self._clear)
@@ -105,16 +110,17 @@ class MqttDoor:
         self._mqtt.publish(Outbound(self._topics.order_status(name), b"", retain=True))
 
     def _of_order(self, status: TransportOrderStatus) -> Outbound:
-        body = status.model_dump_json(by_alias=True).encode()
-        return Outbound(self._topics.order_status(status.name), body, retain=True)
+        return self._status(self._topics.order_status(status.name), status)
 
     def _of_sequence(self, status: OrderSequenceStatus) -> Outbound:
-        body = status.model_dump_json(by_alias=True).encode()
-        return Outbound(self._topics.sequence_status(status.name), body, retain=True)
+        return self._status(self._topics.sequence_status(status.name), status)
 
     def _of_vehicle(self, status: VehicleStatus) -> Outbound:
+        return self._status(self._topics.vehicle_status(status.serial_number), status)
+
+    def _status(self, topic: str, status: BaseModel) -> Outbound:
         body = status.model_dump_json(by_alias=True).encode()
-        return Outbound(self._topics.vehicle_status(status.serial_number), body, retain=True)
+        return Outbound(topic, with_epoch(body, self._epoch), retain=True)
 
     def _request_came(self, message: Inbound) -> None:
         if not message.payload:

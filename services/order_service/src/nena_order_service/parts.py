@@ -34,7 +34,7 @@ from nena_order_service.vehicles.zone_sets import ZoneSets
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.topics import FleetTopics
-from nena_shared.mqtt import MqttLink
+from nena_shared.mqtt import MqttLink, Term, always
 from nena_shared.plant import PlantModel
 from nena_shared.vda5050.topics import TopicScheme
 
@@ -77,9 +77,13 @@ def build(
     store: Store,
     *,
     epoch: int = 0,
+    term: Term = always,
     change_plant: ChangePlant | None = None,
 ) -> OrderService:
-    """Wire up the order service; ``epoch`` counts the takeovers of a store that others share.
+    """Wire up the order service.
+
+    ``epoch`` counts the takeovers of a store that others share, and ``term`` says whether this program has
+    the lead of it and may publish.
 
     Raises:
         ConfigurationError: the plant model names a version that is not spoken here.
@@ -93,17 +97,24 @@ def build(
         settings.mqtt,
         client_id=client_id,
         on_connected=lambda: door.greeting(),  # noqa: PLW0108 - the door is made below, of this link
+        term=term,
     )
     fleet = _make_fleet(settings, mqtt, kernel, clock)
     hosts = _make_host_services(settings, plant, finder, kernel, fleet)
     topics = FleetTopics(settings.topic_prefix)
     plant_json = plant.to_json().encode()
     limits = MqttLimits(settings.hosts, clock)
-    door = _make_door(settings, mqtt, kernel, hosts, plant_json, limits=limits)
+    door = _make_door(settings, mqtt, kernel, hosts, plant_json, limits=limits, epoch=epoch)
     stream = EventStream(kernel, settings.events)
     kernel.steps.listeners += [door, stream]
     sweep = RetainedSweep(
-        settings.mqtt, topics, client_id=f"{client_id}-sweep", mqtt=mqtt, kernel=kernel, door=door
+        settings.mqtt,
+        topics,
+        client_id=f"{client_id}-sweep",
+        mqtt=mqtt,
+        kernel=kernel,
+        door=door,
+        epoch=epoch,
     )
     commands = MqttCommands(mqtt, topics, Verbs(hosts), limits=limits, max_body=settings.max_body)
     app = make_app(
@@ -137,6 +148,7 @@ def _make_door(
     plant_json: bytes,
     *,
     limits: MqttLimits,
+    epoch: int,
 ) -> MqttDoor:
     return MqttDoor(
         mqtt,
@@ -147,6 +159,7 @@ def _make_door(
         limits=limits,
         max_body=settings.max_body,
         end_kept=settings.end_kept,
+        epoch=epoch,
     )
 
 

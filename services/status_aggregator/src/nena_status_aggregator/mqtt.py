@@ -10,6 +10,7 @@ from typing import TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from nena_shared.clock import Clock
+from nena_shared.fleet_api.epoch import EpochFilter
 from nena_shared.fleet_api.plant import PAYLOAD_LIMIT, RobotMap, robot_of_map, topics_of_maps
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
@@ -85,6 +86,7 @@ class FleetLink:
         self._share = Share.read(settings.share)
         self._schemes: set[TopicScheme] = set()
         self._fleet_topics = FleetTopics(settings.topic_prefix)
+        self._epochs = EpochFilter()
         self._problems: dict[str, str] = {}
         self._sources = RobotSources()
         self._reader = MessageReader()
@@ -158,6 +160,7 @@ class FleetLink:
         self.mqtt.subscribe(scheme.for_all(Topic(kind)), handle)
 
     def _lost(self) -> None:
+        self._epochs.reset()
         self._model.on_link(connected=False, at=Instant.of(self._clock))
 
     def _on_fleet_message(
@@ -201,13 +204,15 @@ class FleetLink:
             self._follow_robots(schemes_of(plant.vehicles))
 
     def _read_vehicle_status(self, inbound: Inbound, at: Instant) -> None:
-        if not inbound.payload:
+        if not inbound.payload or not self._epochs.is_current(inbound.payload):
             return
         status = VehicleStatus.model_validate_json(inbound.payload)
         if self._share.has(RobotKey(status.manufacturer, status.serial_number)):
             self._model.on_vehicle_status(status, at)
 
     def _read_order_status(self, inbound: Inbound, at: Instant) -> None:
+        if not self._epochs.is_current(inbound.payload):
+            return
         if inbound.payload:
             self._model.on_order_status(TransportOrderStatus.model_validate_json(inbound.payload), at)
         else:

@@ -45,6 +45,7 @@ UNGREETED = (
     "before it had let us in; see whether it wants TLS on this port, or another certificate (mqtt.tls)"
 )
 ENDED_UNANSWERED = "the connection has ended before the broker has answered a subscription"
+NOT_PERMITTED = "the program no longer has the right to publish"
 NOT_SENT = "the connection takes no message"
 
 Take = Callable[[Inbound], None]
@@ -58,6 +59,9 @@ class Client(aiomqtt.Client):
     DISCONNECT. Left open, such connections pile up at a broker that hangs; when it goes on, each takes over
     the client id of the one before, and the wills of all of them are sent.
     """
+
+    may_write: Callable[[], bool] = staticmethod(lambda: True)
+    """Asked before each write to the socket; False closes the connection with all that waits for it."""
 
     _take: Take | None = None
     _given_up = False
@@ -226,7 +230,7 @@ class Client(aiomqtt.Client):
         """Write when the socket takes something, unless it was closed meanwhile."""
         if sock.fileno() >= 0:
             self._waits_to_write = True
-            self._loop.add_writer(sock.fileno(), partial(self._guarded, self._client.loop_write))
+            self._loop.add_writer(sock.fileno(), partial(self._guarded, self._write_permitted))
 
     def _on_socket_unregister_write(self, client: PahoClient, userdata: object, sock: Any) -> None:  # noqa: ANN401 - paho's
         if self._waits_to_write:
@@ -277,10 +281,16 @@ class Client(aiomqtt.Client):
     def _write(self) -> None:
         """Write what waits, at once; what the socket does not take goes when it is ready again."""
         self._join_waiting()
-        self._client.loop_write()
+        self._write_permitted()
         sock = self._client.socket()
         if sock is not None and self._client.want_write():
             self._write_later(sock)
+
+    def _write_permitted(self) -> None:
+        if not self.may_write():
+            self._tell_end(NOT_PERMITTED)
+            self.cut()
+        self._client.loop_write()
 
     def _join_waiting(self) -> None:
         """Make one packet of messages and acknowledgements in a row: paho calls the socket for each."""

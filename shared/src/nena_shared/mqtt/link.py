@@ -24,12 +24,23 @@ from nena_shared.tasks import end_if_cancelled
 log = get_logger(__name__)
 
 Handler = Callable[[Inbound], None]
+Term = Callable[[], int | None]
+"""Returns the number of the term in which the program has the right to publish; None: it has not."""
+
+
+def always() -> int | None:
+    """Return the one term of a program that always may publish."""
+    return 0
+
 
 CONNECT_TIMEOUT = 10.0
 """Seconds that a broker has to answer CONNECT or SUBSCRIBE."""
 
 IN_FLIGHT_LIMIT = 200
 """Messages of QoS 1 that may be without the broker's answer at the same time."""
+
+TERM_POLL = 0.25
+"""Seconds between two looks at whether the program still has the right to publish."""
 
 DROPS_LOGGED_EVERY = 60.0
 """Minimum seconds between two log lines about messages that the full queue dropped."""
@@ -48,6 +59,8 @@ class LinkState:
     refused: tuple[str, ...] = ()
     """Topic filters that the broker does not let the program subscribe to."""
     last_error: str = ""
+    term: int = 0
+    """The term of the connection, see :data:`Term`."""
 
 
 @dataclass(slots=True)
@@ -79,6 +92,10 @@ class MqttLink:
     old commands. Messages to publish wait in an :class:`Outbox` while the link is down or the broker is slow:
     it never loses the last retained message of a topic, and counts and logs what it drops. Messages with
     ``keep=False`` are not kept over a break.
+
+    A program that may publish for limited terms only, such as one of several order services, gives ``term``.
+    It is asked at each write to the socket. At the end of a term the connection is closed unwritten, all that
+    waits is dropped, and the next connection is made in the next term.
     """
 
     def __init__(
@@ -90,6 +107,7 @@ class MqttLink:
         on_connected: Callable[[], Iterable[Outbound]] = tuple,
         on_lost: Callable[[], None] = lambda: None,
         on_subscribed: Callable[[], None] = lambda: None,
+        term: Term = always,
     ) -> None:
         """Prepare the link; nothing is connected before :meth:`run`.
 
@@ -102,6 +120,7 @@ class MqttLink:
             on_subscribed: is told when the broker has answered the subscriptions; ``state.refused`` has
                 those that it refuses.
             on_lost: is told when a connection that stood has gone.
+            term: returns the term in which the program may publish at this moment.
 
         Raises:
             ConfigurationError: the password file or a file for TLS cannot be read.
@@ -115,6 +134,7 @@ class MqttLink:
         self._on_connected = on_connected
         self._on_lost = on_lost
         self._on_subscribed = on_subscribed
+        self._term = term
         self._subscriptions: list[_Subscription] = []
         self._outbox = Outbox(settings.outgoing_limit)
         self._drops_to_log = 0
@@ -137,7 +157,9 @@ class MqttLink:
 
     def publish(self, message: Outbound) -> None:
         """Send ``message`` now, or when the link stands again if it is to be kept; see :class:`Outbox`."""
-        if self._session and len(self._session.deliveries) < IN_FLIGHT_LIMIT and not self._outbox:
+        if self._term() is None:
+            self.state.dropped += 1
+        elif self._session and len(self._session.deliveries) < IN_FLIGHT_LIMIT and not self._outbox:
             self._deliver(self._session, message)
         elif self._session or message.keep:
             self._put_aside(message)
@@ -150,6 +172,7 @@ class MqttLink:
         clock = asyncio.get_running_loop().time
         while True:
             connects = self.state.connects
+            await self._begin_term()
             try:
                 await self._serve()
             except (aiomqtt.MqttError, OSError, UnicodeError, ConfigurationError) as error:
@@ -182,17 +205,39 @@ class MqttLink:
             return False
         return self._session is not None
 
+    async def _begin_term(self) -> None:
+        """Wait until the program may publish; in a new term nothing that has waited before goes out."""
+        while (term := self._term()) is None:  # noqa: ASYNC110 - a lease ends without an event
+            await asyncio.sleep(TERM_POLL)
+        if term != self.state.term:
+            self._drop_waiting()
+            self.state.term = term
+
     async def _serve(self) -> None:
         async with self._make_client() as client:
             end_if_cancelled()
             session = _Session(client)
             self._greeting = True
+            watching = asyncio.create_task(self._watch_term(client), name="watch the term")
             try:
                 await self._greet(session)
                 end_if_cancelled()
                 await client.hand_over(self._receive)
             finally:
+                watching.cancel()
                 self._leave(session)
+
+    async def _watch_term(self, client: Client) -> None:
+        """Close the connection at the end of the term, also when nothing is written."""
+        if self._term is always:
+            return
+        while self._may_write():  # noqa: ASYNC110 - a lease ends without an event
+            await asyncio.sleep(TERM_POLL)
+        client.cut()
+
+    def _may_write(self) -> bool:
+        """Return whether the term of the connection goes on."""
+        return self._term() == self.state.term
 
     def _make_client(self) -> Client:
         will = self._will() if self._will else None
@@ -212,6 +257,7 @@ class MqttLink:
             # without it, steady small messages wait up to 44 ms for each other
             socket_options=[(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)],
         )
+        client.may_write = self._may_write
         client.pending_calls_threshold = IN_FLIGHT_LIMIT
         return client
 
@@ -268,7 +314,7 @@ class MqttLink:
             session.subscribing.cancel()
         self._outbox.clear()
         for message in unsent:
-            if message.keep:
+            if message.keep and self._may_write():
                 self._put_aside(message)
             else:
                 self.state.dropped += 1
@@ -288,6 +334,10 @@ class MqttLink:
 
     def _matching_handlers(self, topic: str) -> tuple[Handler, ...]:
         return tuple(each.handler for each in self._subscriptions if matches(each.topic_filter, topic))
+
+    def _drop_waiting(self) -> None:
+        self.state.dropped += len(self._outbox)
+        self._outbox.clear()
 
     def _put_aside(self, message: Outbound) -> None:
         dropped = self._outbox.add(message)

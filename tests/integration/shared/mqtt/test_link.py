@@ -337,6 +337,65 @@ async def test_what_is_not_to_be_kept_is_gone_after_a_break(own_broker: Broker) 
         assert peer.payloads() == []
 
 
+class Terms:
+    """A right to publish that a test gives and takes away."""
+
+    def __init__(self) -> None:
+        self.term: int | None = None
+
+    def __call__(self) -> int | None:
+        return self.term
+
+
+async def test_nothing_is_published_outside_of_a_term(broker: Broker, interface_name: str) -> None:
+    terms = Terms()
+    link = MqttLink(broker.settings, client_id=interface_name, term=terms)
+    with MqttPeer(broker, f"{interface_name}/#") as peer:
+        async with running(link, connected=False):
+            link.publish(Outbound(f"{interface_name}/early", b"", retain=True))
+            assert not await link.drain(0.3)
+            assert link.state.connects == 0
+            terms.term = 1
+            await until(lambda: link.state.connected)
+            link.publish(Outbound(f"{interface_name}/first", b""))
+            await peer.wait_for(f"{interface_name}/first")
+            terms.term = None
+            link.publish(Outbound(f"{interface_name}/late", b""))
+            await until(lambda: not link.state.connected, what="the connection ends with the term")
+            terms.term = 2
+            await until(lambda: link.state.connects == 2)
+            link.publish(Outbound(f"{interface_name}/second", b""))
+            await peer.wait_for(f"{interface_name}/second")
+
+            assert [each.topic for each in peer.received()] == [
+                f"{interface_name}/first",
+                f"{interface_name}/second",
+            ]
+    assert link.state.term == 2
+
+
+async def test_what_waits_at_the_end_of_a_term_is_never_written(own_broker: Broker) -> None:
+    """In the outgoing queue, in flight, and behind a socket that takes no more."""
+    terms = Terms()
+    terms.term = 1
+    link = MqttLink(own_broker.settings, client_id="link", term=terms)
+    with MqttPeer(own_broker, "numbers") as peer:
+        async with running(link):
+            own_broker.freeze()
+            for message in numbered("numbers", range(500), retain=True):
+                link.publish(message)
+                link.publish(Outbound("filling", bytes(100_000)))
+            terms.term = 2
+            own_broker.thaw()
+            await until(lambda: link.state.connects >= 2)
+            link.publish(Outbound("numbers", b"1000"))
+            await peer.wait_for("numbers", lambda each: each.payload == b"1000")
+        received = numbers(peer.payloads())
+
+    assert received == [*range(len(received) - 1), 1000], "what the socket took before the end of the term"
+    assert len(received) < 250
+
+
 async def test_frozen_broker_is_noticed_by_keep_alive(own_broker: Broker) -> None:
     link = MqttLink(own_broker.settings.model_copy(update={"keep_alive": 2}), client_id="link")
     async with running(link):

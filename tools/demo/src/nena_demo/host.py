@@ -9,6 +9,7 @@ from collections.abc import Callable
 import httpx
 from pydantic import ValidationError
 
+from nena_shared.fleet_api.epoch import EpochFilter
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import (
     CreationAnswer,
@@ -37,13 +38,14 @@ class Host:
     ) -> None:
         """Prepare; ``on_change(kind, name, state, reason)`` with kind ``order`` or ``vehicle``."""
         self._topics = FleetTopics()
+        self._epochs = EpochFilter()
         self._on_change = on_change
         self._changed = asyncio.Event()
         self._answers: dict[str, CreationAnswer] = {}
         self.rest = httpx.AsyncClient(base_url=rest_url, timeout=ANSWER_SECONDS)
         self.orders: dict[str, TransportOrderStatus] = {}
         self.vehicles: dict[str, VehicleStatus] = {}
-        self.link = MqttLink(broker, client_id="nena-demo-host")
+        self.link = MqttLink(broker, client_id="nena-demo-host", on_lost=self._epochs.reset)
         self.link.subscribe(self._topics.creation_answer(HOST_ID), self._on_answer)
         self.link.subscribe(self._topics.all_order_statuses, self._on_order)
         self.link.subscribe(self._topics.all_vehicle_statuses, self._on_vehicle)
@@ -97,7 +99,7 @@ class Host:
         self._changed.set()
 
     def _on_order(self, message: Inbound) -> None:
-        if not message.payload:
+        if not message.payload or not self._epochs.is_current(message.payload):
             return  # the retained status of an ended order is cleared
         order = TransportOrderStatus.model_validate_json(message.payload)
         before = self.orders.get(order.name)
@@ -107,6 +109,8 @@ class Host:
             self._on_change("order", order.name, order.state, order.reason)
 
     def _on_vehicle(self, message: Inbound) -> None:
+        if not self._epochs.is_current(message.payload):
+            return
         try:
             vehicle = VehicleStatus.model_validate_json(message.payload)
         except ValidationError:

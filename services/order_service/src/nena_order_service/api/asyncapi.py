@@ -26,6 +26,12 @@ PARAMETERS = {
     "serialNumber": "Serial number of a vehicle's robot.",
 }
 
+EPOCH = {
+    "type": "integer",
+    "minimum": 0,
+    "description": "Counts the takeovers by a standby; readers ignore statuses of an older epoch.",
+}
+
 
 @dataclass(frozen=True, slots=True)
 class Channel:
@@ -145,7 +151,11 @@ def _operation(channel: Channel) -> dict[str, Any]:
 
 
 def _message(channel: Channel) -> dict[str, Any]:
-    schema = {"$ref": f"#/components/schemas/{channel.body.__name__}"} if channel.body else {"type": "object"}
+    schema: dict[str, Any] = {"type": "object"}
+    if channel.body:
+        schema = {"$ref": f"#/components/schemas/{channel.body.__name__}"}
+        if channel.retained:
+            schema = {"allOf": [schema, {"type": "object", "properties": {"epoch": EPOCH}}]}
     return {"name": channel.name, "contentType": "application/json", "payload": schema}
 
 

@@ -20,7 +20,11 @@ LINK_REASONS: Final = {
 
 
 def away(link: LinkStatus, *, broker: bool) -> str | None:
-    """Say why the robot cannot be reached; None if it can."""
+    """Say why the robot cannot be reached; None if it can.
+
+    ``broker`` is also False while the robot has to report before it is sent anything, see
+    :meth:`FleetController.on_broker`.
+    """
     if not broker:
         return "cannot be reached: the order service has no connection to the MQTT broker"
     return LINK_REASONS.get(link)

@@ -57,15 +57,18 @@ class RobotControl:
         self._told_link = LinkStatus.UNKNOWN
         self._changes = 0
         """How often anything may have changed."""
+        self._unread = False
+        """Whether nothing is sent before the robot's next state, see :meth:`on_broker`."""
         self._mattered: tuple[object, ...] = ()
         """What mattered of the last state."""
         self._left_at = -1
         """The changes when that had been taken in."""
         self._seen: tuple[tuple[object, ...], RobotView] | None = None
 
-    def on_broker(self, *, connected: bool, now: float) -> Iterator[FleetOutput]:
-        """Take notice of our own link."""
-        self._desk.broker = connected
+    def on_broker(self, *, connected: bool, now: float, unread: bool) -> Iterator[FleetOutput]:
+        """Take notice of our own link; with ``unread`` the robot is out of reach until its next state."""
+        self._unread = connected and unread
+        self._desk.broker = connected and not unread
         yield from self._advance(now)
 
     def on_connection(self, message: Connection, now: float) -> Iterator[FleetOutput]:
@@ -83,6 +86,9 @@ class RobotControl:
         """Take in a state; instant actions first, for a mission may end by one."""
         if not self.robot.take_state(message, now):
             return
+        if self._unread:
+            self._unread, self._desk.broker = False, True
+            self._changes += 1
         if self._says_nothing_new(message):
             self._changes += 1
         else:
@@ -392,12 +398,16 @@ class FleetController:
         known.malformed += 1
         return known.malformed
 
-    def on_broker(self, *, connected: bool, now: float) -> Outputs:
-        """Take notice that our own link to the broker stands or has gone; at first it counts as gone."""
+    def on_broker(self, *, connected: bool, now: float, unread: bool = False) -> Outputs:
+        """Take notice that our own link to the broker stands or has gone; at first it counts as gone.
+
+        With ``unread`` no robot is sent anything before its next state.
+        """
         self._broker = connected
         self._broker_since = now
         told = (
-            self._told(each, each.on_broker(connected=connected, now=now)) for each in self._robots.values()
+            self._told(each, each.on_broker(connected=connected, now=now, unread=unread))
+            for each in self._robots.values()
         )
         return tuple(chain.from_iterable(told))
 

@@ -71,6 +71,7 @@ class FleetLink:
         self._controller = FleetController(settings, utc_now=clock.now)
         self._outgoing = Outgoing(clock)
         self._connected = False
+        self._term = 0
         self.malformed = 0
         """How many messages could not be read."""
         self.ignored = 0
@@ -136,11 +137,19 @@ class FleetLink:
         self._hand_out(self._controller.tick(self._now()))
 
     def _notice_broker(self) -> None:
-        """Tell the core when our own link has come or gone; a message that comes shows it, too."""
-        connected = self._mqtt.state.connected
-        if connected is not self._connected:
-            self._connected = connected
-            self._hand_out(self._controller.on_broker(connected=connected, now=self._now()))
+        """Tell the core when our own link has come or gone; a message that comes shows it, too.
+
+        In a new term of leadership robots are sent nothing before they have reported: what is known of them
+        may be from before another order service had the lead.
+        """
+        link = self._mqtt.state
+        unread = link.connected and link.term != self._term
+        if link.connected is self._connected and not unread:
+            return
+        self._connected = link.connected
+        if link.connected:
+            self._term = link.term
+        self._hand_out(self._controller.on_broker(connected=link.connected, now=self._now(), unread=unread))
 
     def _hear(self, topic: Topic, decode: Decode[M], take: Take[M], *, qos: int) -> None:
         """Subscribe to a topic of all robots; ``take`` gets what is well-formed and says something of now."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
@@ -13,7 +14,14 @@ from sqlalchemy.exc import DBAPIError
 from nena_order_service.store.database import open_database
 from nena_order_service.store.engine import reason_of, unusable
 from nena_order_service.store.errors import FencedError
-from nena_order_service.store.leadership import HANG_SECONDS, Fence, LeaderLock
+from nena_order_service.store.leadership import (
+    HANG_SECONDS,
+    LEASE_SECONDS,
+    Fence,
+    LeaderLock,
+    Lease,
+    seconds_since_boot,
+)
 from nena_order_service.store.store import Store
 from nena_shared.log import get_logger
 from nena_shared.tasks import end
@@ -26,11 +34,14 @@ POLL = 0.25
 """Seconds between tries to take the lead, and between signs of life of the one who has it."""
 
 GRACE = 2.0
-"""Seconds that a standby leaves to the active one to come back, after a database that was away."""
+"""Seconds that a standby leaves to the active one to come back, after a database that was away; not less than
+LEASE_SECONDS."""
+
+NOT_ANSWERED = "the database does not answer"
 
 
 class Lead:
-    """The lock in a thread of its own, so that an event loop that is busy does not lose it."""
+    """The lock and the lease, renewed in a thread of its own: a busy event loop does not lose them."""
 
     def __init__(self, url: str) -> None:
         """Prepare it; nothing is opened yet.
@@ -41,6 +52,10 @@ class Lead:
         """
         self._lock = LeaderLock(url)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="store lead")
+        self._stopped = threading.Event()
+        """Set when the lease is no longer renewed."""
+        self._stood_by = False
+        self.lease = Lease()
         self.active_url = ""
         """While another one is active: where it is, as far as it has said so."""
         self.problem = ""
@@ -61,7 +76,9 @@ class Lead:
         try:
             while not stop.is_set():
                 if await self._try_to_take():
+                    self._wait_for_the_last_one()
                     return True
+                self._stood_by = True
                 await _pause(stop, POLL)
         finally:
             await end(hanging_up)
@@ -85,16 +102,20 @@ class Lead:
             await end(holding)
 
     async def keep(self, store: Store, engine: Engine, fence: Fence) -> None:
-        """Keep the lead until cancelled; while it is not sure, the store takes no new orders.
+        """Renew the lease until cancelled; while it is not sure, the store takes no new orders.
 
         Raises:
             FencedError: another order service has it now.
 
         """
-        while True:
-            await asyncio.sleep(POLL)
-            if not await self._is_kept(store):
+        try:
+            while True:
+                await self._renew_until_lost(store)
+                self.lease.end()
                 await self._take_again(store, engine, fence)
+        finally:
+            self.lease.end()
+            self._stopped.set()
 
     async def close(self) -> None:
         """Let another one have the lead, also while the database says nothing."""
@@ -107,17 +128,30 @@ class Lead:
         await stop.wait()
         self._lock.hang_up()
 
-    async def _is_kept(self, store: Store) -> bool:
-        """Ask whether the lead is kept; a database that hangs says neither, and takes no orders meanwhile."""
-        asked = asyncio.ensure_future(self._run(self._lock.keep))
-        answered, _ = await asyncio.wait((asked,), timeout=HANG_SECONDS)
-        if not answered:
-            store.lead_problem = "the database does not answer"
-            log.warning("the database does not answer", seconds=HANG_SECONDS)
-        kept = await asked
-        if kept:
-            store.lead_problem = ""
-        return kept
+    async def _renew_until_lost(self, store: Store) -> None:
+        """Return when the lock is lost; a database that hangs says neither, and takes no orders meanwhile."""
+        renewing = asyncio.ensure_future(self._run(self._renew))
+        while not renewing.done():
+            await asyncio.wait((renewing,), timeout=POLL)
+            late = self.lease.age > HANG_SECONDS
+            if late and not store.lead_problem:
+                log.warning(NOT_ANSWERED, seconds=HANG_SECONDS)
+            store.lead_problem = NOT_ANSWERED if late else ""
+        await renewing
+
+    def _renew(self) -> None:
+        """Renew the lease as long as the lock is held; runs in the thread of the lock."""
+        while not self._stopped.is_set():
+            asked_at = seconds_since_boot()
+            if not self._lock.keep():
+                return
+            self.lease.renew(asked_at)
+            self._stopped.wait(POLL)
+
+    def _wait_for_the_last_one(self) -> None:
+        """Delay the lease until that of the program that was active has ended, however it lost the lock."""
+        if self._stood_by:
+            self.lease.not_before = seconds_since_boot() + LEASE_SECONDS
 
     async def _hold(self) -> None:
         """Give signs of life while the store is made ready, which may take longer than silence is borne."""

@@ -4,11 +4,16 @@ A lock of the database, held by a connection of its own, says who may be active:
 connection ends, however that comes. That alone is no fence, for a program learns late that its connection
 has ended. So each takeover counts up an epoch in the store, and each commit of the active one begins with a
 look at it: whoever is not of this epoch commits nothing any more.
+
+A message to a robot is no commit. So the active one also holds a :class:`Lease`, by its own clock, which ends
+before the database frees the lock of a program that hangs; without it nothing is published.
 """
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
+from math import inf
 
 from sqlalchemy import Connection, Engine, bindparam, select, text, update
 from sqlalchemy.exc import DBAPIError
@@ -23,6 +28,10 @@ LOCK_CLASS = 5_050_022
 
 HANG_SECONDS = 3
 """A holder that says nothing for so long, because it or its network hangs, loses the lock."""
+
+LEASE_SECONDS = 2.0
+"""How long the active one may act after the database last confirmed its lock; less than HANG_SECONDS, so that
+it stops before another one can start."""
 
 _TAKE = text("SELECT pg_try_advisory_lock(:lock_class, hashtext(current_schema()))")
 _SETTINGS = (f"SET idle_session_timeout = '{HANG_SECONDS}s'", "SET statement_timeout = '2s'")
@@ -40,6 +49,46 @@ _PASS = (
     .where(_ROW, _leadership.epoch == bindparam("own_epoch"))
     .values(commits=bindparam("next_commit"))
 )
+
+
+def seconds_since_boot() -> float:
+    """Return a monotonic time in seconds that, where the system can, also counts a suspended machine."""
+    return time.clock_gettime(getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
+
+
+class Lease:
+    """The right to publish, for :data:`LEASE_SECONDS` after each confirmation by the database.
+
+    The thread that asks the database renews it; every thread may ask for :meth:`term`.
+    """
+
+    def __init__(self) -> None:
+        self.not_before = -inf
+        """When it begins at the earliest, by :func:`seconds_since_boot`."""
+        self._until = -inf
+        self._term = 0
+
+    def term(self) -> int | None:
+        """Return the number of the present term of leadership; None while this program must not publish.
+
+        A new term begins whenever the lease was interrupted, however shortly.
+        """
+        return self._term if self.not_before <= seconds_since_boot() < self._until else None
+
+    @property
+    def age(self) -> float:
+        """Seconds since the confirmation that counts; infinite without one."""
+        return seconds_since_boot() - (self._until - LEASE_SECONDS)
+
+    def renew(self, asked_at: float) -> None:
+        """Extend the lease; ``asked_at`` is the time just before the database was asked."""
+        if asked_at >= self._until:
+            self._term += 1
+        self._until = asked_at + LEASE_SECONDS
+
+    def end(self) -> None:
+        """End the lease at once: the lock is lost."""
+        self._until = -inf
 
 
 class LeaderLock:
