@@ -12,6 +12,7 @@ from nena_order_service.dispatching.dispatcher import (
     Carried,
     DispatchedVehicle,
     Dispatcher,
+    Energy,
     Pick,
     VehicleFit,
     acceptable,
@@ -19,7 +20,6 @@ from nena_order_service.dispatching.dispatcher import (
     explain,
     why_not_accepted,
 )
-from nena_order_service.dispatching.parking import Energy
 from nena_order_service.dispatching.settings import DispatchSettings
 from nena_order_service.dispatching.way import OrderCosts, Way, WayCost, WayCosts, WayFinder
 from nena_order_service.fleet import LinkStatus, NotLocatedError, RobotView, Standing
