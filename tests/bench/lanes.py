@@ -16,7 +16,7 @@ from bench.readiness import READY_SECONDS, wait_until_ready
 from bench.robots import Start
 from nena_demo.processes import Processes, console_script, free_port, start_broker
 from nena_shared.plant import PlantModel, Point, Vehicle
-from nena_shared.plant.geometry import BoundingBox
+from nena_shared.plant.track import BoundingBox
 from support.plants import path
 from support.waiting import wait_until
 

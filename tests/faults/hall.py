@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from nena_shared.plant import Link, Location, LocationType, Vehicle
-from nena_shared.plant.geometry import BoundingBox
+from nena_shared.plant.track import BoundingBox
 from support.plants import GRID_MM, grid_name, grid_plant
 
 COLUMNS, ROWS = 12, 6

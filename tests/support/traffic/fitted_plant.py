@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from nena_shared.plant import Link, Location, LocationType, PlantModel
-from nena_shared.plant.geometry import BoundingBox
-from nena_shared.plant.point import PointType
+from nena_shared.plant.track import BoundingBox, PointType
 
 
 def with_docks(plant: PlantModel) -> PlantModel:

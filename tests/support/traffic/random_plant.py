@@ -7,10 +7,8 @@ from itertools import pairwise
 from random import Random
 
 from nena_shared.plant import PlantModel
-from nena_shared.plant.block import Block
-from nena_shared.plant.path import Path
-from nena_shared.plant.point import Point, PointType
-from nena_shared.plant.vehicle import Vehicle
+from nena_shared.plant.model import Block, Vehicle
+from nena_shared.plant.track import Path, Point, PointType
 
 
 @dataclass

@@ -10,7 +10,7 @@ from nena_order_service.kernel import Kernel
 from nena_order_service.serving import hindrances
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.plant import PlantModel, Vehicle
-from nena_shared.plant.block import Block, BlockType
+from nena_shared.plant.model import Block, BlockType
 from support.order_service import request
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel

@@ -14,7 +14,7 @@ from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.maps.settings import MapSettings
 from nena_edge_agent.protocol.capabilities import TOLERABLE, DriveStrategy, ExternalGoals, LinkLossPolicy
 from nena_edge_agent.ros.settings import Navigation, RosSettings
-from nena_shared.plant.map_transforms import parse_transform
+from nena_shared.plant.geometry import parse_transform
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix
 from nena_shared.vda5050.versions import CODECS, UnknownVersionError, codec_for
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from nena_order_service.errors import InvalidPlantError
 from nena_shared.log import get_logger
 from nena_shared.plant import PlantModel, PlantModelError
+from nena_shared.plant.exchange import ImportReport
 from nena_shared.plant.files import read
-from nena_shared.plant.reports import ImportReport
 from nena_shared.settings import ConfigurationError
 
 log = get_logger(__name__)

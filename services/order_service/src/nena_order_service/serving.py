@@ -22,7 +22,7 @@ from nena_order_service.traffic.resources import ResourceSet
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.log import get_logger
 from nena_shared.plant import PlantModel
-from nena_shared.plant.block import BlockType
+from nena_shared.plant.model import BlockType
 from nena_shared.settings import ConfigurationError
 from nena_shared.tasks import Supervisor, end
 

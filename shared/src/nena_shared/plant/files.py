@@ -8,10 +8,8 @@ from nena_shared.misfits import in_words
 from nena_shared.plant import lif, opentcs_xml
 from nena_shared.plant.checks import find_errors, find_warnings
 from nena_shared.plant.errors import ObjectKind, PlantModelError, Problem
-from nena_shared.plant.json_text import check_size, parse
+from nena_shared.plant.exchange import ImportReport, check_size, parse_json, paused_collector
 from nena_shared.plant.model import PlantModel
-from nena_shared.plant.paused_collector import paused_collector
-from nena_shared.plant.reports import ImportReport
 
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
@@ -29,7 +27,7 @@ def format_of(data: bytes) -> PlantFormat:
     """Return the format of a file; what is no JSON is taken for XML. Raises PlantModelError."""
     if not _json(data).startswith((b"{", b"[")):
         return PlantFormat.OPENTCS
-    content = parse(_json(data))
+    content = parse_json(_json(data))
     return PlantFormat.LIF if isinstance(content, dict) and "layouts" in content else PlantFormat.NENA
 
 

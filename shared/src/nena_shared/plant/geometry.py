@@ -1,56 +1,238 @@
-"""Shapes in the plant frame: x to the right, y up, whole millimetres."""
+"""Geometry: positions in the frames of plant and maps, transforms between them, and a spatial index."""
 
-from typing import Annotated, Final
+from __future__ import annotations
 
-from pydantic import Field
-
-from nena_shared.plant.record import PlantRecord
-
-MM_PER_M = 1000
-
-FAR_MM: Final = 10**18
-"""Farther and longer than anything on earth; keeps what is computed from a file finite."""
-
-Millimetres = Annotated[int, Field(ge=-FAR_MM, le=FAR_MM)]
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from math import ceil, cos, floor, hypot, inf, isfinite, pi, radians, remainder, sin
+from typing import Final, Generic, NamedTuple, TypeVar
 
 
-class Vertex(PlantRecord):
-    """A corner of an envelope, or a drawn position, in mm of the plant frame."""
+@dataclass(frozen=True, slots=True)
+class PlantPlace:
+    """A position in metres of the plant's frame."""
 
-    x_mm: Millimetres
-    y_mm: Millimetres
-
-
-class Envelope(PlantRecord):
-    """The area that vehicles with this envelope key cover; closed: the last vertex is the first."""
-
-    key: str
-    vertices: tuple[Vertex, ...]
+    x_m: float
+    y_m: float
 
 
-class BoundingBox(PlantRecord):
-    """Size of a vehicle in mm; the reference offset leads from the box's centre to the vehicle's origin."""
+@dataclass(frozen=True, slots=True)
+class MapPlace:
+    """A position in metres of a map's frame."""
 
-    length_mm: int = Field(default=1000, ge=1, le=FAR_MM)
-    width_mm: int = Field(default=1000, ge=1, le=FAR_MM)
-    height_mm: int = Field(default=1000, ge=1, le=FAR_MM)
-    reference_offset_x_mm: Millimetres = 0
-    reference_offset_y_mm: Millimetres = 0
+    x_m: float
+    y_m: float
 
-    def holds(self, other: "BoundingBox") -> bool:
-        """Whether another box lies within this one when their reference points lie on each other."""
-        x_mm = abs(self.reference_offset_x_mm - other.reference_offset_x_mm)
-        y_mm = abs(self.reference_offset_y_mm - other.reference_offset_y_mm)
-        return (
-            other.length_mm + 2 * x_mm <= self.length_mm
-            and other.width_mm + 2 * y_mm <= self.width_mm
-            and other.height_mm <= self.height_mm
+
+@dataclass(frozen=True, slots=True)
+class PlantPose:
+    """A position in metres and a heading in radians, -pi to pi, counter-clockwise from +x of the plant."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class MapPose:
+    """A position in metres and a heading in radians, -pi to pi, counter-clockwise from +x of a map."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class MapTransform:
+    """How the plant lies on a map: scale, rotation (rad, counter-clockwise) and offset (m of the map frame).
+
+    Raises ValueError for a scale that is not above 0 and for numbers that are not finite.
+    """
+
+    scale: float = 1.0
+    rotation_rad: float = 0.0
+    offset_x_m: float = 0.0
+    offset_y_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        values = (self.scale, self.rotation_rad, self.offset_x_m, self.offset_y_m)
+        if not all(map(isfinite, values)) or self.scale <= 0:
+            msg = f"a map transform needs finite numbers and a scale above 0, not {self}"
+            raise ValueError(msg)
+
+    def to_map(self, place: PlantPlace | PlantPose) -> MapPlace:
+        """Return where a position of the plant lies on the map."""
+        c, s = cos(self.rotation_rad), sin(self.rotation_rad)
+        return MapPlace(
+            self.scale * (c * place.x_m - s * place.y_m) + self.offset_x_m,
+            self.scale * (s * place.x_m + c * place.y_m) + self.offset_y_m,
         )
 
+    def to_plant(self, place: MapPlace | MapPose) -> PlantPlace:
+        """Return where a position on the map lies in the plant."""
+        c, s = cos(self.rotation_rad), sin(self.rotation_rad)
+        dx, dy = (place.x_m - self.offset_x_m) / self.scale, (place.y_m - self.offset_y_m) / self.scale
+        return PlantPlace(c * dx + s * dy, c * dy - s * dx)
 
-class LabelLayout(PlantRecord):
-    """Where the label of a drawn object stands, in pixels from it, and the layer that shows it."""
+    def heading_to_map(self, heading_rad: float) -> float:
+        """Return a heading of the plant as the map has it, -pi to pi."""
+        return normalized(heading_rad + self.rotation_rad)
 
-    label_offset_x_px: int = -10
-    label_offset_y_px: int = -20
-    layer_id: int = 0
+    def heading_to_plant(self, heading_rad: float) -> float:
+        """Return a heading on the map as the plant has it, -pi to pi."""
+        return normalized(heading_rad - self.rotation_rad)
+
+    def pose_to_map(self, pose: PlantPose) -> MapPose:
+        """Return a pose of the plant as the map has it."""
+        place = self.to_map(pose)
+        return MapPose(place.x_m, place.y_m, self.heading_to_map(pose.heading_rad))
+
+    def pose_to_plant(self, pose: MapPose) -> PlantPose:
+        """Return a pose on the map as the plant has it."""
+        place = self.to_plant(pose)
+        return PlantPose(place.x_m, place.y_m, self.heading_to_plant(pose.heading_rad))
+
+    def length_to_map(self, length_m: float) -> float:
+        """Return a length of the plant as the map has it, in metres."""
+        return length_m * self.scale
+
+    def length_to_plant(self, length_m: float) -> float:
+        """Return a length on the map as the plant has it, in metres."""
+        return length_m / self.scale
+
+
+def normalized(angle_rad: float) -> float:
+    """Return the same angle between -pi and pi, as VDA 5050 has it."""
+    return remainder(angle_rad, 2 * pi)
+
+
+_PAIR: Final = re.compile(r"(scale|rotation|x|y)=(\S+)")
+_WANTED: Final = "'scale=1 rotation=0 x=0 y=0' (rotation in degrees, x and y in metres of the map)"
+
+
+def parse_transform(text: str) -> MapTransform:
+    """Return what a text such as `scale=0.1 rotation=90 x=5 y=-1` says; what it leaves out changes nothing.
+
+    Rotation in degrees counter-clockwise, x and y in metres of the map. Raises ValueError.
+    """
+    pairs = [_PAIR.fullmatch(part) for part in text.split()]
+    found = {pair[1]: pair[2] for pair in pairs if pair}
+    if not found or len(found) < len(pairs):
+        msg = f"{text!r} is not of the form {_WANTED}"
+        raise ValueError(msg)
+    numbers = {key: float(value) for key, value in found.items()}
+    return MapTransform(
+        scale=numbers.get("scale", 1.0),
+        rotation_rad=radians(numbers.get("rotation", 0.0)),
+        offset_x_m=numbers.get("x", 0.0),
+        offset_y_m=numbers.get("y", 0.0),
+    )
+
+
+T = TypeVar("T")
+
+MOST_CELLS_OF_ONE: Final = 10_000
+"""Cells that one item may be noted in; larger ones are always looked at."""
+
+
+class Box(NamedTuple):
+    """From the least to the greatest coordinates, in one unit."""
+
+    x_min: float
+    y_min: float
+    x_max: float
+    y_max: float
+
+
+class PlanarIndex(Generic[T]):
+    """Keeps items by the boxes that they lie in; a point's box has no extent."""
+
+    def __init__(self, items: Iterable[tuple[Box, T]]) -> None:
+        self._items = list(items)
+        self._cell = _cell_of([box for box, _ in self._items])
+        self._cells: dict[tuple[int, int], list[int]] = {}
+        self._large: list[int] = []
+        for index, (box, _) in enumerate(self._items):
+            columns, rows = self._span(box)
+            if len(columns) * len(rows) > MOST_CELLS_OF_ONE:
+                self._large.append(index)
+                continue
+            for column in columns:
+                for row in rows:
+                    self._cells.setdefault((column, row), []).append(index)
+        self._columns = _range([column for column, _ in self._cells])
+        self._rows = _range([row for _, row in self._cells])
+
+    def near(self, x: float, y: float, reach: float) -> list[T]:
+        """Give at least all items whose boxes come nearer to the place than ``reach``, in their order."""
+        columns, rows = self._span(Box(x - reach, y - reach, x + reach, y + reach))
+        found = set(self._large)
+        for column in _overlap(columns, self._columns):
+            for row in _overlap(rows, self._rows):
+                found.update(self._cells.get((column, row), ()))
+        return [self._items[index][1] for index in sorted(found)]
+
+    def nearest(self, x: float, y: float) -> T | None:
+        """Give the point that is nearest to the place, the first of several; None where there is none."""
+        best, least = -1, inf
+        for ring, indices in enumerate(self._rings(x, y)):
+            if least < (ring - 1) * self._cell:
+                break
+            for index in indices:
+                box = self._items[index][0]
+                distance = hypot(box.x_min - x, box.y_min - y)
+                if distance < least or (distance == least and index < best):
+                    best, least = index, distance
+        return self._items[best][1] if best >= 0 else None
+
+    def _span(self, box: Box) -> tuple[range, range]:
+        columns = range(floor(box.x_min / self._cell), floor(box.x_max / self._cell) + 1)
+        return columns, range(floor(box.y_min / self._cell), floor(box.y_max / self._cell) + 1)
+
+    def _rings(self, x: float, y: float) -> Iterator[Iterable[int]]:
+        """Give what is in the cell that is nearest to the place, then in those around it, and so on."""
+        if not self._cells:
+            return
+        column = min(max(floor(x / self._cell), self._columns.start), self._columns.stop - 1)
+        row = min(max(floor(y / self._cell), self._rows.start), self._rows.stop - 1)
+        for ring in range(max(len(self._columns), len(self._rows))):
+            yield [
+                index
+                for cell in _ring(column, row, ring, self._columns, self._rows)
+                for index in self._cells.get(cell, ())
+            ]
+
+
+def _cell_of(boxes: list[Box]) -> float:
+    """Give the side of cells of which there are about as many as items."""
+    if not boxes:
+        return 1.0
+    width = max(box.x_max for box in boxes) - min(box.x_min for box in boxes)
+    height = max(box.y_max for box in boxes) - min(box.y_min for box in boxes)
+    across = max(width, height)
+    square = max(width * height, across * across / len(boxes))
+    return float(ceil((square / len(boxes)) ** 0.5)) or 1.0
+
+
+def _range(numbers: list[int]) -> range:
+    return range(min(numbers), max(numbers) + 1) if numbers else range(0)
+
+
+def _overlap(one: range, other: range) -> range:
+    return range(max(one.start, other.start), min(one.stop, other.stop))
+
+
+def _ring(column: int, row: int, ring: int, columns: range, rows: range) -> Iterator[tuple[int, int]]:
+    """Give the cells that are ``ring`` columns or rows away, and not more, as far as there are any."""
+    left, right, low, high = column - ring, column + ring, row - ring, row + ring
+    for each in _overlap(range(left, right + 1), columns):
+        if low in rows:
+            yield each, low
+        if high in rows and ring:
+            yield each, high
+    for each in _overlap(range(low + 1, high), rows):
+        if left in columns:
+            yield left, each
+        if right in columns:
+            yield right, each

@@ -1,20 +1,225 @@
 """The plant model: everything that is drawn, routed on and dispatched to, in openTCS's vocabulary."""
 
 from collections.abc import Iterator, Mapping
+from enum import StrEnum
 from functools import cached_property
-from typing import Self, TypeVar
+from math import isfinite, radians
+from types import MappingProxyType
+from typing import Final, Self, TypeVar
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from nena_shared.plant.block import Block
+from nena_shared.plant import property_keys as keys
 from nena_shared.plant.errors import ObjectKind, UnknownObjectError
-from nena_shared.plant.location import Link, Location, LocationType
-from nena_shared.plant.path import DirectedEdge, Path
-from nena_shared.plant.planar_index import Box, PlanarIndex
-from nena_shared.plant.point import Point
-from nena_shared.plant.record import PlantRecord
-from nena_shared.plant.vehicle import Vehicle
-from nena_shared.plant.visual_layout import VisualLayout
+from nena_shared.plant.geometry import Box, MapTransform, PlanarIndex, parse_transform
+from nena_shared.plant.track import (
+    FAR_MM,
+    MM_PER_M,
+    BoundingBox,
+    DirectedEdge,
+    LabelLayout,
+    Millimetres,
+    Path,
+    PlantRecord,
+    Point,
+    Vertex,
+)
+
+
+class LocationType(PlantRecord):
+    """What can be done at the locations of this type, by vehicles and by peripheral devices."""
+
+    name: str = Field(min_length=1)
+    allowed_operations: tuple[str, ...] = ()
+    allowed_peripheral_operations: tuple[str, ...] = ()
+    properties: Mapping[str, str] = Field(default_factory=dict)
+    representation: str | None = None
+
+
+class Link(PlantRecord):
+    """A point from which a location is served; without operations of its own it allows all of the type's."""
+
+    point: str
+    allowed_operations: tuple[str, ...] = ()
+
+
+class LocationLayout(LabelLayout):
+    """How a location is drawn; `position` only where a file draws it elsewhere than the model has it."""
+
+    representation: str | None = None
+    position: Vertex | None = None
+
+
+class Location(PlantRecord):
+    """A location; `type` names its location type. A peripheral's location may have no link."""
+
+    name: str = Field(min_length=1)
+    type: str
+    x_mm: Millimetres = 0
+    y_mm: Millimetres = 0
+    z_mm: Millimetres = 0
+    locked: bool = False
+    links: tuple[Link, ...] = ()
+    properties: Mapping[str, str] = Field(default_factory=dict)
+    layout: LocationLayout = LocationLayout()
+
+    @property
+    def x_m(self) -> float:
+        """The x coordinate in metres of the plant frame."""
+        return self.x_mm / MM_PER_M
+
+    @property
+    def y_m(self) -> float:
+        """The y coordinate in metres of the plant frame."""
+        return self.y_mm / MM_PER_M
+
+
+class BlockType(StrEnum):
+    """The rule of a block."""
+
+    SINGLE_VEHICLE_ONLY = "SINGLE_VEHICLE_ONLY"
+    SAME_DIRECTION_ONLY = "SAME_DIRECTION_ONLY"
+
+
+class Block(PlantRecord):
+    """A block; its members are names of points, paths and locations."""
+
+    name: str = Field(min_length=1)
+    type: BlockType = BlockType.SINGLE_VEHICLE_ONLY
+    members: tuple[str, ...] = ()
+    properties: Mapping[str, str] = Field(default_factory=dict)
+    color: str | None = None
+
+
+class EnergyThresholds(PlantRecord):
+    """Charge levels in whole percent; critical <= good and sufficiently <= fully recharged."""
+
+    critical: int = Field(default=30, ge=0, le=100)
+    good: int = Field(default=90, ge=0, le=100)
+    sufficiently_recharged: int = Field(default=30, ge=0, le=100)
+    fully_recharged: int = Field(default=90, ge=0, le=100)
+
+    @model_validator(mode="after")
+    def _not_crossed(self) -> Self:
+        if self.critical > self.good or self.sufficiently_recharged > self.fully_recharged:
+            msg = "crossed energy thresholds: critical <= good and sufficiently <= fully recharged must hold"
+            raise ValueError(msg)
+        return self
+
+
+class Vehicle(PlantRecord):
+    """A vehicle; its properties carry what its VDA 5050 interface needs."""
+
+    name: str = Field(min_length=1)
+    bounding_box: BoundingBox = BoundingBox()
+    energy_thresholds: EnergyThresholds = EnergyThresholds()
+    max_velocity_mm_s: int = Field(default=1000, ge=0, le=FAR_MM)
+    max_reverse_velocity_mm_s: int = Field(default=1000, ge=0, le=FAR_MM)
+    envelope_key: str | None = None
+    properties: Mapping[str, str] = Field(default_factory=dict)
+    color: str | None = None
+
+    @property
+    def max_velocity_m_s(self) -> float:
+        """The highest forward speed in m/s."""
+        return self.max_velocity_mm_s / MM_PER_M
+
+    @property
+    def routing_group(self) -> str:
+        """The name of the routing group (property `tcs:routingGroup`), empty for the common one."""
+        return self.properties.get(keys.ROUTING_GROUP, "")
+
+    @property
+    def manufacturer(self) -> str | None:
+        """The robot's manufacturer as its VDA 5050 topics name it, if the plant model says so."""
+        return self.properties.get(keys.VDA5050_MANUFACTURER)
+
+    @property
+    def serial_number(self) -> str | None:
+        """The robot's serial number as its VDA 5050 topics name it, if the plant model says so."""
+        return self.properties.get(keys.VDA5050_SERIAL_NUMBER)
+
+    @property
+    def interface_name(self) -> str | None:
+        """The first level of the robot's VDA 5050 topics, if the plant model says so."""
+        return self.properties.get(keys.VDA5050_INTERFACE_NAME)
+
+    @property
+    def protocol_version(self) -> str | None:
+        """The VDA 5050 version that the robot speaks, if the plant model says so."""
+        return self.properties.get(keys.VDA5050_VERSION)
+
+    @property
+    def map_id(self) -> str | None:
+        """The map on which the robot drives, if the plant model says so."""
+        return self.properties.get(keys.VDA5050_MAP_ID)
+
+    @property
+    def vehicle_type(self) -> str | None:
+        """The robot's type as LIF names it, if the plant model says so."""
+        return self.properties.get(keys.VEHICLE_TYPE)
+
+    @property
+    def allowed_maps(self) -> frozenset[str] | None:
+        """The maps on which the robot may drive; None: all."""
+        if not (value := self.properties.get(keys.ALLOWED_MAPS)):
+            return None
+        return frozenset(name.strip() for name in value.split(","))
+
+    @property
+    def acceptable_order_types(self) -> tuple[str, ...] | None:
+        """The types of orders that the robot accepts, the one it likes best first; None: any."""
+        if not (value := self.properties.get(keys.ACCEPTABLE_ORDER_TYPES)):
+            return None
+        return tuple(name for part in value.split(",") if (name := part.strip()))
+
+    @property
+    def deviation_xy_m(self) -> float | None:
+        """The allowed deviation from a node's position in metres; None if unset or no number >= 0."""
+        return self._non_negative(keys.VDA5050_DEVIATION_XY)
+
+    @property
+    def deviation_theta_rad(self) -> float | None:
+        """The allowed deviation from a node's heading in radians (the property: degrees); None as above."""
+        degrees = self._non_negative(keys.VDA5050_DEVIATION_THETA)
+        return None if degrees is None else radians(degrees)
+
+    def _non_negative(self, key: str) -> float | None:
+        try:
+            value = float(self.properties[key])
+        except (KeyError, ValueError):
+            return None
+        return value if isfinite(value) and value >= 0 else None
+
+
+class Layer(PlantRecord):
+    """A layer of the drawing; a higher ordinal lies above a lower one."""
+
+    id: int
+    ordinal: int
+    name: str
+    visible: bool = True
+    group_id: int = 0
+
+
+class LayerGroup(PlantRecord):
+    """A group of layers that are shown or hidden together."""
+
+    id: int
+    name: str
+    visible: bool = True
+
+
+class VisualLayout(PlantRecord):
+    """The drawing of a plant; the scales are mm per pixel of the plant's own editor."""
+
+    name: str = "VLayout"
+    scale_x_mm_per_px: float = Field(default=50.0, gt=0)
+    scale_y_mm_per_px: float = Field(default=50.0, gt=0)
+    layers: tuple[Layer, ...] = ()
+    layer_groups: tuple[LayerGroup, ...] = ()
+    properties: Mapping[str, str] = Field(default_factory=dict)
+
 
 NO_OPERATION = "NOP"
 """The operation that is allowed at each link of each location."""
@@ -156,3 +361,41 @@ def _known(objects: Mapping[str, T], kind: ObjectKind, name: str) -> T:
         return objects[name]
     except KeyError:
         raise UnknownObjectError(kind, name, objects) from None
+
+
+def map_transforms(model: PlantModel) -> Mapping[str, MapTransform]:
+    """Return the transform to each map for which the model has one; on others plant and map are the same.
+
+    Raises ValueError for a property that is no transform; importers refuse such a model.
+    """
+    return {map_id: parse_transform(text) for map_id, text in transform_texts(model)}
+
+
+def transform_texts(model: PlantModel) -> Iterator[tuple[str, str]]:
+    """Yield map id and text of each transform property."""
+    for key, text in model.properties.items():
+        if key.startswith(keys.MAP_TRANSFORM):
+            yield key.removeprefix(keys.MAP_TRANSFORM), text
+
+
+ACTION_TYPES: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "Load cargo": "pick",
+        "Load": "pick",
+        "Unload cargo": "drop",
+        "Unload": "drop",
+        RECHARGE_OPERATION: "startCharging",
+        "CHARGE": "startCharging",
+    }
+)
+"""An operation that is not here is an action of the same name."""
+
+
+def action_of(operation: str) -> str:
+    """Return the action that does an operation."""
+    return ACTION_TYPES.get(operation, operation)
+
+
+def operation_of(action_type: str) -> str:
+    """Return the operation for an action; only charging has one that everybody must know by its name."""
+    return RECHARGE_OPERATION if action_type == ACTION_TYPES[RECHARGE_OPERATION] else action_type

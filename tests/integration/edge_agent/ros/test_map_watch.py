@@ -14,7 +14,7 @@ from nena_edge_agent.settings import EdgeAgentSettings
 from nena_robot_simulator.grid_map import GridMap
 from nena_robot_simulator.messages import map_message
 from nena_shared.fleet_api.plant import RobotMap
-from nena_shared.plant.transform import MapTransform
+from nena_shared.plant.geometry import MapTransform
 from support.robot_maps import room
 from support.simulator import HALL, simulated_robot
 from support.waiting import until

@@ -4,7 +4,7 @@ import pytest
 from pydantic import ValidationError
 
 from nena_order_service.dispatching.settings import DispatchSettings, EnergySettings
-from nena_shared.plant.vehicle import EnergyThresholds
+from nena_shared.plant.model import EnergyThresholds
 
 
 def test_vehicles_that_the_plant_model_lacks_have_the_thresholds_that_it_would_give() -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from nena_order_service.routing import NoRouteError, Router
 from nena_shared.plant import PlantModel, Vehicle
-from nena_shared.plant.vehicle_type import VehicleTypeAtPoint, VehicleTypeOnPath
+from nena_shared.plant.track import VehicleTypeAtPoint, VehicleTypeOnPath
 from support.plants import path, point
 
 NAMES = "ABCDEF"

@@ -11,7 +11,7 @@ from nena_order_service.traffic.desk import TrafficDesk
 from nena_order_service.traffic.resources import Found
 from nena_order_service.traffic.traffic_control import NoWay, Wish
 from nena_shared.plant import PlantModel
-from nena_shared.plant.geometry import BoundingBox
+from nena_shared.plant.track import BoundingBox
 from support.plants import path, point
 
 BOX = BoundingBox(length_mm=1)

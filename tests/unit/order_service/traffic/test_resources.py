@@ -19,8 +19,8 @@ from nena_order_service.traffic.resources import (
     covered_from,
 )
 from nena_shared.plant import PlantModel
-from nena_shared.plant.block import Block, BlockType
-from nena_shared.plant.geometry import BoundingBox
+from nena_shared.plant.model import Block, BlockType
+from nena_shared.plant.track import BoundingBox
 from support.plants import path, plant, point
 
 

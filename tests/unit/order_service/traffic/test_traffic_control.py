@@ -18,8 +18,8 @@ from nena_order_service.traffic.traffic_control import (
     overlap,
 )
 from nena_shared.plant import PlantModel
-from nena_shared.plant.block import Block, BlockType
-from nena_shared.plant.point import Point, PointType
+from nena_shared.plant.model import Block, BlockType
+from nena_shared.plant.track import Point, PointType
 from support.plants import path, plant
 from support.traffic.scenes import Scene
 

@@ -13,7 +13,7 @@ from nena_order_service.vehicles.idle import BARRED, DISPLACES_AT_MOST
 from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.transport_order import TransportOrderState as S
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
-from nena_shared.plant.point import PointType
+from nena_shared.plant.track import PointType
 from support.order_service import request
 from support.plants import path, point
 from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel

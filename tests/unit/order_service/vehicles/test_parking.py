@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 
 from nena_order_service.vehicles.idle import BARRED, PARKED, WAYS_TRIED, Parking, ParkingPositions, Prospect
 from nena_shared.plant import PlantModel, Vehicle
-from nena_shared.plant.point import PointType
 from nena_shared.plant.property_keys import (
     ASSIGNED_PARKING_POSITION,
     PARKING_POSITION_PRIORITY,
     PREFERRED_PARKING_POSITION,
 )
+from nena_shared.plant.track import PointType
 from support.plants import point
 
 PARK = PointType.PARK_POSITION

@@ -12,8 +12,9 @@ from nena_shared.plant import (
     PointType,
     Vehicle,
 )
-from nena_shared.plant.checks import find_errors, find_warnings
-from support.plants import path, plant
+from nena_shared.plant.checks import cut_off_points, find_errors, find_property_warnings, find_warnings
+from nena_shared.plant.track import VehicleTypeAtPoint
+from support.plants import grid_plant, path, plant, point
 
 TYPE = LocationType(name="T", allowed_operations=("Load", "Charge"))
 
@@ -109,3 +110,118 @@ def test_points_that_are_cut_off_are_named() -> None:
     model = plant(path("A B"), path("B A"), path("A C"))
     texts = [problem.text for problem in find_warnings(model) if problem.code == "NOT_STRONGLY_CONNECTED"]
     assert texts == ["not every point can be reached from every other; cut off from the rest: 'C'"]
+
+
+CHARGER = LocationType(name="Charger", allowed_operations=("Charge",))
+
+
+def with_property(key: str, value: str) -> PlantModel:
+    return plant(
+        points="A",
+        vehicles=(Vehicle(name="V", properties={key: value}),),
+        location_types=(CHARGER,),
+        locations=(Location(name="Dock", type="Charger"),),
+    )
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "code"),
+    [
+        ("vda5050:maxStepsBase ", "3", "MISSPELT_PROPERTY"),
+        ("vda5050:serialnumber", "r1", "MISSPELT_PROPERTY"),
+        ("VDA5050:mapId", "hall", "MISSPELT_PROPERTY"),
+        ("tcs:preferedParkingPosition", "A", "MISSPELT_PROPERTY"),
+        ("vda5050:mapId", " ", "EMPTY_PROPERTY"),
+        ("vda5050:deviationXY", "half a metre", "PROPERTY_NOT_A_NUMBER"),
+        ("vda5050:deviationXY", "-1", "PROPERTY_NOT_A_NUMBER"),
+        ("tcs:routingCostForwardWIDE", "nan", "PROPERTY_NOT_A_NUMBER"),
+        ("tcs:assignedParkingPosition", "B", "PROPERTY_NAMES_NOTHING"),
+        ("tcs:preferredRechargeLocation", "A", "PROPERTY_NAMES_NOTHING"),
+    ],
+)
+def test_suspicious_properties(key: str, value: str, code: str) -> None:
+    found = list(find_property_warnings(with_property(key, value)))
+    assert [(problem.code, problem.name) for problem in found] == [(code, "V")]
+    assert repr(key) in found[0].text
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("vda5050:deviationXY", "0.5"),
+        ("tcs:routingCostReverse", "Infinity"),
+        ("tcs:assignedParkingPosition", "A"),
+        ("tcs:preferredRechargeLocation", "Dock"),
+        ("vda5050:maxStepsBase", "3"),
+        ("tcs:preferredAdapterClass", "org.example.Factory"),
+        ("loopback:acceleration", "500"),
+        ("serialnumber", "r1"),
+    ],
+)
+def test_properties_in_order_and_those_of_others(key: str, value: str) -> None:
+    assert list(find_property_warnings(with_property(key, value))) == []
+
+
+def test_properties_of_all_kinds_of_object_are_looked_at() -> None:
+    model = PlantModel(
+        name="m",
+        points=(point("A", properties={"a": ""}),),
+        paths=(path("A A", name="P", properties={"a": ""}),),
+        properties={"a": ""},
+    )
+    assert [problem.name for problem in find_property_warnings(model)] == ["m", "A", "P"]
+
+
+def test_a_charging_place_is_missed_where_there_are_vehicles() -> None:
+    loading = LocationType(name="T", allowed_operations=("CHARGE",))
+    model = plant(vehicles=(Vehicle(name="V"),), location_types=(loading,))
+    (found,) = find_property_warnings(model)
+    assert found.code == "NO_RECHARGE_OPERATION"
+    assert "'CHARGE' is another operation" in found.text
+    assert list(find_property_warnings(plant(location_types=(loading,)))) == []
+
+
+@pytest.mark.parametrize(
+    ("known", "own", "found"),
+    [((), "t", []), (("t",), "t", []), (("u",), "t", ["PROPERTY_NAMES_NOTHING"])],
+)
+def test_a_vehicle_type_is_one_that_the_plant_knows_where_it_knows_any(
+    known: tuple[str, ...], own: str, found: list[str]
+) -> None:
+    uses = tuple(VehicleTypeAtPoint(vehicle_type_id=each) for each in known)
+    vehicle = Vehicle(name="V", properties={"nena:vehicleType": own})
+    model = PlantModel(
+        name="m",
+        points=(point("A", vehicle_types=uses),),
+        vehicles=(vehicle,),
+        location_types=(CHARGER,),
+    )
+    assert [problem.code for problem in find_property_warnings(model)] == found
+
+
+def test_a_ring_is_connected() -> None:
+    assert cut_off_points(plant(path("A B"), path("B C"), path("C A"))) == ()
+
+
+def test_a_dead_end_is_not() -> None:
+    assert cut_off_points(plant(path("A B"), path("B C"), path("C A"), path("B D"))) == ("D",)
+
+
+def test_a_reverse_speed_leads_out_of_a_dead_end() -> None:
+    model = plant(path("A B"), path("B A"), path("B D", max_reverse_velocity_mm_s=300))
+    assert cut_off_points(model) == ()
+
+
+def test_a_locked_path_leads_nowhere() -> None:
+    assert cut_off_points(plant(path("A B"), path("B A"), path("B C"), path("C B", locked=True))) == ("C",)
+
+
+def test_the_smaller_part_is_the_one_cut_off() -> None:
+    grid = grid_plant(3, 3)
+    island = plant(path("X Y"), path("Y X"))
+    model = PlantModel(name="both", points=(*island.points, *grid.points), paths=(*island.paths, *grid.paths))
+    assert cut_off_points(model) == ("X", "Y")
+
+
+def test_an_empty_model_has_nothing_to_cut_off() -> None:
+    assert cut_off_points(PlantModel(name="empty")) == ()

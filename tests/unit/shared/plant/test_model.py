@@ -1,3 +1,5 @@
+from __future__ import annotations
+
 from math import pi
 
 import pytest
@@ -25,6 +27,9 @@ from nena_shared.plant import (
     Vehicle,
     Vertex,
 )
+from nena_shared.plant.checks import find_errors, find_warnings
+from nena_shared.plant.geometry import MapTransform, parse_transform
+from nena_shared.plant.model import ACTION_TYPES, action_of, map_transforms, operation_of
 from support.plants import path, plant, point
 
 FULL = PlantModel(
@@ -142,3 +147,87 @@ def test_access_points_depend_on_the_operation(operation: str, points: tuple[str
 def test_access_points_of_an_unknown_location() -> None:
     with pytest.raises(UnknownObjectError, match="no location 'L'"):
         FULL.access_points("L", "Load")
+
+
+def test_properties_say_how_the_robot_is_reached() -> None:
+    vehicle = Vehicle(
+        name="V",
+        max_velocity_mm_s=1200,
+        properties={
+            "vda5050:interfaceName": "uagv",
+            "vda5050:manufacturer": "ACME",
+            "vda5050:serialNumber": "r1",
+            "vda5050:version": "2.1.0",
+            "vda5050:mapId": "hall",
+            "vda5050:deviationXY": "0.25",
+            "vda5050:deviationTheta": "180",
+            "tcs:routingGroup": "wide",
+        },
+    )
+    assert (vehicle.interface_name, vehicle.manufacturer, vehicle.serial_number) == ("uagv", "ACME", "r1")
+    assert (vehicle.protocol_version, vehicle.map_id, vehicle.routing_group) == ("2.1.0", "hall", "wide")
+    assert vehicle.deviation_xy_m == 0.25
+    assert vehicle.deviation_theta_rad == pytest.approx(pi)
+    assert vehicle.max_velocity_m_s == 1.2
+
+
+def test_a_vehicle_without_properties_says_nothing() -> None:
+    vehicle = Vehicle(name="V")
+    assert vehicle.manufacturer is vehicle.serial_number is vehicle.interface_name is None
+    assert vehicle.protocol_version is vehicle.map_id is None
+    assert vehicle.deviation_xy_m is None
+    assert vehicle.routing_group == ""
+
+
+@pytest.mark.parametrize("value", ["wide", "-1", "nan", "inf", ""])
+def test_a_deviation_that_is_no_number_from_0_up_is_not_set(value: str) -> None:
+    assert Vehicle(name="V", properties={"vda5050:deviationXY": value}).deviation_xy_m is None
+
+
+@pytest.mark.parametrize(
+    "levels", [{"critical": 50, "good": 40}, {"sufficiently_recharged": 91}, {"good": 101}, {"critical": -1}]
+)
+def test_thresholds_are_percent_and_not_crossed(levels: dict[str, int]) -> None:
+    with pytest.raises(ValidationError):
+        EnergyThresholds(**levels)
+
+
+@pytest.mark.parametrize(
+    ("operation", "action"),
+    [("Load cargo", "pick"), ("Unload", "drop"), ("Charge", "startCharging"), ("beep", "beep")],
+)
+def test_what_has_a_name_in_the_standard_gets_it(operation: str, action: str) -> None:
+    assert action_of(operation) == action
+
+
+def test_only_charging_is_known_by_a_name_of_its_own() -> None:
+    assert operation_of("startCharging") == "Charge"
+    others = set(ACTION_TYPES.values()) - {"startCharging"}
+    assert {operation_of(each) for each in others} == others
+
+
+def test_each_map_has_its_own() -> None:
+    properties = {
+        "nena:mapTransform.hall": "scale=0.1 rotation=90 x=5 y=-1",
+        "nena:mapTransform.yard": "x=-2.5",
+        "key": "x=1",
+    }
+    model = plant(points="A", properties=properties)
+    assert map_transforms(model) == {
+        "hall": MapTransform(scale=0.1, rotation_rad=pi / 2, offset_x_m=5, offset_y_m=-1),
+        "yard": MapTransform(offset_x_m=-2.5),
+    }
+    assert find_errors(model) == ()
+    assert "MISSPELT_PROPERTY" not in {problem.code for problem in find_warnings(model)}
+
+
+@pytest.mark.parametrize(
+    "text", ["", "90", "scale=0", "scale=-1", "x=", "x=inf", "x=1 z=2", "x=1 x=2", "x = 1"]
+)
+def test_what_is_no_transform_makes_the_model_unusable(text: str) -> None:
+    with pytest.raises(ValueError, match=r"transform|form|float"):
+        parse_transform(text)
+    model = plant(points="A", properties={"nena:mapTransform.hall": text})
+    (error,) = find_errors(model)
+    assert error.code == "BAD_VALUE"
+    assert "'hall'" in error.text

@@ -21,8 +21,8 @@ from nena_cli.output import give_up, put_json, say
 from nena_cli.service import Service, of_service
 from nena_shared.fleet_api.plant import PlantModelChange
 from nena_shared.plant import PlantModel, PlantModelError, Problem, files, lif, opentcs_xml
+from nena_shared.plant.exchange import JSON_LIMITS
 from nena_shared.plant.files import PlantFormat
-from nena_shared.plant.json_text import DEFAULT_LIMITS
 
 STANDARD_STREAM = "-"
 
@@ -111,7 +111,7 @@ def write_bytes(data: bytes, name: str, *, replace: bool) -> None:
 
 def read_bytes(name: str) -> bytes:
     """Read a file, or standard input for ``-``, up to one byte over the size limit."""
-    most = DEFAULT_LIMITS.size_bytes + 1
+    most = JSON_LIMITS.size_bytes + 1
     if name == STANDARD_STREAM:
         return sys.stdin.buffer.read(most)
     with Path(name).open("rb") as file:

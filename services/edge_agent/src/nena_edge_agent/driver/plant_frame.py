@@ -30,9 +30,8 @@ from nena_edge_agent.driver.port import (
     Pose,
     PoseReport,
 )
-from nena_shared.plant import transform
-from nena_shared.plant.map_transforms import parse_transform
-from nena_shared.plant.transform import MapTransform
+from nena_shared.plant import geometry
+from nena_shared.plant.geometry import MapTransform, parse_transform
 
 SAME = MapTransform()
 """Plant and map have the same frame."""
@@ -55,12 +54,12 @@ class PlantFrame:
 
     def to_map(self, pose: Pose) -> MapPose:
         """Give a pose of the plant as the robot's map has it."""
-        found = self.on(pose.map_id).pose_to_map(transform.PlantPose(pose.x, pose.y, pose.theta))
+        found = self.on(pose.map_id).pose_to_map(geometry.PlantPose(pose.x, pose.y, pose.theta))
         return MapPose(found.x_m, found.y_m, found.heading_rad, pose.map_id)
 
     def to_plant(self, pose: MapPose) -> Pose:
         """Give a pose of the robot's map as the plant has it."""
-        found = self.on(pose.map_id).pose_to_plant(transform.MapPose(pose.x, pose.y, pose.theta))
+        found = self.on(pose.map_id).pose_to_plant(geometry.MapPose(pose.x, pose.y, pose.theta))
         return Pose(found.x_m, found.y_m, found.heading_rad, pose.map_id)
 
     def goal(self, goal: DriveGoal) -> MapGoal:
@@ -82,7 +81,7 @@ class PlantFrame:
                 return PoseReport(self.to_plant(pose), *rest)
             case MapPlanReport(points, map_id):
                 to_plant = self.on(map_id).to_plant
-                places = (to_plant(transform.MapPlace(x, y)) for x, y in points)
+                places = (to_plant(geometry.MapPlace(x, y)) for x, y in points)
                 return PlanReport(tuple((place.x_m, place.y_m) for place in places))
             case DriveProgress(left, recoveries, map_id):
                 return DriveProgress(self.on(map_id).length_to_plant(left), recoveries, map_id)

@@ -12,7 +12,7 @@ from nena_edge_agent.driver.plant_frame import PlantFrame
 from nena_edge_agent.occupancy_image import occupancy_image
 from nena_shared.fleet_api.plant import PNG_LIMIT, SIDE_LIMIT, RobotMap
 from nena_shared.log import get_logger
-from nena_shared.plant.transform import MapPose, MapTransform
+from nena_shared.plant.geometry import MapPose, MapTransform
 
 if TYPE_CHECKING:
     from nena_edge_agent.ros.session import RosSession

@@ -20,7 +20,7 @@ from nena_order_service.dispatching.way import WayCost
 from nena_order_service.fleet.robot import State
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.fleet_api.vehicle import ANY_ORDER_TYPE, ANY_TYPE, AcceptableOrderType
-from nena_shared.plant.vehicle import EnergyThresholds
+from nena_shared.plant.model import EnergyThresholds
 from nena_shared.vda5050.factsheet import Factsheet, LoadSpecification
 
 

@@ -7,7 +7,7 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from nena_shared.plant.vehicle import EnergyThresholds
+from nena_shared.plant.model import EnergyThresholds
 from nena_shared.settings import SettingsGroup
 
 

@@ -15,7 +15,7 @@ from nena_order_service.fleet.robot import State
 from nena_order_service.routing import Route
 from nena_shared.fleet_api.transport_order import Coordinate
 from nena_shared.plant import Location, MapPlace, PlantModel, PlantPlace
-from nena_shared.plant.transform import normalized
+from nena_shared.plant.geometry import normalized
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 from nena_shared.vda5050.base import Identifier, WireObject
 from nena_shared.vda5050.order import AllowedDeviationXY, Edge, Node, NodePosition

@@ -11,10 +11,10 @@ from nena_order_service.plant_file import read_plant
 from nena_order_service.rest.responses import as_json
 from nena_order_service.serving import ChangePlant
 from nena_shared.fleet_api.plant import PlantModelChange
-from nena_shared.plant.json_text import DEFAULT_LIMITS
+from nena_shared.plant.exchange import JSON_LIMITS
 
 PATH = "/v1/plantModel"
-MAX_BYTES = DEFAULT_LIMITS.size_bytes
+MAX_BYTES = JSON_LIMITS.size_bytes
 
 BODY: dict[str, Any] = {
     "requestBody": {

@@ -25,8 +25,7 @@ from nena_shared.plant import (
     Vehicle,
     property_keys,
 )
-from nena_shared.plant.geometry import MM_PER_M
-from nena_shared.plant.vehicle_type import VehicleTypeOnPath
+from nena_shared.plant.track import MM_PER_M, VehicleTypeOnPath
 
 
 @dataclass(frozen=True, slots=True)

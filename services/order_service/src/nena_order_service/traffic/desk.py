@@ -21,7 +21,7 @@ from nena_order_service.traffic.traffic_control import (
     nobody,
 )
 from nena_shared.plant import PlantModel
-from nena_shared.plant.geometry import BoundingBox
+from nena_shared.plant.track import BoundingBox
 
 D = TypeVar("D", bound=Departure | Evasion)
 

@@ -10,9 +10,9 @@ from typing import Final
 
 from nena_order_service.routing import Step
 from nena_shared.plant import PlantModel, Point
-from nena_shared.plant.block import Block, BlockType
-from nena_shared.plant.geometry import BoundingBox
-from nena_shared.plant.planar_index import Box, PlanarIndex
+from nena_shared.plant.geometry import Box, PlanarIndex
+from nena_shared.plant.model import Block, BlockType
+from nena_shared.plant.track import BoundingBox
 
 BLOCK_ENTRY_DIRECTION: Final = "tcs:blockEntryDirection"
 """Path property: the direction in which a vehicle enters a block by this path; without it the path's own."""

@@ -12,7 +12,7 @@ from typing import Protocol
 from nena_order_service.routing import NoRouteError, Route
 from nena_order_service.traffic.resources import Occupant, Resources, ResourceSet, UseIndex, conflict
 from nena_shared.plant import PlantModel
-from nena_shared.plant.point import PointType
+from nena_shared.plant.track import PointType
 
 
 class Ways(Protocol):

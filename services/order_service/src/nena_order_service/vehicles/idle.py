@@ -19,7 +19,6 @@ from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.transport_order import TransportOrderRequest
 from nena_shared.plant import Location, PlantModel, Point, Vehicle
-from nena_shared.plant.point import PointType
 from nena_shared.plant.property_keys import (
     ASSIGNED_PARKING_POSITION,
     ASSIGNED_RECHARGE_LOCATION,
@@ -28,6 +27,7 @@ from nena_shared.plant.property_keys import (
     PREFERRED_RECHARGE_LOCATION,
     VDA5050_RECHARGE_OPERATION,
 )
+from nena_shared.plant.track import PointType
 
 
 @dataclass(frozen=True, slots=True)

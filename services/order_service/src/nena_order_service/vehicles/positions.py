@@ -16,7 +16,7 @@ from nena_shared.clock import Clock
 from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.log import get_logger
 from nena_shared.plant import MapPlace, PlantModel
-from nena_shared.plant.geometry import MM_PER_M, BoundingBox
+from nena_shared.plant.track import MM_PER_M, BoundingBox
 
 log = get_logger(__name__)
 

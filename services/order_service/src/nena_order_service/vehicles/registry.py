@@ -10,7 +10,7 @@ from nena_order_service.fleet import RobotProfile
 from nena_order_service.fleet.robot import State
 from nena_shared.fleet_api.vehicle import RobotMap
 from nena_shared.plant import PlantModel, Vehicle
-from nena_shared.plant.map_transforms import map_transforms
+from nena_shared.plant.model import map_transforms
 from nena_shared.vda5050.state import MapStatus
 from nena_shared.vda5050.topics import RobotKey
 

@@ -15,7 +15,7 @@ from nena_shared.fleet_api.plant import RobotMap
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
 from nena_shared.plant import MapPlace, MapPose, MapTransform, PlantModel
-from nena_shared.plant.map_transforms import map_transforms
+from nena_shared.plant.model import map_transforms
 from nena_shared.vda5050.brief.state import PositionBrief, StateBrief, VelocityBrief, VisualizationBrief
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet

@@ -5,7 +5,7 @@ from itertools import pairwise
 from math import hypot
 from typing import Final
 
-from nena_shared.plant.vehicle_type import Trajectory
+from nena_shared.plant.track import Trajectory
 
 Place = tuple[float, float]
 _SAMPLES: Final = 64

@@ -2,8 +2,7 @@
 
 from pydantic import ConfigDict, Field
 
-from nena_shared.plant.record import PlantRecord
-from nena_shared.plant.vehicle_type import Coordinate, VehicleTypeAtPoint, VehicleTypeOnPath
+from nena_shared.plant.track import Coordinate, PlantRecord, VehicleTypeAtPoint, VehicleTypeOnPath
 
 
 class LifRecord(PlantRecord):

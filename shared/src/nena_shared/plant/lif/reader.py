@@ -1,23 +1,287 @@
 """Reads LIF 1.0.0: strictly, or leniently with warnings."""
 
-from itertools import chain
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain, count
+from math import degrees, hypot
+from typing import Final, TypeVar
 
 from pydantic import ValidationError
 
+from nena_shared.plant import property_keys as keys
 from nena_shared.plant.checks import find_errors, find_warnings
-from nena_shared.plant.errors import PlantModelError, Problem
-from nena_shared.plant.json_text import DEFAULT_LIMITS, JsonLimits, parse
-from nena_shared.plant.lif import checks
-from nena_shared.plant.lif.document import LifFile
-from nena_shared.plant.lif.leniency import faults, put_right
-from nena_shared.plant.lif.names import Names
-from nena_shared.plant.lif.reach import reach_warnings
-from nena_shared.plant.lif.to_plant import to_plant
-from nena_shared.plant.paused_collector import paused_collector
-from nena_shared.plant.reports import ImportReport
+from nena_shared.plant.errors import ObjectKind, PlantModelError, Problem
+from nena_shared.plant.exchange import JSON_LIMITS, ImportReport, JsonLimits, parse_json, paused_collector
+from nena_shared.plant.lif import checks, curve
+from nena_shared.plant.lif.checks import faults, put_right, reach_warnings
+from nena_shared.plant.lif.document import Edge, Layout, LifFile, Node, Station, StationPosition
+from nena_shared.plant.model import (
+    NO_OPERATION,
+    Layer,
+    LayerGroup,
+    Link,
+    Location,
+    LocationLayout,
+    LocationType,
+    PlantModel,
+    VisualLayout,
+    operation_of,
+)
+from nena_shared.plant.track import (
+    MM_PER_M,
+    BoundingBox,
+    ConnectionType,
+    ControlPoint,
+    LabelLayout,
+    Path,
+    PathLayout,
+    Point,
+    Trajectory,
+    VehicleTypeAtPoint,
+    VehicleTypeOnPath,
+)
 
 
-def read(data: bytes, *, strict: bool = False, limits: JsonLimits = DEFAULT_LIMITS) -> ImportReport:
+class Names:
+    """Gives each object a name of its own; `renamed` says which could not be called by their ids."""
+
+    def __init__(self, taken: Iterable[str]) -> None:
+        self._taken = set(taken)
+        self.renamed: list[Problem] = []
+
+    def take(self, kind: ObjectKind, wanted: str, prefix: str) -> str:
+        """Return the wanted name if nobody has it, else one with the prefix, and keep it."""
+        name = wanted
+        if name in self._taken:
+            tries = (f"{prefix}{'' if number == 1 else number}:{wanted}" for number in count(1))
+            name = next(each for each in tries if each not in self._taken)
+            text = f"something else has this id; it is called {name!r}"
+            self.renamed.append(Problem("RENAMED", kind, wanted, text))
+        self._taken.add(name)
+        return name
+
+
+class StationMaker:
+    """Makes the locations one by one; stations with the same operations share a location type."""
+
+    def __init__(self, points: Mapping[str, Point], names: Names) -> None:
+        self._points = points
+        self._names = names
+        self._types: dict[tuple[str, ...], LocationType] = {}
+
+    @property
+    def types(self) -> tuple[LocationType, ...]:
+        """The location types of the locations made so far."""
+        return tuple(self._types.values())
+
+    def location(self, station: Station, layer_id: int) -> Location:
+        """Return the location of a station."""
+        points = [self._points[node] for node in dict.fromkeys(station.interaction_node_ids)]
+        operations = tuple(sorted({each for point in points for each in _operations(point)}))
+        x_mm, y_mm = _position_mm(station.station_position, points)
+        return Location(
+            name=self._names.take(ObjectKind.LOCATION, station.station_id, "station"),
+            type=self._type(operations).name,
+            x_mm=x_mm,
+            y_mm=y_mm,
+            # A link without operations would allow all of the type's.
+            links=tuple(
+                Link(point=point.name, allowed_operations=_operations(point) or (NO_OPERATION,))
+                for point in points
+            ),
+            properties=_properties(station),
+            layout=LocationLayout(layer_id=layer_id),
+        )
+
+    def _type(self, operations: tuple[str, ...]) -> LocationType:
+        if operations not in self._types:
+            wanted = ", ".join(("Station", *operations))
+            name = self._names.take(ObjectKind.LOCATION_TYPE, wanted, "type")
+            self._types[operations] = LocationType(name=name, allowed_operations=operations)
+        return self._types[operations]
+
+
+def _operations(point: Point) -> tuple[str, ...]:
+    """Return what can be done at a point by at least one vehicle type."""
+    actions = (action for use in point.vehicle_types for action in use.actions)
+    return tuple(dict.fromkeys(operation_of(action.action_type) for action in actions))
+
+
+def _position_mm(position: StationPosition | None, points: Sequence[Point]) -> tuple[int, int]:
+    if position is not None:
+        return round(position.x * MM_PER_M), round(position.y * MM_PER_M)
+    if not points:
+        return 0, 0
+    return (
+        round(sum(point.x_mm for point in points) / len(points)),
+        round(sum(point.y_mm for point in points) / len(points)),
+    )
+
+
+def _properties(station: Station) -> dict[str, str]:
+    position = station.station_position
+    values = {
+        keys.LIF_ID: station.station_id,
+        keys.LIF_NAME: station.station_name,
+        keys.LIF_DESCRIPTION: station.station_description,
+        keys.LIF_STATION_HEIGHT: str(station.station_height) if station.station_height else None,
+        keys.LIF_STATION_POSITION: position.model_dump_json(exclude_none=True) if position else None,
+    }
+    return {key: value for key, value in values.items() if value is not None}
+
+
+UNLIMITED_SPEED_MM_S: Final = 100_000
+"""Of a path on which at least one vehicle type may drive as fast as it can."""
+
+UNLIMITED_SIZE: Final = BoundingBox(length_mm=1_000_000, width_mm=1_000_000, height_mm=1_000_000)
+"""Of vehicles at points: LIF has no limits for them."""
+
+Use = TypeVar("Use", VehicleTypeAtPoint, VehicleTypeOnPath)
+
+_PIECES: Final = 16
+"""In so many straight pieces a curve is drawn that is no cubic Bezier curve."""
+
+
+def to_plant(file: LifFile, names: Names) -> PlantModel:
+    """Return the plant model; nodes keep their ids as names, for robots are told them."""
+    meta = file.meta_information
+    points = {
+        node.node_id: _point(node, layer)
+        for layer, layout in enumerate(file.layouts)
+        for node in layout.nodes
+    }
+    paths = [
+        _path(edge, layer, points, names)
+        for layer, layout in enumerate(file.layouts)
+        for edge in layout.edges
+    ]
+    maker = StationMaker(points, names)
+    locations = [
+        maker.location(station, layer)
+        for layer, layout in enumerate(file.layouts)
+        for station in layout.stations
+    ]
+    return PlantModel(
+        name=meta.project_identification,
+        points=tuple(points.values()),
+        paths=tuple(paths),
+        location_types=maker.types,
+        locations=tuple(locations),
+        visual_layout=_visual_layout(file.layouts),
+        properties={keys.LIF_CREATOR: meta.creator, keys.LIF_EXPORT_TIMESTAMP: meta.export_timestamp},
+    )
+
+
+def _point(node: Node, layer: int) -> Point:
+    types = _first_of_each(node.vehicle_type_node_properties)
+    headings = {use.theta for use in types}
+    theta = headings.pop() if len(headings) == 1 else None
+    return Point(
+        name=node.node_id,
+        x_mm=round(node.node_position.x * MM_PER_M),
+        y_mm=round(node.node_position.y * MM_PER_M),
+        orientation_deg=None if theta is None else degrees(theta),
+        max_vehicle_bounding_box=UNLIMITED_SIZE,
+        properties=_given(
+            {
+                keys.VDA5050_MAP_ID: node.map_id,
+                keys.LIF_NAME: node.node_name,
+                keys.LIF_DESCRIPTION: node.node_description,
+            }
+        ),
+        layout=LabelLayout(layer_id=layer),
+        vehicle_types=types,
+    )
+
+
+def _path(edge: Edge, layer: int, points: dict[str, Point], names: Names) -> Path:
+    types = tuple(map(_with_usable_trajectory, _first_of_each(edge.vehicle_type_edge_properties)))
+    trajectory = next((use.trajectory for use in types if use.trajectory), None)
+    a, b = points[edge.start_node_id], points[edge.end_node_id]
+    length_m = curve.length(trajectory) if trajectory else hypot(a.x_m - b.x_m, a.y_m - b.y_m)
+    name = names.take(ObjectKind.PATH, edge.edge_id, "edge")
+    return Path(
+        name=name,
+        source=edge.start_node_id,
+        destination=edge.end_node_id,
+        length_mm=max(1, round(length_m * MM_PER_M)),
+        max_velocity_mm_s=_speed_mm_s(types),
+        properties=_given(
+            {
+                keys.LIF_ID: edge.edge_id if name != edge.edge_id else None,
+                keys.LIF_NAME: edge.edge_name,
+                keys.LIF_DESCRIPTION: edge.edge_description,
+            }
+        ),
+        layout=_course(trajectory, layer),
+        vehicle_types=types,
+    )
+
+
+def _first_of_each(uses: Sequence[Use]) -> tuple[Use, ...]:
+    """Return one use for each vehicle type, the first."""
+    found: dict[str, Use] = {}
+    for use in uses:
+        found.setdefault(use.vehicle_type_id, use)
+    return tuple(found.values())
+
+
+def _with_usable_trajectory(use: VehicleTypeOnPath) -> VehicleTypeOnPath:
+    """Leave a trajectory out that cannot be followed, and scale one whose knots are not in 0 to 1."""
+    if use.trajectory is None:
+        return use
+    usable = None if curve.fault(use.trajectory) else curve.scaled(use.trajectory)
+    return use.model_copy(update={"trajectory": usable})
+
+
+def _speed_mm_s(uses: Sequence[VehicleTypeOnPath]) -> int:
+    """Return the highest speed that any vehicle type may drive; the router goes by that of each."""
+    speeds = [UNLIMITED_SPEED_MM_S if use.max_speed is None else use.max_speed * MM_PER_M for use in uses]
+    return round(max(speeds))
+
+
+def _course(trajectory: Trajectory | None, layer: int) -> PathLayout:
+    if trajectory is None:
+        return PathLayout(layer_id=layer)
+    if curve.is_cubic_bezier(trajectory):
+        kind, places = ConnectionType.BEZIER, [(point.x, point.y) for point in trajectory.control_points]
+    else:
+        kind, places = ConnectionType.POLYPATH, list(curve.places(trajectory, _PIECES))
+    return PathLayout(
+        connection_type=kind,
+        control_points=tuple(ControlPoint(x_mm=x * MM_PER_M, y_mm=y * MM_PER_M) for x, y in places[1:-1]),
+        layer_id=layer,
+    )
+
+
+def _visual_layout(layouts: Sequence[Layout]) -> VisualLayout:
+    """Return a layer for each layout; what else LIF says of it is kept in properties."""
+    return VisualLayout(
+        layers=tuple(
+            Layer(id=number, ordinal=number, name=layout.layout_name or layout.layout_id)
+            for number, layout in enumerate(layouts)
+        ),
+        layer_groups=(LayerGroup(id=0, name="Layouts"),),
+        properties=_given(
+            {
+                f"{keys.LIF_LAYOUT}.{number}.{key}": value
+                for number, layout in enumerate(layouts)
+                for key, value in (
+                    ("id", layout.layout_id),
+                    ("name", layout.layout_name),
+                    ("version", layout.layout_version),
+                    ("levelId", layout.layout_level_id),
+                    ("description", layout.layout_description),
+                )
+            }
+        ),
+    )
+
+
+def _given(values: Mapping[str, str | None]) -> dict[str, str]:
+    return {key: value for key, value in values.items() if value is not None}
+
+
+def read(data: bytes, *, strict: bool = False, limits: JsonLimits = JSON_LIMITS) -> ImportReport:
     """Read a LIF file into a plant model (mm, with LIF's own rules for each vehicle type beside it).
 
     What real files get wrong is put right with a warning; with `strict` it is an error. Raises
@@ -29,7 +293,7 @@ def read(data: bytes, *, strict: bool = False, limits: JsonLimits = DEFAULT_LIMI
 
 
 def _read(data: bytes, *, strict: bool, limits: JsonLimits) -> ImportReport:
-    raw = parse(data, limits)
+    raw = parse_json(data, limits)
     findings = (*_departures_of_form(data), *put_right(raw))
     try:
         file = LifFile.model_validate(raw)

@@ -1,7 +1,13 @@
-"""From bytes to an element tree, within limits and without DTDs: plant models come from outside."""
+"""openTCS XML documents: bounded parsing, format versions, and typed access that collects findings."""
 
-from dataclasses import dataclass
-from typing import Final
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum, StrEnum
+from math import isfinite, isnan
+from types import MappingProxyType
+from typing import Any, Final, TypeVar
 from xml.etree.ElementTree import Element, ParseError, TreeBuilder
 
 from defusedxml.common import DefusedXmlException
@@ -72,3 +78,290 @@ def parse(data: bytes, limits: Limits) -> Element:
 
 def _refusal(code: str, text: str) -> PlantModelError:
     return PlantModelError([Problem(code, ObjectKind.MODEL, "", text)])
+
+
+_READABLE = "0.0.2, 0.0.3, 0.0.4, 0.0.5, 6.0.x and 7.0.x"
+_NUMBERS = re.compile(r"(\d{1,9})\.(\d{1,9})\.(\d{1,9})")
+
+
+class FormatVersion(IntEnum):
+    """A version of the format; newer versions compare greater."""
+
+    V0_0_2 = 2
+    V0_0_3 = 3
+    V0_0_4 = 4
+    V0_0_5 = 5
+    V6_0_0 = 60
+    V7_0_0 = 70
+
+    @property
+    def is_old(self) -> bool:
+        """Whether this is a format before 6.0.0, in which many attributes may be missing."""
+        return self < FormatVersion.V6_0_0
+
+    @property
+    def has_layout_elements(self) -> bool:
+        """Whether all drawing data stands in the visualLayout instead of at the objects."""
+        return self <= FormatVersion.V0_0_3
+
+    @staticmethod
+    def parse(text: str, model_name: str) -> "FormatVersion":
+        """Return the version that a file names; raises PlantModelError for one that is not readable."""
+        numbers = _NUMBERS.fullmatch(text)
+        if numbers is not None:
+            major, minor, patch = (int(number) for number in numbers.groups())
+            known = _MAJORS.get(major) if major else _PATCHES.get(patch)
+            if minor == 0 and known is not None:
+                return known
+        raise PlantModelError(
+            [
+                Problem(
+                    "UNSUPPORTED_VERSION",
+                    ObjectKind.MODEL,
+                    model_name,
+                    f"format version {text!r} cannot be read; save the model in one of {_READABLE}",
+                )
+            ]
+        )
+
+
+_MAJORS: Final = MappingProxyType({6: FormatVersion.V6_0_0, 7: FormatVersion.V7_0_0})
+_PATCHES: Final = MappingProxyType(
+    {
+        2: FormatVersion.V0_0_2,
+        3: FormatVersion.V0_0_3,
+        4: FormatVersion.V0_0_4,
+        5: FormatVersion.V0_0_5,
+    }
+)
+
+
+@dataclass(slots=True)
+class Notes:
+    """Findings in the order in which they were met; `version` decides what counts as one."""
+
+    version: FormatVersion
+    errors: list[Problem] = field(default_factory=list)
+    warnings: list[Problem] = field(default_factory=list)
+    is_old: bool = field(init=False)
+    """Whether the file is of a format before 6.0.0, in which many attributes may be missing."""
+    _ignored: Counter[tuple[ObjectKind, str]] = field(default_factory=Counter)
+
+    def __post_init__(self) -> None:
+        self.is_old = self.version.is_old
+
+    def error(self, code: str, kind: ObjectKind, name: str, text: str) -> None:
+        """Add an error: the model will be refused when all of it has been read."""
+        self.errors.append(Problem(code, kind, name, text))
+
+    def warn(self, code: str, kind: ObjectKind, name: str, text: str) -> None:
+        """Add a warning: the model can be used."""
+        self.warnings.append(Problem(code, kind, name, text))
+
+    def ignore(self, kind: ObjectKind, what: str, times: int = 1) -> None:
+        """Count something that is not read; thousands of paths with one old attribute give one warning."""
+        self._ignored[kind, what] += times
+
+    def ignored(self) -> Iterator[Problem]:
+        """Yield one warning for each kind of thing that was passed over."""
+        for (kind, what), times in sorted(self._ignored.items()):
+            yield Problem("IGNORED", kind, "", f"{what} is not used (found {times} times)")
+
+
+T = TypeVar("T")
+E = TypeVar("E", bound=StrEnum)
+
+INTEGER: Final = re.compile(r"[+-]?[0-9]{1,15}")
+MAX_SCALE: Final = 1_000_000
+COLOR: Final = re.compile(r"#[0-9A-Fa-f]{6}")
+NONE_RENAMED: Final[Mapping[str, Any]] = MappingProxyType({})
+_BOOLEANS: Final = MappingProxyType({"true": True, "1": True, "false": False, "0": False})
+
+
+class XmlObject:
+    """An element that belongs to a plant object. A missing attribute without a default is an error.
+
+    After an error a harmless value is returned, so that reading goes on and finds all errors at once.
+    """
+
+    __slots__ = ("_children", "_element", "_read", "kind", "name", "notes")
+
+    def __init__(self, element: Element, kind: ObjectKind, name: str, notes: Notes) -> None:
+        self._element = element
+        self._read: set[str] = set()
+        # By tag; what has been read is taken out. Most elements have none.
+        self._children: dict[str, list[Element]] = {}
+        for child in element:
+            self._children.setdefault(child.tag, []).append(child)
+        self.kind = kind
+        self.name = name
+        self.notes = notes
+
+    def has(self, attribute: str) -> bool:
+        """Whether the attribute is there."""
+        return attribute in self._element.keys()  # noqa: SIM118 - an Element iterates over its children
+
+    def if_old(self, value: T) -> T | None:
+        """Return the value as a default for formats before 6.0.0 only; newer ones need the attribute."""
+        return value if self.notes.is_old else None
+
+    def text(self, attribute: str, default: str | None = None) -> str:
+        """Return the attribute exactly as it is written."""
+        value = self._value(attribute)
+        if value is None and default is None:
+            self._missing(attribute)
+        return value or default or ""
+
+    def optional_text(self, attribute: str) -> str | None:
+        """Return the attribute, or None if it is missing or empty."""
+        return self._value(attribute) or None
+
+    def integer(
+        self,
+        attribute: str,
+        default: int | None = None,
+        *,
+        minimum: int | None = None,
+        maximum: int | None = None,
+    ) -> int:
+        """Return a whole number within the bounds."""
+        fallback = minimum or 0 if default is None else default
+        value = self._value(attribute)
+        if value is None:
+            if default is None:
+                self._missing(attribute)
+            return fallback
+        if INTEGER.fullmatch(value.strip()) is None:
+            return self._bad(attribute, "a whole number", fallback)
+        number = int(value)
+        if (minimum is not None and number < minimum) or (maximum is not None and number > maximum):
+            wanted = f"at least {minimum}" if maximum is None else f"between {minimum} and {maximum}"
+            return self._bad(attribute, wanted, fallback)
+        return number
+
+    def scale(self, attribute: str, default: float) -> float:
+        """Return a number above 0 and up to MAX_SCALE, so that what is multiplied by it stays finite."""
+        value = self._value(attribute)
+        if value is None:
+            return default
+        number = _float(value)
+        if number is None or not 0 < number <= MAX_SCALE:
+            return self._bad(attribute, f"a number above 0 and up to {MAX_SCALE}", default)
+        return number
+
+    def angle(self, attribute: str) -> float | None:
+        """Return an angle in degrees; a missing one and `NaN` give None."""
+        value = self._value(attribute)
+        if value is None:
+            return None
+        number = _float(value, nan=True)
+        if number is None:
+            return self._bad(attribute, "an angle in degrees or NaN", None)
+        return None if isnan(number) else number
+
+    def boolean(self, attribute: str, default: bool | None = None) -> bool:  # noqa: FBT001 - it is the value
+        """Return a truth value, written `true` or `false` (or 1, 0)."""
+        value = self._value(attribute)
+        if value is None:
+            if default is None:
+                self._missing(attribute)
+            return bool(default)
+        if value not in _BOOLEANS:
+            return self._bad(attribute, "'true' or 'false'", fallback=False)
+        return _BOOLEANS[value]
+
+    def choice(
+        self,
+        attribute: str,
+        choices: type[E],
+        default: E | None = None,
+        *,
+        renamed: Mapping[str, E] = NONE_RENAMED,
+    ) -> E:
+        """Return a value of an enumeration; `renamed` are values that only formats up to 0.0.4 have."""
+        fallback = next(iter(choices)) if default is None else default
+        value = self._value(attribute)
+        if value is None:
+            if default is None:
+                self._missing(attribute)
+            return fallback
+        if value in renamed and self.notes.version <= FormatVersion.V0_0_4:
+            self.warn("VALUE_REPLACED", f"{attribute} {value} of older formats is read as {renamed[value]}")
+            return renamed[value]
+        try:
+            return choices(value)
+        except ValueError:
+            return self._bad(attribute, f"one of {', '.join(choices)}", fallback)
+
+    def color(self, attribute: str) -> str | None:
+        """Return a colour `#RRGGBB`; anything else is dropped with a warning, for it is only drawn."""
+        value = self._value(attribute)
+        if value is None or COLOR.fullmatch(value):
+            return value
+        self.warn("DRAWING_DROPPED", f"{attribute} {value!r} is no colour #RRGGBB; the default is used")
+        return None
+
+    def children(self, tag: str) -> Iterator["XmlObject"]:
+        """Yield the child elements of this tag; notes on them carry this object's name."""
+        for element in self._children.pop(tag, ()):
+            child = XmlObject(element, self.kind, self.name, self.notes)
+            yield child
+            child.finish()
+
+    def objects(self, tag: str, kind: ObjectKind) -> Iterator["XmlObject"]:
+        """Yield the child elements that are plant objects of their own, each under its own name."""
+        for element in self._children.pop(tag, ()):
+            child = XmlObject(element, kind, element.get("name", ""), self.notes)
+            if not child.text("name", default=""):
+                child.error("MISSING_ATTRIBUTE", "every object needs a name")
+            yield child
+            child.finish()
+
+    def properties(self) -> dict[str, str]:
+        """Return the properties; of two with one name the last counts, with a warning."""
+        found: dict[str, str] = {}
+        for child in self.children("property"):
+            key = child.text("name")
+            if key in found:
+                self.warn("DUPLICATE_PROPERTY", f"property {key!r} is there twice; the last value is used")
+            found[key] = child.text("value", default="")
+        return found
+
+    def finish(self) -> None:
+        """Note the attributes and children that nobody has read."""
+        tag = self._element.tag
+        for attribute, value in self._element.items():
+            if value and attribute not in self._read:
+                self.notes.ignore(self.kind, f"attribute {attribute!r} of element {tag!r}")
+        for unread, elements in self._children.items():
+            self.notes.ignore(self.kind, f"element {unread!r} in {tag!r}", len(elements))
+
+    def error(self, code: str, text: str) -> None:
+        """Note an error of this object."""
+        self.notes.error(code, self.kind, self.name, text)
+
+    def warn(self, code: str, text: str) -> None:
+        """Note a warning on this object."""
+        self.notes.warn(code, self.kind, self.name, text)
+
+    def _value(self, attribute: str) -> str | None:
+        self._read.add(attribute)
+        return self._element.get(attribute)
+
+    def _missing(self, attribute: str) -> None:
+        self.error("MISSING_ATTRIBUTE", f"element {self._element.tag!r} needs attribute {attribute!r}")
+
+    def _bad(self, attribute: str, wanted: str, fallback: T) -> T:
+        written = self._element.get(attribute)
+        self.error(
+            "BAD_VALUE", f"{attribute} of element {self._element.tag!r} is {written!r}, it must be {wanted}"
+        )
+        return fallback
+
+
+def _float(text: str, *, nan: bool = False) -> float | None:
+    try:
+        number = float(text)
+    except ValueError:
+        return None
+    return number if isfinite(number) or (nan and isnan(number)) else None

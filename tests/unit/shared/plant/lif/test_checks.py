@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import pi
+from math import pi, radians
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
 
+from nena_shared.plant import Path, PlantModel, Point
 from nena_shared.plant.errors import Problem
-from nena_shared.plant.lif.checks import departures, errors, remarks
+from nena_shared.plant.lif.checks import departures, errors, faults, put_right, reach_warnings, remarks
 from nena_shared.plant.lif.document import LifFile
+from nena_shared.plant.track import VehicleTypeAtPoint, VehicleTypeOnPath
 from support.lif_files import action, edge, layout, lif, node, use
+from support.plants import path, point
 
 RING = (node("A"), node("B", 3, 4), edge("A B"), edge("B A"))
 
@@ -118,3 +124,143 @@ def test_what_is_kept_and_not_acted_on_is_counted_by_its_kind() -> None:
         "rotationAtStartNodeAllowed (found 1 times)",
         "several REQUIRED actions at one node (found 1 times)",
     ]
+
+
+TURN = 2 * pi
+
+
+def put(raw: Any) -> list[tuple[str, str]]:
+    return [(each.code, each.text) for each in put_right(raw)]
+
+
+def test_equal_faults_are_told_once_with_their_number_and_first_place() -> None:
+    with pytest.raises(ValidationError) as caught:
+        LifFile.model_validate({"layouts": [{"nodes": [{"nodeId": "A"}, {"nodeId": "B"}]}]})
+    told = {each.text for each in faults(caught.value)}
+    place = "nodePosition: is missing (found 2 times, first at layouts.0.nodes.0.nodePosition)"
+    assert f"layouts.*.nodes.*.{place}" in told
+    assert {each.code for each in faults(caught.value)} == {"NOT_LIF"}
+
+
+def test_missing_stations_are_none_where_there_is_a_layout() -> None:
+    raw: dict[str, Any] = {"layouts": [{"nodes": [], "edges": []}, {"nodes": []}]}
+    assert put(raw) == []
+    assert raw["layouts"] == [{"nodes": [], "edges": [], "stations": []}, {"nodes": []}]
+
+
+def test_required_of_actions_becomes_their_requirement() -> None:
+    raw: dict[str, Any] = {
+        "actions": [
+            {"required": True},
+            {"required": False},
+            {"required": True, "requirementType": "CONDITIONAL"},
+        ]
+    }
+    assert put(raw) == [("NOT_LIF", "'required' of actions is read as their requirementType (found 3 times)")]
+    assert raw["actions"] == [
+        {"requirementType": "REQUIRED"},
+        {"requirementType": "OPTIONAL"},
+        {"requirementType": "CONDITIONAL"},
+    ]
+
+
+def test_what_is_not_known_is_told_by_its_name_and_left() -> None:
+    raw = [{"colour": 1, "nodeId": "A"}, {"colour": 2, "required": "perhaps"}]
+    assert put(raw) == [
+        ("IGNORED", "field 'colour' is not known (found 2 times)"),
+        ("IGNORED", "field 'required' is not known (found 1 times)"),
+    ]
+    assert raw[1] == {"colour": 2, "required": "perhaps"}
+
+
+@pytest.mark.parametrize("highest", [TURN, -TURN, 0])
+def test_headings_within_a_turn_are_radians(highest: float) -> None:
+    raw = [{"theta": highest}, {"vehicleOrientation": 1.5}]
+    assert put(raw) == []
+    assert raw == [{"theta": highest}, {"vehicleOrientation": 1.5}]
+
+
+@pytest.mark.parametrize("highest", [90, -90, "90", 6.3])
+def test_one_heading_beyond_a_turn_makes_all_of_them_degrees(highest: Any) -> None:
+    raw: list[dict[str, Any]] = [{"theta": 3}, {"vehicleOrientation": highest}, {"theta": None}]
+    assert [code for code, _ in put(raw)] == ["HEADINGS_IN_DEGREES"]
+    assert raw == [{"theta": radians(3)}, {"vehicleOrientation": radians(float(highest))}, {"theta": None}]
+
+
+@pytest.mark.parametrize("wrong", ["north", [1], {"x": 1}, 10**400])
+def test_a_heading_that_is_no_number_stays_wrong_among_degrees(wrong: Any) -> None:
+    raw: list[dict[str, Any]] = [{"theta": 90}, {"theta": wrong}]
+    put(raw)
+    assert raw[1] == {"theta": wrong}
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.floats(allow_nan=False) | st.text(max_size=3) | st.integers(),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(
+            st.sampled_from(["theta", "vehicleOrientation", "required", "nodes", "edges", "x", "layouts"]),
+            inner,
+            max_size=4,
+        )
+    ),
+    max_leaves=12,
+)
+
+
+@settings(max_examples=50)
+@given(JSON)
+def test_putting_right_never_fails_and_says_once_what_it_does(raw: Any) -> None:
+    told = put(raw)
+    assert told == sorted(set(told))
+    assert not any("requirementType" in text for _, text in put(raw)), "it is right already"
+
+
+def open_point(name: str, types: str) -> Point:
+    uses = tuple(VehicleTypeAtPoint(vehicle_type_id=each) for each in types.split())
+    return point(name, vehicle_types=uses)
+
+
+def open_path(ends: str, types: str) -> Path:
+    uses = tuple(VehicleTypeOnPath(vehicle_type_id=each, rotation_allowed=False) for each in types.split())
+    return path(ends, vehicle_types=uses)
+
+
+def told_of_reach(*objects: Point | Path) -> list[str]:
+    model = PlantModel(
+        name="m",
+        points=tuple(each for each in objects if isinstance(each, Point)),
+        paths=tuple(each for each in objects if isinstance(each, Path)),
+    )
+    return [each.text for each in reach_warnings(model)]
+
+
+A, B = open_point("A", "t u"), open_point("B", "t u")
+THERE, BACK = open_path("A B", "t u"), open_path("B A", "t u")
+
+
+def test_types_that_get_everywhere_and_back_are_not_mentioned() -> None:
+    assert told_of_reach(A, B, THERE, BACK) == []
+
+
+def test_a_type_that_cannot_come_back_is_named_with_what_is_cut_off() -> None:
+    (only,) = told_of_reach(A, B, THERE, open_path("B A", "t"))
+    assert only.startswith("vehicles of type 'u' cannot get everywhere and back; cut off: ")
+    assert only.count("'") == 4, "one type and one point"
+
+
+def test_what_is_closed_to_a_type_is_not_missed_by_it() -> None:
+    """It may not be at C, so no way there is wanted, and none that leads through it."""
+    own = (open_point("C", "t"), open_path("A C", "t u"), open_path("C A", "t u"))
+    assert told_of_reach(A, B, THERE, BACK, *own) == []
+
+
+def test_of_one_type_alone_nothing_is_said_here() -> None:
+    assert told_of_reach(open_point("A", "t"), open_point("B", "t"), open_path("A B", "t")) == []
+
+
+def test_only_some_of_many_points_are_named() -> None:
+    far = [open_point(f"P{number}", "u") for number in range(15)]
+    (only,) = told_of_reach(A, B, THERE, BACK, *far)
+    assert only.endswith(" ...")
+    assert only.count("'") == 2 * (1 + 10)

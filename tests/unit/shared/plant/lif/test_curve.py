@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_shared.plant.lif import curve
-from nena_shared.plant.vehicle_type import Trajectory, TrajectoryPoint
+from nena_shared.plant.track import Trajectory, TrajectoryPoint
 
 NUMBERS = st.floats(-1000, 1000)
 

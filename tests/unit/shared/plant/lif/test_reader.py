@@ -1,14 +1,26 @@
+"""A layout of 10,000 nodes is loaded in time that grows with its size only; `make bench` has figures."""
+
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from math import pi
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from nena_shared.plant import ConnectionType, PlantModel, PlantModelError
-from nena_shared.plant.json_text import JsonLimits
-from nena_shared.plant.lif import read
+from nena_shared.plant.errors import ObjectKind
+from nena_shared.plant.exchange import JsonLimits
+from nena_shared.plant.lif import read, write
+from nena_shared.plant.lif.document import Station, StationPosition
+from nena_shared.plant.lif.reader import Names, StationMaker
+from nena_shared.plant.model import NO_OPERATION
+from nena_shared.plant.track import BlockingType, Point, TypeAction, VehicleTypeAtPoint
+from support.cpu import least_cpu
 from support.lif_files import action, edge, layout, lif, lif_of, node, use
+from support.plants import grid_plant, point
 
 RING = (node("A"), node("B", 3, 4), edge("A B"), edge("B A"))
 NO_PARKING = "NO_PARK_POSITION"
@@ -295,3 +307,120 @@ def test_a_type_that_cannot_get_everywhere_is_named() -> None:
     found = [each.text for each in read(data).warnings if each.code == "NOT_STRONGLY_CONNECTED"]
     assert len(found) == 1
     assert "type 'u'" in found[0]
+
+
+def doing(name: str, x_mm: int, *actions_by_type: str) -> Point:
+    """Make a point at which each vehicle type does what one text names."""
+    uses = tuple(
+        VehicleTypeAtPoint(
+            vehicle_type_id=f"t{number}",
+            actions=tuple(
+                TypeAction(action_type=each, blocking_type=BlockingType.HARD) for each in actions.split()
+            ),
+        )
+        for number, actions in enumerate(actions_by_type)
+    )
+    return point(name, x_mm, vehicle_types=uses)
+
+
+POINTS = {
+    each.name: each
+    for each in (doing("A", 1000, "pick", "pick drop"), doing("B", 4001, "drop"), point("C", 0))
+}
+
+
+def maker(*taken: str) -> StationMaker:
+    return StationMaker(POINTS, Names([*POINTS, *taken]))
+
+
+def station(name: str, *nodes: str, **more: Any) -> Station:
+    return Station(station_id=name, interaction_node_ids=nodes, **more)
+
+
+def test_each_link_offers_what_some_type_can_do_there() -> None:
+    made = maker()
+    location = made.location(station("S", "A", "B", "C", "A"), 3)
+    links = {link.point: set(link.allowed_operations) for link in location.links}
+    (kind,) = made.types
+    assert list(links) == ["A", "B", "C"]
+    assert links["A"] == set(kind.allowed_operations)
+    assert len(links["A"]) == 2
+    assert links["B"] < links["A"]
+    assert links["C"] == {NO_OPERATION}, "a link without operations would allow all of the type's"
+    assert location.layout.layer_id == 3
+
+
+def test_stations_with_the_same_operations_are_of_one_type() -> None:
+    made = maker()
+    types = [made.location(station(*each), 0).type for each in (("S", "A"), ("T", "A", "B"), ("U", "B"))]
+    assert types[0] == types[1] != types[2]
+    assert [each.name for each in made.types] == [types[0], types[2]]
+
+
+def test_one_is_called_otherwise_where_its_id_is_taken_and_keeps_its_id() -> None:
+    location = maker().location(station("A", "B"), 0)
+    assert (location.name, location.properties["lif:id"]) == ("station:A", "A")
+
+
+@pytest.mark.parametrize(
+    ("nodes", "position", "place"),
+    [
+        ("AB", None, (2500, 0)),
+        ("AAB", None, (2500, 0)),
+        ("", None, (0, 0)),
+        ("AB", StationPosition(x=1.2345, y=-2.0), (1234, -2000)),
+    ],
+)
+def test_where_it_is(nodes: str, position: StationPosition | None, place: tuple[int, int]) -> None:
+    location = maker().location(station("S", *nodes, station_position=position), 0)
+    assert (location.x_mm, location.y_mm) == place
+    assert ("lif:stationPosition" in location.properties) is (position is not None)
+
+
+def test_what_it_does_not_say_is_no_property() -> None:
+    bare = maker().location(station("S"), 0)
+    assert bare.properties == {"lif:id": "S"}
+    whole = maker().location(
+        station("S", station_name="Dock", station_description="by the door", station_height=0.4), 0
+    )
+    assert whole.properties == {
+        "lif:id": "S",
+        "lif:name": "Dock",
+        "lif:description": "by the door",
+        "lif:stationHeight": "0.4",
+    }
+
+
+def test_who_comes_first_is_called_by_its_id_and_the_others_by_their_kind_and_a_number() -> None:
+    names = Names(["A"])
+    assert names.take(ObjectKind.PATH, "B", "edge") == "B"
+    assert names.renamed == []
+    assert names.take(ObjectKind.PATH, "A", "edge") == "edge:A"
+    assert names.take(ObjectKind.LOCATION, "A", "edge") == "edge2:A"
+    assert [(each.kind, each.name) for each in names.renamed] == [
+        (ObjectKind.PATH, "A"),
+        (ObjectKind.LOCATION, "A"),
+    ]
+    assert "'edge2:A'" in names.renamed[1].text
+
+
+@given(st.lists(st.sampled_from(["A", "B", "edge:A", "edge2:A", "edge:edge:A"])))
+def test_no_name_is_given_twice(wanted: list[str]) -> None:
+    names = Names(["A"])
+    given_names = [names.take(ObjectKind.PATH, each, "edge") for each in wanted]
+    assert len({"A", *given_names}) == len(wanted) + 1
+    renamed = [one for one, other in zip(wanted, given_names, strict=True) if one != other]
+    assert [each.name for each in names.renamed] == renamed
+
+
+MOST_GROWTH = 8.0
+"""For four times as many nodes; what grows with the square of their number takes sixteen times as long."""
+
+
+def test_loading_grows_with_the_layout_and_not_faster() -> None:
+    day = datetime(2026, 11, 20, tzinfo=UTC)
+    small, large = (write(grid_plant(side, side), at=day).data for side in (50, 100))
+    model = read(large, strict=True).model
+    assert (len(model.points), len(model.paths)) == (10_000, 39_600)
+
+    assert least_cpu(lambda: read(large), 2) <= MOST_GROWTH * least_cpu(lambda: read(small), 2)

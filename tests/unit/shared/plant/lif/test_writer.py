@@ -8,11 +8,31 @@ from math import pi
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from nena_demo.plants import sample_plant_path
-from nena_shared.plant import Block, Link, Location, LocationType, PlantModel, PointType, Vehicle
+from nena_shared.plant import (
+    Block,
+    BoundingBox,
+    ConnectionType,
+    Envelope,
+    Link,
+    Location,
+    LocationType,
+    Path,
+    PathLayout,
+    PeripheralOperation,
+    PlantModel,
+    Point,
+    PointType,
+    Vehicle,
+)
 from nena_shared.plant.lif import read, write
+from nena_shared.plant.lif.reader import UNLIMITED_SIZE
+from nena_shared.plant.lif.writer import distinct_ids, losses
 from nena_shared.plant.opentcs_xml import read as read_opentcs
+from nena_shared.plant.track import Trajectory, TrajectoryPoint, VehicleTypeOnPath
 from support.lif_files import action, edge, layout, lif, lif_of, node, use
 from support.plants import path, plant, point
 from support.reference import reference_dir
@@ -24,7 +44,7 @@ def written(model: PlantModel, **more: Any) -> dict[str, Any]:
     return dict(json.loads(write(model, at=NOW, **more).data))
 
 
-def losses(model: PlantModel) -> list[str]:
+def losses_of_writer(model: PlantModel) -> list[str]:
     return [problem.text.split(" (")[0] for problem in write(model, at=NOW).warnings]
 
 
@@ -157,7 +177,7 @@ def test_what_lif_cannot_hold_is_said() -> None:
         vehicles=(Vehicle(name="V"),),
         properties={"tcs:modelFileLastModified": "2026"},
     )
-    assert losses(model) == [
+    assert losses_of_writer(model) == [
         "parking positions",
         "heights",
         "locks of paths, which will be open",
@@ -197,3 +217,111 @@ def test_properties_that_somebody_spoilt_are_passed_over(height: str) -> None:
     (station,) = written(model)["layouts"][0]["stations"]
     assert "stationHeight" not in station
     assert station["stationPosition"] == {"x": 1.5, "y": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("wanted", "ids"),
+    [
+        ({"A": "1", "B": None}, {"A": "1", "B": "B"}),
+        ({"A": "", "B": "1"}, {"A": "A", "B": "1"}),
+        ({"A": "1", "B": "1", "C": "2"}, {"A": "A", "B": "B", "C": "2"}),
+        ({"A": "B", "B": None}, {"A": "A", "B": "B"}),
+        ({"A": "B", "B": "A"}, {"A": "B", "B": "A"}),
+        ({"A": "1", "B": "1", "C": "A"}, {"A": "A", "B": "B", "C": "C"}),
+    ],
+)
+def test_an_id_is_kept_where_nobody_else_has_it(wanted: dict[str, str | None], ids: dict[str, str]) -> None:
+    assert distinct_ids(wanted) == ids
+
+
+@given(st.dictionaries(st.sampled_from("ABCDE"), st.none() | st.sampled_from(["", *"ABCDE12"])))
+def test_ids_are_distinct_and_each_is_the_wanted_one_or_the_name(wanted: dict[str, str | None]) -> None:
+    ids = distinct_ids(wanted)
+    assert list(ids) == list(wanted)
+    assert len(set(ids.values())) == len(ids)
+    assert all(each and each in (wanted[name], name) for name, each in ids.items())
+
+
+def model(
+    first: Point | None = None, way: Path | None = None, kind: LocationType | None = None, **more: Any
+) -> PlantModel:
+    """Make two points 1 m apart with a path between; without more LIF holds all of it."""
+    content: dict[str, Any] = {
+        "points": (first or point("A"), point("B", 1000)),
+        "paths": (way or path("A B"),),
+        "location_types": (kind or LocationType(name="T"),),
+        "locations": (Location(name="L", type="T", links=(Link(point="A"),)),),
+        **more,
+    }
+    return PlantModel(name="m", **content)
+
+
+def told(plant: PlantModel) -> list[str]:
+    found = list(losses(plant))
+    assert all((each.code, each.name) == ("NOT_EXPORTED", "m") for each in found)
+    return [each.text.removesuffix(": LIF has nothing for this") for each in found]
+
+
+OPERATION = PeripheralOperation(name="open", location="L")
+BENT = PathLayout(connection_type=ConnectionType.POLYPATH)
+DRAWN = VehicleTypeOnPath(
+    vehicle_type_id="t",
+    rotation_allowed=False,
+    trajectory=Trajectory(
+        knot_vector=(0, 0, 1, 1), control_points=(TrajectoryPoint(x=0, y=0), TrajectoryPoint(x=1, y=0))
+    ),
+)
+
+
+@pytest.mark.parametrize(
+    "plant",
+    [
+        model(),
+        model(first=point("A", max_vehicle_bounding_box=UNLIMITED_SIZE)),
+        model(first=point("A", properties={"vda5050:mapId": "m", "lif:name": "x"})),
+        model(way=path("A B", 1001)),
+        model(first=point("A", 1000), way=path("A B", 2)),
+        model(way=path("A B", 1700, vehicle_types=(DRAWN,), layout=BENT)),
+    ],
+)
+def test_what_lif_holds_is_no_loss(plant: PlantModel) -> None:
+    assert told(plant) == []
+
+
+@pytest.mark.parametrize(
+    ("plant", "loss"),
+    [
+        (model(first=point("A", type=PointType.PARK_POSITION)), "parking positions"),
+        (
+            model(first=point("A", max_vehicle_bounding_box=BoundingBox(length_mm=1))),
+            "largest vehicles at points",
+        ),
+        (model(first=point("A", envelopes=(Envelope(key="e", vertices=()),))), "envelopes of points"),
+        (model(first=point("A", z_mm=-1)), "heights (z) of points"),
+        (model(way=path("A B", locked=True)), "locks of paths, which will be open"),
+        (model(way=path("A B", envelopes=(Envelope(key="e", vertices=()),))), "envelopes of paths"),
+        (model(way=path("A B", peripheral_operations=(OPERATION,))), "peripheral operations of paths"),
+        (model(way=path("A B", 1002)), "lengths that are not the distance of the ends"),
+        (model(way=path("A B", layout=BENT)), "drawn courses of paths, which will be straight"),
+        (model(locations=(Location(name="L", type="T"),)), "locations without a link"),
+        (
+            model(locations=(Location(name="L", type="T", links=(Link(point="A"),), locked=True),)),
+            "locks of locations, which will be open",
+        ),
+        (
+            model(kind=LocationType(name="T", allowed_peripheral_operations=("open",))),
+            "peripheral operations of location types",
+        ),
+        (model(blocks=(Block(name="K"),)), "blocks"),
+        (model(vehicles=(Vehicle(name="V"),)), "vehicles"),
+        (model(properties={"tcs:x": "1", "lif:creator": "me"}), "properties"),
+        (model(way=path("A B", properties={"a": "1"})), "properties"),
+    ],
+)
+def test_each_loss_is_said_with_how_often_it_is_met(plant: PlantModel, loss: str) -> None:
+    assert told(plant) == [f"{loss} (1 times)"]
+
+
+def test_many_of_a_kind_are_one_loss() -> None:
+    blocks = tuple(Block(name=name) for name in "KLM")
+    assert told(model(blocks=blocks)) == ["blocks (3 times)"]

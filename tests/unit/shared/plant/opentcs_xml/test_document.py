@@ -1,7 +1,21 @@
+"""What is read of one element, and what is noted where it is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import StrEnum
+from math import inf, isfinite
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement
+
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from nena_shared.plant import PlantModelError
+from nena_shared.plant.errors import ObjectKind
 from nena_shared.plant.opentcs_xml import Limits, read
+from nena_shared.plant.opentcs_xml.document import MAX_SCALE, FormatVersion, Notes, XmlObject
 
 DTD = b'<!DOCTYPE model [<!ENTITY a "aaaa">]>'
 EXTERNAL = b'<!DOCTYPE model SYSTEM "file:///etc/passwd">'
@@ -49,3 +63,263 @@ def test_each_limit_stops_the_reader(limits: Limits, good: Limits) -> None:
 
 def test_a_file_of_a_million_nested_elements_is_stopped_early() -> None:
     assert refusal(b"<model>" + b"<a>" * 1_000_000) == "LIMIT_EXCEEDED"
+
+
+@pytest.mark.parametrize(
+    ("text", "version"),
+    [
+        ("0.0.2", FormatVersion.V0_0_2),
+        ("0.0.3", FormatVersion.V0_0_3),
+        ("0.0.4", FormatVersion.V0_0_4),
+        ("0.0.5", FormatVersion.V0_0_5),
+        ("6.0.0", FormatVersion.V6_0_0),
+        ("7.0.0", FormatVersion.V7_0_0),
+        ("7.0.3", FormatVersion.V7_0_0),
+    ],
+)
+def test_known_versions(text: str, version: FormatVersion) -> None:
+    assert FormatVersion.parse(text, "m") is version
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "7", "0.0.0", "0.0.1", "0.0.6", "0.1.0", "1.0.0", "6.1.0", "7.1.0", "8.0.0", "60.0.0", "7.0.0-rc1"],
+)
+def test_other_versions_are_refused_by_name(text: str) -> None:
+    with pytest.raises(PlantModelError) as caught:
+        FormatVersion.parse(text, "Hall 3")
+    (problem,) = caught.value.problems
+    assert (problem.code, problem.name) == ("UNSUPPORTED_VERSION", "Hall 3")
+    assert repr(text) in problem.text
+    assert "7.0.x" in problem.text
+
+
+def test_what_is_passed_over_is_one_warning_for_each_kind_of_object() -> None:
+    notes = Notes(FormatVersion.V7_0_0)
+    notes.ignore(ObjectKind.POINT, "attribute 'b'")
+    notes.ignore(ObjectKind.PATH, "attribute 'a'", 3)
+    notes.ignore(ObjectKind.PATH, "attribute 'a'")
+    assert [(each.code, each.kind, each.name, each.text) for each in notes.ignored()] == [
+        ("IGNORED", ObjectKind.PATH, "", "attribute 'a' is not used (found 4 times)"),
+        ("IGNORED", ObjectKind.POINT, "", "attribute 'b' is not used (found 1 times)"),
+    ]
+    assert (notes.errors, notes.warnings) == ([], [])
+
+
+@pytest.mark.parametrize("version", FormatVersion)
+def test_formats_before_6_are_old(version: FormatVersion) -> None:
+    assert Notes(version).is_old is (version < FormatVersion.V6_0_0)
+
+
+NEW, OLD = FormatVersion.V7_0_0, FormatVersion.V0_0_4
+
+
+class Fruit(StrEnum):
+    APPLE = "APPLE"
+    PEAR = "PEAR"
+
+
+def element(version: FormatVersion = NEW, **attributes: str) -> XmlObject:
+    return XmlObject(Element("path", attributes), ObjectKind.PATH, "P", Notes(version))
+
+
+def errors(obj: XmlObject) -> list[str]:
+    assert all((each.kind, each.name) == (ObjectKind.PATH, "P") for each in obj.notes.errors)
+    return [each.code for each in obj.notes.errors]
+
+
+@pytest.mark.parametrize(
+    ("read", "harmless"),
+    [
+        (lambda obj: obj.text("a"), ""),
+        (lambda obj: obj.integer("a"), 0),
+        (lambda obj: obj.integer("a", minimum=1), 1),
+        (lambda obj: obj.boolean("a"), False),
+        (lambda obj: obj.choice("a", Fruit), Fruit.APPLE),
+    ],
+)
+def test_what_is_missing_without_a_default_is_an_error(
+    read: Callable[[XmlObject], Any], harmless: object
+) -> None:
+    obj = element()
+    assert read(obj) == harmless
+    assert errors(obj) == ["MISSING_ATTRIBUTE"]
+    assert "'path' needs attribute 'a'" in obj.notes.errors[0].text
+
+
+@pytest.mark.parametrize(
+    ("read", "default"),
+    [
+        (lambda obj: obj.text("a", "x"), "x"),
+        (lambda obj: obj.optional_text("a"), None),
+        (lambda obj: obj.integer("a", 7, minimum=9), 7),
+        (lambda obj: obj.boolean("a", default=True), True),
+        (lambda obj: obj.choice("a", Fruit, Fruit.PEAR), Fruit.PEAR),
+        (lambda obj: obj.scale("a", 50.0), 50.0),
+        (lambda obj: obj.angle("a"), None),
+        (lambda obj: obj.color("a"), None),
+    ],
+)
+def test_what_is_missing_may_have_a_default(read: Callable[[XmlObject], Any], default: object) -> None:
+    obj = element()
+    assert read(obj) == default
+    assert errors(obj) == []
+    assert obj.notes.warnings == []
+
+
+@pytest.mark.parametrize(
+    ("text", "number"), [("7", 7), ("-7", -7), ("+7", 7), (" 7\n", 7), ("9" * 15, 10**15 - 1)]
+)
+def test_whole_numbers(text: str, number: int) -> None:
+    obj = element(a=text)
+    assert obj.integer("a") == number
+    assert errors(obj) == []
+
+
+@pytest.mark.parametrize(
+    "text", ["", "7.0", "7e3", "1_000", "0x7", "\u0667", "--7", "9" * 16, "9" * 5000, "NaN"]
+)
+def test_what_is_no_whole_number_is_an_error(text: str) -> None:
+    obj = element(a=text)
+    assert obj.integer("a", 5) == 5
+    assert errors(obj) == ["BAD_VALUE"]
+    assert obj.notes.errors[0].text.endswith("it must be a whole number")
+
+
+@pytest.mark.parametrize(
+    ("text", "bounds", "wanted"),
+    [
+        ("0", {"minimum": 1}, "at least 1"),
+        ("101", {"minimum": 0, "maximum": 100}, "between 0 and 100"),
+        ("-1", {"minimum": 0, "maximum": 100}, "between 0 and 100"),
+    ],
+)
+def test_a_number_out_of_bounds_is_an_error_that_tells_them(text: str, bounds: Any, wanted: str) -> None:
+    obj = element(a=text)
+    assert obj.integer("a", 50, **bounds) == 50
+    assert errors(obj) == ["BAD_VALUE"]
+    assert wanted in obj.notes.errors[0].text
+
+
+def test_the_bounds_themselves_are_within() -> None:
+    obj = element(low="0", high="100")
+    assert [obj.integer(each, minimum=0, maximum=100) for each in ("low", "high")] == [0, 100]
+    assert errors(obj) == []
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "NaN", "inf", "wide", str(MAX_SCALE + 1)])
+def test_a_scale_is_finite_and_above_zero(text: str) -> None:
+    obj = element(a=text)
+    assert obj.scale("a", 50.0) == 50.0
+    assert errors(obj) == ["BAD_VALUE"]
+    right = element(a=str(MAX_SCALE))
+    assert right.scale("a", 50.0) == MAX_SCALE
+    assert errors(right) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "angle", "found"),
+    [
+        ("90.5", 90.5, []),
+        ("NaN", None, []),
+        ("Infinity", None, ["BAD_VALUE"]),
+        ("north", None, ["BAD_VALUE"]),
+    ],
+)
+def test_an_angle_is_a_number_or_none(text: str, angle: float | None, found: list[str]) -> None:
+    obj = element(a=text)
+    assert obj.angle("a") == angle
+    assert errors(obj) == found
+
+
+@pytest.mark.parametrize(
+    ("text", "value", "found"),
+    [
+        ("true", True, []),
+        ("1", True, []),
+        ("false", False, []),
+        ("0", False, []),
+        ("True", False, ["BAD_VALUE"]),
+        ("", False, ["BAD_VALUE"]),
+    ],
+)
+def test_truth_is_written_as_xml_has_it(text: str, value: bool, found: list[str]) -> None:  # noqa: FBT001 - an example
+    obj = element(a=text)
+    assert obj.boolean("a", default=True) is value
+    assert errors(obj) == found
+
+
+def test_a_value_of_another_list_is_an_error_and_one_that_was_renamed_is_not_in_old_files() -> None:
+    renamed = {"MELON": Fruit.PEAR}
+    old = element(OLD, a="MELON")
+    assert old.choice("a", Fruit, renamed=renamed) is Fruit.PEAR
+    assert ([each.code for each in old.notes.warnings], errors(old)) == (["VALUE_REPLACED"], [])
+
+    new = element(NEW, a="MELON")
+    assert new.choice("a", Fruit, renamed=renamed) is Fruit.APPLE
+    assert ([each.code for each in new.notes.warnings], errors(new)) == ([], ["BAD_VALUE"])
+    assert "one of APPLE, PEAR" in new.notes.errors[0].text
+
+
+@pytest.mark.parametrize(
+    ("text", "kept"), [("#A0b1C2", True), ("#A0b1C", False), ("red", False), ("", False)]
+)
+def test_a_colour_that_is_none_costs_a_warning_only(text: str, kept: bool) -> None:  # noqa: FBT001 - an example
+    obj = element(a=text)
+    assert obj.color("a") == (text if kept else None)
+    assert [each.code for each in obj.notes.warnings] == ([] if kept else ["DRAWING_DROPPED"])
+    assert errors(obj) == []
+
+
+def test_only_old_formats_may_leave_out_what_newer_ones_need() -> None:
+    assert element(OLD).if_old(7) == 7
+    assert element(NEW).if_old(7) is None
+
+
+def test_of_two_properties_with_one_name_the_last_counts() -> None:
+    root = Element("path")
+    for key, value in (("a", "1"), ("b", "2"), ("a", "3")):
+        SubElement(root, "property", name=key, value=value)
+    SubElement(root, "property", name="c")
+    obj = XmlObject(root, ObjectKind.PATH, "P", Notes(NEW))
+    assert obj.properties() == {"a": "3", "b": "2", "c": ""}
+    assert [each.code for each in obj.notes.warnings] == ["DUPLICATE_PROPERTY"]
+    assert obj.properties() == {}, "children are read once"
+
+
+def test_children_speak_for_their_object_and_objects_for_themselves() -> None:
+    root = Element("model")
+    SubElement(SubElement(root, "path", name="Q"), "hop")
+    SubElement(root, "path")
+    model = XmlObject(root, ObjectKind.MODEL, "m", Notes(NEW))
+    for path in model.objects("path", ObjectKind.PATH):
+        for hop in path.children("hop"):
+            hop.text("name")
+    assert [(each.code, each.kind, each.name) for each in model.notes.errors] == [
+        ("MISSING_ATTRIBUTE", ObjectKind.PATH, "Q"),
+        ("MISSING_ATTRIBUTE", ObjectKind.PATH, ""),
+    ]
+
+
+def test_what_nobody_has_read_is_told_with_how_often_it_is_there() -> None:
+    root = Element("model")
+    for _ in range(3):
+        SubElement(SubElement(root, "path", name="Q", colour="red", empty=""), "hop")
+    model = XmlObject(root, ObjectKind.MODEL, "m", Notes(NEW))
+    list(model.objects("path", ObjectKind.PATH))
+    model.finish()
+    assert [each.text for each in model.notes.ignored()] == [
+        "attribute 'colour' of element 'path' is not used (found 3 times)",
+        "element 'hop' in 'path' is not used (found 3 times)",
+    ]
+
+
+@given(st.text(max_size=20), st.sampled_from(FormatVersion))
+def test_whatever_is_written_something_harmless_is_read(text: str, version: FormatVersion) -> None:
+    obj = element(version, a=text)
+    assert 0 <= obj.integer("a", 5, minimum=0, maximum=10) <= 10
+    assert 0 < obj.scale("a", 50.0) <= MAX_SCALE
+    assert isfinite(obj.angle("a") or 0)
+    assert obj.angle("a") != inf
+    assert obj.choice("a", Fruit) in Fruit
+    assert set(errors(obj)) <= {"BAD_VALUE"}

@@ -1,5 +1,9 @@
 """Format 7.0.0, and what holds for all formats."""
 
+from __future__ import annotations
+
+from xml.etree.ElementTree import Element, SubElement
+
 import pytest
 
 from nena_shared.plant import (
@@ -10,19 +14,34 @@ from nena_shared.plant import (
     ControlPoint,
     EnergyThresholds,
     ExecutionTrigger,
+    LabelLayout,
     Layer,
     LayerGroup,
     Link,
     LocationLayout,
     LocationType,
+    ObjectKind,
+    PathLayout,
     PlantModel,
     PlantModelError,
     PointType,
     Problem,
+    Vehicle,
     Vertex,
+    VisualLayout,
 )
-from nena_shared.plant.opentcs_xml import read
-from support.plants import opentcs_xml
+from nena_shared.plant.opentcs_xml import read, write
+from nena_shared.plant.opentcs_xml.document import FormatVersion, Notes, XmlObject
+from nena_shared.plant.opentcs_xml.reader import (
+    FRAME_TOLERANCE_MM,
+    Drawing,
+    Drawn,
+    course,
+    read_vehicle,
+    same_place,
+)
+from support.cpu import least_cpu
+from support.plants import grid_plant, opentcs_xml
 
 POINTS = """
 <point name="A" positionX="0" positionY="-5" positionZ="7" vehicleOrientationAngle="90.5"
@@ -266,3 +285,147 @@ def test_a_second_layout_is_passed_over() -> None:
     body = POINTS + PATHS + REST + '<visualLayout name="Other" scaleX="1" scaleY="1"/>'
     assert model(body).visual_layout.name == "Layout"
     assert ("DRAWING_DROPPED", "Other") in warnings(body)
+
+
+SCALED = VisualLayout(scale_x_mm_per_px=50.0, scale_y_mm_per_px=20.0)
+
+
+def drawn(kind: ConnectionType, points: int, *, same_frame: bool = True) -> tuple[PathLayout, list[str]]:
+    """Give the course of a path with so many control points, and what is said of it."""
+    obj = XmlObject(Element("path"), ObjectKind.PATH, "P", Notes(FormatVersion.V6_0_0))
+    pixels = tuple((number + 1, 10 * (number + 1)) for number in range(points))
+    as_drawn = Drawn(label=LabelLayout(layer_id=4), connection_type=kind, control_points_px=pixels)
+    made = course(obj, as_drawn, SCALED, same_frame=same_frame)
+    assert made.layer_id == 4
+    return made, [each.text for each in obj.notes.warnings]
+
+
+def test_pixels_become_millimetres_and_y_points_up() -> None:
+    made, said = drawn(ConnectionType.BEZIER, 2)
+    assert [(each.x_mm, each.y_mm) for each in made.control_points] == [(50.0, -200.0), (100.0, -400.0)]
+    assert (made.connection_type, said) == (ConnectionType.BEZIER, [])
+
+
+@pytest.mark.parametrize(
+    ("kind", "points", "kept"),
+    [
+        (ConnectionType.BEZIER, 2, True),
+        (ConnectionType.BEZIER, 1, False),
+        (ConnectionType.BEZIER, 5, False),
+        (ConnectionType.BEZIER_3, 5, True),
+        (ConnectionType.BEZIER_3, 2, False),
+        (ConnectionType.POLYPATH, 0, True),
+        (ConnectionType.POLYPATH, 7, True),
+        (ConnectionType.DIRECT, 0, True),
+    ],
+)
+def test_a_curve_needs_its_number_of_control_points(
+    kind: ConnectionType,
+    points: int,
+    kept: bool,  # noqa: FBT001 - an example
+) -> None:
+    made, said = drawn(kind, points)
+    assert made.connection_type is (kind if kept else ConnectionType.DIRECT)
+    assert len(made.control_points) == (points if kept else 0)
+    assert bool(said) is not kept
+
+
+def test_control_points_of_another_frame_are_dropped_and_none_are_not_missed() -> None:
+    made, (said,) = drawn(ConnectionType.BEZIER, 2, same_frame=False)
+    assert made == PathLayout(layer_id=4)
+    assert "drawn as a straight line" in said
+    made, said_of_none = drawn(ConnectionType.ELBOW, 0, same_frame=False)
+    assert (made.connection_type, said_of_none) == (ConnectionType.ELBOW, [])
+
+
+@pytest.mark.parametrize(
+    ("off", "same"), [(0, True), (FRAME_TOLERANCE_MM, True), (FRAME_TOLERANCE_MM + 1, False)]
+)
+def test_places_a_millimetre_apart_are_the_same(off: int, same: bool) -> None:  # noqa: FBT001 - an example
+    assert same_place((10, 20), (10 + off, 20)) is same
+    assert same_place((10, 20), (10, 20 - off)) is same
+
+
+NEW, OLD = FormatVersion.V7_0_0, FormatVersion.V0_0_4
+SPEEDS = {"maxVelocity": "1000", "maxReverseVelocity": "500"}
+LEVELS = {
+    "energyLevelCritical": "10",
+    "energyLevelGood": "80",
+    "energyLevelSufficientlyRecharged": "40",
+    "energyLevelFullyRecharged": "95",
+}
+
+
+def vehicle(version: FormatVersion, **attributes: str) -> tuple[Vehicle, Notes]:
+    element = Element("vehicle", {"name": "V", **attributes})
+    if not version.is_old:
+        SubElement(element, "boundingBox", length="900", width="600", height="400")
+    notes = Notes(version)
+    return read_vehicle(XmlObject(element, ObjectKind.VEHICLE, "V", notes), Drawing()), notes
+
+
+def levels(made: Vehicle) -> tuple[int, int, int, int]:
+    found = made.energy_thresholds
+    return found.critical, found.good, found.sufficiently_recharged, found.fully_recharged
+
+
+@pytest.mark.parametrize("version", [NEW, OLD])
+def test_a_whole_vehicle_has_nothing_to_be_told(version: FormatVersion) -> None:
+    length = {"length": "900"} if version is OLD else {}
+    made, notes = vehicle(version, **SPEEDS, **LEVELS, **length)
+    assert levels(made) == (10, 80, 40, 95)
+    assert (made.max_velocity_mm_s, made.max_reverse_velocity_mm_s) == (1000, 500)
+    assert made.bounding_box.length_mm == 900
+    assert (notes.errors, notes.warnings) == ([], [])
+
+
+def test_what_old_files_leave_out_is_told_and_new_ones_need_it() -> None:
+    made, notes = vehicle(OLD)
+    assert levels(made) == (30, 90, 30, 90)
+    assert made.bounding_box.length_mm == 1000
+    assert [each.code for each in notes.warnings] == ["DEFAULTED"] * 6
+    assert notes.errors == []
+
+    _, notes = vehicle(NEW)
+    assert [each.code for each in notes.errors] == ["MISSING_ATTRIBUTE"] * 6
+
+
+@pytest.mark.parametrize(
+    ("crossed", "right"),
+    [
+        ({"energyLevelCritical": "81"}, (80, 81, 40, 95)),
+        ({"energyLevelFullyRecharged": "39"}, (10, 80, 39, 40)),
+    ],
+)
+def test_crossed_levels_are_swapped_in_old_files_and_refused_in_new_ones(
+    crossed: dict[str, str], right: tuple[int, int, int, int]
+) -> None:
+    made, notes = vehicle(OLD, **SPEEDS, **LEVELS | crossed)
+    assert levels(made) == right
+    assert ([each.code for each in notes.warnings], notes.errors) == (["THRESHOLDS_SWAPPED"], [])
+
+    _, notes = vehicle(NEW, **SPEEDS, **LEVELS | crossed)
+    assert ([each.code for each in notes.errors], notes.warnings) == (["THRESHOLDS_CROSSED"], [])
+
+
+def test_equal_levels_are_in_order() -> None:
+    _, notes = vehicle(NEW, **SPEEDS, **LEVELS | {"energyLevelCritical": "80"})
+    assert notes.errors == []
+
+
+@pytest.mark.parametrize("level", ["-1", "101"])
+def test_a_level_is_a_percentage(level: str) -> None:
+    _, notes = vehicle(NEW, **SPEEDS, **LEVELS | {"energyLevelGood": level})
+    assert "BAD_VALUE" in [each.code for each in notes.errors]
+
+
+MOST_GROWTH = 8.0
+"""For four times as many points; what grows with the square of their number takes sixteen times as long."""
+
+
+def test_loading_grows_with_the_plant_and_not_faster() -> None:
+    small, large = (write(grid_plant(side, side)).data for side in (50, 100))
+    model = read(large).model
+    assert (len(model.points), len(model.paths)) == (10_000, 39_600)
+
+    assert least_cpu(lambda: read(large), 2) <= MOST_GROWTH * least_cpu(lambda: read(small), 2)

@@ -29,7 +29,7 @@ from nena_shared.plant import (
     VisualLayout,
 )
 from nena_shared.plant.opentcs_xml import read, write
-from nena_shared.plant.vehicle_type import VehicleTypeOnPath
+from nena_shared.plant.track import VehicleTypeOnPath
 from support.plants import path, plant, point
 from support.reference import reference_dir
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import gc
 import json
 
 import pytest
@@ -7,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_shared.plant.errors import PlantModelError
-from nena_shared.plant.json_text import JsonLimits, check_size, parse
+from nena_shared.plant.exchange import JsonLimits, check_size, parse_json, paused_collector
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**53), 2**53) | st.text(max_size=5),
@@ -23,13 +24,13 @@ def code_of(error: pytest.ExceptionInfo[PlantModelError]) -> str:
 
 @given(VALUES)
 def test_what_is_json_is_read(value: object) -> None:
-    assert parse(json.dumps(value).encode()) == value
+    assert parse_json(json.dumps(value).encode()) == value
 
 
 @pytest.mark.parametrize("text", [b"", b"{", b"[1,]", b"\xff", b'{"a": NaN}', b"[Infinity]"])
 def test_what_is_none_is_refused(text: bytes) -> None:
     with pytest.raises(PlantModelError) as error:
-        parse(text)
+        parse_json(text)
     assert code_of(error) == "MALFORMED_JSON"
 
 
@@ -44,10 +45,32 @@ def test_what_is_none_is_refused(text: bytes) -> None:
 )
 def test_what_would_cost_too_much_is_refused(text: bytes, limits: JsonLimits) -> None:
     with pytest.raises(PlantModelError) as error:
-        parse(text, limits)
+        parse_json(text, limits)
     assert code_of(error) == "LIMIT_EXCEEDED"
 
 
 def test_what_is_just_within_the_limits_is_taken() -> None:
     check_size(b'"' + b"x" * 98 + b'"', JsonLimits(size_bytes=100))
     check_size(b"[1,2,3,4]", JsonLimits(values=4))
+
+
+def _fail_while_it_rests() -> None:
+    assert not gc.isenabled()
+    raise LookupError
+
+
+def test_the_collector_rests_inside_and_goes_on_after_an_error_too() -> None:
+    assert gc.isenabled()
+    with pytest.raises(LookupError), paused_collector():
+        _fail_while_it_rests()
+    assert gc.isenabled()
+
+
+def test_one_that_was_off_stays_off() -> None:
+    gc.disable()
+    try:
+        with paused_collector():
+            pass
+        assert not gc.isenabled()
+    finally:
+        gc.enable()
