@@ -127,7 +127,7 @@ async def test_no_text_is_outside_the_catalogue(hall: Hall, browser: Browser) ->
         await aggregator.logged("broker connected")
         populate(hall)
         async with opened(browser, hall.url, expected=NO_ORDER_SERVICE) as page:
-            await page.route(re.compile(r"/texts/en[./]"), marked)
+            await page.route(re.compile(r"/texts/en[.]js"), marked)
             for view in VIEWS:
                 await page.goto("about:blank")
                 await show(page, hall, view)
@@ -142,10 +142,10 @@ async def test_no_text_is_outside_the_catalogue(hall: Hall, browser: Browser) ->
 @pytest.mark.parametrize(
     ("language", "words"),
     [
-        ("nl-NL", ("Robots", "Bezig", "Wacht bij South 1 tot de weg naar South 2 is vrijgegeven.")),
+        ("nl-NL", ("Robots", "Bezig", "Wacht bij South 1 tot South 2 is vrijgegeven.")),
         (
             "de-DE",
-            ("Roboter", "Beschäftigt", "Wartet bei South 1, bis der Weg nach South 2 freigegeben ist."),
+            ("Roboter", "Beschäftigt", "Wartet bei South 1 auf die Freigabe von South 2."),
         ),
     ],
 )
@@ -246,11 +246,9 @@ async def test_a_chain_of_causes_leads_from_one_robot_to_another(hall: Hall, bro
         async with opened(browser, hall.url + VIEWS["order"]) as page:
             causes = page.locator("nena-order-page .causes li")
             await expect(causes).to_have_count(3)
-            await expect(causes.nth(0)).to_contain_text("A vehicle works on it.")
-            await expect(causes.nth(1)).to_contain_text(
-                "Busy: Waits at South 1 until the way to South 2 is released."
-            )
-            await expect(causes.nth(2)).to_contain_text("Blocked: It does not know where it is")
+            await expect(causes.nth(0)).to_contain_text("In progress.")
+            await expect(causes.nth(1)).to_contain_text("Busy: Waiting at South 1 until South 2 is released.")
+            await expect(causes.nth(2)).to_contain_text("Blocked: Not localised")
             await expect(causes.nth(2)).to_contain_text("Use Set position")
             await causes.nth(2).get_by_role("link").click()
             await expect(page.locator("nena-robot-page h2")).to_have_text("r2")

@@ -59,7 +59,7 @@ async def test_the_form_is_made_from_the_factsheet(hall: Hall, browser: Browser)
             form = page.get_by_role("form", name="Instant action")
             await expect(form.get_by_text("makes itself heard")).to_be_visible()
             assert "pick" not in await form.locator("option").all_inner_texts()
-            send = form.get_by_role("button", name="Do it now")
+            send = form.get_by_role("button", name="Start action")
             await send.click()  # the one that has to be filled in is empty
             assert sent == []
             await form.get_by_label("times").fill("3")
@@ -70,7 +70,7 @@ async def test_the_form_is_made_from_the_factsheet(hall: Hall, browser: Browser)
             assert sent == []
             await form.get_by_label("tune").fill('{"notes": [1, 2]}')
             await send.click()
-            await expect(form).to_contain_text("The robot could not do it: no horn")
+            await expect(form).to_contain_text("beep failed on Vehicle-1: no horn")
     parameters = {each["key"]: each["value"] for each in sent[0]["parameters"]}
     assert sent[0]["actionType"] == "beep"
     assert parameters == {"times": 3, "loud": True, "tune": {"notes": [1, 2]}, "name": "3"}

@@ -66,7 +66,7 @@ async def test_the_slider_shows_where_a_robot_was(hall: Hall, browser: Browser, 
             await page.get_by_role("button", name="Play").click()
             await becomes(page, SHOWN, None, lambda shown: shown[0][1] >= 9)
             async with page.expect_download() as download:
-                await page.get_by_role("link", name="As CSV").click()
+                await page.get_by_role("link", name="Download CSV").click()
             csv = (await (await download.value).path()).read_text(encoding="utf-8")
             assert csv.count(",position,") == 3
             await page.get_by_role("link", name="All robots and orders").click()
@@ -78,5 +78,5 @@ async def test_without_a_history_the_page_says_so(hall: Hall, browser: Browser) 
     with hall.aggregator("--history.url", "none") as aggregator:
         await aggregator.logged("broker connected")
         async with opened(browser, f"{hall.url}#/history", expected=("404",)) as page:
-            await expect(page.get_by_text("There is no history")).to_be_visible()
+            await expect(page.get_by_text("No history")).to_be_visible()
             await expect(page.get_by_role("button", name="Play")).to_be_disabled()

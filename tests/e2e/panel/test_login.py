@@ -63,14 +63,12 @@ def site(hall: Hall, tmp_path: Path) -> Site:
 
 async def test_an_operator_logs_in_works_and_logs_out(site: Site, browser: Browser) -> None:
     async with site.aggregator(), opened(browser, site.hall.url, expected=UNKNOWN) as page:
-        await expect(page.get_by_role("heading", name="Log in")).to_be_visible()
+        await expect(page.get_by_role("heading", name="Sign in")).to_be_visible()
         await picture(page, "login")
         assert await findings(page) == []
         await page.get_by_label("Token").fill("nena_of-nobody")
-        await page.get_by_role("button", name="Log in").click()
-        await expect(page.get_by_role("alert")).to_have_text(
-            "Nobody has this token. Look whether it was copied whole."
-        )
+        await page.get_by_role("button", name="Sign in").click()
+        await expect(page.get_by_role("alert")).to_have_text("Unknown token. Did you copy all of it?")
 
         await site.log_in(page, "operator")
         row = page.locator("tr[data-robot='ACME/r1']")
@@ -81,19 +79,19 @@ async def test_an_operator_logs_in_works_and_logs_out(site: Site, browser: Brows
         await page.reload()
         await expect(page.get_by_role("button", name="Pause")).to_be_visible()
 
-        await page.get_by_role("button", name="Log out").click()
-        await expect(page.get_by_role("heading", name="Log in")).to_be_visible()
+        await page.get_by_role("button", name="Sign out").click()
+        await expect(page.get_by_role("heading", name="Sign in")).to_be_visible()
         await page.goto(site.hall.url)
-        await expect(page.get_by_role("heading", name="Log in")).to_be_visible()
+        await expect(page.get_by_role("heading", name="Sign in")).to_be_visible()
 
 
 async def test_a_viewer_sees_everything_and_commands_nothing(site: Site, browser: Browser) -> None:
     async with site.aggregator(), opened(browser, site.hall.url, expected=UNKNOWN) as page:
         await site.log_in(page, "viewer")
         await page.locator("tr[data-robot='ACME/r1']").get_by_role("link").click()
-        await expect(page.get_by_role("heading", name="Why does it stand?")).to_be_visible()
+        await expect(page.get_by_role("heading", name="Why is it not moving?")).to_be_visible()
         await expect(page.get_by_role("button", name="Pause")).to_be_disabled()
-        await expect(page.get_by_text("You may look, but give no commands.")).to_be_visible()
+        await expect(page.get_by_text("Read-only access")).to_be_visible()
 
 
 async def test_who_is_taken_out_of_the_users_is_asked_to_log_in(site: Site, browser: Browser) -> None:
@@ -102,7 +100,7 @@ async def test_who_is_taken_out_of_the_users_is_asked_to_log_in(site: Site, brow
         await expect(page.locator("tr[data-robot='ACME/r1']")).to_be_visible()
         site.set_users("operator")
         await page.reload()
-        await expect(page.get_by_role("heading", name="Log in")).to_be_visible()
+        await expect(page.get_by_role("heading", name="Sign in")).to_be_visible()
 
 
 @pytest.mark.parametrize(("language", "title"), [("nl-NL", "Aanmelden"), ("de-DE", "Anmelden")])

@@ -91,7 +91,7 @@ async def test_the_robots_own_map_lies_under_the_plan_and_is_switched_off(
             assert await near(page, 10, 10, "muted") < 5
             await picture(page, "robot-map")
             await page.get_by_label("Layers").click()
-            await page.get_by_role("checkbox", name="Maps of the robots").uncheck()
+            await page.get_by_role("checkbox", name="Robot maps").uncheck()
             await becomes(page, COLOUR_NEAR, [10, 13.15, "muted"], lambda found: found < 5)
 
 
@@ -119,7 +119,7 @@ async def test_the_map_follows_a_robot_until_it_is_moved_by_hand(hall: Hall, bro
         hall.publish_plant()
         hall.send(Topic.STATE, state(at=seconds_now(), mobile_robot_position=position(5, 2)))
         async with opened(browser, hall.url) as page:
-            follow = page.get_by_role("button", name="Follow the chosen robot")
+            follow = page.get_by_role("button", name="Follow robot")
             await expect(follow).to_be_disabled()
             await page.get_by_role("link", name="r1", exact=True).click()
             await follow.click()

@@ -31,9 +31,9 @@ async def test_an_empty_page_says_what_to_do(hall: Hall, browser: Browser) -> No
         await aggregator.logged("broker connected")
         async with opened(browser, hall.url) as page:
             await expect(page.get_by_text("No plant model yet")).to_be_visible()
-            await expect(page.get_by_text("No robot has been heard of yet")).to_be_visible()
+            await expect(page.get_by_text("No robots yet")).to_be_visible()
             await expect(page.get_by_text("Start an edge agent on the same broker")).to_be_visible()
-            await expect(page.get_by_text("No transport order yet")).to_be_visible()
+            await expect(page.get_by_text("No transport orders yet")).to_be_visible()
             await expect(page.locator("nena-link-banner")).to_be_hidden()
 
 
@@ -55,12 +55,12 @@ async def test_robots_and_orders_live(hall: Hall, browser: Browser) -> None:
             hall.send(Topic.STATE, busy)
             robot = page.get_by_role("row").filter(has_text="ACME")
             await expect(robot).to_contain_text("Busy")
-            await expect(robot).to_contain_text("Drives to South 2.")
+            await expect(robot).to_contain_text("Driving to South 2.")
             await expect(robot).to_contain_text("80 %")
             await expect(robot.get_by_role("progressbar")).to_have_attribute("value", "25")
             hall.publish_order(1, TransportOrderState.BEING_PROCESSED)
             order = page.locator("tr[data-order='TO-1']")
-            await expect(order).to_contain_text("Under way")
+            await expect(order).to_contain_text("In progress")
             await expect(order).to_contain_text("Goods in: Load")
             hall.publish_order(2, TransportOrderState.FINISHED)
             await expect(order).to_contain_text("Finished")
@@ -83,7 +83,7 @@ async def test_a_robot_is_picked_on_the_map_and_from_the_keyboard(hall: Hall, br
             rows = {name: page.locator(f"tr[data-robot='ACME/{name}']") for name in ("r1", "r2")}
             await expect(rows["r2"]).to_be_visible()
             canvas = page.locator("nena-fleet-map canvas")
-            await expect(canvas).to_have_attribute("aria-label", re.compile("^Map of Sample hall with"))
+            await expect(canvas).to_have_attribute("aria-label", re.compile("^Map of Sample hall:"))
             x, y = await page.evaluate("document.querySelector('nena-fleet-map').view.toScreen(15, 2)")
             await canvas.click(position={"x": x, "y": y})
             await expect(page.locator("nena-robot-page h2")).to_have_text("r2")
@@ -117,7 +117,7 @@ async def test_on_a_telephone_a_name_leads_to_the_robot_and_to_the_map(hall: Hal
             await expect(title).not_to_be_in_viewport()
             await name.click()
             await expect(page.locator("nena-robot-page h2")).to_be_in_viewport()
-            await page.get_by_role("button", name="Show on the map").click()
+            await page.get_by_role("button", name="Show on map").click()
             await expect(title).to_be_in_viewport()
 
 
@@ -149,7 +149,7 @@ async def test_a_lost_broker_is_said(own_broker: Broker, browser: Browser) -> No
             banner = page.locator("nena-link-banner")
             await expect(banner).to_be_hidden()
             own_broker.kill()
-            await expect(banner).to_contain_text("no link to the MQTT broker")
+            await expect(banner).to_contain_text("not connected to the MQTT broker")
             own_broker.start()
             await expect(banner).to_be_hidden()
 

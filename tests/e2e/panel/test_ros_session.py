@@ -20,9 +20,9 @@ pytestmark = [pytest.mark.e2e, pytest.mark.broker, pytest.mark.ros]
 
 ROBOT = "#/robots/NeNa%2Frobot-01"
 WORDS = {
-    "en-GB": ("Driver on", "Driver off", "Namespace, domain …"),
-    "nl-NL": ("Aansturing aan", "Aansturing uit", "Namespace, domein …"),
-    "de-DE": ("Treiber ein", "Treiber aus", "Namensraum, Domäne …"),
+    "en-GB": ("Connect ROS", "Disconnect ROS", "ROS settings …"),
+    "nl-NL": ("ROS verbinden", "ROS loskoppelen", "ROS-instellingen …"),
+    "de-DE": ("ROS verbinden", "ROS trennen", "ROS-Einstellungen …"),
 }
 AGENT = """
 driver = "nav2"
@@ -73,32 +73,32 @@ async def test_the_driver_is_switched_off_on_and_moved(
             panel_of(broker, interface_name, tmp_path, domain_id) as url,
             opened(browser, url) as page,
         ):
-            off = page.get_by_role("button", name="Driver off")
-            on = page.get_by_role("button", name="Driver on")
-            await expect(fact(page, "Its program")).to_have_text("active")
+            off = page.get_by_role("button", name="Disconnect ROS", exact=True)
+            on = page.get_by_role("button", name="Connect ROS", exact=True)
+            await expect(fact(page, "Driver")).to_have_text("active")
             await expect(fact(page, "ROS")).to_have_text(f"namespace /r1, domain {domain_id}")
             await expect(on).to_be_disabled()
 
             await off.click()
-            await expect(fact(page, "Its program")).to_have_text("not active")
+            await expect(fact(page, "Driver")).to_have_text("not active")
             await expect(off).to_be_disabled()
             wait_until(lambda: "nena_edge_agent" not in peer.node.get_node_names(), what="no node")
 
-            await page.get_by_role("button", name="Namespace, domain …").click()
-            form = page.get_by_role("form", name="Namespace and domain")
+            await page.get_by_role("button", name="ROS settings …").click()
+            form = page.get_by_role("form", name="ROS settings")
             await form.get_by_label("Namespace (/ for none)").fill(
                 "hall-2"
             )  # none that ROS knows: is not sent
-            await form.get_by_role("button", name="Use these").click()
+            await form.get_by_role("button", name="Apply").click()
             await form.get_by_label("Namespace (/ for none)").fill("hall_2/r1")
-            await form.get_by_label("Keep after a restart").check()
+            await form.get_by_label("Keep after restart").check()
             assert await findings(page) == []
-            await form.get_by_role("button", name="Use these").click()
-            await expect(form).to_contain_text("Done.")
+            await form.get_by_role("button", name="Apply").click()
+            await expect(form).to_contain_text("ROS settings of Robot-01 applied")
             await expect(fact(page, "ROS")).to_have_text(f"namespace /hall_2/r1, domain {domain_id}")
 
             await on.click()
-            await expect(fact(page, "Its program")).to_have_text("active")
+            await expect(fact(page, "Driver")).to_have_text("active")
             wait_until(
                 lambda: ("nena_edge_agent", "/hall_2/r1") in peer.node.get_node_names_and_namespaces(),
                 what="the node where it was moved to",
@@ -106,7 +106,7 @@ async def test_the_driver_is_switched_off_on_and_moved(
             for language, names in WORDS.items():
                 async with opened(browser, url, language=language) as other:
                     for name in names:
-                        await expect(other.get_by_role("button", name=name)).to_be_visible()
+                        await expect(other.get_by_role("button", name=name, exact=True)).to_be_visible()
 
 
 async def test_a_robot_without_ros_has_no_such_buttons(
@@ -119,6 +119,6 @@ async def test_a_robot_without_ros_has_no_such_buttons(
         await aggregator.logged("broker connected")
         fleet.agent()
         async with opened(browser, f"http://127.0.0.1:{port}/{ROBOT}") as page:
-            await expect(fact(page, "Its program")).to_have_text("active")
+            await expect(fact(page, "Driver")).to_have_text("active")
             for name in WORDS["en-GB"]:
                 await expect(page.get_by_role("button", name=name)).to_be_hidden()

@@ -73,15 +73,15 @@ async def test_an_operator_signs_in_works_and_logs_out(
         assert (cookies[0]["httpOnly"], cookies[0]["sameSite"]) == (True, "Strict")
         assert cookies[0]["expires"] == -1, "it ends with the browser"
 
-        await page.get_by_role("button", name="Log out").click()
-        await expect(page.get_by_role("heading", name="Log in")).to_be_visible()
+        await page.get_by_role("button", name="Sign out").click()
+        await expect(page.get_by_role("heading", name="Sign in")).to_be_visible()
         assert await page.context.cookies(hall.url) == []
 
 
 async def test_who_has_no_role_is_told_on_the_page(hall: Hall, issuer: OidcIssuer, browser: Browser) -> None:
     async with aggregator(hall, issuer), opened(browser, hall.url, expected=UNKNOWN) as page:
         await sign_in(page, "bob")
-        await expect(page.get_by_role("alert")).to_contain_text("You are known, but have no role here.")
+        await expect(page.get_by_role("alert")).to_contain_text("Your account has no role in NeNa.")
         assert await findings(page) == []
 
         await sign_in(page, "vic")
@@ -94,4 +94,4 @@ async def test_an_issuer_that_is_away_is_told_on_the_page(
     issuer.broken[DISCOVERY] = b"gone"
     async with aggregator(hall, issuer), opened(browser, hall.url, expected=UNKNOWN) as page:
         await page.get_by_role("link", name=BUTTON).click()
-        await expect(page.get_by_role("alert")).to_contain_text("does not answer")
+        await expect(page.get_by_role("alert")).to_contain_text("is not responding")

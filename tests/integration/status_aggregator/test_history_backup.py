@@ -54,7 +54,7 @@ class Panel:
         return [json.loads(line) for line in lines.splitlines()]
 
     async def learns_of(self, *orders: str) -> list[dict[str, Any]]:
-        """Tell of orders, and give the history once they are in it."""
+        """Publish of orders, and give the history once they are in it."""
         for name in orders:
             self.peer.publish(
                 self.topics.order_status(name), order_status(name).model_dump_json(by_alias=True)
@@ -123,7 +123,7 @@ async def test_after_a_loss_the_history_goes_on_from_its_last_backup(
         now = await panel.learns_of("TO-4")
         assert panel.process.end() == 0
     assert now[: len(backed_up)] == backed_up
-    assert orders_in(now[len(backed_up) :]) == ["TO-4"], "what came after the backup is forgotten"
+    assert orders_in(now[len(backed_up) :]) == ["TO-4"], "what query after the backup is forgotten"
 
 
 async def test_an_older_aggregator_ends_at_a_newer_history_and_begins_a_new_one_when_it_is_put_aside(

@@ -19,6 +19,6 @@ async def test_the_same_problem_is_logged_once_and_another_one_again(broker: Bro
         for payload in (b"{", b"{", b"{", b"[]"):
             peer.publish(topic, payload)
         await served.metric('nena_messages_malformed_total{topic="state"} 4.0')
-    told = [line for line in lines if line["event"] == "message not understood"]
-    assert [line["robot"] for line in told] == ["ACME/r1"] * 2
-    assert told[0]["problem"] != told[1]["problem"]
+    warnings = [line for line in lines if line["event"] == "unreadable message"]
+    assert [line["robot"] for line in warnings] == ["ACME/r1"] * 2
+    assert warnings[0]["problem"] != warnings[1]["problem"]

@@ -26,8 +26,8 @@ from nena_shared.mqtt import Inbound, Outbound
 from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
-from nena_status_aggregator.fleet.robot import Instant
-from nena_status_aggregator.mqtt import FleetLink
+from nena_status_aggregator.fleet.robot import Timestamp
+from nena_status_aggregator.mqtt import FleetSubscriber
 from nena_status_aggregator.settings import AggregatorSettings
 from support.fleet_examples import order_status, sample_plant, vehicle_status
 from support.readers.reader import Make, NotTakenError, Place, Reader
@@ -100,12 +100,12 @@ def loopback_control(_place: Place) -> Reader:
     bench.attach(
         LoopbackDriver(LoopbackSettings(), start, emit=events.append, clock=SystemClock()), events.append
     )
-    door = ControlDoor(MqttSettings(), "uagv", {ROBOT: bench})
+    client = ControlDoor(MqttSettings(), "uagv", {ROBOT: bench})
 
     def read(data: bytes) -> None:
         said.clear()
-        with patch.object(door._link, "publish", said.append):
-            door._take(Inbound(f"uagv/loopback/{ROBOT}/control", data, retained=False))
+        with patch.object(client._link, "publish", said.append):
+            client._take(Inbound(f"uagv/loopback/{ROBOT}/control", data, retained=False))
         problems = [each for answer in said for each in json.loads(answer.payload).get("problems", ())]
         if problems:
             raise NotTakenError("; ".join(problems))
@@ -138,13 +138,13 @@ def _at_the_aggregator(topic: str, sample: Callable[[], bytes], _place: Place) -
     """Read a message as the aggregator does, and show what has become of the fleet."""
     clock = SystemClock()
     model = FleetModel(ModelLimits())
-    link = FleetLink(AggregatorSettings(), model, clock)
+    link = FleetSubscriber(AggregatorSettings(), model, clock)
 
     def read(data: bytes) -> None:
         link._problems.clear()
         for handler in link.mqtt._handlers(topic):
             handler(Inbound(topic, data, retained=True))
-        to_json(model.flush(Instant.of(clock)))
+        to_json(model.flush(Timestamp.of(clock)))
         if link._problems:
             raise NotTakenError("; ".join(link._problems.values()))
 

@@ -32,7 +32,7 @@ from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.state import State
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
-from nena_status_aggregator.fleet.robot import Instant
+from nena_status_aggregator.fleet.robot import Timestamp
 from support.conversations import FOLDER
 
 FILES = sorted(FOLDER.glob("*.jsonl"))
@@ -168,9 +168,9 @@ def test_the_fleet_model_shows_what_the_robot_said(file: Path) -> None:
     said = conversation(file)
     model = FleetModel(ModelLimits())
     start = said[0].time
-    model.on_link(connected=True, at=Instant(0.0, start))
+    model.on_link(connected=True, at=Timestamp(0.0, start))
     for each in said:
-        at = Instant((each.time - start).total_seconds(), each.time)
+        at = Timestamp((each.time - start).total_seconds(), each.time)
         match each.message:
             case Connection() as message:
                 model.on_connection(each.robot, message, at)
@@ -191,7 +191,7 @@ def test_the_fleet_model_shows_what_the_robot_said(file: Path) -> None:
                     assert order is not None
                     assert (order["orderId"], order["lastNodeId"]) == (message.order_id, message.last_node_id)
 
-    model.flush(Instant(0.0, said[-1].time + timedelta(seconds=1)))
+    model.flush(Timestamp(0.0, said[-1].time + timedelta(seconds=1)))
     view = model.robot_view(said[0].robot)
     assert view is not None
     assert (view["connection"], view["malformed"]) == ("OFFLINE", 0)

@@ -59,8 +59,8 @@ def test_a_table_of_roles_is_the_sites_own(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "complaint"),
     [
-        (("--http.oidc.client_id", "panel"), "belong together"),
-        (("--http.oidc.panel_url", "https://fleet.example/"), "belong together"),
+        (("--http.oidc.client_id", "panel"), "set together"),
+        (("--http.oidc.panel_url", "https://fleet.example/"), "set together"),
         (("--http.oidc.panel_url", "http://fleet.example/"), "panel_url.*https"),
         (("--http.oidc.scopes", "profile"), "openid"),
         (("--http.oidc.algorithms", "HS256"), "algorithms"),

@@ -1,4 +1,4 @@
-"""The program: ``nena-status-aggregator``."""
+"""The program ``nena-status-aggregator``: start-up, tasks and shutdown."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from nena_status_aggregator.api.app import make_app
 from nena_status_aggregator.settings import AggregatorSettings
 
 GC_THRESHOLDS = (50_000, 20, 100)
-"""Messages are trees without cycles, which go without the collector; by Python's own thresholds it would look
-through all robots' states after every few messages, for a quarter of the CPU."""
+"""Messages are trees without cycles, so reference counting frees them. Python's default thresholds
+would scan all robots' states after every few messages, at a quarter of the CPU time."""
 
 
 async def serve(settings: AggregatorSettings, stop: asyncio.Event) -> None:
     """Run the aggregator until ``stop`` is set.
 
     Raises:
-        ConfigurationError: the address is not protected, or a file for that cannot be used.
-        StartError: the port is not to be had, or the history cannot be kept.
-        TaskFailedError: a part of the program has failed.
+        ConfigurationError: public address without protection, or a certificate or users file is unusable.
+        StartError: the port is in use, or the history database is unusable.
+        TaskFailedError: a task failed.
 
     """
     gc.set_threshold(*GC_THRESHOLDS)
@@ -49,13 +49,13 @@ async def serve(settings: AggregatorSettings, stop: asyncio.Event) -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run until a signal ends it; give the exit status."""
+    """Run until a signal stops the program; return the exit status."""
     return run(
         AggregatorSettings,
         serve,
         program="nena-status-aggregator",
-        description="Watches a fleet over MQTT: VDA 5050 robots and NeNa's order service. Shows it on a "
-        "page, over REST, as a stream of events and as metrics for Prometheus.",
+        description="Monitor VDA 5050 robots and NeNa's transport orders over MQTT. Serves the control "
+        "panel, a REST API, an event stream and Prometheus metrics.",
         argv=argv,
     )
 

@@ -1,4 +1,4 @@
-"""The parts of one aggregator: model, link to the broker and stream of changes."""
+"""The status aggregator: fleet model, MQTT subscriptions, event stream and history."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from pydantic_core import to_json
 from nena_shared.clock import Clock, iso
 from nena_status_aggregator.api.events import EventStream
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
-from nena_status_aggregator.fleet.robot import Instant
+from nena_status_aggregator.fleet.robot import Timestamp
 from nena_status_aggregator.history.history import History
-from nena_status_aggregator.mqtt import FleetLink
+from nena_status_aggregator.mqtt import FleetSubscriber
 from nena_status_aggregator.settings import AggregatorSettings, HistorySettings, Share
 
-LINGER = 30.0
-"""Seconds for which changes are still made when the last client has gone: it may only have lost its line."""
+IDLE_DELAY = 30.0
+"""Seconds for which changes are still published after the last client has left: it may reconnect."""
 
 
 class Aggregator:
-    """What the program runs and what the API shows; owned by one event loop."""
+    """Owns the parts that the program runs and the API reads. Belongs to one event loop."""
 
     def __init__(self, settings: AggregatorSettings, clock: Clock) -> None:
-        """Make the parts; nothing is connected or opened yet.
+        """Create the parts; nothing is connected or opened yet.
 
         Raises:
-            HistoryError: the history cannot be kept as it is set.
+            HistoryError: the history settings are invalid.
 
         """
         self.clock = clock
@@ -39,36 +39,37 @@ class Aggregator:
             clock_skew=settings.clock_skew_limit,
             track_distance=settings.history.track_distance if self.history else 0.0,
         )
-        self.model = FleetModel(limits, self.history.writer.tell if self.history else lambda _: None)
-        self.link = FleetLink(settings, self.model, clock)
+        self.model = FleetModel(limits, self.history.writer.add if self.history else lambda _: None)
+        self.link = FleetSubscriber(settings, self.model, clock)
         self.events = EventStream(settings.events, epoch=token_hex(4), snapshot=self._snapshot)
         self._interval = settings.events.interval
 
-    def now(self) -> Instant:
+    def now(self) -> Timestamp:
         """Read the clock."""
-        return Instant.of(self.clock)
+        return Timestamp.of(self.clock)
 
     def publish_changes(self) -> None:
-        """Bring the conditions up to date, and tell the clients what has changed."""
-        self.link.notice()
+        """Update the conditions and publish all changes to the clients of the event stream."""
+        self.link.report_connection()
         delta = self.model.flush(self.now())
         if delta is not None:
             self.events.publish(delta["id"], to_json(delta))
 
     async def keep_publishing(self) -> None:
-        """Publish changes until cancelled; while nobody follows them, only judge, which is far less work.
+        """Publish changes until cancelled.
 
-        What nobody was told then is in the next change or snapshot, whoever asks for it first.
+        Without clients only the conditions are updated, which is much cheaper; the changes are part of the
+        next delta or snapshot.
         """
         followed_until = 0.0
         while True:
             now = self.clock.monotonic()
             if self.events.clients:
-                followed_until = now + LINGER
+                followed_until = now + IDLE_DELAY
             if now < followed_until:
                 self.publish_changes()
             else:
-                self.link.notice()
+                self.link.report_connection()
                 self.model.advance(self.now())
             await asyncio.sleep(self._interval)
 

@@ -1,4 +1,4 @@
-"""The robots' topics that the aggregator reads, one scheme for each major version of VDA 5050."""
+"""MQTT subscriptions: decodes the messages of robots and order service and feeds the fleet model."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ from nena_shared.vda5050.robot_sources import RobotSources
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_status_aggregator.fleet.messages import MessageKind
 from nena_status_aggregator.fleet.model import FleetModel
-from nena_status_aggregator.fleet.robot import Instant
+from nena_status_aggregator.fleet.robot import Timestamp
 from nena_status_aggregator.settings import AggregatorSettings, Share
 
 
 def schemes(settings: AggregatorSettings) -> tuple[TopicScheme, ...]:
-    """Give the topics of each major version."""
+    """Return the topic schemes of all major versions."""
     return TopicScheme(settings.interface_name, "v2"), TopicScheme(settings.interface_name_v3, "v3")
 
 
 def schemes_of(vehicles: Iterable[Vehicle]) -> tuple[TopicScheme, ...]:
-    """Give the topics that the plant model names for some of its vehicles, but for what is no topic."""
+    """Return the topic schemes of the vehicles' interface names; invalid names are skipped."""
     names = dict.fromkeys(each.interface_name for each in vehicles if each.interface_name)
     return tuple(TopicScheme(name, major) for name in names if _is_prefix(name) for major in ("v2", "v3"))
 
@@ -58,27 +58,27 @@ def _is_prefix(name: str) -> bool:
 log = get_logger(__name__)
 
 PROBLEMS_REMEMBERED = 1000
-"""Topics whose last problem is remembered, so that a robot that repeats itself does not fill the log."""
+"""Topics whose last problem is remembered, so that a repeated problem is logged once."""
 
 TOPIC_LENGTH = 300
-"""Characters of a topic that are remembered and logged."""
+"""Maximum length of a topic in memory and log, characters."""
 
 SCHEMES_LIMIT = 100
-"""Interface names and major versions that are listened to."""
+"""Maximum number of subscribed pairs of interface name and major version."""
 
 KEPT_AT_THE_BROKER = (MessageKind.CONNECTION, MessageKind.FACTSHEET)
 
 KEY_LENGTH = 200
-"""Characters of manufacturer and serial number together."""
+"""Maximum length of manufacturer and serial number together, characters."""
 
 H = TypeVar("H", bound=Header)
 M = TypeVar("M", Connection, StateBrief, VisualizationBrief, Factsheet)
-Take = Callable[[RobotKey, M, Instant, Inbound], None]
-"""Hands a robot's message to the model; the last is what it was read from."""
+Take = Callable[[RobotKey, M, Timestamp, Inbound], None]
+"""Passes a robot's message on to the model; the last argument is the MQTT message it was read from."""
 
 
-class FleetLink:
-    """Feeds the model with what the broker delivers; what cannot be read is counted, never fatal."""
+class FleetSubscriber:
+    """Feeds the fleet model from MQTT. Unreadable messages are counted and logged, never fatal."""
 
     def __init__(self, settings: AggregatorSettings, model: FleetModel, clock: Clock) -> None:
         self._model = model
@@ -92,42 +92,48 @@ class FleetLink:
         self._reader = MessageReader()
         self.mqtt = MqttLink(
             settings.mqtt,
-            # several aggregators may watch one broker: the id must differ
+            # several aggregators may use one broker; client IDs must be unique
             client_id=f"nena-status-aggregator-{token_hex(4)}",
             on_lost=self._lost,
         )
-        self._follow_robots(schemes(settings))
-        self._follow_orders()
+        self._subscribe_robots(schemes(settings))
+        self._subscribe_orders()
 
     async def run(self) -> None:
-        """Keep the link up until cancelled."""
+        """Stay connected to the broker until cancelled."""
         await self.mqtt.run()
 
-    def notice(self) -> None:
-        """Tell the model when the link stands again, subscriptions and all."""
+    def report_connection(self) -> None:
+        """Report to the model that the broker connection and all subscriptions are established."""
         if self.mqtt.state.connected and not self._model.link_up:
-            self._model.on_link(connected=True, at=Instant.of(self._clock))
+            self._model.on_link(connected=True, at=Timestamp.of(self._clock))
 
-    def _follow_robots(self, schemes: Iterable[TopicScheme]) -> None:
-        """Subscribe to what all robots under these topics say, unless that is done already."""
+    def _subscribe_robots(self, schemes: Iterable[TopicScheme]) -> None:
+        """Subscribe to all robots below these topics, unless already subscribed."""
         for scheme in schemes:
             if scheme in self._schemes:
                 continue
             if len(self._schemes) >= SCHEMES_LIMIT:
-                log.error("too many interface names, some robots are not seen", limit=SCHEMES_LIMIT)
+                log.error(
+                    "too many interface names; robots of the remaining ones are not monitored",
+                    limit=SCHEMES_LIMIT,
+                )
                 return
             self._schemes.add(scheme)
-            self._hear(scheme, MessageKind.CONNECTION, _in_full(Connection), self._take_connection)
-            self._hear(scheme, MessageKind.STATE, _in_brief(StateBrief), self._take_state)
-            self._hear(
-                scheme, MessageKind.VISUALIZATION, _in_brief(VisualizationBrief), self._take_visualization
+            self._subscribe(scheme, MessageKind.CONNECTION, _decoder(Connection), self._take_connection)
+            self._subscribe(scheme, MessageKind.STATE, _summary_decoder(StateBrief), self._take_state)
+            self._subscribe(
+                scheme,
+                MessageKind.VISUALIZATION,
+                _summary_decoder(VisualizationBrief),
+                self._take_visualization,
             )
-            self._hear(scheme, MessageKind.FACTSHEET, _in_full(Factsheet), self._take_factsheet)
+            self._subscribe(scheme, MessageKind.FACTSHEET, _decoder(Factsheet), self._take_factsheet)
             read_map = partial(self._read_robot_map, scheme)
             handle = partial(self._on_fleet_message, MessageKind.ROBOT_MAP, read_map)
             self.mqtt.subscribe(topics_of_maps(scheme), handle)
 
-    def _follow_orders(self) -> None:
+    def _subscribe_orders(self) -> None:
         fleet = self._fleet_topics
         for topic_filter, kind, take in (
             (fleet.plant_model, MessageKind.PLANT_MODEL, self._read_plant_model),
@@ -136,18 +142,24 @@ class FleetLink:
         ):
             self.mqtt.subscribe(topic_filter, partial(self._on_fleet_message, kind, take))
 
-    def _hear(self, scheme: TopicScheme, kind: MessageKind, decode: Decode[M], take: Take[M]) -> None:
-        """Subscribe to a topic of all robots; ``take`` gets what is well-formed and says something new."""
+    def _subscribe(self, scheme: TopicScheme, kind: MessageKind, decode: Decode[M], take: Take[M]) -> None:
+        """Subscribe to a topic of all robots; ``take`` receives each valid message of an accepted source."""
 
         def handle(inbound: Inbound) -> None:
             key = scheme.robot_of(inbound.topic)
             if key is None or not self._share.has(key):
                 return
             if not inbound.payload and kind in KEPT_AT_THE_BROKER:
-                return  # it only clears what the broker keeps
-            at = Instant.of(self._clock)
+                return  # it only clears the retained message
+            at = Timestamp.of(self._clock)
             if len(str(key)) > KEY_LENGTH:
-                self._malformed(kind, inbound.topic, f"a robot's name is longer than {KEY_LENGTH}", at, None)
+                self._malformed(
+                    kind,
+                    inbound.topic,
+                    f"manufacturer and serial number exceed {KEY_LENGTH} characters",
+                    at,
+                    None,
+                )
                 return
             try:
                 message = self._reader.read(decode, inbound.topic, inbound.payload, scheme.major_version)
@@ -161,56 +173,56 @@ class FleetLink:
 
     def _lost(self) -> None:
         self._epochs.reset()
-        self._model.on_link(connected=False, at=Instant.of(self._clock))
+        self._model.on_link(connected=False, at=Timestamp.of(self._clock))
 
     def _on_fleet_message(
-        self, kind: MessageKind, take: Callable[[Inbound, Instant], None], inbound: Inbound
+        self, kind: MessageKind, take: Callable[[Inbound, Timestamp], None], inbound: Inbound
     ) -> None:
-        at = Instant.of(self._clock)
+        at = Timestamp.of(self._clock)
         try:
             take(inbound, at)
         except ValidationError as error:
             self._malformed(kind, inbound.topic, _summary(problems_of(error)), at, None)
 
-    def _take_connection(self, key: RobotKey, message: Connection, at: Instant, _: Inbound) -> None:
+    def _take_connection(self, key: RobotKey, message: Connection, at: Timestamp, _: Inbound) -> None:
         self._model.on_connection(key, message, at)
 
-    def _take_state(self, key: RobotKey, message: StateBrief, at: Instant, inbound: Inbound) -> None:
+    def _take_state(self, key: RobotKey, message: StateBrief, at: Timestamp, inbound: Inbound) -> None:
         self._model.on_state(key, message, at, retained=inbound.retained)
 
     def _take_visualization(
-        self, key: RobotKey, message: VisualizationBrief, at: Instant, _: Inbound
+        self, key: RobotKey, message: VisualizationBrief, at: Timestamp, _: Inbound
     ) -> None:
         self._model.on_visualization(key, message, at)
 
-    def _take_factsheet(self, key: RobotKey, message: Factsheet, at: Instant, _: Inbound) -> None:
+    def _take_factsheet(self, key: RobotKey, message: Factsheet, at: Timestamp, _: Inbound) -> None:
         self._model.on_factsheet(key, message, at)
 
-    def _read_robot_map(self, scheme: TopicScheme, inbound: Inbound, at: Instant) -> None:
+    def _read_robot_map(self, scheme: TopicScheme, inbound: Inbound, at: Timestamp) -> None:
         key = robot_of_map(scheme, inbound.topic)
         if key is None or not self._share.has(key) or len(str(key)) > KEY_LENGTH:
             return
         if len(inbound.payload) > PAYLOAD_LIMIT:
-            problem = f"longer than {PAYLOAD_LIMIT} bytes"
+            problem = f"map of {len(inbound.payload)} bytes exceeds the limit of {PAYLOAD_LIMIT}"
             self._malformed(MessageKind.ROBOT_MAP, inbound.topic, problem, at, key)
             return
         found = RobotMap.model_validate_json(inbound.payload) if inbound.payload else None
         self._model.on_robot_map(key, found, at)
 
-    def _read_plant_model(self, inbound: Inbound, _at: Instant) -> None:
+    def _read_plant_model(self, inbound: Inbound, _at: Timestamp) -> None:
         plant = PlantModel.from_json(inbound.payload) if inbound.payload else None
         self._model.on_plant_model(plant)
         if plant:
-            self._follow_robots(schemes_of(plant.vehicles))
+            self._subscribe_robots(schemes_of(plant.vehicles))
 
-    def _read_vehicle_status(self, inbound: Inbound, at: Instant) -> None:
+    def _read_vehicle_status(self, inbound: Inbound, at: Timestamp) -> None:
         if not inbound.payload or not self._epochs.is_current(inbound.payload):
             return
         status = VehicleStatus.model_validate_json(inbound.payload)
         if self._share.has(RobotKey(status.manufacturer, status.serial_number)):
             self._model.on_vehicle_status(status, at)
 
-    def _read_order_status(self, inbound: Inbound, at: Instant) -> None:
+    def _read_order_status(self, inbound: Inbound, at: Timestamp) -> None:
         if not self._epochs.is_current(inbound.payload):
             return
         if inbound.payload:
@@ -219,7 +231,7 @@ class FleetLink:
             self._model.on_order_cleared(inbound.topic.rsplit("/", 2)[1])
 
     def _malformed(
-        self, kind: MessageKind, topic: str, problem: str, at: Instant, key: RobotKey | None
+        self, kind: MessageKind, topic: str, problem: str, at: Timestamp, key: RobotKey | None
     ) -> None:
         topic = topic[:TOPIC_LENGTH]
         self._model.on_malformed(kind, topic, problem, at, key=key)
@@ -228,21 +240,21 @@ class FleetLink:
         if len(self._problems) >= PROBLEMS_REMEMBERED:
             self._problems.clear()
         self._problems[topic] = problem
-        log.warning("message not understood", topic=topic, robot=str(key) if key else None, problem=problem)
+        log.warning("unreadable message", topic=topic, robot=str(key) if key else None, problem=problem)
 
 
-def _in_full(kind: type[H]) -> Decode[H]:
+def _decoder(kind: type[H]) -> Decode[H]:
     def decode(codec: Codec, payload: bytes) -> H:
         return codec.decode(kind, payload)
 
     return decode
 
 
-def _in_brief(kind: type[B]) -> Decode[B]:
+def _summary_decoder(kind: type[B]) -> Decode[B]:
     return partial(read_brief, kind)
 
 
 def _summary(problems: Sequence[str]) -> str:
-    """Give the first problem, and how many there are besides."""
+    """Return the first problem and the number of further ones."""
     more = len(problems) - 1
     return f"{problems[0]} (and {more} more)" if more else problems[0]

@@ -20,23 +20,23 @@ _WRITTEN: Final = re.compile(r"([0-9]{1,3})/([0-9]{1,3})")
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """Number ``number`` of ``of`` equal shares; each robot is in exactly one of them, always in the same."""
+    """Share ``number`` of ``of`` equal shares; each robot always belongs to the same one."""
 
     number: int = 1
     of: int = 1
 
     @classmethod
     def read(cls, text: str) -> Self:
-        """Read a share as people write it: ``2/3``.
+        """Parse a share such as ``2/3``.
 
         Raises:
-            ValueError: it is none.
+            ValueError: the text is not a share.
 
         """
         written = _WRITTEN.fullmatch(text)
         number, of = map(int, written.groups()) if written else (0, 0)
         if not 1 <= number <= of:
-            message = f"{text!r} is no share; write 1/2 for the first of two, 2/2 for the second"
+            message = f"{text!r} is not a share; use 1/2 for the first of two, 2/2 for the second"
             raise ValueError(message)
         return cls(number, of)
 
@@ -44,39 +44,39 @@ class Share:
         return f"{self.number}/{self.of}"
 
     def has(self, robot: RobotKey) -> bool:
-        """Tell whether ``robot`` is in it: by a hash of its name, so that nobody has to agree on anything."""
+        """Return whether ``robot`` belongs to this share, by a hash of its name."""
         return self.of == 1 or crc32(str(robot).encode()) % self.of == self.number - 1
 
 
 class PanelOidcSettings(OidcSettings):
-    """Whose access tokens count, and how people get one at the panel."""
+    """OpenID Connect: accepted access tokens, and sign-in at the panel."""
 
     client_id: str | None = Field(
-        None, description="As what the issuer knows the panel; none: nobody signs in there by the issuer."
+        None, description="OIDC client ID of the panel. Unset: no OIDC sign-in at the panel."
     )
     client_secret: SecretStr | None = Field(
-        None, description="The panel's password at the issuer; none: a public client, by PKCE alone."
+        None, description="OIDC client secret of the panel. Unset: a public client with PKCE only."
     )
-    client_secret_file: Path | None = Field(None, description="File that holds the panel's password there.")
+    client_secret_file: Path | None = Field(None, description="File with the OIDC client secret.")
     panel_url: ProtectedPlace | None = Field(
         None,
-        description="Where browsers have the panel, e.g. https://fleet.example/; the issuer is to send them "
-        "back to api/v1/session/oidc/callback below it.",
+        description="Public URL of the panel, e.g. https://fleet.example/. Register "
+        "api/v1/session/oidc/callback below it as redirect URI at the issuer.",
     )
-    scopes: tuple[str, ...] = Field(("openid", "profile"), description="What the panel asks the issuer for.")
+    scopes: tuple[str, ...] = Field(("openid", "profile"), description="OIDC scopes that the panel requests.")
 
     @model_validator(mode="after")
     def _together(self) -> Self:
         if (self.client_id is None) is not (self.panel_url is None):
-            message = "client_id and panel_url belong together: give both, or none"
+            message = "client_id and panel_url must be set together"
             raise ValueError(message)
         if "openid" not in self.scopes:
-            message = "scopes: without openid it is no sign-in"
+            message = "scopes must contain openid"
             raise ValueError(message)
         return self
 
     def secret(self) -> str | None:
-        """Give the panel's password, from the file where one is named.
+        """Return the client secret, from the file if one is set.
 
         Raises:
             ConfigurationError: the file cannot be read, or is empty.
@@ -88,11 +88,11 @@ class PanelOidcSettings(OidcSettings):
 
 
 class AggregatorHttpSettings(HttpSettings):
-    """Where page, API and metrics are."""
+    """HTTP server of panel, API and metrics."""
 
-    port: int = Field(8080, ge=0, le=65535, description="TCP port to listen on; 0 takes a free one.")
+    port: int = Field(8080, ge=0, le=65535, description="TCP port to listen on; 0 for any free port.")
     oidc: PanelOidcSettings | None = Field(
-        None, description="An OpenID Connect issuer whose tokens count beside those of http.users."
+        None, description="OpenID Connect issuer whose tokens are accepted in addition to http.users."
     )
 
 
@@ -100,15 +100,15 @@ class EventSettings(SettingsGroup):
     """The event stream."""
 
     interval: float = Field(
-        0.05, gt=0, le=5, description="Seconds over which changes are gathered into one event."
+        0.05, gt=0, le=5, description="Interval between events, seconds; changes in between are combined."
     )
-    history: int = Field(
-        1000, ge=1, description="Events kept, so that a client that lost its line can catch up."
-    )
+    history: int = Field(1000, ge=1, description="Number of events kept for clients that reconnect.")
     backlog: int = Field(
-        200, ge=1, description="Events that a client may be behind; above that it gets a new snapshot."
+        200,
+        ge=1,
+        description="Maximum number of events a client may be behind; beyond it receives a snapshot.",
     )
-    clients: int = Field(100, ge=1, description="Clients that may follow the event stream at a time.")
+    clients: int = Field(100, ge=1, description="Maximum number of event stream clients.")
 
 
 def _none_in_words(url: object) -> object:
@@ -116,29 +116,31 @@ def _none_in_words(url: object) -> object:
 
 
 class HistorySettings(SettingsGroup):
-    """What happened to robots and orders."""
+    """The history of robots and orders."""
 
     url: Annotated[SecretStr | None, BeforeValidator(_none_in_words)] = Field(
         SecretStr("sqlite:///nena-history.db"),
-        description="Database: sqlite:///FILE (four slashes for an absolute path), or "
-        "postgresql+psycopg://USER@HOST/DATABASE; none: no history is kept.",
+        description="Database URL: sqlite:///FILE (four slashes for an absolute path) or "
+        "postgresql+psycopg://USER@HOST/DATABASE; none disables the history.",
     )
     url_file: Path | None = Field(
-        None, description="File that holds history.url, where a password is in it; counts before it."
+        None, description="File with the database URL, for a URL with a password. Overrides history.url."
     )
-    retention_days: float = Field(30.0, gt=0, le=36500, description="Days that entries are kept.")
-    track_days: float = Field(2.0, gt=0, le=36500, description="Days that positions are kept.")
+    retention_days: float = Field(30.0, gt=0, le=36500, description="Retention of entries, days.")
+    track_days: float = Field(2.0, gt=0, le=36500, description="Retention of positions, days.")
     track_distance: float = Field(
-        1.0, ge=0, description="Way after which a robot's position is kept, m; 0: positions are not."
+        1.0, ge=0, description="Distance between recorded positions of a robot, m; 0 disables recording."
     )
     queue_limit: int = Field(
-        20_000, ge=1, description="Entries that may wait for the database; above that the oldest go."
+        20_000,
+        ge=1,
+        description="Maximum number of entries waiting for the database; beyond, the oldest are dropped.",
     )
-    batch_limit: int = Field(1000, ge=1, le=10_000, description="Entries that are written together.")
-    interval: float = Field(0.5, gt=0, le=60, description="Seconds over which entries are gathered.")
+    batch_limit: int = Field(1000, ge=1, le=10_000, description="Maximum number of entries per transaction.")
+    interval: float = Field(0.5, gt=0, le=60, description="Interval between writes, seconds.")
 
     def location(self) -> str | None:
-        """Give the database's URL, from the file where one is named; it may hold a password. None: none.
+        """Return the database URL (may hold a password), from the file if set; None without a history.
 
         Raises:
             ConfigurationError: the file cannot be read, or is empty.
@@ -150,18 +152,19 @@ class HistorySettings(SettingsGroup):
 
 
 class OrderServiceSettings(SettingsGroup):
-    """The order service, which carries out the commands of the control panel."""
+    """Access to the order service, which executes the commands of the control panel."""
 
     url: HttpUrl | None = Field(
-        None, description="Its address, e.g. http://127.0.0.1:55200; none: the panel gives no commands."
+        None,
+        description="URL of the order service, e.g. http://127.0.0.1:55200. Unset: no commands in the panel.",
     )
-    timeout: float = Field(60.0, gt=0, le=600, description="Seconds that it has to answer a command.")
+    timeout: float = Field(60.0, gt=0, le=600, description="Timeout of a command, seconds.")
     ca: Path | None = Field(
-        None, description="PEM file: who vouches for it where the system's certificates do not."
+        None, description="CA bundle (PEM) for the order service. Unset: the system CA store."
     )
     trusted_hosts: tuple[str, ...] = Field(
         ("127.0.0.1", "localhost", "::1"),
-        description="Names and addresses under which browsers may reach this program to give commands.",
+        description="Host names and addresses in the browser under which commands are accepted.",
     )
 
 
@@ -173,39 +176,42 @@ class AggregatorSettings(ServiceSettings):
     """The status aggregator."""
 
     http: AggregatorHttpSettings = Field(
-        default_factory=AggregatorHttpSettings, description="Page, API and metrics."
+        default_factory=AggregatorHttpSettings, description="HTTP server of panel, API and metrics."
     )
     interface_name: TopicPrefix = Field(
-        "uagv", description="First levels of the topics of robots with VDA 5050 2.x."
+        "uagv", description="Interface name (topic prefix) of robots with VDA 5050 2.x."
     )
     interface_name_v3: TopicPrefix = Field(
-        "vda5050", description="First levels of the topics of robots with VDA 5050 3.x."
+        "vda5050", description="Interface name (topic prefix) of robots with VDA 5050 3.x."
     )
-    topic_prefix: TopicPrefix = Field("nena/v1", description="Topic prefix of the order service's statuses.")
+    topic_prefix: TopicPrefix = Field("nena/v1", description="Topic prefix of the order service.")
     share: Annotated[str, AfterValidator(_share)] = Field(
         "1/1",
-        description="Which share of the robots it watches, where several aggregators divide them: 1/2 for "
-        "the first of two.",
+        description="Share of the robots that this aggregator monitors, e.g. 1/2 for the first of two "
+        "aggregators.",
     )
     silence_limit: float | None = Field(
         None,
         gt=0,
-        description="Seconds without a state after which a robot is silent; none: three of the intervals "
-        "that its factsheet names, at least 35.",
+        description="Time without a state after which a robot is silent, seconds. Unset: three state "
+        "intervals of its factsheet, at least 35.",
     )
     clock_skew_limit: float = Field(
-        2.0, gt=0, description="Seconds that a robot's clock may be off before it is shown."
+        2.0, gt=0, description="Clock deviation of a robot from which it is shown, seconds."
     )
     robots_limit: int = Field(
         2000,
         ge=1,
-        description="Robots that are kept; above that a silent one makes room, else new ones are refused.",
+        description="Maximum number of robots; beyond, a new robot replaces a silent one or is ignored.",
     )
     orders_limit: int = Field(
-        1000, ge=1, description="Transport orders that are kept; the one that ended longest ago goes first."
+        1000,
+        ge=1,
+        description="Maximum number of transport orders; beyond, the one that ended first is removed.",
     )
     events: EventSettings = Field(default_factory=EventSettings, description="The event stream.")
     history: HistorySettings = Field(default_factory=HistorySettings, description="The history.")
     order_service: OrderServiceSettings = Field(
-        default_factory=OrderServiceSettings, description="Commands of the control panel."
+        default_factory=OrderServiceSettings,
+        description="The order service, which executes the commands of the control panel.",
     )

@@ -181,4 +181,4 @@ async def test_an_order_service_that_is_away_is_a_problem_that_says_so() -> None
         assert (await client.get("http://127.0.0.1:8080/api/v1/control")).json() == {"enabled": True}
         answer = await client.post("/transportOrders", json=ORDER)
     assert answer.status_code == 502
-    assert "Is it running" in answer.json()["detail"]
+    assert "Check that it is running" in answer.json()["detail"]

@@ -22,7 +22,7 @@ async def test_too_many_followers_are_told_so(client: httpx.AsyncClient, aggrega
 Events = list[tuple[str, str]]
 
 
-class Teller:
+class Published:
     """Publishes numbered deltas and knows the snapshot that goes with them."""
 
     def __init__(self, **settings: int) -> None:
@@ -32,7 +32,7 @@ class Teller:
     def snapshot(self) -> tuple[int, bytes]:
         return self.number, json.dumps({"upTo": self.number}).encode()
 
-    def tell(self, count: int = 1) -> None:
+    def publish(self, count: int = 1) -> None:
         for _ in range(count):
             self.number += 1
             self.stream.publish(self.number, b"{}")
@@ -46,88 +46,88 @@ def parsed(frames: bytes) -> Events:
     return events
 
 
-def follower(teller: Teller, last_id: str | None = None) -> aclosing[AsyncGenerator[bytes, None]]:
-    return aclosing(teller.stream.follow(last_id))
+def follower(published: Published, last_id: str | None = None) -> aclosing[AsyncGenerator[bytes, None]]:
+    return aclosing(published.stream.follow(last_id))
 
 
 async def test_a_new_client_gets_a_snapshot_and_then_what_changes() -> None:
-    teller = Teller()
-    teller.tell(2)
-    async with follower(teller) as frames:
+    published = Published()
+    published.publish(2)
+    async with follower(published) as frames:
         assert parsed(await anext(frames)) == [("snapshot", "e-2")]
-        teller.tell(2)
+        published.publish(2)
         assert parsed(await anext(frames)) == [("delta", "e-3"), ("delta", "e-4")]
 
 
 async def test_a_client_that_comes_back_gets_what_it_missed() -> None:
-    teller = Teller()
-    teller.tell(5)
-    async with follower(teller, "e-3") as frames:
+    published = Published()
+    published.publish(5)
+    async with follower(published, "e-3") as frames:
         assert parsed(await anext(frames)) == [("delta", "e-4"), ("delta", "e-5")]
-    assert teller.stream.snapshots == 0
+    assert published.stream.snapshots == 0
 
 
 @pytest.mark.parametrize("last_id", ["other-3", "e-99", "e-", "e--1", "nonsense", "e-x"])
 async def test_an_id_that_says_nothing_gets_a_snapshot(last_id: str) -> None:
-    teller = Teller()
-    teller.tell(5)
-    async with follower(teller, last_id) as frames:
+    published = Published()
+    published.publish(5)
+    async with follower(published, last_id) as frames:
         assert parsed(await anext(frames)) == [("snapshot", "e-5")]
 
 
 async def test_what_the_ring_has_lost_is_made_good_by_a_snapshot() -> None:
-    teller = Teller(history=3)
-    teller.tell(5)
-    async with follower(teller, "e-1") as frames:
+    published = Published(history=3)
+    published.publish(5)
+    async with follower(published, "e-1") as frames:
         assert parsed(await anext(frames)) == [("snapshot", "e-5")]
-    async with follower(teller, "e-2") as frames:
+    async with follower(published, "e-2") as frames:
         assert [number for _, number in parsed(await anext(frames))] == ["e-3", "e-4", "e-5"]
 
 
 async def test_a_client_that_falls_behind_gets_a_new_snapshot() -> None:
-    teller = Teller(backlog=3)
-    async with follower(teller) as slow, follower(teller) as quick:
+    published = Published(backlog=3)
+    async with follower(published) as slow, follower(published) as quick:
         assert parsed(await anext(slow)) == parsed(await anext(quick)) == [("snapshot", "e-0")]
-        teller.tell(2)
+        published.publish(2)
         assert len(parsed(await anext(quick))) == 2
-        teller.tell(2)
+        published.publish(2)
         assert len(parsed(await anext(quick))) == 2
         assert parsed(await anext(slow)) == [("snapshot", "e-4")]
-        teller.tell()
+        published.publish()
         assert parsed(await anext(slow)) == [("delta", "e-5")]
 
 
 async def test_silence_is_broken_by_heartbeats(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(events, "HEARTBEAT", 0.01)
-    teller = Teller()
-    async with follower(teller) as frames:
+    published = Published()
+    async with follower(published) as frames:
         await anext(frames)
         assert parsed(await anext(frames)) == [("heartbeat", "")]
 
 
 async def test_clients_are_counted_and_limited() -> None:
-    teller = Teller(clients=1)
-    fullness = [teller.stream.full]
-    async with follower(teller) as frames:
+    published = Published(clients=1)
+    fullness = [published.stream.full]
+    async with follower(published) as frames:
         await anext(frames)
-        fullness.append(teller.stream.full)
-    fullness.append(teller.stream.full)
+        fullness.append(published.stream.full)
+    fullness.append(published.stream.full)
     assert fullness == [False, True, False]
 
 
 async def test_of_those_who_come_at_the_same_time_no_more_are_let_in() -> None:
-    teller = Teller(clients=2)
-    followers = [teller.stream.follow(None) for _ in range(4)]  # all of them have seen that there is room
+    published = Published(clients=2)
+    followers = [published.stream.follow(None) for _ in range(4)]  # all of them have seen that there is room
     begun = [await anext(frames, b"") for frames in followers]
-    assert ([bool(each) for each in begun], teller.stream.clients) == ([True, True, False, False], 2)
+    assert ([bool(each) for each in begun], published.stream.clients) == ([True, True, False, False], 2)
     for frames in followers:
         await frames.aclose()
-    assert teller.stream.clients == 0
+    assert published.stream.clients == 0
 
 
 async def test_closing_ends_every_stream() -> None:
-    teller = Teller()
-    async with follower(teller) as frames:
+    published = Published()
+    async with follower(published) as frames:
         await anext(frames)
-        teller.stream.close()
+        published.stream.close()
         assert await anext(frames, None) is None

@@ -58,7 +58,7 @@ async def test_the_actions_of_a_robot_in_the_same_names_for_each_version(
     client: httpx.AsyncClient, populated: Aggregator, codec: Codec
 ) -> None:
     missing = await client.get("/api/v1/robots/ACME/r1/actions")
-    assert (missing.status_code, "asked for it" in missing.json()["detail"]) == (404, True)
+    assert (missing.status_code, "request it with" in missing.json()["detail"]) == (404, True)
     beep = {
         "actionType": "beep",
         "actionDescription": "makes itself heard",

@@ -98,9 +98,9 @@ async def test_somebody_signs_in(issuer: OidcIssuer, secret: str | None, methods
 async def refusal(issuer: OidcIssuer, **settings: Any) -> SignInError:
     """Sign in as far as it goes; gives why it ends."""
     signing, attempt = sign_in(issuer, **settings), Attempt.new()
-    came = await came_back(issuer, signing, attempt)
+    query = await came_back(issuer, signing, attempt)
     with pytest.raises(SignInError) as caught:
-        await signing.finish(attempt, came)
+        await signing.finish(attempt, query)
     return caught.value
 
 
@@ -114,7 +114,7 @@ async def refusal(issuer: OidcIssuer, **settings: Any) -> SignInError:
         ({"aud": [CLIENT, "other"], "azp": "other"}, "azp"),
         ({"iss": "https://evil.example"}, "another issuer"),
         ({"exp": 1}, "expired"),
-        ({"sub": "id-of-vic"}, "two people"),
+        ({"sub": "id-of-vic"}, "different users"),
     ],
 )
 async def test_an_id_token_that_is_not_of_this_sign_in_is_refused(
@@ -155,11 +155,11 @@ async def test_an_answer_without_tokens_signs_nobody_in(issuer: OidcIssuer, answ
 
 async def test_a_code_counts_once(issuer: OidcIssuer) -> None:
     signing, attempt = sign_in(issuer), Attempt.new()
-    came = await came_back(issuer, signing, attempt)
-    await signing.finish(attempt, came)
+    query = await came_back(issuer, signing, attempt)
+    await signing.finish(attempt, query)
 
     with pytest.raises(SignInError, match="invalid_grant") as caught:
-        await signing.finish(attempt, came)
+        await signing.finish(attempt, query)
     assert caught.value.why == "refused"
 
 
@@ -177,19 +177,19 @@ async def test_a_code_of_somebody_else_is_of_no_use(issuer: OidcIssuer) -> None:
 
 @pytest.mark.parametrize("state", [None, "", "wrong", "ä", "\ud800"])
 async def test_a_wrong_state_asks_the_issuer_nothing(issuer: OidcIssuer, state: str | None) -> None:
-    came = {"code": "x"} if state is None else {"code": "x", "state": state}
+    query = {"code": "x"} if state is None else {"code": "x", "state": state}
     for attempt in (Attempt.new(), None):
         with pytest.raises(SignInError, match="state"):
-            await sign_in(issuer).finish(attempt, came)
+            await sign_in(issuer).finish(attempt, query)
     assert not issuer.asked
 
 
 async def test_who_is_not_let_in_by_the_issuer_is_told(issuer: OidcIssuer) -> None:
     signing, attempt = sign_in(issuer), Attempt.new()
-    came = await came_back(issuer, signing, attempt, "nobody")
+    query = await came_back(issuer, signing, attempt, "nobody")
 
     with pytest.raises(SignInError, match="access_denied") as caught:
-        await signing.finish(attempt, came)
+        await signing.finish(attempt, query)
     assert caught.value.why == "refused"
 
 
@@ -207,8 +207,8 @@ async def test_an_endpoint_that_others_could_play_is_not_used(issuer: OidcIssuer
     query = dict(parse_qsl(urlsplit(await signing.begin(attempt)).query))
     _, where, _ = issuer.authorize({**query, "person": "ann"})
     issuer.metadata[name] = "http://evil.example/"
-    again, came = sign_in(issuer), dict(parse_qsl(urlsplit(where).query))
-    step = again.begin(attempt) if name == "authorization_endpoint" else again.finish(attempt, came)
+    again, query = sign_in(issuer), dict(parse_qsl(urlsplit(where).query))
+    step = again.begin(attempt) if name == "authorization_endpoint" else again.finish(attempt, query)
 
     with pytest.raises(SignInError, match="https"):
         await step

@@ -100,7 +100,7 @@ async def test_what_the_browser_brings_back_is_kept_from_others(panel: httpx.Asy
     assert "HttpOnly" in kept
     assert "SameSite=lax" in kept, "with strict it would not come along from the issuer's page"
     assert f"Path={SESSION}/oidc" in kept
-    assert f"Max-Age={oidc.PATIENCE}" in kept
+    assert f"Max-Age={oidc.TIMEOUT}" in kept
     assert "Secure" not in kept
 
 
@@ -176,7 +176,7 @@ async def test_a_token_that_no_browser_keeps_is_told(panel: httpx.AsyncClient, i
 
     with capture_logs() as logged:
         assert problem_of(await panel.get(await at_issuer(panel, "ann"))) == "unfit"
-    assert "browsers keep" in next(each for each in logged if each.get("why") == "unfit")["reason"]
+    assert "a cookie holds" in next(each for each in logged if each.get("why") == "unfit")["reason"]
     pasted = await panel.post(SESSION, headers={"authorization": f"Bearer {issuer.token('ann')}"})
     assert (pasted.status_code, "set-cookie" in pasted.headers) == (400, False)
 

@@ -10,10 +10,10 @@ from nena_shared.vda5050.connection import ConnectionState
 from nena_status_aggregator.fleet.condition import (
     TEXTS,
     Condition,
-    Evidence,
+    ConditionInputs,
     RosSession,
     SessionState,
-    judge,
+    assess,
     ros_session,
     session_of,
 )
@@ -22,7 +22,7 @@ from support.fleet_examples import position, way
 
 
 def conclude(**fields: Any) -> tuple[Condition, str]:
-    evidence: dict[str, Any] = {
+    inputs: dict[str, Any] = {
         "connection": ConnectionState.ONLINE,
         "connection_since": datetime(2026, 1, 1, 8, tzinfo=UTC),
         "state": state(),
@@ -33,7 +33,7 @@ def conclude(**fields: Any) -> tuple[Condition, str]:
         "link_up": True,
         **fields,
     }
-    condition, reason = judge(Evidence(**evidence))
+    condition, reason = assess(ConditionInputs(**inputs))
     return condition, reason.text
 
 
@@ -42,7 +42,7 @@ def conclude_of(**fields: Any) -> tuple[Condition, str]:
 
 
 def test_free() -> None:
-    assert conclude() == (Condition.IDLE, "Free.")
+    assert conclude() == (Condition.IDLE, "No order.")
 
 
 def test_free_says_why_in_the_words_of_the_order_service() -> None:
@@ -52,31 +52,31 @@ def test_free_says_why_in_the_words_of_the_order_service() -> None:
 def test_silent_says_since_when() -> None:
     assert conclude(overdue=True) == (
         Condition.SILENT,
-        "No state since 08:00:05 UTC; one was due within 35 s.",
+        "No state since 08:00:05 UTC (limit: 35 s).",
     )
 
 
 def test_silence_is_not_the_robots_when_we_are_blind() -> None:
     condition, text = conclude(overdue=True, link_up=False)
     assert condition is Condition.SILENT
-    assert "no link to the broker" in text
+    assert "not connected to the broker" in text
 
 
 def test_no_state_ever() -> None:
     condition, text = conclude(state=None)
     assert condition is Condition.SILENT
-    assert text.startswith("No state has come yet")
+    assert text.startswith("No state received yet")
 
 
 def test_a_vehicle_that_only_the_order_service_knows_is_not_silent() -> None:
     condition, text = conclude(state=None, connection=None, fleet_remark="Never connected.")
     assert condition is Condition.OFFLINE
-    assert text.startswith("Nothing has been heard of it yet")
+    assert text.startswith("Never connected")
 
 
 def test_no_state_that_could_be_read() -> None:
     condition, text = conclude(state=None, problem="headerId: missing")
-    assert (condition, text) == (Condition.SILENT, "No state that could be read: headerId: missing")
+    assert (condition, text) == (Condition.SILENT, "Unreadable state: headerId: missing")
 
 
 def test_broken_by_the_will_even_while_the_last_state_is_fresh() -> None:
@@ -92,7 +92,7 @@ def test_a_robot_that_still_sends_states_is_not_broken() -> None:
 
 @pytest.mark.parametrize(
     ("connection", "word"),
-    [(ConnectionState.OFFLINE, "Logged off"), (ConnectionState.HIBERNATING, "Sleeps")],
+    [(ConnectionState.OFFLINE, "Disconnected"), (ConnectionState.HIBERNATING, "Hibernating")],
 )
 def test_away_on_purpose_is_not_silent(connection: ConnectionState, word: str) -> None:
     condition, text = conclude(connection=connection, overdue=True)
@@ -138,8 +138,8 @@ def test_a_warning_does_not_stop_anybody(level: str) -> None:
     [
         ({"safety_state": {"active_emergency_stop": "MANUAL", "field_violation": False}}, "at the robot"),
         ({"safety_state": {"active_emergency_stop": "REMOTE", "field_violation": False}}, "remotely"),
-        ({"safety_state": {"active_emergency_stop": "NONE", "field_violation": True}}, "protective field"),
-        ({"mobile_robot_position": position(0, 0, localized=False)}, "where it is"),
+        ({"safety_state": {"active_emergency_stop": "NONE", "field_violation": True}}, "Protective field"),
+        ({"mobile_robot_position": position(0, 0, localized=False)}, "Not localised"),
         ({"paused": True}, "Paused"),
     ],
 )
@@ -152,10 +152,10 @@ def test_blocked_says_by_what(fields: dict[str, Any], word: str) -> None:
 @pytest.mark.parametrize(
     ("fields", "text"),
     [
-        ({"driving": True, **way("B", "C")}, "Drives to B."),
-        ({"driving": False, **way("B")}, "Stands at A on the way to B."),
-        ({"driving": False, **way("B", released=0)}, "Waits at A until the way to B is released."),
-        ({"driving": True}, "Drives without an order."),
+        ({"driving": True, **way("B", "C")}, "Driving to B."),
+        ({"driving": False, **way("B")}, "Stopped at A on the way to B."),
+        ({"driving": False, **way("B", released=0)}, "Waiting at A until B is released."),
+        ({"driving": True}, "Driving without an order."),
     ],
 )
 def test_busy_says_with_what(fields: dict[str, Any], text: str) -> None:
@@ -163,7 +163,7 @@ def test_busy_says_with_what(fields: dict[str, Any], text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("status", "text"), [("RUNNING", "Does pick at A."), ("WAITING", "Waits at A to begin pick.")]
+    ("status", "text"), [("RUNNING", "Running pick at A."), ("WAITING", "Waiting at A to start pick.")]
 )
 def test_busy_with_an_action(status: str, text: str) -> None:
     actions = (
@@ -178,12 +178,22 @@ def test_an_action_under_way_explains_why_it_stands() -> None:
         {"action_id": "1", "action_type": "drop", "action_status": "WAITING"},
         {"action_id": "2", "action_type": "pick", "action_status": "RUNNING"},
     )
-    assert conclude_of(last_node_id="A", action_states=actions, **way("B"))[1] == "Does pick at A."
+    assert conclude_of(last_node_id="A", action_states=actions, **way("B"))[1] == "Running pick at A."
+
+
+def test_a_coordinate_is_shown_instead_of_the_name_of_its_node() -> None:
+    node = {
+        "node_id": "goal:TOrder-0",
+        "sequence_id": 2,
+        "released": True,
+        "node_position": {"x": 10.662, "y": 3.33, "map_id": "hall"},
+    }
+    assert conclude_of(driving=True, node_states=(node,))[1] == "Driving to x 10.66, y 3.33."
 
 
 def test_charging_while_there_is_nothing_else() -> None:
     power = {"state_of_charge": 41.6, "charging": True}
-    assert conclude_of(power_supply=power) == (Condition.CHARGING, "Charges, 42 %.")
+    assert conclude_of(power_supply=power) == (Condition.CHARGING, "Battery at 42 %.")
     assert conclude_of(power_supply=power, driving=True, **way("B"))[0] is Condition.BUSY
 
 
@@ -199,9 +209,9 @@ def test_all_sentences_end_as_sentences_do() -> None:
 BLIND = state(errors=({"error_type": "NAVIGATION_NOT_AVAILABLE", "error_level": "WARNING"},))
 
 
-def telling(told: str, **fields: Any) -> StateBrief:
+def reporting(name: str, **fields: Any) -> StateBrief:
     """Give a state of a robot whose edge agent tells of its ROS session."""
-    facts = {"state": told, "namespace": "/r1", "domainId": "7"}
+    facts = {"state": name, "namespace": "/r1", "domainId": "7"}
     references = [{"reference_key": key, "reference_value": value} for key, value in facts.items()]
     entry = {"info_type": "rosSession", "info_level": "INFO", "info_references": references}
     return state(information=(entry,), **fields)
@@ -217,11 +227,11 @@ def telling(told: str, **fields: Any) -> StateBrief:
         (Condition.IDLE, state(), "ACTIVE"),
         (Condition.MANUAL, state(), "ACTIVE"),
         (Condition.IDLE, BLIND, "FAILED"),
-        *((Condition.IDLE, telling(each), each) for each in SessionState),
-        (Condition.IDLE, telling("ACTIVE", errors=BLIND.errors), "ACTIVE"),
-        (Condition.IDLE, telling("DREAMING"), "ACTIVE"),
-        (Condition.SILENT, telling("ACTIVE"), "FAILED"),
-        (Condition.OFFLINE, telling("ACTIVE"), "NOT_ACTIVE"),
+        *((Condition.IDLE, reporting(each), each) for each in SessionState),
+        (Condition.IDLE, reporting("ACTIVE", errors=BLIND.errors), "ACTIVE"),
+        (Condition.IDLE, reporting("DREAMING"), "ACTIVE"),
+        (Condition.SILENT, reporting("ACTIVE"), "FAILED"),
+        (Condition.OFFLINE, reporting("ACTIVE"), "NOT_ACTIVE"),
     ],
 )
 def test_the_state_of_a_node(condition: Condition, last: StateBrief | None, session: str) -> None:
@@ -229,5 +239,5 @@ def test_the_state_of_a_node(condition: Condition, last: StateBrief | None, sess
 
 
 def test_where_the_session_is() -> None:
-    assert ros_session(telling("FAILED")) == RosSession(SessionState.FAILED, "/r1", "7")
+    assert ros_session(reporting("FAILED")) == RosSession(SessionState.FAILED, "/r1", "7")
     assert ros_session(state()) is None

@@ -7,40 +7,40 @@ from typing import Any
 
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.vda5050.topics import RobotKey
-from nena_status_aggregator.fleet.events import Code, Happening, Outcome
+from nena_status_aggregator.fleet.events import Code, Event, Outcome
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
-from nena_status_aggregator.fleet.robot import Instant
+from nena_status_aggregator.fleet.robot import Timestamp
 from support.fleet_briefs import state
 from support.fleet_examples import ROBOT, START, connection, order_status, vehicle_status, way
 
 
-def at(seconds: float) -> Instant:
-    return Instant(seconds, START + timedelta(seconds=seconds))
+def at(seconds: float) -> Timestamp:
+    return Timestamp(seconds, START + timedelta(seconds=seconds))
 
 
 class Recorded:
-    """A model and what it has told."""
+    """A model and what it has published."""
 
     def __init__(self, **limits: Any) -> None:
-        self.told: list[Happening] = []
-        self.model = FleetModel(ModelLimits(**limits), self.told.append)
+        self.published: list[Event] = []
+        self.model = FleetModel(ModelLimits(**limits), self.published.append)
         self.model.on_link(connected=True, at=at(0))
 
     def codes(self) -> list[str]:
-        return [each.code.value for each in self.told]
+        return [each.code.value for each in self.published]
 
-    def last(self, code: Code) -> Happening:
-        return [each for each in self.told if each.code is code][-1]
+    def last(self, code: Code) -> Event:
+        return [each for each in self.published if each.code is code][-1]
 
 
 def test_a_connection_is_told_once() -> None:
     recorded = Recorded()
     for number in range(3):
         recorded.model.on_connection(ROBOT, connection(number=number), at(number))
-    happening = recorded.last(Code.CONNECTION)
+    event = recorded.last(Code.CONNECTION)
     assert recorded.codes().count("connection") == 1
-    assert (happening.robot, happening.time) == ("ACME/r1", START)
-    assert happening.values == {"state": "ONLINE", "before": None}
+    assert (event.robot, event.time) == ("ACME/r1", START)
+    assert event.values == {"state": "ONLINE", "before": None}
 
 
 def test_conditions_are_told_with_the_reason_and_new_reasons_to_stand_too() -> None:
@@ -56,14 +56,14 @@ def test_conditions_are_told_with_the_reason_and_new_reasons_to_stand_too() -> N
     for number, fields in enumerate(scenes):
         recorded.model.on_state(ROBOT, state(number + 1, at=number, **fields), at(number))
         recorded.model.flush(at(number))
-    conditions = [each for each in recorded.told if each.code is Code.CONDITION]
+    conditions = [each for each in recorded.published if each.code is Code.CONDITION]
     assert [(each.values["condition"], each.values["reason"]) for each in conditions] == [
         ("IDLE", "idle"),
         ("BLOCKED", "emergency_stop"),
         ("BLOCKED", "paused"),
         ("BUSY", "driving_free"),
     ]
-    assert conditions[1].text == "Emergency stop is active; it is reset at the robot."
+    assert conditions[1].text == "Emergency stop active; reset it at the robot."
 
 
 def test_silence_is_told_without_a_message() -> None:
@@ -84,7 +84,7 @@ def test_what_a_robot_does_is_told_with_its_order_and_counted() -> None:
     done = state(3, at=2, order_id="v1", last_node_id="B", last_node_sequence_id=2)
     model.on_state(ROBOT, done, at(2))
     model.on_state(ROBOT, done, at(2))
-    assert [(each.code, each.order) for each in recorded.told[1:]] == [
+    assert [(each.code, each.order) for each in recorded.published[1:]] == [
         (Code.ORDER_TAKEN, "v1"),
         (Code.ORDER_ENDED, "TO-1"),
         (Code.NODE_REACHED, "TO-1"),
@@ -110,7 +110,7 @@ def test_transport_orders_are_told_when_their_state_or_reason_changes() -> None:
     ):
         status = order_status(version=version + 1, state=order_state, reason=reason)
         recorded.model.on_order_status(status, at(version))
-    orders = [each for each in recorded.told if each.code is Code.TRANSPORT_ORDER]
+    orders = [each for each in recorded.published if each.code is Code.TRANSPORT_ORDER]
     assert [each.text for each in orders] == [
         "DISPATCHABLE: Waits.",
         "DISPATCHABLE: No vehicle is free.",

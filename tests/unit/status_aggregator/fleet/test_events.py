@@ -13,8 +13,8 @@ from support.fleet_examples import position, way
 ERROR = {"error_type": "orderError", "error_level": "CRITICAL", "error_description": "No way."}
 
 
-def told(before: StateBrief | None, now: StateBrief) -> dict[str, Any]:
-    """Give what is told, by its code."""
+def changes_of(before: StateBrief | None, now: StateBrief) -> dict[str, Any]:
+    """Return the values of the changes by code."""
     return {change.code.value: change.values for change in changes(before, now)}
 
 
@@ -24,12 +24,12 @@ def action(status: str, name: str = "a1") -> dict[str, Any]:
 
 def test_nothing_happens_between_equal_states() -> None:
     same = state(order_id="o1", errors=(ERROR,), action_states=(action("RUNNING"),), **way("B"))
-    assert told(same, replace(same, header_id=9, driving=True)) == {}
+    assert changes_of(same, replace(same, header_id=9, driving=True)) == {}
 
 
 def test_of_a_first_state_only_errors_are_news() -> None:
     first = state(order_id="o1", errors=(ERROR,), action_states=(action("FINISHED"),), **way("B"))
-    assert told(None, first) == {
+    assert changes_of(None, first) == {
         "errorRaised": {"errorType": "orderError", "errorLevel": "CRITICAL", "description": "No way."}
     }
 
@@ -43,10 +43,10 @@ def test_an_order_from_its_taking_to_its_end() -> None:
     )
     done = state(order_id="o1", order_update_id=1, last_node_id="C", last_node_sequence_id=4)
 
-    assert told(free, taken) == {"orderTaken": {"orderId": "o1", "orderUpdateId": 0}}
-    assert told(taken, updated) == {"orderUpdated": {"orderId": "o1", "orderUpdateId": 1}}
-    assert told(updated, under_way) == {"nodeReached": {"nodeId": "B", "sequenceId": 2}}
-    assert told(under_way, done) == {
+    assert changes_of(free, taken) == {"orderTaken": {"orderId": "o1", "orderUpdateId": 0}}
+    assert changes_of(taken, updated) == {"orderUpdated": {"orderId": "o1", "orderUpdateId": 1}}
+    assert changes_of(updated, under_way) == {"nodeReached": {"nodeId": "B", "sequenceId": 2}}
+    assert changes_of(under_way, done) == {
         "orderEnded": {"orderId": "o1", "outcome": "completed"},
         "nodeReached": {"nodeId": "C", "sequenceId": 4},
     }
@@ -71,12 +71,12 @@ def test_an_order_from_its_taking_to_its_end() -> None:
 )
 def test_how_an_order_ended(end: StateBrief, outcome: str) -> None:
     before = state(order_id="o1", last_node_id="A", action_states=(action("RUNNING"),), **way("B"))
-    assert told(before, end)["orderEnded"] == {"orderId": "o1", "outcome": outcome}
+    assert changes_of(before, end)["orderEnded"] == {"orderId": "o1", "outcome": outcome}
 
 
 def test_a_new_order_at_the_node_where_the_robot_stands_reaches_nothing() -> None:
     before = state(order_id="o1", last_node_id="B", last_node_sequence_id=4)
-    assert told(before, state(order_id="o2", last_node_id="B", **way("C"))).keys() == {"orderTaken"}
+    assert changes_of(before, state(order_id="o2", last_node_id="B", **way("C"))).keys() == {"orderTaken"}
 
 
 @pytest.mark.parametrize("status", ["FINISHED", "FAILED"])
@@ -84,14 +84,16 @@ def test_an_action_ends_once(status: str) -> None:
     running = state(order_id="o1", action_states=(action("RUNNING"),), **way("B"))
     ended = state(order_id="o1", action_states=(action(status),), **way("B"))
     values = {"actionId": "a1", "actionType": "pick", "status": status, "result": "box 7"}
-    assert told(running, ended) == {"actionEnded": values}
-    assert told(ended, ended) == {}
+    assert changes_of(running, ended) == {"actionEnded": values}
+    assert changes_of(ended, ended) == {}
 
 
 def test_errors_come_and_go() -> None:
     raised, cleared = state(errors=(ERROR,)), state()
-    assert told(cleared, raised).keys() == {"errorRaised"}
-    assert told(raised, cleared) == {"errorCleared": {"errorType": "orderError", "errorLevel": "CRITICAL"}}
+    assert changes_of(cleared, raised).keys() == {"errorRaised"}
+    assert changes_of(raised, cleared) == {
+        "errorCleared": {"errorType": "orderError", "errorLevel": "CRITICAL"}
+    }
 
 
 def test_mode_charging_loads_and_map() -> None:
@@ -102,7 +104,7 @@ def test_mode_charging_loads_and_map() -> None:
         loads=({"load_id": "box"},),
         mobile_robot_position={**position(0, 0), "map_id": "yard"},
     )
-    assert told(before, now) == {
+    assert changes_of(before, now) == {
         "operatingMode": {"mode": "MANUAL", "before": "AUTOMATIC"},
         "charging": {"charging": True, "charge": 20.0},
         "loads": {"loads": 1, "before": 0},

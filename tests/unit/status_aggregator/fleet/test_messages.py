@@ -9,65 +9,65 @@ from nena_status_aggregator.fleet.messages import GREATEST_HEADER_ID, SAMPLES, C
 from support.fleet_examples import START
 
 
-def judge(sequence: Sequence, number: int, seconds: float) -> Verdict:
-    return sequence.judge(number, START + timedelta(seconds=seconds))
+def assess(sequence: Sequence, number: int, seconds: float) -> Verdict:
+    return sequence.assess(number, START + timedelta(seconds=seconds))
 
 
-def judged(*messages: tuple[int, float]) -> list[str]:
+def assessed(*messages: tuple[int, float]) -> list[str]:
     sequence = Sequence()
-    return [judge(sequence, number, seconds).name for number, seconds in messages]
+    return [assess(sequence, number, seconds).name for number, seconds in messages]
 
 
 def test_rising_messages_are_taken() -> None:
-    assert judged((5, 0), (6, 1), (7, 1)) == ["TAKEN"] * 3
+    assert assessed((5, 0), (6, 1), (7, 1)) == ["NEW"] * 3
 
 
 def test_the_same_message_again_is_repeated() -> None:
-    assert judged((5, 0), (6, 1), (6, 1)) == ["TAKEN", "TAKEN", "REPEATED"]
+    assert assessed((5, 0), (6, 1), (6, 1)) == ["NEW", "NEW", "REPEATED"]
 
 
 def test_an_older_message_is_late() -> None:
-    assert judged((5, 5), (9, 9), (7, 7)) == ["TAKEN", "TAKEN", "LATE"]
+    assert assessed((5, 5), (9, 9), (7, 7)) == ["NEW", "NEW", "LATE"]
 
 
 def test_two_older_messages_that_do_not_continue_each_other_are_both_late() -> None:
-    assert judged((5, 5), (9, 9), (5, 5), (7, 7)) == ["TAKEN", "TAKEN", "LATE", "LATE"]
+    assert assessed((5, 5), (9, 9), (5, 5), (7, 7)) == ["NEW", "NEW", "LATE", "LATE"]
 
 
 def test_a_restart_at_zero_is_taken_even_with_an_older_clock() -> None:
-    assert judged((5, 1000), (0, 10), (1, 11)) == ["TAKEN"] * 3
+    assert assessed((5, 1000), (0, 10), (1, 11)) == ["NEW"] * 3
 
 
 def test_the_first_message_of_a_session_repeated_later_is_no_restart() -> None:
-    assert judged((0, 0), (1, 1), (0, 0), (2, 2)) == ["TAKEN", "TAKEN", "REPEATED", "TAKEN"]
+    assert assessed((0, 0), (1, 1), (0, 0), (2, 2)) == ["NEW", "NEW", "REPEATED", "NEW"]
 
 
 def test_a_lower_number_with_a_later_time_is_a_restart() -> None:
     sequence = Sequence()
-    assert judge(sequence, 50, 0) is Verdict.TAKEN
-    assert judge(sequence, 1, 10) is Verdict.TAKEN
+    assert assess(sequence, 50, 0) is Verdict.NEW
+    assert assess(sequence, 1, 10) is Verdict.NEW
     assert sequence.restarts == 1
 
 
 def test_a_clock_set_back_does_not_lock_the_robot_out() -> None:
-    assert judged((5, 1000), (6, 10), (7, 11)) == ["TAKEN"] * 3
+    assert assessed((5, 1000), (6, 10), (7, 11)) == ["NEW"] * 3
 
 
 def test_a_restart_at_one_with_an_older_clock_is_believed_at_its_second_message() -> None:
-    assert judged((50, 1000), (1, 10), (2, 11), (3, 12)) == ["TAKEN", "LATE", "TAKEN", "TAKEN"]
+    assert assessed((50, 1000), (1, 10), (2, 11), (3, 12)) == ["NEW", "LATE", "NEW", "NEW"]
 
 
 def test_numbers_that_wrap_around_are_no_restart() -> None:
     sequence = Sequence()
-    judge(sequence, GREATEST_HEADER_ID, 0)
-    assert judge(sequence, 0, 1) is Verdict.TAKEN
+    assess(sequence, GREATEST_HEADER_ID, 0)
+    assert assess(sequence, 0, 1) is Verdict.NEW
     assert sequence.restarts == 0
 
 
 def test_gaps_are_counted() -> None:
     sequence = Sequence()
-    judge(sequence, 3, 0)
-    judge(sequence, 7, 1)
+    assess(sequence, 3, 0)
+    assess(sequence, 7, 1)
     assert sequence.missed == 3
 
 
@@ -76,9 +76,9 @@ def test_gaps_are_counted() -> None:
 def test_a_sender_is_never_locked_out(before: list[tuple[int, int]]) -> None:
     sequence = Sequence()
     for number, seconds in before:
-        judge(sequence, number, seconds)
-    following = [judge(sequence, number, number) for number in range(100, 104)]
-    assert following[1:] == [Verdict.TAKEN] * 3
+        assess(sequence, number, seconds)
+    following = [assess(sequence, number, number) for number in range(100, 104)]
+    assert following[1:] == [Verdict.NEW] * 3
 
 
 def measured(*differences: float) -> float | None:

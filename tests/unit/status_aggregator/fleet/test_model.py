@@ -13,9 +13,9 @@ from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant.model import PlantModel
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.messages import MessageKind
-from nena_status_aggregator.fleet.model import FleetModel, MapShelf, ModelLimits, RobotRegister
+from nena_status_aggregator.fleet.model import FleetModel, MapCache, ModelLimits, RobotRegistry
 from nena_status_aggregator.fleet.publication import Delta, apply
-from nena_status_aggregator.fleet.robot import Instant
+from nena_status_aggregator.fleet.robot import Timestamp
 from nena_status_aggregator.fleet.views import RobotView
 from support.fleet_briefs import state, visualization
 from support.fleet_examples import (
@@ -31,8 +31,8 @@ from support.fleet_examples import (
 from support.robot_maps import robot_map
 
 
-def at(seconds: float) -> Instant:
-    return Instant(seconds, START + timedelta(seconds=seconds))
+def at(seconds: float) -> Timestamp:
+    return Timestamp(seconds, START + timedelta(seconds=seconds))
 
 
 def model(**limits: Any) -> FleetModel:
@@ -41,7 +41,7 @@ def model(**limits: Any) -> FleetModel:
     return made
 
 
-def told(fleet: FleetModel, seconds: float = 0, key: RobotKey = ROBOT) -> RobotView:
+def view_of(fleet: FleetModel, seconds: float = 0, key: RobotKey = ROBOT) -> RobotView:
     fleet.flush(at(seconds))
     view = fleet.robot_view(key)
     assert view is not None
@@ -51,7 +51,7 @@ def told(fleet: FleetModel, seconds: float = 0, key: RobotKey = ROBOT) -> RobotV
 def test_a_robot_is_discovered_by_its_first_message() -> None:
     fleet = model()
     fleet.on_connection(ROBOT, connection(), at(0))
-    view = told(fleet)
+    view = view_of(fleet)
     assert (view["id"], view["name"], view["connection"]) == ("ACME/r1", "r1", "ONLINE")
     assert (view["condition"], view["lastState"]) == ("SILENT", None)
 
@@ -75,7 +75,7 @@ def test_everything_that_a_state_says_is_shown() -> None:
         ),
         at(1),
     )
-    view = told(fleet, 1)
+    view = view_of(fleet, 1)
     assert view["condition"] == "BUSY"
     assert view["position"] == {"x": 1.0, "y": 2.0, "theta": 0.5, "mapId": "hall", "localized": True}
     assert view["velocity"] == {"vx": 0.8, "vy": 0.0, "omega": 0.1}
@@ -93,10 +93,10 @@ def test_everything_that_a_state_says_is_shown() -> None:
 def test_late_and_repeated_states_change_nothing_and_are_counted() -> None:
     fleet = model()
     fleet.on_state(ROBOT, state(5, at=5, last_node_id="new"), at(5))
-    before = told(fleet, 5)
+    before = view_of(fleet, 5)
     fleet.on_state(ROBOT, state(5, at=5, last_node_id="again"), at(6))
     fleet.on_state(ROBOT, state(3, at=3, last_node_id="old"), at(6))
-    assert told(fleet, 6) == before
+    assert view_of(fleet, 6) == before
     assert fleet.statistics.repeated[MessageKind.STATE] == 1
     assert fleet.statistics.late[MessageKind.STATE] == 1
     assert fleet.statistics.received[MessageKind.STATE] == 3
@@ -107,13 +107,13 @@ def test_the_will_counts_though_its_header_is_old() -> None:
     fleet.on_connection(ROBOT, connection("ONLINE", 8, at=100), at(100))
     fleet.on_state(ROBOT, state(at=101), at(101))
     fleet.on_connection(ROBOT, connection("CONNECTION_BROKEN", 7, at=99), at(130))
-    assert told(fleet, 130)["condition"] == "BROKEN"
+    assert view_of(fleet, 130)["condition"] == "BROKEN"
 
 
 def test_silence_comes_by_time_alone() -> None:
     fleet = model()
     fleet.on_state(ROBOT, state(), at(0))
-    assert told(fleet, 35)["condition"] == "IDLE"
+    assert view_of(fleet, 35)["condition"] == "IDLE"
     delta = fleet.flush(at(36))
     assert delta is not None
     assert [each["condition"] for each in delta["robots"]] == ["SILENT"]
@@ -123,18 +123,18 @@ def test_silence_comes_by_time_alone() -> None:
 def test_a_clock_that_is_off_is_noticed() -> None:
     fleet = model()
     fleet.on_state(ROBOT, state(at=61), at(1))
-    assert told(fleet)["clockSkew"] == 60
+    assert view_of(fleet)["clockSkew"] == 60
     other = RobotKey("ACME", "r2")
     fleet.on_state(other, state(robot=other, at=0.5), at(1))
-    assert told(fleet, key=other)["clockSkew"] is None
+    assert view_of(fleet, key=other)["clockSkew"] is None
 
 
 def test_a_robot_that_is_never_understood_is_seen() -> None:
     fleet = model()
     fleet.on_malformed(MessageKind.STATE, "uagv/v2/ACME/r1/state", "headerId: missing", at(0), key=ROBOT)
-    view = told(fleet)
+    view = view_of(fleet)
     assert (view["condition"], view["malformed"]) == ("SILENT", 1)
-    assert view["reason"] == "No state that could be read: state: headerId: missing"
+    assert view["reason"] == "Unreadable state: state: headerId: missing"
     shown = fleet.snapshot()["malformed"]
     assert (shown["counts"], shown["lastProblem"]) == ({"state": 1}, "headerId: missing")
 
@@ -143,7 +143,7 @@ def test_a_malformed_message_leaves_the_last_state_alone() -> None:
     fleet = model()
     fleet.on_state(ROBOT, state(), at(0))
     fleet.on_malformed(MessageKind.STATE, "t", "bad", at(1), key=ROBOT)
-    assert told(fleet, 1)["condition"] == "IDLE"
+    assert view_of(fleet, 1)["condition"] == "IDLE"
 
 
 def test_new_errors_are_counted_once() -> None:
@@ -161,7 +161,7 @@ def test_the_order_service_names_the_robot_and_says_why_it_is_free() -> None:
     fleet = model()
     fleet.on_state(ROBOT, state(), at(0))
     fleet.on_vehicle_status(vehicle_status(), at(0))
-    view = told(fleet)
+    view = view_of(fleet)
     assert (view["name"], view["reason"]) == ("Vehicle-1", "No order waits for it.")
 
 
@@ -238,7 +238,7 @@ EVENTS: st.SearchStrategy[Event] = st.tuples(
 )
 
 
-def happen(fleet: FleetModel, event: Event, now: Instant) -> None:
+def happen(fleet: FleetModel, event: Event, now: Timestamp) -> None:
     kind, who, number, variant = event
     key = RobotKey("ACME", f"r{who}")
     match kind:
@@ -256,7 +256,7 @@ def happen(fleet: FleetModel, event: Event, now: Instant) -> None:
             happen_beside(fleet, event, now)
 
 
-def happen_beside(fleet: FleetModel, event: Event, now: Instant) -> None:
+def happen_beside(fleet: FleetModel, event: Event, now: Timestamp) -> None:
     kind, who, number, variant = event
     key = RobotKey("ACME", f"r{who}")
     match kind:
@@ -337,26 +337,26 @@ A, B, C = (RobotKey("ACME", name) for name in "abc")
 
 
 def test_a_robot_is_met_once() -> None:
-    register = RobotRegister(2, None)
-    first, _ = register.meet(A, at(0))
-    assert register.meet(A, at(1)) == (first, None)
+    register = RobotRegistry(2, None)
+    first, _ = register.find_or_add(A, at(0))
+    assert register.find_or_add(A, at(1)) == (first, None)
     assert len(register) == 1
 
 
 def test_a_newcomer_is_refused_while_all_are_alive() -> None:
-    register = RobotRegister(2, None)
-    register.meet(A, at(0))
-    register.meet(B, at(0))
-    assert register.meet(C, at(30)) == (None, None)
+    register = RobotRegistry(2, None)
+    register.find_or_add(A, at(0))
+    register.find_or_add(B, at(0))
+    assert register.find_or_add(C, at(30)) == (None, None)
     assert [robot.key for robot in register] == [A, B]
 
 
 def test_a_newcomer_takes_the_place_of_the_quietest() -> None:
-    register = RobotRegister(2, None)
-    register.meet(A, at(0))
-    register.meet(B, at(0))
-    register.meet(A, at(90))
-    newcomer, gone = register.meet(C, at(100))
+    register = RobotRegistry(2, None)
+    register.find_or_add(A, at(0))
+    register.find_or_add(B, at(0))
+    register.find_or_add(A, at(90))
+    newcomer, gone = register.find_or_add(C, at(100))
     assert newcomer is not None
     assert gone is not None
     assert gone.key == B
@@ -367,20 +367,20 @@ OTHER = "fedcba9876543210"
 
 
 def test_equal_maps_are_kept_once() -> None:
-    shelf = MapShelf()
-    first = shelf.shared(robot_map())
-    assert shelf.shared(robot_map()) is first
-    assert shelf.shared(robot_map(OTHER)) is not first
+    cache = MapCache()
+    first = cache.shared(robot_map())
+    assert cache.shared(robot_map()) is first
+    assert cache.shared(robot_map(OTHER)) is not first
     elsewhere = robot_map(x=5.0)
-    assert shelf.shared(elsewhere) is elsewhere, "the same digest does not make it the same map"
+    assert cache.shared(elsewhere) is elsewhere, "the same digest does not make it the same map"
 
 
 def test_a_map_without_room_is_not_taken_until_another_one_goes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("nena_status_aggregator.fleet.model.ROOM", 2 * len(robot_map().png) - 1)
-    shelf = MapShelf()
-    first = shelf.shared(robot_map())
+    cache = MapCache()
+    first = cache.shared(robot_map())
     assert first is not None
-    assert shelf.shared(robot_map(OTHER)) is None
+    assert cache.shared(robot_map(OTHER)) is None
     del first
     gc.collect()
-    assert shelf.shared(robot_map(OTHER)) is not None
+    assert cache.shared(robot_map(OTHER)) is not None

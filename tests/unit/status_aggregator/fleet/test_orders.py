@@ -7,18 +7,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
-from nena_status_aggregator.fleet.orders import OrderBook, progress
+from nena_status_aggregator.fleet.orders import OrderRegistry, progress
 from support.fleet_examples import START, drive_order, order_status
 
 FINISHED = TransportOrderState.FINISHED
 
 
-def names(book: OrderBook) -> set[str]:
+def names(book: OrderRegistry) -> set[str]:
     return {order.status.name for order in book}
 
 
 def test_a_newer_version_replaces_an_older_one_and_not_the_other_way_round() -> None:
-    book = OrderBook(10)
+    book = OrderRegistry(10)
     assert book.take(order_status(version=2))
     assert not book.take(order_status(version=1))
     assert not book.take(order_status(version=2))
@@ -27,31 +27,31 @@ def test_a_newer_version_replaces_an_older_one_and_not_the_other_way_round() -> 
 
 
 def test_a_name_given_anew_starts_again() -> None:
-    book = OrderBook(10)
+    book = OrderRegistry(10)
     book.take(order_status(version=9, state=FINISHED))
     assert book.take(order_status(version=1, created=START + timedelta(hours=1)))
     assert [order.status.version for order in book] == [1]
 
 
 def test_an_ended_order_outlives_the_broker() -> None:
-    book = OrderBook(10)
+    book = OrderRegistry(10)
     book.take(order_status(state=FINISHED))
     assert not book.clear("TO-1")
     assert names(book) == {"TO-1"}
 
 
 def test_a_living_order_goes_when_the_broker_has_it_no_more() -> None:
-    book = OrderBook(10)
+    book = OrderRegistry(10)
     book.take(order_status())
     assert book.clear("TO-1")
     assert names(book) == set()
 
 
 def test_after_a_lost_link_a_living_order_is_doubted_until_it_is_heard_again() -> None:
-    book = OrderBook(10)
+    book = OrderRegistry(10)
     book.take(order_status("living"))
     book.take(order_status("ended", state=FINISHED))
-    book.doubt()
+    book.mark_unconfirmed()
     assert {order.status.name: order.confirmed for order in book} == {"living": False, "ended": True}
     assert book.take(order_status("living"))
     assert all(order.confirmed for order in book)
@@ -59,7 +59,7 @@ def test_after_a_lost_link_a_living_order_is_doubted_until_it_is_heard_again() -
 
 
 def test_when_there_are_too_many_the_one_that_ended_first_goes_first() -> None:
-    book = OrderBook(2)
+    book = OrderRegistry(2)
     book.take(order_status("old", state=FINISHED))
     book.take(order_status("living"))
     book.take(order_status("new", state=FINISHED))
@@ -77,7 +77,7 @@ def test_when_there_are_too_many_the_one_that_ended_first_goes_first() -> None:
 def test_never_more_than_the_limit_and_never_one_twice(
     heard: list[tuple[str, int, TransportOrderState]],
 ) -> None:
-    book = OrderBook(3)
+    book = OrderRegistry(3)
     for name, version, state in heard:
         book.take(order_status(name, version, state))
         book.shrink()

@@ -75,8 +75,8 @@ def test_only_what_changed_is_told() -> None:
     numbers["r1"] = 2
     publication.robots.touch(key)
 
-    told = publication.flush(
+    delta = publication.flush(
         lambda each: robot(each.serial_number, numbers.get(each.serial_number)), lambda _: None
     )
 
-    assert told == {"id": 2, "robots": [{"id": "r1", "number": 2}]}
+    assert delta == {"id": 2, "robots": [{"id": "r1", "number": 2}]}

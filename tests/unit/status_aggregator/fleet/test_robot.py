@@ -16,17 +16,17 @@ from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.own_actions import SHOW_MAP_TRANSFORMS
 from nena_status_aggregator.fleet.condition import Condition
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
-from nena_status_aggregator.fleet.robot import Instant, Odometer, OrderProgress, PlantFrame, Robot
+from nena_status_aggregator.fleet.robot import Odometer, OrderProgress, PlantFrame, Robot, Timestamp
 from support.fleet_briefs import place, state, visualization
 from support.fleet_examples import ROBOT, START, connection, factsheet, position, way
 
 
-def at(seconds: float) -> Instant:
-    return Instant(1000 + seconds, START + timedelta(seconds=seconds))
+def at(seconds: float) -> Timestamp:
+    return Timestamp(1000 + seconds, START + timedelta(seconds=seconds))
 
 
 def condition_of(robot: Robot, seconds: float) -> Condition:
-    robot.judge(at(seconds), None, link_up=True)
+    robot.assess(at(seconds), None, link_up=True)
     return robot.condition
 
 
@@ -53,10 +53,10 @@ def test_silent_after_the_limit_and_back_with_the_next_state() -> None:
 def test_falling_silent_is_told_once_per_silence() -> None:
     robot = Robot(ROBOT, at(0))
     robot.on_state(state(), at(0), retained=False)
-    told = [robot.falls_silent(at(seconds), None) for seconds in (10, 36, 37)]
+    silent = [robot.falls_silent(at(seconds), None) for seconds in (10, 36, 37)]
     robot.on_state(state(2), at(40), retained=False)
-    told += [robot.falls_silent(at(seconds), None) for seconds in (41, 80)]
-    assert told == [False, True, False, False, True]
+    silent += [robot.falls_silent(at(seconds), None) for seconds in (41, 80)]
+    assert silent == [False, True, False, False, True]
 
 
 def test_a_state_that_the_broker_kept_is_as_old_as_it_says() -> None:
@@ -198,16 +198,16 @@ def xy(position: PositionBrief | None) -> tuple[float, float] | None:
 
 
 @pytest.mark.parametrize(
-    ("told", "shown"),
+    ("sheet", "shown"),
     [(sheet("pick"), (0.0, 5.0)), (sheet(SHOW_MAP_TRANSFORMS), (10.0, 0.0)), (None, None)],
     ids=["of its map", "of the plant", "nobody knows yet"],
 )
 def test_by_the_frame_in_which_the_robot_speaks(
-    told: Factsheet | None, shown: tuple[float, float] | None
+    sheet: Factsheet | None, shown: tuple[float, float] | None
 ) -> None:
-    position = TURNED.position(place(10.0, 0.0), told)
+    position = TURNED.position(place(10.0, 0.0), sheet)
     assert xy(position) == (shown and pytest.approx(shown))
-    assert TURNED.place(10.0, 0.0, "hall", told) == (shown and pytest.approx(shown))
+    assert TURNED.place(10.0, 0.0, "hall", sheet) == (shown and pytest.approx(shown))
 
 
 def test_on_a_map_without_a_transform_all_is_as_it_was() -> None:
@@ -224,7 +224,7 @@ def test_a_plant_that_says_nonsense_says_nothing() -> None:
 
 def test_a_plant_that_comes_later_puts_robots_where_they_are() -> None:
     fleet = FleetModel(ModelLimits())
-    instant = Instant(0.0, START)
+    instant = Timestamp(0.0, START)
     fleet.on_factsheet(ROBOT, sheet("pick"), instant)
     fleet.on_state(ROBOT, state(mobile_robot_position=position(10.0, 0.0)), instant)
 

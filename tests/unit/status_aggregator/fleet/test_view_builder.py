@@ -7,7 +7,7 @@ from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.transport_order import Coordinate, Destination, Hold
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_status_aggregator.fleet.orders import TrackedOrder
-from nena_status_aggregator.fleet.robot import Instant, Robot
+from nena_status_aggregator.fleet.robot import Robot, Timestamp
 from nena_status_aggregator.fleet.view_builder import LIST_LIMIT, place, view_order, view_robot
 from nena_status_aggregator.fleet.views import RobotView
 from support.fleet_briefs import state
@@ -17,7 +17,7 @@ from support.robot_maps import robot_map
 
 def shown(**fields: Any) -> RobotView:
     """What is told of a robot with such a state."""
-    now = Instant.of(ManualClock(start=START))
+    now = Timestamp.of(ManualClock(start=START))
     robot = Robot(ROBOT, now)
     robot.on_state(state(**fields), now, retained=False)
     return view_robot(robot, silence_limit=35, skew_limit=2)
@@ -53,7 +53,7 @@ def test_the_way_that_it_means_to_drive_is_told_in_centimetres_and_bounded() -> 
 
 
 def test_the_first_footprint_of_the_factsheet_is_the_outline() -> None:
-    now = Instant.of(ManualClock(start=START))
+    now = Timestamp.of(ManualClock(start=START))
     robot = Robot(ROBOT, now)
     sheet = factsheet().model_dump(by_alias=True)
     corners = ({"x": 0.0, "y": -0.5}, {"x": 2.5, "y": 0.5})
@@ -69,7 +69,7 @@ def test_the_first_footprint_of_the_factsheet_is_the_outline() -> None:
 
 
 def test_where_its_own_map_lies_is_told() -> None:
-    now = Instant.of(ManualClock(start=START))
+    now = Timestamp.of(ManualClock(start=START))
     robot = Robot(ROBOT, now)
     assert view_robot(robot, silence_limit=35, skew_limit=2)["grid"] is None
     robot.map = robot_map(x=-1.00004, theta=0.5)

@@ -7,7 +7,7 @@ import pytest
 from sqlalchemy import Engine, update
 from sqlalchemy.exc import OperationalError
 
-from nena_status_aggregator.fleet.events import Code, Happening
+from nena_status_aggregator.fleet.events import Code, Event
 from nena_status_aggregator.history import database
 from nena_status_aggregator.history.database import HistoryError, HistoryFilter
 from support.fleet_examples import START
@@ -15,9 +15,9 @@ from support.fleet_examples import START
 ALL = HistoryFilter()
 
 
-def happening(second: float, code: Code = Code.CONDITION, **fields: str) -> Happening:
+def event(second: float, code: Code = Code.CONDITION, **fields: str) -> Event:
     time = START + timedelta(seconds=second)
-    return Happening(time, code, fields.pop("text", f"at {second}"), **fields, values={"n": second})
+    return Event(time, code, fields.pop("text", f"at {second}"), **fields, values={"n": second})
 
 
 def texts(engine: Engine, wanted: HistoryFilter) -> list[str]:
@@ -25,7 +25,7 @@ def texts(engine: Engine, wanted: HistoryFilter) -> list[str]:
 
 
 def test_what_is_written_is_read_newest_first(engine: Engine) -> None:
-    database.write(engine, [happening(1, robot="A/1", order="TO-1"), happening(2.5)])
+    database.write(engine, [event(1, robot="A/1", order="TO-1"), event(2.5)])
     newest, oldest = database.read_newest(engine, ALL, before=None, limit=10)
     assert newest["id"] > oldest["id"]
     assert oldest == {
@@ -41,7 +41,7 @@ def test_what_is_written_is_read_newest_first(engine: Engine) -> None:
 
 
 def test_pages_follow_each_other(engine: Engine) -> None:
-    database.write(engine, [happening(number) for number in range(5)])
+    database.write(engine, [event(number) for number in range(5)])
     first = database.read_newest(engine, ALL, before=None, limit=2)
     second = database.read_newest(engine, ALL, before=first[-1]["id"], limit=10)
     assert [each["text"] for each in (*first, *second)] == ["at 4", "at 3", "at 2", "at 1", "at 0"]
@@ -55,10 +55,10 @@ def test_filters(engine: Engine) -> None:
     database.write(
         engine,
         [
-            happening(0, robot="A/1", order="TO-1", text="zero"),
-            happening(1, Code.ERROR_RAISED, robot="A/1", text="one"),
-            happening(2, Code.POSITION, robot="A/1", text="two"),
-            happening(3, Code.LINK, text="three"),
+            event(0, robot="A/1", order="TO-1", text="zero"),
+            event(1, Code.ERROR_RAISED, robot="A/1", text="one"),
+            event(2, Code.POSITION, robot="A/1", text="two"),
+            event(3, Code.LINK, text="three"),
         ],
     )
     second = START + timedelta(seconds=1)
@@ -73,15 +73,15 @@ def test_filters(engine: Engine) -> None:
 
 def test_odd_texts_are_kept_as_far_as_databases_can(engine: Engine) -> None:
     odd = "\x00 \U0001f916 'quoted' %s"
-    database.write(engine, [happening(0, robot="r" * 999, text=odd)])
+    database.write(engine, [event(0, robot="r" * 999, text=odd)])
     (entry,) = database.read_newest(engine, ALL, before=None, limit=1)
     assert entry["text"] == odd.replace("\x00", "\ufffd")
     assert entry["robot"] == "r" * database.ROBOT_LENGTH
 
 
 def test_what_is_too_old_goes(engine: Engine) -> None:
-    track = [happening(number, Code.POSITION) for number in range(4)]
-    database.write(engine, [*track, *(happening(number) for number in range(4))])
+    track = [event(number, Code.POSITION) for number in range(4)]
+    database.write(engine, [*track, *(event(number) for number in range(4))])
     limit = START + timedelta(seconds=2)
     assert database.expire(engine, before=limit, code=Code.POSITION) == 2
     assert texts(engine, HistoryFilter(codes=(Code.POSITION,))) == ["at 3", "at 2"]
@@ -92,7 +92,7 @@ def test_what_is_too_old_goes(engine: Engine) -> None:
 
 
 def test_tables_are_made_once_and_another_version_is_refused(engine: Engine) -> None:
-    database.write(engine, [happening(0)])
+    database.write(engine, [event(0)])
     database.prepare(engine)
     assert texts(engine, ALL) == ["at 0"]
     with engine.begin() as connection:
@@ -104,10 +104,10 @@ def test_tables_are_made_once_and_another_version_is_refused(engine: Engine) -> 
 @pytest.mark.parametrize(
     ("url", "reason"),
     [
-        ("history.db", "cannot be used"),
-        ("sqlite://", "names no file"),
-        ("sqlite:///:memory:", "names no file"),
-        ("oracle+nothing://host", "cannot be used"),
+        ("history.db", "unusable"),
+        ("sqlite://", "has no file name"),
+        ("sqlite:///:memory:", "has no file name"),
+        ("oracle+nothing://host", "unusable"),
     ],
 )
 def test_a_url_that_cannot_be_is_refused_with_what_to_write(url: str, reason: str) -> None:
@@ -117,7 +117,7 @@ def test_a_url_that_cannot_be_is_refused_with_what_to_write(url: str, reason: st
 
 @pytest.mark.parametrize("end", ["an@secret@127.0.0.1", "an@other:secret@127.0.0.1", "x@127.0.0.1:secret"])
 def test_a_password_that_is_written_wrongly_is_not_repeated(end: str) -> None:
-    with pytest.raises(HistoryError, match="cannot be used") as caught:
+    with pytest.raises(HistoryError, match="unusable") as caught:
         database.make_engine(f"postgresql+psycopg://user:{end}/history")
     assert "secret" not in f"{caught.value}{caught.value.__cause__}"
 

@@ -11,7 +11,7 @@ import pytest
 from sqlalchemy import Engine
 
 from nena_shared.clock import ManualClock
-from nena_status_aggregator.fleet.events import Code, Happening
+from nena_status_aggregator.fleet.events import Code, Event
 from nena_status_aggregator.history import database
 from nena_status_aggregator.history import writer as writer_module
 from nena_status_aggregator.history.database import HistoryEntry, HistoryError, HistoryFilter
@@ -22,8 +22,8 @@ from support.postgres import Postgres
 from support.waiting import PATIENCE, until
 
 
-def happening(number: int, code: Code = Code.CONDITION) -> Happening:
-    return Happening(START + timedelta(seconds=number), code, f"number {number}")
+def event(number: int, code: Code = Code.CONDITION) -> Event:
+    return Event(START + timedelta(seconds=number), code, f"number {number}")
 
 
 def writer_of(engine: Engine, *, days: float = 0.0, **settings: Any) -> HistoryWriter:
@@ -54,7 +54,7 @@ async def test_what_is_told_is_written_soon_and_in_order(engine: Engine) -> None
     writer = writer_of(engine, batch_limit=7)
     async with running(writer):
         for number in range(20):
-            writer.tell(happening(number))
+            writer.add(event(number))
         await until(lambda: writer.written == 20, what="twenty entries")
         assert texts(engine) == [f"number {number}" for number in range(20)]
         assert (writer.waiting, writer.dropped, writer.failures) == (0, 0, 0)
@@ -63,16 +63,16 @@ async def test_what_is_told_is_written_soon_and_in_order(engine: Engine) -> None
 async def test_the_end_writes_what_is_left(engine: Engine) -> None:
     writer = writer_of(engine)
     async with running(writer):
-        writer.tell(happening(1))
+        writer.add(event(1))
         await until(lambda: writer.written == 1, what="the first entry")
-        writer.tell(happening(2))
+        writer.add(event(2))
     assert texts(engine) == ["number 1", "number 2"]
 
 
 async def test_too_many_push_out_the_oldest_and_a_gap_tells_of_it(engine: Engine) -> None:
     writer = writer_of(engine, queue_limit=3)
     for number in range(5):
-        writer.tell(happening(number))
+        writer.add(event(number))
     assert (writer.waiting, writer.dropped) == (3, 2)
     async with running(writer):
         await until(lambda: not writer.waiting and writer.written, what="the rest")
@@ -86,7 +86,7 @@ async def test_a_failure_of_the_database_is_survived(engine: Engine) -> None:
     async with running(writer):
         database.metadata.drop_all(engine)
         for number in range(3):
-            writer.tell(happening(number))
+            writer.add(event(number))
         await until(lambda: writer.written == 3, what="entries in tables that were made again")
         assert (writer.failures, writer.dropped) == (1, 0)
         assert texts(engine) == ["number 0", "number 1", "number 2"]
@@ -102,10 +102,10 @@ async def test_a_server_that_is_away_is_waited_for_and_the_queue_keeps_its_limit
     try:
         async with running(writer):
             for number in range(10):
-                writer.tell(happening(number))
+                writer.add(event(number))
             await until(lambda: writer.failures >= 2, what="two tries")
             for number in range(10, 14):
-                writer.tell(happening(number))
+                writer.add(event(number))
             await until(lambda: writer.failures >= 4, what="more tries")
             assert writer.waiting <= 10
             postgres.start()
@@ -128,17 +128,17 @@ async def test_a_server_that_hangs_keeps_nobody_from_ending(
     writer = writer_of(database.make_engine(postgres.url))
     with ExitStack() as stack:
         async with running(writer):
-            writer.tell(happening(0))
+            writer.add(event(0))
             await until(lambda: writer.written == 1, what="one is written")
             stack.enter_context(postgres.frozen())
-            writer.tell(happening(1))
+            writer.add(event(1))
         (thread,) = writer._thread._threads
         await asyncio.to_thread(thread.join, PATIENCE)
         assert not thread.is_alive()
 
 
 async def test_what_is_too_old_goes_by_itself(engine: Engine) -> None:
-    old = [happening(0), happening(1, Code.POSITION)]
+    old = [event(0), event(1, Code.POSITION)]
     database.write(engine, old)
     async with running(writer_of(engine, days=3, retention_days=5, track_days=2)):
         positions = HistoryFilter(codes=(Code.POSITION,))

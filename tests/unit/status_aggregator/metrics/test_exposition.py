@@ -124,7 +124,7 @@ def test_prometheus_finds_nothing_to_complain_about(aggregator: Aggregator) -> N
     promtool = shutil.which("promtool")
     if promtool is None:
         pytest.skip("promtool is not there: apt-get install prometheus")
-    told = subprocess.run(
+    result = subprocess.run(
         [promtool, "check", "metrics"],
         input=exposed(aggregator),
         text=True,
@@ -132,7 +132,7 @@ def test_prometheus_finds_nothing_to_complain_about(aggregator: Aggregator) -> N
         timeout=30,
         check=False,
     )
-    assert (told.returncode, told.stdout, told.stderr) == (0, "", "")
+    assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
 
 
 async def test_the_loop_handles_what_has_come_between_the_families(aggregator: Aggregator) -> None:

@@ -5,7 +5,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from nena_shared.clock import ManualClock
 from nena_shared.vda5050.topics import RobotKey
-from nena_status_aggregator.fleet.robot import Instant, Robot
+from nena_status_aggregator.fleet.robot import Robot, Timestamp
 from nena_status_aggregator.metrics.robot_series import RobotSeries
 from support.fleet_briefs import state
 from support.fleet_examples import ROBOT, START, connection, position, way
@@ -14,13 +14,13 @@ CLOCK = ManualClock(start=START)
 
 
 def robot(key: RobotKey = ROBOT) -> Robot:
-    return Robot(key, Instant.of(CLOCK))
+    return Robot(key, Timestamp.of(CLOCK))
 
 
 def figures(*robots: Robot, after: float = 0.0) -> dict[str, dict[str, float]]:
     """Give what is written of each robot, by its serial number."""
     found: dict[str, dict[str, float]] = {each.key.serial_number: {} for each in robots}
-    text = "".join(RobotSeries().families(robots, Instant.of(ManualClock(seconds=after, start=START))))
+    text = "".join(RobotSeries().families(robots, Timestamp.of(ManualClock(seconds=after, start=START))))
     for family in text_string_to_metric_families(text):
         for sample in family.samples:
             found[sample.labels["serial_number"]][sample.name] = sample.value
@@ -29,7 +29,7 @@ def figures(*robots: Robot, after: float = 0.0) -> dict[str, dict[str, float]]:
 
 def test_figures_of_a_state() -> None:
     busy = robot()
-    busy.on_connection(connection(), Instant.of(CLOCK))
+    busy.on_connection(connection(), Timestamp.of(CLOCK))
     busy.on_state(
         state(
             order_id="o1",
@@ -48,7 +48,7 @@ def test_figures_of_a_state() -> None:
             safety_state={"active_emergency_stop": "REMOTE", "field_violation": True},
             **way("B", "C", first=4),
         ),
-        Instant.of(CLOCK),
+        Timestamp.of(CLOCK),
         retained=False,
     )
 
@@ -95,7 +95,7 @@ def test_odd_names_are_escaped() -> None:
 
 def test_only_robots_that_are_there_are_written_and_remembered() -> None:
     series = RobotSeries()
-    now = Instant.of(CLOCK)
+    now = Timestamp.of(CLOCK)
     first, second = robot(), robot(RobotKey("ACME", "r2"))
 
     assert "r1" in "".join(series.families([first, second], now))

@@ -23,15 +23,13 @@ ENTRY = re.compile(r'^  "([\w.:]+)":\s+"((?:[^"\\]|\\.)*)",$', re.MULTILINE)
 KEY = re.compile(
     r'"((?:page|summary|theme|link|map|layer|robots?|condition|battery|progress|age|orders?|destination|state|messages|'
     r"language|filter|goal|fact|unit|connection|session|mode|reason|advice|errorAdvice|level|action|why|command|dispatch|"
-    r'position|form|login|operation|orderForm|drive|event|happening|history)\.[\w.]+)"'
+    r'position|form|login|operation|orderForm|drive|event|eventLog|done|history)\.[\w.]+)"'
 )
 MADE = re.compile(r"`([\w.]+\.)\$\{")
 
 
 def texts(language: str) -> dict[str, str]:
-    folder = PANEL / "texts"
-    paths = [folder / f"{language}.js", *sorted((folder / language).glob("*.js"))]
-    source = "\n".join(path.read_text(encoding="utf-8") for path in paths)
+    source = (PANEL / "texts" / f"{language}.js").read_text(encoding="utf-8")
     found = dict(ENTRY.findall(source))
     assert len(found) == source.count('",\n'), "a text that is not one line under its key"
     return found
@@ -104,7 +102,7 @@ def test_everything_that_has_a_code_has_its_words() -> None:
     wanted |= {f"mode.{each}" for each in OperatingMode}
     wanted |= {f"level.{each}" for each in ErrorLevel}
     wanted |= {f"action.{each}" for each in ActionStatus}
-    wanted |= {f"happening.{each}" for each in Code}
+    wanted |= {f"eventLog.{each}" for each in Code}
     wanted |= {f"reason.{each}" for each in TEXTS if each != "emergency_stop"}
     assert wanted - KEYS == set()
 

@@ -1,1 +1,1 @@
-"""HTTP: the fleet as resources, the stream of changes, health, metrics and the page."""
+"""HTTP: REST resources, event stream, commands, sign-in, health, metrics and the panel's files."""

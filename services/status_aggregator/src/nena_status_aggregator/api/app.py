@@ -1,4 +1,4 @@
-"""Headers that keep a browser from doing anything with our answers but show them."""
+"""The HTTP application: routes, security headers, health, metrics and the panel's files."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""Everything from this server, nothing inline, nothing from elsewhere."""
+"""Only content from this server; nothing inline."""
 
 HEADERS = {
     "content-security-policy": CONTENT_SECURITY_POLICY,
@@ -44,13 +44,13 @@ HEADERS = {
 
 
 class SecurityHeaders:
-    """Adds the headers to every answer; a plain ASGI layer, so that streams pass unbuffered."""
+    """Adds the headers to every response; plain ASGI, so that streams are not buffered."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on."""
+        """Handle a request."""
 
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -66,23 +66,27 @@ def make_health_router(aggregator: Aggregator, exposition: Exposition) -> APIRou
 
     @router.get("/healthz")
     async def healthz() -> dict[str, str]:
-        """Tell that the program lives."""
+        """Report that the program is running."""
         return {"status": "ok"}
 
     @router.get("/readyz")
     async def readyz() -> dict[str, str]:
-        """Tell whether the link to the broker stands and brings all; without it everything here grows old."""
+        """Report whether the broker is connected and grants all subscriptions."""
         if not aggregator.model.link_up:
-            detail = "No link to the MQTT broker. Is it running, and do --mqtt.host and --mqtt.port name it?"
+            detail = (
+                "Not connected to the MQTT broker. Check that it is running, and --mqtt.host and --mqtt.port."
+            )
             raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, detail)
         if refused := aggregator.link.mqtt.state.refused:
-            detail = f"The MQTT broker refuses to tell of {', '.join(refused)}: look at its access list."
+            detail = (
+                f"The MQTT broker refused the subscription to {', '.join(refused)}; check its access list."
+            )
             raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, detail)
         return {"status": "ready"}
 
     @router.get("/metrics", response_class=PlainTextResponse)
     async def metrics() -> StreamingResponse:
-        """Give all metrics in Prometheus's text format."""
+        """Return all metrics in the Prometheus text format."""
         return StreamingResponse(exposition.stream(), media_type=CONTENT_TYPE_PLAIN_0_0_4)
 
     return router
@@ -92,10 +96,10 @@ PANEL = Path(panel.__file__).parent / "static"
 
 
 class PanelFiles(StaticFiles):
-    """The page's files; a browser asks each time whether they are still the same."""
+    """The panel's files; browsers revalidate them on each use."""
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """Give one file."""
+        """Return a file."""
         response = await super().get_response(path, scope)
         response.headers["cache-control"] = "no-cache"
         return response
@@ -104,12 +108,12 @@ class PanelFiles(StaticFiles):
 def make_app(
     aggregator: Aggregator, http: HttpSettings, order_service: OrderServiceSettings | None = None
 ) -> FastAPI:
-    """Make the application over ``aggregator``; it starts nothing by itself.
+    """Create the application; it starts no tasks.
 
-    Without ``order_service`` the panel gives no commands.
+    Without ``order_service`` commands are disabled.
 
     Raises:
-        ConfigurationError: the file of users or a setting of the issuer cannot be used.
+        ConfigurationError: the users file or an OIDC setting is unusable.
 
     """
     tokens = access_tokens_of(http)

@@ -1,4 +1,9 @@
-"""The order service's REST door, as the control panel reaches it through this program."""
+"""Commands of the control panel, ``/api/v1/control``: forwarded to the order service, which authorises them.
+
+A page of another origin must not be able to send commands. Therefore requests of other origins are refused,
+commands must be JSON (which needs a CORS preflight that is never granted), and the host name must be
+trusted, because a foreign name may have been made to resolve to this host (DNS rebinding).
+"""
 
 from __future__ import annotations
 
@@ -21,24 +26,24 @@ from nena_status_aggregator.settings import OrderServiceSettings
 log = get_logger(__name__)
 
 
-class OrderServiceAwayError(Exception):
-    """The order service has not answered; the text says what happened."""
+class OrderServiceUnavailableError(Exception):
+    """The order service did not answer."""
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What the order service answered, problems included."""
+    """A response of the order service, including problems."""
 
     status: int
     content_type: str
     body: bytes
 
 
-class OrderServiceDoor:
-    """Passes requests on. Commands are rare: each has a connection of its own, and none is sent twice."""
+class OrderServiceClient:
+    """Forwards requests to the order service. Each uses its own connection, and none is retried."""
 
     def __init__(self, url: str, settings: OrderServiceSettings) -> None:
-        """Prepare; ``url`` is where the order service's ``/v1`` is."""
+        """Create the client; ``url`` is the base URL of the order service, without ``/v1``."""
         self._url = url.rstrip("/")
         self._timeout = httpx.Timeout(settings.timeout, connect=min(5.0, settings.timeout))
         self._tls = ssl.create_default_context(cafile=settings.ca)
@@ -46,10 +51,10 @@ class OrderServiceDoor:
     async def ask(
         self, method: str, path: str, query: str = "", body: bytes | None = None, *, token: str = ""
     ) -> Answer:
-        """Send one request; ``path`` is percent-encoded and begins below ``/v1/``, ``token`` says who asks.
+        """Send one request; ``path`` is percent-encoded and relative to ``/v1/``.
 
         Raises:
-            OrderServiceAwayError: there was no answer. A command may have been carried out all the same.
+            OrderServiceUnavailableError: no answer. A command may have been executed nevertheless.
 
         """
         url = f"{self._url}/v1/{path}" + (f"?{query}" if query else "")
@@ -63,29 +68,29 @@ class OrderServiceDoor:
                 answer = await client.request(method, url, content=body, headers=headers)
         except httpx.HTTPError as error:
             reason = str(error) or type(error).__name__
-            log.warning("order service not reached", method=method, path=path, reason=reason)
-            raise OrderServiceAwayError(reason) from error
+            log.warning("order service not reachable", method=method, path=path, reason=reason)
+            raise OrderServiceUnavailableError(reason) from error
         if method != "GET":
-            log.info("command passed on", method=method, path=path, status=answer.status_code)
+            log.info("command forwarded", method=method, path=path, status=answer.status_code)
         return Answer(answer.status_code, answer.headers.get("content-type", ""), answer.content)
 
 
 PREFIX = "/api/v1/control"
 RESOURCES = re.compile(r"(transportOrders|vehicles)(/[^/]+(/[A-Za-z]+)?)?")
-"""What is passed on: the resources that the panel uses."""
+"""Forwarded paths: the resources that the panel uses."""
 BODY_LIMIT = 256 * 1024
-"""Bytes."""
+"""Maximum size of a command, bytes."""
 
 
 class Control(TypedDict):
-    """Whether commands are possible here."""
+    """Whether commands are enabled."""
 
     enabled: bool
 
 
 def make_router(settings: OrderServiceSettings) -> APIRouter:
-    """Make the routes; without an address of the order service every command is refused."""
-    door = OrderServiceDoor(str(settings.url), settings) if settings.url else None
+    """Create the routes; without a URL of the order service every command is refused."""
+    client = OrderServiceClient(str(settings.url), settings) if settings.url else None
 
     async def own_page(request: Request) -> None:
         check_origin(request, settings.trusted_hosts)
@@ -94,24 +99,22 @@ def make_router(settings: OrderServiceSettings) -> APIRouter:
 
     @router.get("")
     async def control() -> Control:
-        """Tell whether commands are possible here."""
-        return {"enabled": door is not None}
+        """Return whether commands are enabled."""
+        return {"enabled": client is not None}
 
     async def passed_on(request: Request, _path: Annotated[str, Path(alias="path")]) -> Response:
-        """Pass a request on to the order service's `/v1`, whose interface describes it."""
-        if door is None:
-            detail = (
-                "Commands are off. Start this program with --order_service.url, e.g. http://127.0.0.1:55200."
-            )
+        """Forward a request to the order service's `/v1`; see its API."""
+        if client is None:
+            detail = "Commands are disabled. Set --order_service.url, e.g. to http://127.0.0.1:55200."
             raise ProblemError(HTTPStatus.NOT_FOUND, detail)
         path = resource_of(request)
         body = await _body(request) if request.method == "POST" else None
         try:
             token = token_of(request.headers, cookies=True)
-            answer = await door.ask(request.method, path, request.url.query, body, token=token)
-        except OrderServiceAwayError as error:
-            detail = f"The order service does not answer ({error}). Is it running, and does "
-            detail += "--order_service.url name it? Look at what it did before you ask again."
+            answer = await client.ask(request.method, path, request.url.query, body, token=token)
+        except OrderServiceUnavailableError as error:
+            detail = f"No answer from the order service ({error}). Check that it is running and that "
+            detail += "--order_service.url is correct. Check the order list before retrying."
             raise ProblemError(HTTPStatus.BAD_GATEWAY, detail) from error
         return Response(answer.body, answer.status, media_type=answer.content_type or None)
 
@@ -121,24 +124,24 @@ def make_router(settings: OrderServiceSettings) -> APIRouter:
 
 
 def check_origin(request: Request, trusted_hosts: tuple[str, ...]) -> None:
-    """Refuse what does not come from our own page, or from a program.
+    """Accept only requests from the panel itself and from programs.
 
     Raises:
-        ProblemError: 403 for a page of another origin and for a host name that is not ours.
+        ProblemError: 403 for a page of another origin or an untrusted host name.
 
     """
     host = request.headers.get("host", "")
     if _parts(f"//{host}").hostname not in trusted_hosts:
-        detail = f"{host!r} is not one of the names of this service; see --order_service.trusted_hosts."
+        detail = f"{host!r} is not a trusted host name of this service; see --order_service.trusted_hosts."
         raise ProblemError(HTTPStatus.FORBIDDEN, detail)
     origin = request.headers.get("origin")
     site = request.headers.get("sec-fetch-site", "same-origin")
     if (origin is not None and _parts(origin).netloc != host) or site not in ("same-origin", "none"):
-        raise ProblemError(HTTPStatus.FORBIDDEN, "Commands are taken from this service's own page only.")
+        raise ProblemError(HTTPStatus.FORBIDDEN, "Commands are accepted from this service's own page only.")
 
 
 def _parts(address: str) -> SplitResult:
-    """Split what a client says is an address; what is none has no parts."""
+    """Split an address of a client; an invalid one has no parts."""
     try:
         return urlsplit(address)
     except ValueError:
@@ -146,17 +149,17 @@ def _parts(address: str) -> SplitResult:
 
 
 def resource_of(request: Request) -> str:
-    """Give the part of the path to pass on, percent-encoded as it came.
+    """Return the path to forward, percent-encoded as received.
 
     Raises:
-        ProblemError: 404 for what the order service has, but not for the panel.
+        ProblemError: 404 for resources that the panel does not use.
 
     """
     raw: bytes = request.scope["raw_path"]
     path = raw.decode("ascii").split("?", 1)[0].removeprefix(f"{PREFIX}/")
     dots = any(unquote(part) in (".", "..") for part in path.split("/"))
     if dots or not RESOURCES.fullmatch(path):
-        detail = f"There is nothing to command at {request.url.path}; see /api/v1/openapi.json."
+        detail = f"No command at {request.url.path}; see /api/v1/openapi.json."
         raise ProblemError(HTTPStatus.NOT_FOUND, detail)
     return path
 
@@ -169,6 +172,6 @@ async def _body(request: Request) -> bytes:
     async for chunk in request.stream():
         body += chunk
         if len(body) > BODY_LIMIT:
-            detail = f"A command has at most {BODY_LIMIT} bytes."
+            detail = f"Command exceeds {BODY_LIMIT} bytes."
             raise ProblemError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, detail)
     return bytes(body)

@@ -1,10 +1,4 @@
-"""The stream of changes that browsers and programs follow, as server-sent events.
-
-Events are made once and shared by all clients. The last ones are kept in a ring; a client is nothing but a
-place in it. That bounds what a client can cost, and gives the rule for slow ones: who is more than
-``backlog`` events behind, or asks for an event that the ring has lost, or for one of an earlier run of this
-program, gets a snapshot and goes on from there. No client can slow the others or the model.
-"""
+"""The event stream ``/api/v1/events`` (server-sent events)."""
 
 from __future__ import annotations
 
@@ -23,17 +17,23 @@ from nena_status_aggregator.settings import EventSettings
 
 
 class EventStream:
-    """Ids are ``<epoch>-<number>``; the epoch is another one after each start of the program."""
+    """Events are encoded once and shared by all clients.
+
+    The last events are kept in a ring; a client is only a position in it. A client that is more than
+    ``backlog`` events behind, or resumes after an event that is no longer kept, receives a snapshot. No
+    client can slow down others. IDs are ``<epoch>-<number>``; the epoch changes with each start of the
+    program.
+    """
 
     def __init__(
         self, settings: EventSettings, *, epoch: str, snapshot: Callable[[], tuple[int, bytes]]
     ) -> None:
-        """Make an empty stream.
+        """Create an empty stream.
 
         Args:
             settings: the limits.
-            epoch: names this run; neither blank nor ``-`` in it.
-            snapshot: gives the number of the last event and, as JSON, everything up to it.
+            epoch: identifies this run; without blanks and ``-``.
+            snapshot: returns the number of the last event, and the fleet as of it as JSON.
 
         """
         self._settings = settings
@@ -48,16 +48,16 @@ class EventStream:
 
     @property
     def full(self) -> bool:
-        """Whether there is no room for another client."""
+        """Whether the client limit is reached."""
         return self.clients >= self._settings.clients
 
     @property
     def events(self) -> int:
-        """How many events there have been."""
+        """Number of events published."""
         return self._last
 
     def publish(self, number: int, data: bytes) -> None:
-        """Give an event to all clients; numbers rise by one."""
+        """Publish an event to all clients; numbers increase by one."""
         self._ring.append(self._frame("delta", number, data))
         self._last = number
         self._news.came()
@@ -68,9 +68,9 @@ class EventStream:
         self._news.came()
 
     async def follow(self, last_id: str | None) -> AsyncGenerator[bytes, None]:
-        """Yield what a client gets that knows everything up to ``last_id``; None: that knows nothing.
+        """Yield the events after ``last_id``; None: start with a snapshot.
 
-        Nothing where there is no room: of those who ask at the same time each one may have seen the last.
+        Yields nothing if the client limit has been reached since :attr:`full` was checked.
         """
         if self.full:
             return
@@ -88,7 +88,7 @@ class EventStream:
             self.clients -= 1
 
     def _next(self, place: int | None) -> tuple[bytes, int]:
-        """Give all that a client at ``place`` has to get next, and where it is then."""
+        """Return the next frames for a client at ``place``, and its new position."""
         behind = None if place is None else self._last - place
         if behind is None or behind > min(self._settings.backlog, len(self._ring)):
             number, data = self._snapshot()
@@ -107,24 +107,25 @@ class EventStream:
 
 
 def make_router(stream: EventStream) -> APIRouter:
-    """Make the route over ``stream``."""
+    """Create the route of the event stream."""
     router = APIRouter(prefix="/api/v1", tags=["events"])
 
     @router.get("/events", response_class=StreamingResponse)
     async def events(
-        last_event_id: Annotated[str | None, Header(description="Id of the last event received.")] = None,
+        last_event_id: Annotated[str | None, Header(description="ID of the last event received.")] = None,
         after: Annotated[
-            str | None, Query(description="The same, for clients that cannot set headers.", max_length=100)
+            str | None,
+            Query(description="Same as Last-Event-ID, for clients that cannot set headers.", max_length=100),
         ] = None,
     ) -> StreamingResponse:
-        """Follow all changes as server-sent events.
+        """Stream all changes as server-sent events.
 
-        `snapshot` holds everything, `delta` what changed since the event before it, `heartbeat` nothing. A
-        client that comes back with the id of its last event gets what it missed, or a snapshot if that is
-        too much or too long ago.
+        `snapshot` contains everything, `delta` the changes since the previous event, `heartbeat` nothing. A
+        client that resumes with the ID of its last event receives the events it missed, or a snapshot if
+        they are no longer available.
         """
         if stream.full:
-            detail = "Too many clients follow the events; raise --events.clients, or try again later."
+            detail = "Too many event stream clients. Increase --events.clients or try again later."
             raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, detail)
         return StreamingResponse(
             stream.follow(last_event_id or after), media_type="text/event-stream", headers=HEADERS

@@ -1,4 +1,4 @@
-"""One robot at a time, below ``/api/v1/robots``."""
+"""The fleet, ``/api/v1``: everything, single robots, transport orders, plant model."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from nena_status_aggregator.fleet.views import (
 
 
 class RobotResource(RobotView):
-    """A robot, and how old its last state is at the time of the answer, s; None before the first."""
+    """A robot, and the age of its last state, s; null before the first."""
 
     stateAge: float | None  # noqa: N815 - the name on the wire
 
 
 def with_age(aggregator: Aggregator, view: RobotView) -> RobotResource:
-    """Give a robot with the age of its last state."""
+    """Add the age of the last state to the view of a robot."""
     robot = aggregator.model.robots.get(RobotKey(view["manufacturer"], view["serialNumber"]))
     age = robot.age(aggregator.now()) if robot else None
     return {**view, "stateAge": None if age is None else round(age, 3)}
@@ -40,24 +40,26 @@ def make_robots_router(aggregator: Aggregator) -> APIRouter:
 
     @router.get("", responses={200: {"model": RobotResource}})
     async def robot(manufacturer: str, serial: str) -> Response:
-        """One robot."""
+        """Return one robot."""
         aggregator.publish_changes()
         view = model.robot_view(RobotKey(manufacturer, serial))
-        unheard = f"No robot {manufacturer}/{serial} has been heard of. /api/v1/fleet lists those that have."
+        unheard = f"Unknown robot {manufacturer}/{serial}; /api/v1/fleet lists all known robots."
         return as_json(with_age(aggregator, found(view, unheard)))
 
     @router.get("/actions", responses={200: {"model": list[KnownActionView]}})
     async def actions(manufacturer: str, serial: str) -> Response:
-        """The actions that one robot's factsheet lists, with their parameters."""
+        """Return the actions of a robot's factsheet, with their parameters."""
         known = model.robots.get(RobotKey(manufacturer, serial))
-        missing = f"No factsheet of {manufacturer}/{serial} has come; the robot sends it when asked for it."
+        missing = f"No factsheet received from {manufacturer}/{serial}; request it with factsheetRequest."
         return as_json(view_known_actions(found(known.factsheet if known else None, missing)))
 
     @router.get("/map", response_class=Response)
     async def robot_map(manufacturer: str, serial: str) -> Response:
-        """What one robot's own map looks like: a PNG image; the robot's `grid` says where it lies."""
+        """Return a robot's grid map as a PNG image; the robot's `grid` contains its pose."""
         known = model.robots.get(RobotKey(manufacturer, serial))
-        missing = f"No map of {manufacturer}/{serial} has come; NeNa's edge agent sends that of its Nav2."
+        missing = (
+            f"No map received from {manufacturer}/{serial}; NeNa's edge agent publishes the map of its Nav2."
+        )
         image = found(known.map if known else None, missing).png
         return Response(image, media_type="image/png", headers={"cache-control": "no-cache"})
 
@@ -65,9 +67,9 @@ def make_robots_router(aggregator: Aggregator) -> APIRouter:
 
 
 class FleetResource(TypedDict):
-    """Everything. ``time`` is the time of the answer, ``id`` the number of the last change in it.
+    """The whole fleet. `time` is the time of the response, `id` the number of the last change it contains.
 
-    ``share`` tells which share of the robots it is: ``1/1`` for all of them.
+    `share` is the share of the robots that this aggregator monitors, `1/1` for all of them.
     """
 
     time: str
@@ -87,7 +89,7 @@ def make_router(aggregator: Aggregator) -> APIRouter:
 
     @router.get("/fleet", responses={200: {"model": FleetResource}})
     async def fleet() -> Response:
-        """Everything: robots, orders, whether there is a plant model, the link to the broker."""
+        """Return the whole fleet: robots, orders, plant model summary, broker connection."""
         aggregator.publish_changes()
         view = model.snapshot()
         robots = [with_age(aggregator, each) for each in view["robots"]]
@@ -96,14 +98,16 @@ def make_router(aggregator: Aggregator) -> APIRouter:
 
     @router.get("/orders", responses={200: {"model": list[OrderView]}})
     async def orders() -> Response:
-        """All transport orders that are kept."""
+        """Return all transport orders."""
         aggregator.publish_changes()
         return as_json(model.snapshot()["orders"])
 
     @router.get("/plant")
     async def plant() -> Response:
-        """The plant model, as the order service publishes it."""
-        missing = "There is no plant model. Start the order service with one, on the same broker and prefix."
+        """Return the plant model published by the order service."""
+        missing = (
+            "No plant model received. Start the order service with one, on the same broker and topic prefix."
+        )
         return Response(found(model.plant, missing).to_json(), media_type="application/json")
 
     return router

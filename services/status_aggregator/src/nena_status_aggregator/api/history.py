@@ -1,4 +1,4 @@
-"""The history under ``/api/v1/history``."""
+"""The history, ``/api/v1/history``: pages and exports."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from nena_status_aggregator.history.database import HistoryEntry, HistoryFilter
 from nena_status_aggregator.history.history import (
     Form,
     History,
-    HistoryAwayError,
+    HistoryUnavailableError,
     as_csv,
     as_json_lines,
     csv_head,
@@ -28,14 +28,14 @@ from nena_status_aggregator.history.history import (
 Moment = Annotated[datetime, AfterValidator(in_utc)]
 
 LAST_ID = 2**63 - 1
-"""Databases know no higher numbers."""
+"""Largest number of a database row."""
 
 NO_NUL = r"^[^\x00]*$"
-"""PostgreSQL takes no such text."""
+"""PostgreSQL does not accept NUL in texts."""
 
 
 class HistoryPage(TypedDict):
-    """Entries, newest first; ``next`` is the ``before`` of the next page, None on the last."""
+    """Entries, newest first; `next` is the `before` of the next page, null on the last."""
 
     entries: list[HistoryEntry]
     next: int | None
@@ -49,11 +49,13 @@ def wanted(
     order: Annotated[
         str | None, Query(description="Name of a transport order.", max_length=600, pattern=NO_NUL)
     ] = None,
-    code: Annotated[tuple[Code, ...], Query(description="Only these kinds; none: all but `position`.")] = (),
-    since: Annotated[Moment | None, Query(description="From this time on, ISO 8601.")] = None,
-    until: Annotated[Moment | None, Query(description="Before this time, ISO 8601.")] = None,
+    code: Annotated[
+        tuple[Code, ...], Query(description="Only these kinds. Unset: all except `position`.")
+    ] = (),
+    since: Annotated[Moment | None, Query(description="Earliest time (inclusive), ISO 8601.")] = None,
+    until: Annotated[Moment | None, Query(description="Latest time (exclusive), ISO 8601.")] = None,
 ) -> HistoryFilter:
-    """Make the filter of a request."""
+    """Return the filter of a request."""
     return HistoryFilter(robot, order, code, since, until)
 
 
@@ -61,32 +63,32 @@ Wanted = Annotated[HistoryFilter, Depends(wanted)]
 
 
 def make_router(history: History | None) -> APIRouter:
-    """Make the routes over ``history``; None: none is kept."""
+    """Create the routes of the history; None: it is disabled."""
     router = APIRouter(prefix="/api/v1", tags=["history"])
 
     @router.get("/history")
     async def page(
         chosen: Wanted,
         before: Annotated[
-            int | None, Query(ge=1, le=LAST_ID, description="`next` of the page before.")
+            int | None, Query(ge=1, le=LAST_ID, description="`next` of the previous page.")
         ] = None,
         limit: Annotated[int, Query(ge=1, le=1000)] = 100,
     ) -> HistoryPage:
-        """What happened, newest first."""
+        """Return a page of events, newest first."""
         try:
             entries = await _kept(history).newest(chosen, before=before, limit=limit)
-        except HistoryAwayError as error:
+        except HistoryUnavailableError as error:
             raise _away() from error
         return {"entries": entries, "next": entries[-1]["id"] if len(entries) == limit else None}
 
     @router.get("/history.csv", response_class=StreamingResponse)
     async def csv(chosen: Wanted) -> StreamingResponse:
-        """What happened, oldest first, for spreadsheets (RFC 4180)."""
+        """Export events as CSV (RFC 4180), oldest first."""
         return await _file(_kept(history), chosen, as_csv, "text/csv; charset=utf-8", head=csv_head())
 
     @router.get("/history.jsonl", response_class=StreamingResponse)
     async def json_lines(chosen: Wanted) -> StreamingResponse:
-        """What happened, oldest first, one JSON object in each line."""
+        """Export events as JSON Lines, oldest first."""
         return await _file(_kept(history), chosen, as_json_lines, "application/jsonl")
 
     return router
@@ -97,24 +99,24 @@ NOTHING: list[HistoryEntry] = []
 
 def _kept(history: History | None) -> History:
     if history is None:
-        detail = "No history is kept. Set --history.url, e.g. to sqlite:///nena-history.db."
+        detail = "The history is disabled. Set --history.url, e.g. to sqlite:///nena-history.db."
         raise ProblemError(HTTPStatus.NOT_FOUND, detail)
     return history
 
 
 def _away() -> ProblemError:
-    detail = "The database of the history does not answer; the log says why. Try again later."
+    detail = "History database unavailable; see the log of the status aggregator. Try again later."
     return ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, detail)
 
 
 async def _file(
     history: History, chosen: HistoryFilter, form: Form, media_type: str, *, head: str = ""
 ) -> StreamingResponse:
-    """Answer with all entries; the first page is read before, so that errors still have their status."""
+    """Return all entries as a stream. The first page is read before, so that an error sets the status."""
     pages = history.pages(chosen)
     try:
         first = await anext(pages, NOTHING)
-    except HistoryAwayError as error:
+    except HistoryUnavailableError as error:
         raise _away() from error
 
     async def text() -> AsyncIterator[str]:

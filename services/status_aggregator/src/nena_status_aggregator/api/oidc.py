@@ -1,7 +1,7 @@
-"""Signing in at the panel: authorization code flow with PKCE, state and nonce (OpenID Connect, RFC 7636).
+"""OpenID Connect sign-in at the panel, ``/api/v1/session/oidc``.
 
-Nothing is kept here while somebody is at the issuer: what has to be known again at their return is with their
-browser, in a cookie that scripts do not get.
+Uses the authorization code flow with PKCE, state and nonce. During a sign-in nothing is stored on the
+server; the values to check afterwards are in an HttpOnly cookie.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ from nena_status_aggregator.api.session import SIGN_IN, TOKEN_LIMIT, keep
 log = get_logger(__name__)
 
 CALLBACK = "api/v1/session/oidc/callback"
-"""Where the issuer sends browsers back to, below the panel."""
+"""Path of the redirect URI, below the panel's URL."""
 
-SHOWN = 200
-"""Characters of an issuer's own words that are logged."""
+LOGGED_LENGTH = 200
+"""Maximum logged length of an issuer's text, characters."""
 
 Why = Literal["away", "expired", "refused", "role", "unfit"]
 
 
 class SignInError(Exception):
-    """Nobody is signed in; ``why`` is what the page tells, the text what the log tells."""
+    """Sign-in failed; ``why`` is shown on the sign-in page, the message is logged."""
 
     def __init__(self, why: Why, reason: str) -> None:
         super().__init__(reason)
@@ -57,52 +57,52 @@ class SignInError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """What a browser has to bring back."""
+    """Values that a browser must return after authentication at the issuer (RFC 7636, OpenID Connect)."""
 
     state: str
-    """Shows that who comes back is who went."""
+    """Binds the response to this browser."""
     nonce: str
-    """Shows that the ID token was made for this sign-in."""
+    """Binds the ID token to this sign-in."""
     verifier: str
-    """Shows the issuer that who has the code is who asked for it."""
+    """Binds the authorization code to this client (PKCE)."""
 
     @classmethod
     def new(cls) -> Self:
-        """Make one that nobody guesses."""
+        """Create an unguessable attempt."""
         return cls(*(secrets.token_urlsafe(32) for _ in range(3)))
 
     @classmethod
     def read(cls, text: str) -> Self | None:
-        """Read what :meth:`text` has made; None: it is something else."""
+        """Parse the result of :meth:`text`; None if it is invalid."""
         parts = text.split(".")
         return cls(*parts) if len(parts) == 3 and all(parts) else None  # noqa: PLR2004 - the fields
 
     def text(self) -> str:
-        """Give it as the value of a cookie."""
+        """Return the attempt as a cookie value."""
         return f"{self.state}.{self.nonce}.{self.verifier}"
 
     @property
     def challenge(self) -> str:
-        """What the issuer gets of the verifier at first (S256)."""
+        """The PKCE code challenge (S256)."""
         return urlsafe_b64encode(sha256(self.verifier.encode()).digest()).rstrip(b"=").decode()
 
 
 @dataclass(frozen=True, slots=True)
 class SignedIn:
-    """Somebody, and the access token that says so."""
+    """A signed-in user and the access token."""
 
     user: OidcUser
     token: str
 
 
 class SignIn:
-    """Sends browsers to the issuer, and takes them back."""
+    """The authorization code flow between browser and issuer."""
 
     def __init__(self, tokens: AccessTokens, settings: PanelOidcSettings) -> None:
-        """Prepare; ``settings`` name a client.
+        """Create the flow; ``settings`` define a client.
 
         Raises:
-            ConfigurationError: the file with the client's password cannot be used.
+            ConfigurationError: the client secret file is unusable.
 
         """
         self.panel = f"{str(settings.panel_url).rstrip('/')}/"
@@ -113,10 +113,10 @@ class SignIn:
         self._issuer = tokens.issuer
 
     async def begin(self, attempt: Attempt) -> str:
-        """Tell where to send a browser.
+        """Return the URL of the issuer's sign-in page.
 
         Raises:
-            SignInError: the issuer cannot be asked where that is.
+            SignInError: the issuer's metadata is unavailable.
 
         """
         try:
@@ -135,25 +135,27 @@ class SignIn:
         }
         return f"{_protected(place)}{'&' if '?' in place else '?'}{urlencode(asked)}"
 
-    async def finish(self, attempt: Attempt | None, came: Mapping[str, str]) -> SignedIn:
-        """Take a browser back; ``came`` is what the issuer has sent with it.
+    async def finish(self, attempt: Attempt | None, query: Mapping[str, str]) -> SignedIn:
+        """Complete a sign-in; ``query`` is the query of the issuer's redirect.
 
         Raises:
-            SignInError: nobody is signed in.
+            SignInError: the sign-in failed.
 
         """
-        if attempt is None or not _is_same(came.get("state", ""), attempt.state):
-            raise SignInError("expired", "the browser does not bring the state of its sign-in")
-        if "code" not in came:
-            raise SignInError("refused", f"the issuer says {came.get('error', 'nothing')[:SHOWN]!r}")
+        if attempt is None or not _is_same(query.get("state", ""), attempt.state):
+            raise SignInError("expired", "missing or wrong state parameter")
+        if "code" not in query:
+            raise SignInError(
+                "refused", f"the issuer answered {query.get('error', 'nothing')[:LOGGED_LENGTH]!r}"
+            )
         try:
-            return await self._exchange(attempt, came["code"])
+            return await self._exchange(attempt, query["code"])
         except IssuerAwayError as error:
             raise SignInError("away", str(error)) from error
         except NoRoleError as error:
             raise SignInError("role", str(error)) from error
         except TokenRefusedError as error:
-            raise SignInError("unfit", f"a token is not accepted: {error}") from error
+            raise SignInError("unfit", f"token rejected: {error}") from error
 
     async def _exchange(self, attempt: Attempt, code: str) -> SignedIn:
         metadata = await self._issuer.metadata()
@@ -166,18 +168,20 @@ class SignIn:
         login = self._login(metadata, form)
         status, given = await self._issuer.http.ask("POST", _protected(metadata.token_endpoint), form, login)
         if status != HTTPStatus.OK:
-            raise SignInError("refused", f"the issuer says {str(given.get('error'))[:SHOWN]!r} ({status})")
+            raise SignInError(
+                "refused", f"the issuer answered {str(given.get('error'))[:LOGGED_LENGTH]!r} ({status})"
+            )
         access, identity = given.get("access_token"), given.get("id_token")
         if not isinstance(access, str) or not isinstance(identity, str):
-            raise SignInError("unfit", "the issuer gives no access_token or no id_token")
+            raise SignInError("unfit", "the issuer returned no access_token or no id_token")
         claims = await self._tokens.claims(identity, self._client)
         if not _is_same(str(claims.get("nonce")), attempt.nonce):
-            raise SignInError("unfit", "the ID token is of another sign-in (nonce)")
+            raise SignInError("unfit", "the ID token belongs to another sign-in (nonce)")
         if claims.get("azp", self._client) != self._client:
-            raise SignInError("unfit", "the ID token was made for another client (azp)")
+            raise SignInError("unfit", "the ID token belongs to another client (azp)")
         user = await self._tokens.who(access)
         if user.subject != claims["sub"]:
-            raise SignInError("unfit", "access token and ID token are of two people (sub)")
+            raise SignInError("unfit", "access token and ID token belong to different users (sub)")
         return SignedIn(user, access)
 
     @property
@@ -185,7 +189,7 @@ class SignIn:
         return f"{self.panel}{CALLBACK}"
 
     def _login(self, metadata: Metadata, form: dict[str, str]) -> tuple[str, str] | None:
-        """Say who asks, in the way that the issuer takes (RFC 6749, section 2.3.1)."""
+        """Authenticate the client as the issuer supports it (RFC 6749, 2.3.1)."""
         if self._secret is None:
             form["client_id"] = self._client
             return None
@@ -196,10 +200,10 @@ class SignIn:
 
 
 def sign_in_of(tokens: AccessTokens | None) -> SignIn | None:
-    """Give the sign-in by the issuer where the settings name a client; None: they do not.
+    """Return the sign-in if the settings define a client, else None.
 
     Raises:
-        ConfigurationError: the file with the client's password cannot be used.
+        ConfigurationError: the client secret file is unusable.
 
     """
     settings = tokens.issuer.settings if tokens else None
@@ -207,14 +211,14 @@ def sign_in_of(tokens: AccessTokens | None) -> SignIn | None:
         return None
     if settings.client_id == settings.audience:
         log.warning(
-            "ID tokens count as access tokens: http.oidc.audience is the panel's client_id; choose another",
+            "http.oidc.audience equals client_id: ID tokens count as access tokens; use another audience",
             audience=settings.audience,
         )
     return SignIn(tokens, settings)
 
 
 def _is_same(shown: str, kept: str) -> bool:
-    """Compare in a time that tells nothing; JSON may hold halves of characters (surrogates)."""
+    """Compare in constant time; JSON may contain lone surrogates."""
     one, other = (text.encode("utf-8", "surrogatepass") for text in (shown, kept))
     return compare_digest(one, other)
 
@@ -227,27 +231,27 @@ def _protected(place: str) -> str:
 
 
 COOKIE = "nena_sign_in"
-"""Where a browser keeps its attempt. Unlike the token it comes along from the issuer's page."""
-PATIENCE = 600
-"""Seconds that somebody may take at the issuer."""
+"""Cookie of the attempt. SameSite=Lax, so that it is sent with the issuer's redirect."""
+TIMEOUT = 600
+"""Time for a user to authenticate at the issuer, seconds."""
 PER_SECOND = 0.5
 AT_ONCE = 20
-"""Sign-ins that may begin or end at an address: each may cost a request to the issuer."""
+"""Rate limit of sign-in requests per client address, as each may cause a request to the issuer."""
 
 
 class Offer(TypedDict):
-    """Where a sign-in begins; none where there is no issuer."""
+    """URL that starts a sign-in; null without an issuer."""
 
     start: str | None
 
 
 def make_router(sign_in: SignIn | None, clock: Clock) -> APIRouter:
-    """Make the routes; without ``sign_in`` there is only what says so."""
+    """Create the routes; without ``sign_in`` only the offer, which is null."""
     router = APIRouter(prefix=SIGN_IN, tags=["session"])
 
     @router.get("")
     async def offer() -> Offer:
-        """Tell where a browser can begin to sign in by the issuer."""
+        """Return the URL that starts the OIDC sign-in."""
         return {"start": f"{sign_in.panel}{SIGN_IN.lstrip('/')}/start" if sign_in else None}
 
     if sign_in:
@@ -263,11 +267,13 @@ def _add_steps(router: APIRouter, sign_in: SignIn, clock: Clock) -> None:
     def check_rate(request: Request) -> None:
         asker = request.client.host if request.client else "unknown"
         if limit.wait(asker, clock.monotonic()):
-            raise ProblemError(HTTPStatus.TOO_MANY_REQUESTS, "Too many sign-ins. Try again in a moment.")
+            raise ProblemError(
+                HTTPStatus.TOO_MANY_REQUESTS, "Too many sign-in requests. Try again in a moment."
+            )
 
     @router.get("/start")
     async def start(request: Request) -> Response:
-        """Send the browser to the issuer."""
+        """Redirect the browser to the issuer."""
         check_rate(request)
         attempt = Attempt.new()
         try:
@@ -275,13 +281,13 @@ def _add_steps(router: APIRouter, sign_in: SignIn, clock: Clock) -> None:
         except SignInError as error:
             return _failed(sign_in, error)
         answer.set_cookie(
-            COOKIE, attempt.text(), PATIENCE, path=path, httponly=True, samesite="lax", secure=secure
+            COOKIE, attempt.text(), TIMEOUT, path=path, httponly=True, samesite="lax", secure=secure
         )
         return answer
 
     @router.get("/callback")
     async def callback(request: Request) -> Response:
-        """Take the browser back: to the panel, whatever else the request asks for."""
+        """Complete the sign-in and redirect to the panel."""
         check_rate(request)
         attempt = Attempt.read(request.cookies.get(COOKIE, ""))
         try:
@@ -295,8 +301,8 @@ def _add_steps(router: APIRouter, sign_in: SignIn, clock: Clock) -> None:
 
 def _welcomed(sign_in: SignIn, done: SignedIn, *, secure: bool) -> Response:
     if len(done.token) > TOKEN_LIMIT:
-        message = f"the access token has {len(done.token)} characters: browsers keep {TOKEN_LIMIT}"
-        raise SignInError("unfit", f"{message}. Have the issuer put fewer claims into it")
+        message = f"the access token has {len(done.token)} characters; a cookie holds {TOKEN_LIMIT}"
+        raise SignInError("unfit", f"{message}. Reduce its claims at the issuer")
     answer = _sent(sign_in.panel)
     keep(answer, done.token, secure=secure)
     log.info("signed in", user=done.user.known_as, role=done.user.role.name.lower())
@@ -304,7 +310,7 @@ def _welcomed(sign_in: SignIn, done: SignedIn, *, secure: bool) -> Response:
 
 
 def _failed(sign_in: SignIn, error: SignInError) -> Response:
-    log.warning("nobody signed in by the OIDC issuer", why=error.why, reason=str(error))
+    log.warning("OIDC sign-in failed", why=error.why, reason=str(error))
     return _sent(f"{sign_in.panel}login.html?problem={error.why}")
 
 

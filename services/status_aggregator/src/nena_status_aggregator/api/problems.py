@@ -1,4 +1,4 @@
-"""Errors as problem details (RFC 9457)."""
+"""Responses: JSON, and errors as problem details (RFC 9457)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ log = get_logger(__name__)
 
 
 class ProblemError(Exception):
-    """A request that cannot be answered as wished; ``detail`` says what to do."""
+    """A request failed; ``detail`` says why and what to do."""
 
     def __init__(self, status: HTTPStatus, detail: str) -> None:
         super().__init__(detail)
@@ -28,12 +28,12 @@ class ProblemError(Exception):
 
 
 def response(status: int, detail: str, errors: tuple[str, ...] = ()) -> Response:
-    """Make the answer that tells a problem."""
+    """Return a response with problem details."""
     return answer(Problem(title=HTTPStatus(status).phrase, status=status, detail=detail, errors=errors))
 
 
 def install(app: FastAPI) -> None:
-    """Have every error of ``app`` answered with a problem."""
+    """Make ``app`` answer every error with problem details."""
 
     async def on_problem(_request: Request, error: ProblemError) -> Response:
         return response(error.status, error.detail)
@@ -41,20 +41,20 @@ def install(app: FastAPI) -> None:
     async def on_http_error(request: Request, error: HTTPException) -> Response:
         detail = str(error.detail)
         if error.status_code == HTTPStatus.NOT_FOUND:
-            detail = (
-                f"There is nothing at {request.url.path}. The resources are listed in /api/v1/openapi.json."
-            )
-        told = response(error.status_code, detail)
-        told.headers.update(error.headers or {})
-        return told
+            detail = f"No resource at {request.url.path}; see /api/v1/openapi.json."
+        answered = response(error.status_code, detail)
+        answered.headers.update(error.headers or {})
+        return answered
 
     async def on_invalid(_request: Request, error: RequestValidationError) -> Response:
         errors = tuple(in_words(error.errors(), whole="request", most=TOLD))
-        return response(HTTPStatus.UNPROCESSABLE_ENTITY, "The request does not fit; see errors.", errors)
+        return response(HTTPStatus.UNPROCESSABLE_ENTITY, "Invalid request; see errors.", errors)
 
     async def on_failure(request: Request, error: Exception) -> Response:
         log.error("request failed", path=request.url.path, exc_info=error)
-        return response(HTTPStatus.INTERNAL_SERVER_ERROR, "The request failed; the log says why.")
+        return response(
+            HTTPStatus.INTERNAL_SERVER_ERROR, "Internal error; see the log of the status aggregator."
+        )
 
     app.exception_handler(ProblemError)(on_problem)
     app.exception_handler(HTTPException)(on_http_error)
@@ -66,12 +66,12 @@ T = TypeVar("T")
 
 
 def found(thing: T | None, detail: str) -> T:
-    """Give ``thing``; where there is none, the answer is 404 with ``detail``."""
+    """Return ``thing``; raise a 404 problem with ``detail`` if it is None."""
     if thing is None:
         raise ProblemError(HTTPStatus.NOT_FOUND, detail)
     return thing
 
 
 def as_json(content: Any) -> Response:  # noqa: ANN401 - any of the views
-    """Give it as it is: the views have the names on the wire."""
+    """Return a JSON response; the views have the names on the wire."""
     return Response(to_json(content), media_type="application/json")

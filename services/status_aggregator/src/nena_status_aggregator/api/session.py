@@ -1,4 +1,8 @@
-"""What each request takes: data a viewer, commands an operator; the page's own files are for everybody."""
+"""Sessions and roles: ``/api/v1/session``.
+
+A browser presents its user's token once, as every client does, and gets it back as a cookie. No session is
+stored on the server: the token alone identifies the user.
+"""
 
 from __future__ import annotations
 
@@ -16,18 +20,18 @@ API = "/api/"
 METRICS = "/metrics"
 SESSION = "/api/v1/session"
 SIGN_IN = f"{SESSION}/oidc"
-"""Below it is what a browser needs before anybody is known."""
+"""OIDC sign-in, available without authentication."""
 
 
 def make_rule(settings: HttpSettings) -> RoleNeeded:
-    """Make the rule of this service."""
+    """Return the required role: viewer for data, operator for commands, none for the panel's files."""
 
     def needed(method: str, path: str) -> Role | None:
         if path == METRICS:
             return None if settings.open_metrics else Role.VIEWER
         if not path.startswith(API):
             return None
-        if path == SESSION:  # to log out takes nothing
+        if path == SESSION:  # signing out needs no role
             return None if method == "DELETE" else Role.VIEWER
         if path == SIGN_IN or path.startswith(f"{SIGN_IN}/"):
             return None
@@ -37,45 +41,45 @@ def make_rule(settings: HttpSettings) -> RoleNeeded:
 
 
 TOKEN_LIMIT = 3800
-"""Characters of a token that browsers keep: with name and attributes a cookie has at most 4096 bytes."""
+"""Maximum length of a token in a cookie, which has at most 4096 bytes with name and attributes."""
 
 
 class Session(TypedDict):
-    """Who asks; nobody where nobody has to log in."""
+    """The signed-in user; null without authentication."""
 
     user: str | None
     role: str | None
 
 
 def make_router() -> APIRouter:
-    """Make the routes."""
+    """Create the routes of the session."""
     router = APIRouter(prefix=SESSION, tags=["session"])
 
     @router.get("")
     async def session(request: Request) -> Session:
-        """Tell who asks; 401 where one has to log in first."""
+        """Return the signed-in user; 401 if sign-in is required."""
         return _of(request)
 
     @router.post("")
     async def log_in(request: Request, response: Response) -> Session:
-        """Keep the token of `Authorization: Bearer TOKEN` in the browser, until that is closed."""
+        """Sign in: store the token of `Authorization: Bearer TOKEN` in a session cookie."""
         token = token_of(request.headers, cookies=True)
         if len(token) > TOKEN_LIMIT:
-            detail = f"Browsers keep no token of {len(token)} characters, only up to {TOKEN_LIMIT}."
+            detail = f"Token of {len(token)} characters is too long for a cookie; the limit is {TOKEN_LIMIT}."
             raise ProblemError(HTTPStatus.BAD_REQUEST, detail)
         keep(response, token, secure=request.url.scheme == "https")
         return _of(request)
 
     @router.delete("", status_code=HTTPStatus.NO_CONTENT)
     async def log_out(response: Response) -> None:
-        """Have the browser forget the token."""
+        """Sign out: delete the session cookie."""
         response.delete_cookie(COOKIE, httponly=True, samesite="strict")
 
     return router
 
 
 def keep(response: Response, token: str, *, secure: bool) -> None:
-    """Have the browser keep a token until it is closed; how long the token counts is looked at here."""
+    """Store a token in a session cookie; its expiry is checked on each request."""
     response.set_cookie(COOKIE, token, httponly=True, samesite="strict", secure=secure)
 
 

@@ -1,5 +1,6 @@
-"""The fleet as VDA 5050 traffic and the order service tell it: pure, without I/O and without a clock.
+"""The fleet model, built from VDA 5050 messages and the order service's statuses. Pure: no I/O, no clock.
 
-Messages and the time go in (class ``FleetModel``), views of robots and orders and their changes come out. The
-same messages at the same times always give the same views, so that a recorded conversation can be replayed.
+``FleetModel`` receives messages with their time of arrival, and returns views of robots and orders and their
+changes. The same messages at the same times give the same views, so that a recorded conversation can be
+replayed.
 """

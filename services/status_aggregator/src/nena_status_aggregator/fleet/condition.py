@@ -1,4 +1,4 @@
-"""What a robot is up to, in one word and in a sentence that says why."""
+"""The condition of a robot, the reason for it, and the state of its driver."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from enum import StrEnum
 
 from nena_shared.clock import iso
 from nena_shared.vda5050.action import ActionStatus
-from nena_shared.vda5050.brief.state import ActionBrief, ErrorBrief, StateBrief
+from nena_shared.vda5050.brief.state import ActionBrief, ErrorBrief, NodeBrief, StateBrief
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from nena_shared.vda5050.own_actions import ROS_SESSION
@@ -16,139 +16,144 @@ from nena_shared.vda5050.state import EmergencyStop, OperatingMode
 
 
 class Condition(StrEnum):
-    """The conditions, in the order in which they are judged: the first that holds is the robot's."""
+    """Conditions in order of precedence: the first that applies is the robot's condition."""
 
     OFFLINE = "OFFLINE"
-    """It has logged off, or sleeps, on purpose, or was never switched on."""
+    """Disconnected or hibernating on purpose, or never connected."""
     BROKEN = "BROKEN"
-    """The broker has lost it, and no state has come since."""
+    """CONNECTION_BROKEN (last will), and no state received since."""
     SILENT = "SILENT"
-    """It should send states, but has not for too long."""
+    """No state for longer than the limit."""
     MANUAL = "MANUAL"
-    """Fleet control is not in control: MANUAL, SERVICE, TEACH_IN, STARTUP, INTERVENED."""
+    """Not under fleet control: MANUAL, SERVICE, TEACH_IN, STARTUP, INTERVENED."""
     ERROR = "ERROR"
-    """It reports an error that stops its order or needs a person."""
+    """An error of level FATAL or CRITICAL is active."""
     BLOCKED = "BLOCKED"
-    """It is held: emergency stop, protective field, lost localisation, pause."""
+    """Emergency stop, protective field, not localised or paused."""
     BUSY = "BUSY"
-    """It has an order or drives."""
+    """Has an active order or drives."""
     CHARGING = "CHARGING"
-    """It charges and has nothing else to do."""
+    """Charging, without an order."""
     IDLE = "IDLE"
-    """It could take an order."""
+    """Available for an order."""
 
 
 TEXTS = {
-    "offline": "Logged off at {since}.",
-    "hibernating": "Sleeps since {since}; it answers nothing but a call to wake up.",
-    "broken": "The broker lost its connection at {since}: no power, no radio, or its program has ended.",
-    "unheard": "Nothing has been heard of it yet; the order service knows it from the plant model.",
-    "stateless": "No state has come yet. Is its program running, and does it speak this version of VDA 5050?",
-    "unreadable": "No state that could be read: {problem}",
-    "silent": "No state since {since}; one was due within {limit} s.",
-    "blind": "No state since {since}, because this service has no link to the broker.",
-    "mode": "Operating mode {mode}: fleet control is not in control.",
+    "offline": "Disconnected at {since}.",
+    "hibernating": "Hibernating since {since}; responds only to a wake-up command.",
+    "broken": "Connection lost at {since}: no power, no network, or its agent stopped.",
+    "unheard": "Never connected; known only from the plant model.",
+    "stateless": "No state received yet. Check that its agent runs and its VDA 5050 version is supported.",
+    "unreadable": "Unreadable state: {problem}",
+    "silent": "No state since {since} (limit: {limit} s).",
+    "blind": "No state since {since}: the status aggregator is not connected to the broker.",
+    "mode": "Not under fleet control (operating mode: {mode}).",
     "error": "{type}: {description}",
-    "emergency_stop": "Emergency stop is active; it is reset {how}.",
-    "field": "Something is in its protective field.",
-    "not_localized": "It does not know where it is; set its position.",
+    "emergency_stop": "Emergency stop active; reset it {how}.",
+    "field": "Protective field violated.",
+    "not_localized": "Not localised; set its position.",
     "paused": "Paused.",
-    "action": "Does {action} at {place}.",
-    "waiting_for_release": "Waits at {place} until the way to {next} is released.",
-    "driving": "Drives to {next}.",
-    "standing": "Stands at {place} on the way to {next}.",
-    "driving_free": "Drives without an order.",
-    "action_waiting": "Waits at {place} to begin {action}.",
-    "charging": "Charges, {charge} %.",
-    "idle": "Free.",
+    "action": "Running {action} at {place}.",
+    "waiting_for_release": "Waiting at {place} until {next} is released.",
+    "driving": "Driving to {next}.",
+    "standing": "Stopped at {place} on the way to {next}.",
+    "driving_free": "Driving without an order.",
+    "action_waiting": "Waiting at {place} to start {action}.",
+    "charging": "Battery at {charge} %.",
+    "idle": "No order.",
     "idle_why": "{why}",
 }
-"""The sentences, by the code under which a translation finds them."""
+"""English sentences by reason code; the panel translates them by code."""
+
+COORDINATE_NODES = ("goal:", "start:")
+"""Prefixes of the node IDs that NeNa's order service gives to coordinates."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """Why a robot is in its condition: a code, and what its sentence is filled with."""
+    """Why a robot is in its condition: a code, and the values of its sentence."""
 
     code: str
     values: dict[str, str | float] = field(default_factory=dict)
+    shown: dict[str, str] = field(default_factory=dict)
+    """Values that appear in another form in the sentence."""
 
     @property
     def text(self) -> str:
         """The sentence, in English."""
-        return TEXTS[self.code].format(**self.values)
+        return TEXTS[self.code].format(**{**self.values, **self.shown})
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
-    """What the judgement rests on; the times are for the sentence only."""
+class ConditionInputs:
+    """Everything the condition is derived from; the times appear in the sentence only."""
 
     connection: ConnectionState | None
     connection_since: datetime
     state: StateBrief | None
     state_time: datetime
     state_after_connection: bool
-    """Whether the last state came after the last connection message."""
+    """The last state was received after the last connection message."""
     overdue: bool
-    """Whether the last state, or the first sign of the robot, is older than the limit."""
+    """The last state, or the first message of the robot, is older than the limit."""
     silence_limit: float
     link_up: bool
     problem: str = ""
-    """What was wrong with its last state, if that could not be read."""
+    """What is wrong with the last message, if it was unreadable."""
     fleet_remark: str | None = None
-    """What the order service says about the vehicle; None: it does not know it."""
+    """The order service's remark on the vehicle; None if the vehicle is unknown to it."""
 
 
-Judgement = tuple[Condition, Reason]
+Assessment = tuple[Condition, Reason]
 
 
-def judge(evidence: Evidence) -> Judgement:
-    """Tell the condition of a robot, and why."""
-    if away := _away(evidence):
+def assess(inputs: ConditionInputs) -> Assessment:
+    """Return the condition of a robot and the reason for it."""
+    if away := _away(inputs):
         return away
-    state = evidence.state
+    state = inputs.state
     if state is None:
-        return _without_state(evidence)
-    if evidence.overdue:
-        return Condition.SILENT, _silence_reason(evidence)
-    return _held(state) or _working(state) or _free(state, evidence.fleet_remark)
+        return _no_state(inputs)
+    if inputs.overdue:
+        return Condition.SILENT, _silence_reason(inputs)
+    return _held(state) or _working(state) or _free(state, inputs.fleet_remark)
 
 
-def _away(evidence: Evidence) -> Judgement | None:
-    match evidence.connection:
+def _away(inputs: ConditionInputs) -> Assessment | None:
+    match inputs.connection:
         case ConnectionState.OFFLINE:
-            judgement = Condition.OFFLINE, "offline"
+            assessment = Condition.OFFLINE, "offline"
         case ConnectionState.HIBERNATING:
-            judgement = Condition.OFFLINE, "hibernating"
-        case ConnectionState.CONNECTION_BROKEN if not evidence.state_after_connection:
-            judgement = Condition.BROKEN, "broken"
+            assessment = Condition.OFFLINE, "hibernating"
+        case ConnectionState.CONNECTION_BROKEN if not inputs.state_after_connection:
+            assessment = Condition.BROKEN, "broken"
         case _:
             return None
-    condition, code = judgement
-    return condition, Reason(code, {"since": clock_text(evidence.connection_since)})
+    condition, code = assessment
+    return condition, Reason(code, {"since": clock_text(inputs.connection_since)})
 
 
-def _without_state(evidence: Evidence) -> Judgement:
-    if evidence.problem:
-        return Condition.SILENT, Reason("unreadable", {"problem": evidence.problem})
-    if evidence.connection is None and evidence.fleet_remark is not None:
+def _no_state(inputs: ConditionInputs) -> Assessment:
+    if inputs.problem:
+        return Condition.SILENT, Reason("unreadable", {"problem": inputs.problem})
+    if inputs.connection is None and inputs.fleet_remark is not None:
         return Condition.OFFLINE, Reason("unheard")
     return Condition.SILENT, Reason("stateless")
 
 
-def _silence_reason(evidence: Evidence) -> Reason:
-    since = clock_text(evidence.state_time)
-    if not evidence.link_up:
+def _silence_reason(inputs: ConditionInputs) -> Reason:
+    since = clock_text(inputs.state_time)
+    if not inputs.link_up:
         return Reason("blind", {"since": since})
-    return Reason("silent", {"since": since, "limit": round(evidence.silence_limit)})
+    return Reason("silent", {"since": since, "limit": round(inputs.silence_limit)})
 
 
 def clock_text(moment: datetime) -> str:
-    """Write a time for a sentence: UTC, to the second."""
+    """Format a time for a sentence: UTC, to the second."""
     return f"{iso(moment)[11:19]} UTC"
 
 
-def _held(state: StateBrief) -> Judgement | None:
+def _held(state: StateBrief) -> Assessment | None:
     if state.operating_mode not in (OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC):
         return Condition.MANUAL, Reason("mode", {"mode": state.operating_mode.value})
     error = worst_error(state)
@@ -157,7 +162,7 @@ def _held(state: StateBrief) -> Judgement | None:
     return _blocked(state)
 
 
-def _blocked(state: StateBrief) -> Judgement | None:
+def _blocked(state: StateBrief) -> Assessment | None:
     if state.safety_state.active_emergency_stop is not EmergencyStop.NONE:
         by_hand = state.safety_state.active_emergency_stop is EmergencyStop.MANUAL
         return Condition.BLOCKED, Reason("emergency_stop", {"how": "at the robot" if by_hand else "remotely"})
@@ -170,7 +175,7 @@ def _blocked(state: StateBrief) -> Judgement | None:
     return None
 
 
-def _working(state: StateBrief) -> Judgement | None:
+def _working(state: StateBrief) -> Assessment | None:
     action = _open_action(state.action_states) or _open_action(state.instant_action_states)
     if state.node_states or state.edge_states:
         return Condition.BUSY, _way_reason(state, action)
@@ -181,14 +186,14 @@ def _working(state: StateBrief) -> Judgement | None:
     return None
 
 
-def _free(state: StateBrief, remark: str | None) -> Judgement:
+def _free(state: StateBrief, remark: str | None) -> Assessment:
     if state.power_supply.charging:
         return Condition.CHARGING, Reason("charging", {"charge": round(state.power_supply.state_of_charge)})
     return Condition.IDLE, Reason("idle_why", {"why": remark}) if remark else Reason("idle")
 
 
 def worst_error(state: StateBrief) -> ErrorBrief | None:
-    """Give the first of the errors of the highest level."""
+    """Return the first error of the highest level."""
     if not state.errors:
         return None
     levels = list(ErrorLevel)
@@ -197,7 +202,7 @@ def worst_error(state: StateBrief) -> ErrorBrief | None:
 
 def _error_reason(error: ErrorBrief) -> Reason:
     sentences = [text for text in (error.error_description, error.error_hint) if text]
-    described = " ".join(sentences) or f"the robot gives no description (level {error.error_level})."
+    described = " ".join(sentences) or f"no description (level {error.error_level})."
     return Reason("error", {"type": error.error_type, "description": described})
 
 
@@ -207,13 +212,21 @@ def _way_reason(state: StateBrief, action: ActionBrief | None) -> Reason:
         "place": state.last_node_id or "?",
         "next": upcoming.node_id if upcoming else "?",
     }
+    shown = {"next": _name_of(upcoming)} if upcoming else {}
     if state.driving:
-        return Reason("driving", target)
+        return Reason("driving", target, shown)
     if action and action.action_status is not ActionStatus.WAITING:
         return _action_reason(state, action)
     if upcoming and not upcoming.released:
-        return Reason("waiting_for_release", target)
-    return Reason("standing", target)
+        return Reason("waiting_for_release", target, shown)
+    return Reason("standing", target, shown)
+
+
+def _name_of(node: NodeBrief) -> str:
+    at = node.node_position
+    if at is None or not node.node_id.startswith(COORDINATE_NODES):
+        return node.node_id
+    return f"x {at.x:.2f}, y {at.y:.2f}"
 
 
 def _action_reason(state: StateBrief, action: ActionBrief) -> Reason:
@@ -225,29 +238,29 @@ def _action_reason(state: StateBrief, action: ActionBrief) -> Reason:
 
 
 def _open_action(actions: tuple[ActionBrief, ...]) -> ActionBrief | None:
-    """Give the action that is being done, else the first that waits."""
+    """Return the action in progress, else the first waiting one."""
     still_open = [each for each in actions if not each.action_status.ended]
     begun = (each for each in still_open if each.action_status is not ActionStatus.WAITING)
     return next(begun, still_open[0] if still_open else None)
 
 
 class SessionState(StrEnum):
-    """Whether the program of a robot runs and reaches what drives it."""
+    """State of a robot's agent and its driver."""
 
     NOT_ACTIVE = "NOT_ACTIVE"
-    """It has logged off, sleeps, or was never heard of."""
+    """Disconnected, hibernating or never connected."""
     INITIATING = "INITIATING"
-    """It is there, and no state has come yet."""
+    """Connected; no state received yet."""
     ACTIVE = "ACTIVE"
-    """It sends states, and nothing says that it cannot drive."""
+    """Sends states, and navigation is available."""
     TERMINATING = "TERMINATING"
-    """It says that it leaves ROS."""
+    """Disconnecting from ROS."""
     FAILED = "FAILED"
-    """It went without a word, or says that its navigation is not there."""
+    """Lost without notice, or navigation is not available."""
 
 
 def session_of(condition: Condition, state: StateBrief | None) -> SessionState:
-    """Tell the state of a robot's node from its condition and its last state."""
+    """Return the state of a robot's driver, from its condition and its last state."""
     if condition is Condition.OFFLINE:
         return SessionState.NOT_ACTIVE
     if condition is Condition.BROKEN:
@@ -256,16 +269,16 @@ def session_of(condition: Condition, state: StateBrief | None) -> SessionState:
         return SessionState.INITIATING
     if condition is Condition.SILENT:
         return SessionState.FAILED
-    told = ros_session(state)
-    if told:
-        return told.state
+    session = ros_session(state)
+    if session:
+        return session.state
     blind = any(each.error_type == ErrorType.NAVIGATION_NOT_AVAILABLE for each in state.errors)
     return SessionState.FAILED if blind else SessionState.ACTIVE
 
 
 @dataclass(frozen=True, slots=True)
 class RosSession:
-    """What a robot's edge agent tells of its ROS session."""
+    """The ROS session that an edge agent reports."""
 
     state: SessionState
     namespace: str
@@ -273,11 +286,11 @@ class RosSession:
 
 
 def ros_session(state: StateBrief) -> RosSession | None:
-    """Give what the information of a state tells; it is for people, and nothing else goes by it."""
+    """Return the ROS session in a state's information, for display only."""
     for entry in state.information or ():
         if entry.info_type == ROS_SESSION:
             facts = {each.reference_key: each.reference_value for each in entry.info_references}
-            told = facts.get("state", "")
-            if told in SessionState.__members__:
-                return RosSession(SessionState(told), facts.get("namespace", ""), facts.get("domainId", ""))
+            name = facts.get("state", "")
+            if name in SessionState.__members__:
+                return RosSession(SessionState(name), facts.get("namespace", ""), facts.get("domainId", ""))
     return None

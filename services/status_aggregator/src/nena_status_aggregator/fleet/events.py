@@ -1,4 +1,4 @@
-"""What happens to robots and orders, one entry for each thing worth remembering."""
+"""Event types, and the events between two states of a robot."""
 
 from __future__ import annotations
 
@@ -14,53 +14,53 @@ from nena_status_aggregator.fleet.view_builder import LIST_LIMIT, is_active, sho
 
 
 class Code(StrEnum):
-    """The kinds of happenings: a bounded list, for filters, translations and counters."""
+    """Kinds of events; bounded, for filters, translations and counters."""
 
     CONNECTION = "connection"
-    """A robot's connection state is another one; `state`, `before`."""
+    """The connection state changed; `state`, `before`."""
     CONDITION = "condition"
-    """A robot came into a condition, or has another reason to stand; `condition`, `before`, `reason`."""
+    """The condition changed, or the reason for not moving; `condition`, `before`, `reason`."""
     OPERATING_MODE = "operatingMode"
-    """`mode`, `before`."""
+    """The operating mode changed; `mode`, `before`."""
     ORDER_TAKEN = "orderTaken"
-    """A robot shows a new order; `orderId`, `orderUpdateId`."""
+    """The robot accepted an order; `orderId`, `orderUpdateId`."""
     ORDER_UPDATED = "orderUpdated"
-    """A robot shows an update of its order; `orderId`, `orderUpdateId`."""
+    """The robot accepted an order update; `orderId`, `orderUpdateId`."""
     ORDER_ENDED = "orderEnded"
-    """A robot has nothing of its order left to do; `orderId`, `outcome`: see :class:`Outcome`."""
+    """The robot's order ended; `orderId`, `outcome`: see :class:`Outcome`."""
     NODE_REACHED = "nodeReached"
-    """`nodeId`, `sequenceId`."""
+    """The robot reached a node; `nodeId`, `sequenceId`."""
     ACTION_ENDED = "actionEnded"
-    """`actionId`, `actionType`, `status`: FINISHED or FAILED, `result`."""
+    """An action ended; `actionId`, `actionType`, `status`: FINISHED or FAILED, `result`."""
     ERROR_RAISED = "errorRaised"
-    """`errorType`, `errorLevel`, `description`."""
+    """The robot reports a new error; `errorType`, `errorLevel`, `description`."""
     ERROR_CLEARED = "errorCleared"
-    """`errorType`, `errorLevel`."""
+    """The robot no longer reports an error; `errorType`, `errorLevel`."""
     CHARGING = "charging"
-    """A robot has begun or ended to charge; `charging`, `charge` in percent."""
+    """Charging started or stopped; `charging`, `charge` in percent."""
     LOADS = "loads"
-    """A robot carries another number of loads; `loads`, `before`."""
+    """The number of loads changed; `loads`, `before`."""
     MAP = "map"
-    """A robot is on another map; `mapId`, `before`."""
+    """The robot changed to another map; `mapId`, `before`."""
     POSITION = "position"
-    """A robot has moved on by a set way; `x`, `y` in m, `theta` in rad, `mapId`."""
+    """The robot moved by the configured distance; `x`, `y` in m, `theta` in rad, `mapId`."""
     ROBOT_FORGOTTEN = "robotForgotten"
-    """A silent robot made room for a new one."""
+    """A silent robot was removed for a new one."""
     TRANSPORT_ORDER = "transportOrder"
-    """A transport order is in another state, or waits for something else; `state`, `before`."""
+    """State or reason of a transport order changed; `state`, `before`."""
     LINK = "link"
-    """The aggregator's link to the broker stands or is lost; `connected`."""
+    """The broker connection was established or lost; `connected`."""
     HISTORY_GAP = "historyGap"
-    """Happenings that were not written; `dropped`."""
+    """Events were not written; `dropped` is their number."""
 
 
 class Outcome(StrEnum):
-    """How an order of a robot ended, as far as its states show."""
+    """How a robot's order ended, as far as its states show."""
 
     COMPLETED = "completed"
-    """The robot reached the last node, and no action failed."""
+    """The last node was reached and no action failed."""
     ABANDONED = "abandoned"
-    """It was cancelled or failed before."""
+    """Cancelled or failed before the last node."""
     UNSEEN = "unseen"
     """Another order followed before a state showed the end."""
 
@@ -69,22 +69,22 @@ Values = dict[str, str | float | None]
 
 
 @dataclass(frozen=True, slots=True)
-class Happening:
-    """One thing that happened; the times are those of the aggregator."""
+class Event:
+    """An event in the fleet; its time is that of the aggregator."""
 
     time: datetime
     code: Code
     text: str
-    """In words."""
+    """An English sentence."""
     robot: str | None = None
     """Manufacturer and serial number."""
     order: str | None = None
-    """Name of the transport order, else the VDA 5050 order that the robot holds."""
+    """Name of the transport order, else ID of the robot's VDA 5050 order."""
     values: Values = field(default_factory=dict)
 
 
 class Change(NamedTuple):
-    """What happened, in words and values."""
+    """A change between two states: code, sentence and values."""
 
     code: Code
     text: str
@@ -92,7 +92,7 @@ class Change(NamedTuple):
 
 
 def changes(before: StateBrief | None, now: StateBrief) -> Iterator[Change]:
-    """Tell what changed; of a first state only its errors, for nobody knows how old the rest is."""
+    """Return the changes between two states; of a first state only the errors."""
     yield from _errors(before.errors if before else (), now.errors)
     if before is None:
         return
@@ -114,7 +114,7 @@ def _errors(before: tuple[ErrorBrief, ...], now: tuple[ErrorBrief, ...]) -> Iter
         yield Change(Code.ERROR_RAISED, f"{values['errorType']}: {text}", {**values, "description": text})
     for entry in (old[key] for key in old.keys() - new.keys()):
         values = _error_values(entry)
-        yield Change(Code.ERROR_CLEARED, f"No longer: {values['errorType']}.", values)
+        yield Change(Code.ERROR_CLEARED, f"Cleared: {values['errorType']}.", values)
 
 
 def _by_identity(
@@ -140,16 +140,16 @@ def _order(before: StateBrief, now: StateBrief) -> Iterator[Change]:
         yield Change(Code.ORDER_ENDED, text, {"orderId": before.order_id, "outcome": outcome.value})
     values: Values = {"orderId": now.order_id, "orderUpdateId": now.order_update_id}
     if another and now.order_id:
-        yield Change(Code.ORDER_TAKEN, f"Took order {now.order_id}.", values)
+        yield Change(Code.ORDER_TAKEN, f"Accepted order {now.order_id}.", values)
     elif not another and now.order_update_id != before.order_update_id:
-        yield Change(Code.ORDER_UPDATED, f"Took update {now.order_update_id} of its order.", values)
+        yield Change(Code.ORDER_UPDATED, f"Accepted order update {now.order_update_id}.", values)
     reached = (now.last_node_id, now.last_node_sequence_id)
     if now.last_node_id and (another or reached != (before.last_node_id, before.last_node_sequence_id)):
         yield from _node(before, now)
 
 
 def _node(before: StateBrief, now: StateBrief) -> Iterator[Change]:
-    """Tell of a node, unless it is only the first one of a new order, where the robot stands already."""
+    """Return a reached node, unless it is the first of a new order, where the robot already is."""
     if now.last_node_id != before.last_node_id or now.order_id == before.order_id:
         values: Values = {"nodeId": now.last_node_id, "sequenceId": now.last_node_sequence_id}
         yield Change(Code.NODE_REACHED, f"Reached {now.last_node_id}.", values)
@@ -191,12 +191,22 @@ def _action_ended(action: ActionBrief) -> Change:
 def _body(before: StateBrief, now: StateBrief) -> Iterator[Change]:
     power = now.power_supply
     if power.charging is not before.power_supply.charging:
-        text = "Began to charge." if power.charging else "Ended charging."
+        text = "Charging started." if power.charging else "Charging stopped."
         values: Values = {"charging": power.charging, "charge": power.state_of_charge}
         yield Change(Code.CHARGING, text, values)
     loads, loads_before = len(now.loads or ()), len(before.loads or ())
     if loads != loads_before:
-        yield Change(Code.LOADS, f"Carries {loads} loads.", {"loads": loads, "before": loads_before})
+        yield Change(Code.LOADS, _loads_text(loads, loads_before), {"loads": loads, "before": loads_before})
     here, there = now.mobile_robot_position, before.mobile_robot_position
     if here and there and here.map_id != there.map_id:
-        yield Change(Code.MAP, f"Is on map {here.map_id}.", {"mapId": here.map_id, "before": there.map_id})
+        yield Change(
+            Code.MAP, f"Changed to map {here.map_id}.", {"mapId": here.map_id, "before": there.map_id}
+        )
+
+
+def _loads_text(loads: int, before: int) -> str:
+    if not loads:
+        return "Empty."
+    number = abs(loads - before)
+    moved = "Picked up" if loads > before else "Dropped"
+    return f"{moved} {'a load' if number == 1 else f'{number} loads'}; carrying {loads}."

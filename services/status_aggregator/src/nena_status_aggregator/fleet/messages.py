@@ -1,4 +1,17 @@
-"""The kinds of messages that the aggregator listens to."""
+"""Kinds of messages, and the order of messages on one topic.
+
+VDA 5050 (3.0, 7.2) counts headerId per topic and does not define restarts; some senders start again at 0 or
+1, and some robots have no usable clock. Rules, in this order:
+
+1. The first message is new.
+2. The same headerId and timestamp as the last new message: repeated.
+3. headerId 0: a restart, unless it is the message that started this session (then it is repeated).
+4. A later timestamp, or the same one with a greater headerId: new. If the headerId decreased, it is a
+   restart.
+5. The next headerId, whatever the timestamp: new (the sender's clock was set back).
+6. Anything else is late, but remembered: a message that continues a late one is new, because then the sender
+   continues there.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +22,7 @@ from enum import Enum, StrEnum, auto
 
 
 class MessageKind(StrEnum):
-    """Bounded on purpose: the kind is a label of metrics."""
+    """Kinds of messages that the aggregator reads. A metric label, therefore bounded."""
 
     CONNECTION = "connection"
     STATE = "state"
@@ -25,28 +38,28 @@ GREATEST_HEADER_ID = 2**32 - 1
 
 
 class Verdict(Enum):
-    """What a message is, compared with those before it."""
+    """A message compared with those before it."""
 
-    TAKEN = auto()
+    NEW = auto()
     REPEATED = auto()
     LATE = auto()
 
 
 @dataclass(slots=True)
 class Sequence:
-    """What is remembered of one topic of one robot."""
+    """Detects repeated and late messages of one topic of one robot by headerId and timestamp."""
 
     header_id: int = -1
     timestamp: datetime | None = None
     opened: datetime | None = None
-    """Timestamp of the message that opened the session."""
+    """Timestamp of the first message of this session."""
     late: tuple[int, datetime] | None = None
     missed: int = 0
-    """Messages that were sent, by the gaps of headerId, and never came."""
+    """Messages lost, by gaps in headerId."""
     restarts: int = 0
 
-    def judge(self, header_id: int, timestamp: datetime) -> Verdict:
-        """Judge a message, and remember it."""
+    def assess(self, header_id: int, timestamp: datetime) -> Verdict:
+        """Classify a message and remember it."""
         last = self.timestamp
         if last is None:
             return self._open(header_id, timestamp)
@@ -84,17 +97,17 @@ class Sequence:
         self.header_id = header_id
         self.timestamp = timestamp
         self.late = None
-        return Verdict.TAKEN
+        return Verdict.NEW
 
 
 SAMPLES = 8
 
 
 class ClockSkew:
-    """Compares timestamps of messages with the time of their arrival.
+    """Estimates the deviation of a robot's clock from the timestamps of its messages.
 
-    A delay on the way can only make a robot's clock look slower, so the greatest of the last differences is
-    the best estimate.
+    Latency only makes the robot's clock look slow, so the greatest of the last differences is the best
+    estimate.
     """
 
     __slots__ = ("_differences",)
@@ -103,10 +116,10 @@ class ClockSkew:
         self._differences: deque[float] = deque(maxlen=SAMPLES)
 
     def measure(self, sent: datetime, arrived: datetime) -> None:
-        """Take in one message."""
+        """Add a message."""
         self._differences.append((sent - arrived).total_seconds())
 
     @property
     def seconds(self) -> float | None:
-        """Robot's clock minus ours, s; None before the first message."""
+        """Robot's clock minus this computer's, s; None before the first message."""
         return max(self._differences, default=None)

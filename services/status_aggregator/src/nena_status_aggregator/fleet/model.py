@@ -1,9 +1,4 @@
-"""The robots that are kept, and which one makes room when there are too many.
-
-Anybody who may publish can invent robots, so their number is bounded. The rule: a newcomer takes the place of
-the robot that has not been heard of for the longest time, but only if that time is longer than its silence
-limit; while all are alive the newcomer is refused, and counted.
-"""
+"""The fleet model: messages and their time in, views and numbered changes out."""
 
 from __future__ import annotations
 
@@ -21,18 +16,23 @@ from nena_shared.vda5050.brief.state import StateBrief, VisualizationBrief
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.topics import RobotKey
-from nena_status_aggregator.fleet.event_log import Chronicle, Tell
+from nena_status_aggregator.fleet.event_log import EventLog, Publish
 from nena_status_aggregator.fleet.messages import MessageKind, Verdict
-from nena_status_aggregator.fleet.orders import OrderBook
+from nena_status_aggregator.fleet.orders import OrderRegistry
 from nena_status_aggregator.fleet.publication import Delta, Publication
-from nena_status_aggregator.fleet.robot import Instant, PlantFrame, Robot
+from nena_status_aggregator.fleet.robot import PlantFrame, Robot, Timestamp
 from nena_status_aggregator.fleet.statistics import Statistics
 from nena_status_aggregator.fleet.view_builder import short, view_order, view_robot
 from nena_status_aggregator.fleet.views import FleetView, OrderView, PlantView, RobotView
 
 
-class RobotRegister:
-    """All robots that are known, by their keys."""
+class RobotRegistry:
+    """Known robots by key.
+
+    Any client that may publish can invent robots, so their number is bounded: a new robot replaces the one
+    whose last message is oldest, provided that one is silent; otherwise the new robot is refused and
+    counted.
+    """
 
     def __init__(self, limit: int, silence_limit: float | None) -> None:
         self._limit = limit
@@ -46,11 +46,11 @@ class RobotRegister:
         return len(self._robots)
 
     def get(self, key: RobotKey) -> Robot | None:
-        """Give a robot that is known."""
+        """Return a known robot."""
         return self._robots.get(key)
 
-    def meet(self, key: RobotKey, at: Instant) -> tuple[Robot | None, Robot | None]:
-        """Give the robot, known or new, or None if there is no room; and the robot that had to go for it."""
+    def find_or_add(self, key: RobotKey, at: Timestamp) -> tuple[Robot | None, Robot | None]:
+        """Return the robot, known or new, or None if there is no room; and the robot that it replaced."""
         robot = self._robots.get(key)
         gone = None
         if robot is None:
@@ -63,24 +63,24 @@ class RobotRegister:
         robot.heard = at.monotonic
         return robot, gone
 
-    def _quietest(self, at: Instant) -> Robot | None:
+    def _quietest(self, at: Timestamp) -> Robot | None:
         robot = min(self._robots.values(), key=lambda each: each.heard)
         quiet = at.monotonic - robot.heard > robot.silence_limit(self._silence_limit)
         return robot if quiet else None
 
 
 ROOM = 64 * 1024 * 1024
-"""Bytes of images that are kept; above that a further one is not taken, for anybody may invent robots."""
+"""Maximum total size of kept images, bytes; further images are refused, as any client may invent robots."""
 
 
-class MapShelf:
-    """Knows the maps that some robot has; one that no robot has any more goes by itself."""
+class MapCache:
+    """Keeps equal maps of several robots once; a map without a robot is freed."""
 
     def __init__(self) -> None:
         self._known: WeakValueDictionary[str, RobotMap] = WeakValueDictionary()
 
     def shared(self, found: RobotMap) -> RobotMap | None:
-        """Give the map that equals ``found`` and is kept already, else ``found``; None: there is no room."""
+        """Return the kept map that equals ``found``, else ``found``; None if there is no room."""
         known = self._known.get(found.digest)
         if known == found:
             return known
@@ -92,91 +92,92 @@ class MapShelf:
 
 @dataclass(frozen=True, slots=True)
 class ModelLimits:
-    """What the model keeps, and when it worries."""
+    """Limits of the fleet model."""
 
     robots: int = 2000
     orders: int = 1000
     silence: float | None = None
-    """Seconds without a state; None: by what the robot says of its interval, see ``Robot.silence_limit``."""
+    """Time without a state after which a robot is silent, s; None: see ``Robot.silence_limit``."""
     clock_skew: float = 2.0
-    """Seconds from which a robot's clock counts as wrong."""
+    """Deviation from which a robot's clock counts as wrong, s."""
     track_distance: float = 0.0
-    """m after which a robot's position is told again as a happening; 0: none is."""
+    """m between two position events of a robot; 0 disables them."""
 
 
 class FleetModel:
-    """Changed by the methods ``on_...``; :meth:`flush` tells what they changed, :meth:`snapshot` everything.
+    """The fleet as of the last messages.
 
-    Owned by one task; nothing in it waits.
+    Updated by the methods ``on_...``; :meth:`flush` returns the changes, :meth:`snapshot` everything. Owned
+    by one task; never blocks.
     """
 
-    def __init__(self, limits: ModelLimits, tell: Tell = lambda _: None) -> None:
-        """Begin with an empty fleet; ``tell`` is handed each happening and must return at once."""
+    def __init__(self, limits: ModelLimits, publish: Publish = lambda _: None) -> None:
+        """Start with an empty fleet; ``publish`` receives each event and must not block."""
         self.limits = limits
-        self.robots = RobotRegister(limits.robots, limits.silence)
-        self.orders = OrderBook(limits.orders)
+        self.robots = RobotRegistry(limits.robots, limits.silence)
+        self.orders = OrderRegistry(limits.orders)
         self.statistics = Statistics()
-        self._maps = MapShelf()
-        self._chronicle = Chronicle(self.statistics, tell, track_distance=limits.track_distance)
+        self._maps = MapCache()
+        self._event_log = EventLog(self.statistics, publish, track_distance=limits.track_distance)
         self.plant: PlantModel | None = None
         self._frame = PlantFrame()
         self._key_of_vehicle: dict[str, RobotKey] = {}
         self._plant_version = 0
         self._public = Publication()
-        self._unjudged: dict[RobotKey, None] = {}
-        """Robots whose condition may be another one by now."""
-        self._nobody_silent_before = -inf
-        """Until this moment (s) no robot that is not touched before can fall silent."""
+        self._unassessed: dict[RobotKey, None] = {}
+        """Robots whose condition may have changed."""
+        self._no_silence_before = -inf
+        """Monotonic time (s) before which no unchanged robot can become silent."""
 
-    def on_connection(self, key: RobotKey, message: Connection, at: Instant) -> None:
-        """Take in a connection message; never judged late, for a will carries the header of its CONNECT."""
-        robot = self._meet(key, MessageKind.CONNECTION, at)
+    def on_connection(self, key: RobotKey, message: Connection, at: Timestamp) -> None:
+        """Apply a connection message; never treated as late, as a last will has the header of its CONNECT."""
+        robot = self._count_and_find(key, MessageKind.CONNECTION, at)
         if robot is not None:
             before = robot.connection.connection_state.value if robot.connection else None
             robot.on_connection(message, at)
-            self._chronicle.connection(robot, before, at)
+            self._event_log.connection(robot, before, at)
 
-    def on_state(self, key: RobotKey, message: StateBrief, at: Instant, *, retained: bool = False) -> None:
-        """Take in a state; ``retained``: the broker had kept it."""
-        robot = self._meet(key, MessageKind.STATE, at)
-        if robot is None or not self._is_news(robot, MessageKind.STATE, message):
+    def on_state(self, key: RobotKey, message: StateBrief, at: Timestamp, *, retained: bool = False) -> None:
+        """Apply a state; ``retained``: delivered from the broker's store."""
+        robot = self._count_and_find(key, MessageKind.STATE, at)
+        if robot is None or not self._is_new(robot, MessageKind.STATE, message):
             return
         before = robot.state
         robot.on_state(message, at, retained=retained)
-        self._chronicle.state(robot, before, message, at)
-        self._chronicle.position(robot, at)
+        self._event_log.state(robot, before, message, at)
+        self._event_log.position(robot, at)
         self._touch_order_of(robot)
 
-    def on_visualization(self, key: RobotKey, message: VisualizationBrief, at: Instant) -> None:
-        """Take in where a robot is between two states."""
-        robot = self._meet(key, MessageKind.VISUALIZATION, at)
-        if robot is not None and self._is_news(robot, MessageKind.VISUALIZATION, message):
+    def on_visualization(self, key: RobotKey, message: VisualizationBrief, at: Timestamp) -> None:
+        """Apply a visualization message."""
+        robot = self._count_and_find(key, MessageKind.VISUALIZATION, at)
+        if robot is not None and self._is_new(robot, MessageKind.VISUALIZATION, message):
             robot.on_visualization(message)
-            self._chronicle.position(robot, at)
+            self._event_log.position(robot, at)
 
-    def on_factsheet(self, key: RobotKey, message: Factsheet, at: Instant) -> None:
-        """Take in what a robot is and can do."""
-        robot = self._meet(key, MessageKind.FACTSHEET, at)
-        if robot is not None and self._is_news(robot, MessageKind.FACTSHEET, message):
+    def on_factsheet(self, key: RobotKey, message: Factsheet, at: Timestamp) -> None:
+        """Apply a factsheet."""
+        robot = self._count_and_find(key, MessageKind.FACTSHEET, at)
+        if robot is not None and self._is_new(robot, MessageKind.FACTSHEET, message):
             robot.factsheet = message
 
-    def on_robot_map(self, key: RobotKey, found: RobotMap | None, at: Instant) -> None:
-        """Take in what a robot's own map looks like, or that the broker keeps none any more."""
-        robot = self._meet(key, MessageKind.ROBOT_MAP, at)
+    def on_robot_map(self, key: RobotKey, found: RobotMap | None, at: Timestamp) -> None:
+        """Apply a robot's grid map, or its removal."""
+        robot = self._count_and_find(key, MessageKind.ROBOT_MAP, at)
         if robot is not None:
             robot.map = self._maps.shared(found) if found else None
 
     def on_malformed(
-        self, kind: MessageKind, topic: str, problem: str, at: Instant, *, key: RobotKey | None = None
+        self, kind: MessageKind, topic: str, problem: str, at: Timestamp, *, key: RobotKey | None = None
     ) -> None:
-        """Take in that a message could not be read, and why; also a robot never understood is seen.
+        """Count an unreadable message; its robot becomes known.
 
         Args:
-            kind: what the message should have been.
-            topic: where it came.
-            problem: what is wrong with it, a sentence.
-            at: when it came.
-            key: the robot that the topic names, if any.
+            kind: kind of the message.
+            topic: topic of the message.
+            problem: what is wrong with it.
+            at: time of arrival.
+            key: robot of the topic, if any.
 
         """
         self.statistics.received[kind] += key is None
@@ -187,15 +188,15 @@ class FleetModel:
             "lastProblem": short(problem),
             "lastTime": iso(at.utc),
         }
-        robot = self._meet(key, kind, at) if key else None
+        robot = self._count_and_find(key, kind, at) if key else None
         if robot is not None:
             robot.malformed += 1
             robot.problem = f"{kind}: {problem}"
 
-    def on_vehicle_status(self, status: VehicleStatus, at: Instant) -> None:
-        """Take in what the order service says of a vehicle."""
+    def on_vehicle_status(self, status: VehicleStatus, at: Timestamp) -> None:
+        """Apply a vehicle status of the order service."""
         key = RobotKey(status.manufacturer, status.serial_number)
-        robot = self._meet(key, MessageKind.VEHICLE_STATUS, at)
+        robot = self._count_and_find(key, MessageKind.VEHICLE_STATUS, at)
         if robot is None:
             return
         self._touch_order_of(robot)
@@ -205,8 +206,8 @@ class FleetModel:
         self._key_of_vehicle[status.name] = key
         self._touch_order_of(robot)
 
-    def on_order_status(self, status: TransportOrderStatus, at: Instant) -> None:
-        """Take in what the order service says of a transport order."""
+    def on_order_status(self, status: TransportOrderStatus, at: Timestamp) -> None:
+        """Apply a transport order status of the order service."""
         self.statistics.received[MessageKind.ORDER_STATUS] += 1
         known = self.orders.get(status.name)
         if not self.orders.take(status):
@@ -214,20 +215,20 @@ class FleetModel:
             return
         if status.state.final and not (known and known.status.state.final):
             self.statistics.count_end(status)
-        self._chronicle.order(known.status if known else None, status, at)
+        self._event_log.order(known.status if known else None, status, at)
         self._public.orders.touch(status.name)
         for name in self.orders.shrink():
             self.statistics.orders_forgotten += 1
             self._public.orders.touch(name)
 
     def on_order_cleared(self, name: str) -> None:
-        """Take in that the broker keeps no status of this order any more."""
+        """Apply that the broker no longer retains a status of this order."""
         self.statistics.received[MessageKind.ORDER_STATUS] += 1
         if self.orders.clear(name):
             self._public.orders.touch(name)
 
     def on_plant_model(self, plant: PlantModel | None) -> None:
-        """Take in the plant model, or that there is none any more."""
+        """Apply the plant model, or its removal."""
         self.statistics.received[MessageKind.PLANT_MODEL] += 1
         if plant == self.plant:
             return
@@ -239,60 +240,60 @@ class FleetModel:
         self._plant_version += 1
         self._public.plant = view_plant(plant, self._plant_version) if plant else None
 
-    def on_link(self, *, connected: bool, at: Instant) -> None:
-        """Take in that the link to the broker stands, or is lost."""
+    def on_link(self, *, connected: bool, at: Timestamp) -> None:
+        """Apply that the broker connection was established or lost."""
         self._public.link = {"connected": connected, "since": iso(at.utc)}
-        self._chronicle.link(connected=connected, at=at)
+        self._event_log.link(connected=connected, at=at)
         for robot in self.robots:
             self._touch(robot.key)
         if not connected:
-            self.orders.doubt()
+            self.orders.mark_unconfirmed()
             for order in self.orders:
                 self._public.orders.touch(order.status.name)
 
     @property
     def link_up(self) -> bool:
-        """Whether the link to the broker stands."""
+        """Whether the broker is connected."""
         return self._public.link["connected"]
 
-    def advance(self, at: Instant) -> None:
-        """Bring the conditions of all robots up to date, without telling anybody yet."""
-        if at.monotonic >= self._nobody_silent_before:
+    def advance(self, at: Timestamp) -> None:
+        """Update the conditions of all robots, without publishing them yet."""
+        if at.monotonic >= self._no_silence_before:
             self._find_silent(at)
-        for key in self._unjudged:
+        for key in self._unassessed:
             touched = self.robots.get(key)
             if touched is not None:
                 before = touched.condition, touched.reason
-                touched.judge(at, self.limits.silence, link_up=self.link_up)
-                self._chronicle.condition(touched, before, at)
+                touched.assess(at, self.limits.silence, link_up=self.link_up)
+                self._event_log.condition(touched, before, at)
                 soonest = touched.silent_from(self.limits.silence)
-                self._nobody_silent_before = min(self._nobody_silent_before, soonest)
-        self._unjudged.clear()
+                self._no_silence_before = min(self._no_silence_before, soonest)
+        self._unassessed.clear()
 
-    def flush(self, at: Instant) -> Delta | None:
-        """Bring all conditions up to date, and tell what changed since the last call; None: nothing."""
+    def flush(self, at: Timestamp) -> Delta | None:
+        """Update all conditions; return the changes since the last call, or None."""
         self.advance(at)
-        return self._public.flush(self._look_at_robot, self._look_at_order)
+        return self._public.flush(self._view_robot, self._view_order)
 
     def snapshot(self) -> FleetView:
-        """Tell everything, as of the last :meth:`flush`."""
+        """Return everything as of the last :meth:`flush`."""
         return self._public.snapshot()
 
     def robot_view(self, key: RobotKey) -> RobotView | None:
-        """Tell of one robot, as of the last :meth:`flush`."""
+        """Return one robot as of the last :meth:`flush`."""
         return self._public.robots.views.get(key)
 
     def order_view(self, name: str) -> OrderView | None:
-        """Tell of one order, as of the last :meth:`flush`."""
+        """Return one order as of the last :meth:`flush`."""
         return self._public.orders.views.get(name)
 
-    def _meet(self, key: RobotKey, kind: MessageKind, at: Instant) -> Robot | None:
-        """Count the message, and give the robot that it is about; None: there is no room for it."""
+    def _count_and_find(self, key: RobotKey, kind: MessageKind, at: Timestamp) -> Robot | None:
+        """Count the message and return its robot; None if there is no room for it."""
         self.statistics.received[kind] += 1
-        robot, gone = self.robots.meet(key, at)
+        robot, gone = self.robots.find_or_add(key, at)
         if gone is not None:
             self.statistics.robots_forgotten += 1
-            self._chronicle.forgotten(gone, at)
+            self._event_log.forgotten(gone, at)
             self._touch(gone.key)
             if gone.vehicle:
                 self._key_of_vehicle.pop(gone.vehicle.name, None)
@@ -303,36 +304,36 @@ class FleetModel:
             self._touch(key)
         return robot
 
-    def _is_news(
+    def _is_new(
         self, robot: Robot, kind: MessageKind, message: StateBrief | VisualizationBrief | Factsheet
     ) -> bool:
         sequence = robot.sequences[kind]
         missed, restarts = sequence.missed, sequence.restarts
-        verdict = sequence.judge(message.header_id, message.timestamp)
+        verdict = sequence.assess(message.header_id, message.timestamp)
         self.statistics.missed[kind] += sequence.missed - missed
         self.statistics.restarts += sequence.restarts - restarts
         self.statistics.repeated[kind] += verdict is Verdict.REPEATED
         self.statistics.late[kind] += verdict is Verdict.LATE
-        return verdict is Verdict.TAKEN
+        return verdict is Verdict.NEW
 
     def _touch_order_of(self, robot: Robot) -> None:
         if robot.vehicle and robot.vehicle.transport_order:
             self._public.orders.touch(robot.vehicle.transport_order)
 
-    def _find_silent(self, at: Instant) -> None:
-        """Look for robots that have fallen silent, and until when none can."""
+    def _find_silent(self, at: Timestamp) -> None:
+        """Find robots that became silent, and the earliest time at which the next one can."""
         setting, soonest = self.limits.silence, inf
         for robot in self.robots:
             if robot.falls_silent(at, setting):
                 self._touch(robot.key)
             soonest = min(soonest, robot.silent_from(setting))
-        self._nobody_silent_before = soonest
+        self._no_silence_before = soonest
 
     def _touch(self, key: RobotKey) -> None:
-        self._unjudged[key] = None
+        self._unassessed[key] = None
         self._public.robots.touch(key)
 
-    def _look_at_robot(self, key: RobotKey) -> RobotView | None:
+    def _view_robot(self, key: RobotKey) -> RobotView | None:
         robot = self.robots.get(key)
         if robot is None:
             return None
@@ -342,7 +343,7 @@ class FleetModel:
             skew_limit=self.limits.clock_skew,
         )
 
-    def _look_at_order(self, name: str) -> OrderView | None:
+    def _view_order(self, name: str) -> OrderView | None:
         order = self.orders.get(name)
         if order is None:
             return None
@@ -352,7 +353,7 @@ class FleetModel:
 
 
 def view_plant(plant: PlantModel, version: int) -> PlantView:
-    """Tell which plant model there is."""
+    """Summarise the plant model."""
     return {
         "version": version,
         "name": plant.name,

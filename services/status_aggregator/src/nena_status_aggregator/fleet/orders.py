@@ -1,9 +1,8 @@
-"""Transport orders as the order service tells of them.
+"""Transport orders, as published by the order service.
 
-The order service keeps the status of each living order at the broker and clears it after the final one, so
-the orders that have ended live on only here: as many as the limit leaves room for. The rule when there are
-too many: first goes the order that ended longest ago, then, if none has ended, the one that was heard of
-longest ago.
+The order service retains the status of each open order at the broker and clears it after the final one, so
+ended orders are kept only here, up to a limit. Beyond the limit the order that ended first is removed; if
+none has ended, the one whose last status is oldest.
 """
 
 from __future__ import annotations
@@ -13,21 +12,21 @@ from dataclasses import dataclass
 
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderStatus
 
-WAY = 0.9
-"""Share of a destination that is done when the vehicle has come there."""
+DRIVING_SHARE = 0.9
+"""Progress within a destination, 0 to 1, on arrival of the vehicle."""
 
 
 @dataclass(slots=True)
 class TrackedOrder:
-    """One order."""
+    """A transport order and whether its status is current."""
 
     status: TransportOrderStatus
     confirmed: bool = True
-    """False: the link was lost since, and nothing has been heard of the order after that."""
+    """False if the broker connection was lost and no status has been received since."""
 
 
-class OrderBook:
-    """The orders that are known, by name; the one heard of last comes last."""
+class OrderRegistry:
+    """Known orders by name, in the order of their last status."""
 
     def __init__(self, limit: int) -> None:
         self._limit = limit
@@ -39,14 +38,13 @@ class OrderBook:
         yield from self._ended.values()
 
     def get(self, name: str) -> TrackedOrder | None:
-        """Give an order by its name."""
+        """Return an order by its name."""
         return self._living.get(name) or self._ended.get(name)
 
     def take(self, status: TransportOrderStatus) -> bool:
-        """Take in a status; False: it is older than what is known, or the same again.
+        """Apply a status; return False if it is older than or equal to the known one.
 
-        A version that went down is news all the same if the order was created at another time: then the
-        name has been given anew.
+        A lower version with another creation time is a new order of the same name.
         """
         known = self.get(status.name)
         if known and known.status.created == status.created and status.version <= known.status.version:
@@ -58,25 +56,24 @@ class OrderBook:
         return True
 
     def clear(self, name: str) -> bool:
-        """Take in that the broker keeps no status any more; tell whether that removes the order.
+        """Apply that the broker retains no status any more; return whether the order was removed.
 
-        After the final status that is the normal end. An order that has not ended is gone: its final status
-        was missed.
+        After the final status this is normal. An open order is removed: its final status was missed.
         """
         return self._living.pop(name, None) is not None
 
     def remove(self, name: str) -> None:
-        """Forget an order."""
+        """Remove an order."""
         self._living.pop(name, None)
         self._ended.pop(name, None)
 
-    def doubt(self) -> None:
-        """Mark all living orders as unconfirmed, because the link was lost."""
+    def mark_unconfirmed(self) -> None:
+        """Mark all open orders as unconfirmed after a loss of the broker connection."""
         for order in self._living.values():
             order.confirmed = False
 
     def shrink(self) -> list[str]:
-        """Forget orders above the limit; give their names."""
+        """Remove orders beyond the limit; return their names."""
         gone = []
         while len(self._living) + len(self._ended) > self._limit:
             book = self._ended or self._living
@@ -87,10 +84,10 @@ class OrderBook:
 
 
 def progress(status: TransportOrderStatus, last_node: str | None) -> float | None:
-    """Percent of a transport order: destinations done, and how much of the present one.
+    """Return the progress of a transport order, percent; None if it ended without success.
 
-    The way there counts for nine tenths of a destination, what is done there for the rest. ``last_node`` is
-    where the processing vehicle was last. None for an order that ended without success.
+    Driving counts for nine tenths of a destination, the operation there for the rest. ``last_node`` is the
+    last node of the processing vehicle.
     """
     if status.state.final:
         return 100.0 if status.state.value == "FINISHED" else None
@@ -106,8 +103,8 @@ def _share(status: TransportOrderStatus, last_node: str | None) -> float:
         return 0.0
     current = status.drive_orders[index]
     if current.state is DriveOrderState.OPERATING:
-        return WAY
+        return DRIVING_SHARE
     route = current.route or ()
     if current.state is not DriveOrderState.TRAVELLING or last_node not in route:
         return 0.0
-    return WAY * route.index(last_node) / max(1, len(route) - 1)
+    return DRIVING_SHARE * route.index(last_node) / max(1, len(route) - 1)

@@ -1,8 +1,8 @@
-"""Changes between two views of the fleet: small, numbered, and enough to make the second from the first.
+"""Published views and their numbered changes.
 
-A delta names only what changed: of robots and orders the ``id`` and the fields with their new values (a value
-replaces the old one whole), the ids of those that are gone, and the other parts whole. Its own ``id`` is one
-more than that of the view that it applies to.
+A delta contains only changes: of robots and orders the ``id`` and the changed fields (a new value replaces
+the old one), the IDs of removed ones, and the other parts as a whole. Its own ``id`` is one more than that
+of the view it applies to.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from nena_status_aggregator.fleet.views import (
 V = TypeVar("V", RobotView, OrderView)
 
 Patch = dict[str, Any]
-"""``id``, and the fields that changed."""
+"""``id`` and the changed fields."""
 
 
 class Delta(TypedDict):
-    """What changed; a part that is not there did not."""
+    """Changes; parts that did not change are omitted."""
 
     id: int
     robots: NotRequired[list[Patch]]
@@ -40,7 +40,7 @@ class Delta(TypedDict):
 
 
 def apply(delta: Delta, view: FleetView) -> FleetView:
-    """Make the view after ``delta`` from the one before it, as every reader of the event stream does."""
+    """Apply ``delta`` to a view, as clients of the event stream do."""
     return {
         "id": delta["id"],
         "robots": _patched(view["robots"], delta.get("robots", ()), delta.get("robotsGone", ())),
@@ -63,19 +63,19 @@ def _patched(views: list[V], patches: Iterable[Patch], gone: Iterable[str]) -> l
 K = TypeVar("K", RobotKey, str)
 
 
-class Told(Generic[K, V]):
-    """The views of one kind as they have been told, and which of them may have changed since."""
+class PublishedViews(Generic[K, V]):
+    """The published views of one kind, and the keys of those that may have changed since."""
 
     def __init__(self) -> None:
         self.views: dict[K, V] = {}
         self.touched: dict[K, None] = {}
 
     def touch(self, key: K) -> None:
-        """Have this one looked at by the next :meth:`changes`."""
+        """Mark a view as possibly changed."""
         self.touched[key] = None
 
     def changes(self, look: Callable[[K], V | None]) -> tuple[list[Patch], list[str]]:
-        """Look at what was touched; give the changes, and the ids of what is there no more."""
+        """Rebuild the marked views; return the changes and the IDs of removed views."""
         patches: list[Patch] = []
         gone: list[str] = []
         for key in self.touched:
@@ -99,11 +99,11 @@ def _patch(old: RobotView | OrderView | None, new: RobotView | OrderView) -> lis
 
 
 class Publication:
-    """Numbers the changes, so that a reader can tell where it stands."""
+    """Numbers the changes, so that a client can resume."""
 
     def __init__(self) -> None:
-        self.robots: Told[RobotKey, RobotView] = Told()
-        self.orders: Told[str, OrderView] = Told()
+        self.robots: PublishedViews[RobotKey, RobotView] = PublishedViews()
+        self.orders: PublishedViews[str, OrderView] = PublishedViews()
         self.plant: PlantView | None = None
         self.link: LinkView = {"connected": False, "since": None}
         self.malformed: MalformedView = {
@@ -112,15 +112,15 @@ class Publication:
             "lastProblem": None,
             "lastTime": None,
         }
-        self._told: FleetView = self._fleet(0)
+        self._published: FleetView = self._fleet(0)
 
     def flush(
         self,
         robot: Callable[[RobotKey], RobotView | None],
         order: Callable[[str], OrderView | None],
     ) -> Delta | None:
-        """Give what changed since the last call; None: nothing. The arguments give views as they are now."""
-        delta: Delta = {"id": self._told["id"] + 1}
+        """Return the changes since the last call, or None. The arguments build the current views."""
+        delta: Delta = {"id": self._published["id"] + 1}
         robots, robots_gone = self.robots.changes(robot)
         orders, orders_gone = self.orders.changes(order)
         if robots:
@@ -131,26 +131,26 @@ class Publication:
             delta["orders"] = orders
         if orders_gone:
             delta["ordersGone"] = orders_gone
-        self._tell_parts(delta)
+        self._add_parts(delta)
         if len(delta) == 1:
             return None
-        self._told = self._fleet(delta["id"])
+        self._published = self._fleet(delta["id"])
         return delta
 
     def snapshot(self) -> FleetView:
-        """Give everything as of the last :meth:`flush`."""
+        """Return everything as of the last :meth:`flush`."""
         return {
-            **self._told,
+            **self._published,
             "robots": list(self.robots.views.values()),
             "orders": list(self.orders.views.values()),
         }
 
-    def _tell_parts(self, delta: Delta) -> None:
-        if self.plant != self._told["plant"]:
+    def _add_parts(self, delta: Delta) -> None:
+        if self.plant != self._published["plant"]:
             delta["plant"] = self.plant
-        if self.link != self._told["link"]:
+        if self.link != self._published["link"]:
             delta["link"] = self.link
-        if self.malformed != self._told["malformed"]:
+        if self.malformed != self._published["malformed"]:
             delta["malformed"] = self.malformed
 
     def _fleet(self, number: int) -> FleetView:

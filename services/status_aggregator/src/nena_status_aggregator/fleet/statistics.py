@@ -1,4 +1,4 @@
-"""Counters of the model, as plain numbers: cheap per message, made into metrics only when somebody asks."""
+"""Counters of the fleet model as plain numbers; converted to metrics on each scrape."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from nena_status_aggregator.fleet.events import Code, Outcome, Values
 from nena_status_aggregator.fleet.messages import MessageKind
 
 DURATION_BOUNDS = (5.0, 10.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 3600.0, 7200.0, 14400.0)
-"""Upper bounds of the classes of order durations, s."""
+"""Upper bounds of the histogram buckets of order durations, s."""
 
 ERROR_LABELS = 100
-"""Different error types that metrics tell apart; robots may invent their own."""
+"""Maximum number of error types as metric labels; robots may define their own."""
 
 OTHER = "other"
 LABEL_LENGTH = 64
 
 
 class BoundedLabels:
-    """Keeps the number of a label's values bounded, whatever robots send; the rest counts as ``other``."""
+    """Bounds the number of values of a metric label; further values count as ``other``."""
 
     def __init__(self, limit: int, known: Iterable[str] = ()) -> None:
         self._limit = limit
         self._known = dict.fromkeys(known)
 
     def of(self, value: str) -> str:
-        """Give the label for ``value``: itself, or ``other`` when there are too many or it is too long."""
+        """Return the label for ``value``: itself, or ``other`` if there are too many or it is too long."""
         if value in self._known:
             return value
         if len(self._known) >= self._limit or len(value) > LABEL_LENGTH or not value.isprintable():
@@ -41,13 +41,13 @@ class BoundedLabels:
 
 @dataclass(slots=True)
 class Histogram:
-    """Durations, counted by class."""
+    """Durations by bucket."""
 
     counts: list[int] = field(default_factory=lambda: [0] * (len(DURATION_BOUNDS) + 1))
     total: float = 0.0
 
     def observe(self, seconds: float) -> None:
-        """Count one duration."""
+        """Count a duration."""
         position = next((at for at, bound in enumerate(DURATION_BOUNDS) if seconds <= bound), -1)
         self.counts[position] += 1
         self.total += seconds
@@ -59,24 +59,24 @@ def _per_kind() -> dict[MessageKind, int]:
 
 @dataclass(slots=True)
 class Statistics:
-    """What has happened since the start."""
+    """Counters since the start of the program."""
 
     error_labels: BoundedLabels = field(
         default_factory=lambda: BoundedLabels(ERROR_LABELS, {*ErrorType, *WRITTEN.values()})
     )
-    """Gives the metrics' labels for error types: itself, or ``other``."""
+    """Metric labels for error types."""
     received: dict[MessageKind, int] = field(default_factory=_per_kind)
     malformed: dict[MessageKind, int] = field(default_factory=_per_kind)
     repeated: dict[MessageKind, int] = field(default_factory=_per_kind)
     late: dict[MessageKind, int] = field(default_factory=_per_kind)
     missed: dict[MessageKind, int] = field(default_factory=_per_kind)
     refused: dict[MessageKind, int] = field(default_factory=_per_kind)
-    """Messages of robots beyond the limit of robots."""
+    """Messages of robots beyond the robot limit."""
     restarts: int = 0
     robots_forgotten: int = 0
     orders_forgotten: int = 0
     errors_raised: dict[tuple[str, str], int] = field(default_factory=dict)
-    """By label of the type, and level."""
+    """By error type label and level."""
     robot_orders_taken: int = 0
     robot_order_updates: int = 0
     robot_orders_ended: dict[Outcome, int] = field(default_factory=lambda: dict.fromkeys(Outcome, 0))
@@ -87,10 +87,10 @@ class Statistics:
     orders_ended: dict[str, int] = field(default_factory=dict)
     """By final state."""
     order_durations: dict[str, Histogram] = field(default_factory=dict)
-    """By final state, s from creation to end."""
+    """By final state: time from creation to end, s."""
 
     def count_change(self, code: Code, values: Values) -> None:
-        """Count what a robot's state tells."""
+        """Count a change between two states of a robot."""
         match code:
             case Code.ERROR_RAISED:
                 label = (self.error_labels.of(str(values["errorType"])), str(values["errorLevel"]))
@@ -107,7 +107,7 @@ class Statistics:
                 self.actions_ended[ActionStatus(str(values["status"]))] += 1
 
     def count_end(self, order: TransportOrderStatus) -> None:
-        """Count an order that has ended."""
+        """Count an ended transport order."""
         state = order.state.value
         self.orders_ended[state] = self.orders_ended.get(state, 0) + 1
         if order.finished is not None:

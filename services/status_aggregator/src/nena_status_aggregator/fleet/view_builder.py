@@ -1,4 +1,4 @@
-"""From what is known of a robot to what is told of it."""
+"""Builds the views of robots and orders that API and event stream publish."""
 
 from __future__ import annotations
 
@@ -38,19 +38,19 @@ from nena_status_aggregator.fleet.views import (
 )
 
 TEXT_LIMIT = 500
-"""Characters of a free text that are passed on."""
+"""Maximum length of a published free text, characters."""
 
 LIST_LIMIT = 200
-"""Entries of a list that are passed on: errors, actions, loads, nodes ahead."""
+"""Maximum length of a published list: errors, actions, loads, nodes."""
 
 
 def short(text: str | None) -> str | None:
-    """Cut a free text to what people will read."""
+    """Shorten a free text to TEXT_LIMIT."""
     return text if text is None or len(text) <= TEXT_LIMIT else f"{text[: TEXT_LIMIT - 1]}…"
 
 
 def view_robot(robot: Robot, *, silence_limit: float, skew_limit: float) -> RobotView:
-    """Tell everything about ``robot`` that does not change by waiting.
+    """Build the view of a robot; nothing in it changes with time alone.
 
     ``clockSkew`` is None while it is below ``skew_limit`` (s), so that noise makes no changes.
     """
@@ -99,13 +99,13 @@ def view_robot(robot: Robot, *, silence_limit: float, skew_limit: float) -> Robo
 
 
 def _ros_session(state: StateBrief) -> RosSessionView | None:
-    told = ros_session(state)
-    if told is None:
+    session = ros_session(state)
+    if session is None:
         return None
     return {
-        "state": told.state.value,
-        "namespace": short(told.namespace) or "",
-        "domainId": short(told.domain_id) or "",
+        "state": session.state.value,
+        "namespace": short(session.namespace) or "",
+        "domainId": short(session.domain_id) or "",
     }
 
 
@@ -237,7 +237,7 @@ def _order(robot: Robot, state: StateBrief) -> RobotOrderView:
 
 
 def is_active(state: StateBrief) -> bool:
-    """Tell whether the robot still has to do with its order (the reverse of idle, 3.0 section 6.6.8)."""
+    """Return whether the robot's order is active (the reverse of idle, VDA 5050 3.0, 6.6.8)."""
     return bool(state.node_states or state.edge_states) or not all(
         each.action_status.ended for each in state.action_states
     )
@@ -266,7 +266,7 @@ def _body(robot: Robot) -> BodyView | None:
 
 
 def view_known_actions(sheet: Factsheet) -> list[KnownActionView]:
-    """Tell which actions a robot can do, in the same names for each version of VDA 5050."""
+    """Return the actions of a factsheet, with the same names for each VDA 5050 version."""
     return [
         {
             "actionType": each.action_type,
@@ -287,7 +287,7 @@ def view_known_actions(sheet: Factsheet) -> list[KnownActionView]:
 
 
 def _outline(geometry: MobileRobotGeometry) -> list[tuple[float, float]] | None:
-    """Give the first footprint that the factsheet has."""
+    """Return the first footprint of the factsheet, if any."""
     envelopes = geometry.envelopes2d
     return [(each.x, each.y) for each in envelopes[0].vertices[:LIST_LIMIT]] if envelopes else None
 
@@ -307,7 +307,7 @@ def _vehicle(robot: Robot) -> VehicleView | None:
 
 
 def view_order(order: TrackedOrder, last_node: str | None) -> OrderView:
-    """Tell everything about an order; ``last_node``: where its vehicle was last."""
+    """Build the view of an order; ``last_node``: last node of its vehicle."""
     status = order.status
     return {
         "id": status.name,
@@ -339,12 +339,12 @@ def view_order(order: TrackedOrder, last_node: str | None) -> OrderView:
 
 
 def held(hold: Hold) -> HoldView:
-    """Tell who holds an order."""
+    """Build the view of a hold."""
     return {"by": hold.by, "reason": short(hold.reason) or "", "since": iso(hold.since)}
 
 
 def place(destination: Destination) -> str:
-    """Name a destination: the point or location, or the coordinate in m."""
+    """Return the name of a destination: point, location, or coordinate in m."""
     at = destination.coordinate
     if at is None:
         return destination.location_name or ""

@@ -1,4 +1,4 @@
-"""What the API and the event stream say; one type per JSON object."""
+"""The JSON objects of API and event stream."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing_extensions import TypedDict
 
 
 class PositionView(TypedDict):
-    """m and rad in the frame of the robot's map."""
+    """Position, m and rad in the frame of the map."""
 
     x: float
     y: float
@@ -16,7 +16,7 @@ class PositionView(TypedDict):
 
 
 class VelocityView(TypedDict):
-    """m/s and rad/s in the robot's frame."""
+    """Velocity, m/s and rad/s in the robot's frame."""
 
     vx: float | None
     vy: float | None
@@ -24,7 +24,7 @@ class VelocityView(TypedDict):
 
 
 class BatteryView(TypedDict):
-    """Percent, V, m."""
+    """Battery: charge in percent, voltage in V, range in m."""
 
     charge: float
     charging: bool
@@ -33,7 +33,7 @@ class BatteryView(TypedDict):
 
 
 class MapView(TypedDict):
-    """A map that the robot holds."""
+    """A map stored on the robot."""
 
     mapId: str
     mapVersion: str
@@ -41,9 +41,9 @@ class MapView(TypedDict):
 
 
 class GridView(TypedDict):
-    """The robot's own map as an image: its lower left corner (m, rad), m per pixel, and pixels.
+    """The robot's grid map as an image: pose of its lower left corner (m, rad), m per pixel, size in pixels.
 
-    The image is at ``/api/v1/robots/{manufacturer}/{serial}/map``; another ``digest``: it is another one.
+    The image is at ``/api/v1/robots/{manufacturer}/{serial}/map``; a new ``digest`` means a new image.
     """
 
     digest: str
@@ -57,7 +57,7 @@ class GridView(TypedDict):
 
 
 class LoadView(TypedDict):
-    """kg."""
+    """A load; weight in kg."""
 
     loadId: str | None
     loadType: str | None
@@ -76,7 +76,7 @@ class ErrorView(TypedDict):
 
 
 class InformationView(TypedDict):
-    """Something that the robot tells beside: goals of its navigation, for one."""
+    """An information entry of the state, e.g. a navigation goal."""
 
     infoType: str
     infoLevel: str
@@ -85,7 +85,7 @@ class InformationView(TypedDict):
 
 
 class ActionView(TypedDict):
-    """An action that the robot knows of."""
+    """An action in the robot's state."""
 
     actionId: str
     actionType: str | None
@@ -94,7 +94,7 @@ class ActionView(TypedDict):
 
 
 class ActionParameterView(TypedDict):
-    """A parameter of an action; `valueDataType` as in the factsheet of VDA 5050."""
+    """A parameter of an action; `valueDataType` as in the VDA 5050 factsheet."""
 
     key: str
     valueDataType: str
@@ -103,7 +103,7 @@ class ActionParameterView(TypedDict):
 
 
 class KnownActionView(TypedDict):
-    """An action that the robot's factsheet lists."""
+    """An action listed in the robot's factsheet."""
 
     actionType: str
     description: str | None
@@ -112,7 +112,7 @@ class KnownActionView(TypedDict):
 
 
 class AheadView(TypedDict):
-    """A node that is still to be reached; m, None where the robot does not say."""
+    """A node still to be reached; position in m, null if not reported."""
 
     nodeId: str
     released: bool
@@ -121,7 +121,7 @@ class AheadView(TypedDict):
 
 
 class RobotOrderView(TypedDict):
-    """The VDA 5050 order that the robot holds or held last."""
+    """The robot's current or last VDA 5050 order."""
 
     orderId: str
     orderUpdateId: int
@@ -134,7 +134,7 @@ class RobotOrderView(TypedDict):
 
 
 class BodyView(TypedDict):
-    """What the factsheet says of the robot's body; m."""
+    """Type and dimensions (m, m/s) from the factsheet."""
 
     seriesName: str
     robotClass: str
@@ -143,11 +143,11 @@ class BodyView(TypedDict):
     width: float
     maximumSpeed: float
     outline: list[tuple[float, float]] | None
-    """Corners of the footprint in the robot's frame; None: the factsheet has none."""
+    """Corners of the footprint in the robot's frame; null if the factsheet has none."""
 
 
 class VehicleView(TypedDict):
-    """What the order service says of it."""
+    """The robot's vehicle in the order service."""
 
     name: str
     state: str
@@ -158,7 +158,7 @@ class VehicleView(TypedDict):
 
 
 class RosSessionView(TypedDict):
-    """Where in the ROS graph a robot's edge agent is, or will be when its session starts."""
+    """ROS namespace and domain of the robot's edge agent, and the state of its session."""
 
     state: str
     namespace: str
@@ -166,7 +166,7 @@ class RosSessionView(TypedDict):
 
 
 class RobotView(TypedDict):
-    """One robot. Times are UTC; ages are left to the reader, who knows what time it is."""
+    """A robot. Times are UTC."""
 
     id: str
     manufacturer: str
@@ -194,7 +194,7 @@ class RobotView(TypedDict):
     maps: list[MapView] | None
     grid: GridView | None
     plan: list[tuple[float, float]] | None
-    """The way that it means to drive next; m, in the plant's frame."""
+    """Planned path, m in the plant frame."""
     loads: list[LoadView] | None
     errors: list[ErrorView]
     information: list[InformationView]
@@ -207,7 +207,7 @@ class RobotView(TypedDict):
 
 
 class DestinationView(TypedDict):
-    """A stop of a transport order: a place's name or a coordinate, and what is done there."""
+    """A destination of a transport order: place or coordinate, and operation."""
 
     place: str
     operation: str
@@ -215,7 +215,7 @@ class DestinationView(TypedDict):
 
 
 class HoldView(TypedDict):
-    """Who holds a transport order, why and since when."""
+    """Who put a transport order on hold, why and since when."""
 
     by: str
     reason: str
@@ -223,7 +223,7 @@ class HoldView(TypedDict):
 
 
 class OrderView(TypedDict):
-    """One transport order; ``id`` is its name."""
+    """A transport order; ``id`` is its name."""
 
     id: str
     name: str
@@ -246,7 +246,7 @@ class OrderView(TypedDict):
 
 
 class PlantView(TypedDict):
-    """That there is a plant model, and which; the model itself is a resource of its own."""
+    """Summary of the plant model, which has its own resource."""
 
     version: int
     name: str
@@ -256,14 +256,14 @@ class PlantView(TypedDict):
 
 
 class LinkView(TypedDict):
-    """The link to the broker."""
+    """The MQTT broker connection."""
 
     connected: bool
     since: str | None
 
 
 class MalformedView(TypedDict):
-    """Messages that could not be read."""
+    """Unreadable messages."""
 
     counts: dict[str, int]
     lastTopic: str | None
@@ -272,7 +272,7 @@ class MalformedView(TypedDict):
 
 
 class FleetView(TypedDict):
-    """Everything, as it was told by the changes up to ``id``."""
+    """The whole fleet as of change ``id``."""
 
     id: int
     robots: list[RobotView]

@@ -1,5 +1,5 @@
-"""What happened to robots and orders, kept in a database for a set time.
+"""The history: events of robots and orders, kept in a database for a configured time.
 
-Happenings go through a bounded queue (``writer``) into one table (``schema``, ``database``), written in
-batches by a thread of its own, so that a slow or missing database never holds the event loop.
+Events pass a bounded queue (``writer``) into one table (``database``). A separate thread writes them in
+batches, so a slow or unavailable database never blocks the event loop.
 """

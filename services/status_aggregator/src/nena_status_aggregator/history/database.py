@@ -1,4 +1,4 @@
-"""Reads and writes the history; every function blocks and belongs into a thread."""
+"""Tables of the history, and blocking functions that read and write them."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ from typing_extensions import TypedDict
 from nena_shared.clock import iso
 from nena_shared.database_lines import remember
 from nena_shared.program import StartError
-from nena_status_aggregator.fleet.events import Code, Happening, Values
+from nena_status_aggregator.fleet.events import Code, Event, Values
 
 SCHEMA_VERSION = 1
-"""One more with each change of the tables; a history of another version is refused."""
+"""Incremented with each change of the tables; other versions are refused."""
 
 ROBOT_LENGTH = 300
 ORDER_LENGTH = 600
-"""Characters of names that are kept."""
+"""Maximum lengths of stored names, characters."""
 
 metadata = MetaData()
 
@@ -51,7 +51,7 @@ schema_version = Table("history_schema_version", metadata, Column("version", Int
 event_table = Table(
     "happenings",
     metadata,
-    # SQLite numbers rows by itself only in a column that is INTEGER to the letter.
+    # SQLite generates row numbers only for a column of exactly type INTEGER.
     Column("id", BigInteger().with_variant(Integer, "sqlite"), primary_key=True, autoincrement=True),
     Column("time", BigInteger, nullable=False),
     Column("code", String(40), nullable=False),
@@ -64,11 +64,11 @@ event_table = Table(
     Index("happenings_by_order", "order_name", "id"),
     Index("happenings_by_code", "code", "time"),
 )
-"""``time`` in ms since 1970 UTC; ``details`` are the values as JSON."""
+"""``time`` in ms since 1970-01-01 UTC; ``details`` holds the values as JSON."""
 
 
 class HistoryEntry(TypedDict):
-    """A happening, and its number: the later one has the greater."""
+    """An event and its number; numbers increase."""
 
     id: int
     time: str
@@ -81,20 +81,20 @@ class HistoryEntry(TypedDict):
 
 @dataclass(frozen=True, slots=True)
 class HistoryFilter:
-    """Which entries are wanted; None and empty: all."""
+    """Filter for entries; None and empty match all."""
 
     robot: str | None = None
     order: str | None = None
     codes: tuple[Code, ...] = ()
-    """Empty: all but the positions, which are many."""
+    """Empty: all except positions."""
     since: datetime | None = None
-    """From this time on."""
+    """Earliest time, inclusive."""
     until: datetime | None = None
-    """Before this time."""
+    """Latest time, exclusive."""
 
 
 EXPIRED_PER_COMMIT = 5000
-"""Rows that are deleted together, so that writers never wait long."""
+"""Maximum number of rows deleted in one transaction, so that writes never wait long."""
 
 CONNECT_SECONDS = 10
 
@@ -102,30 +102,30 @@ EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 MILLISECOND = timedelta(milliseconds=1)
 
 NUL = "\x00"
-"""PostgreSQL stores no text that holds it."""
+"""Not allowed in texts by PostgreSQL."""
 
 
 class HistoryError(StartError):
-    """The history cannot be used as it is set; the text says why, and what to do."""
+    """The history settings are invalid or its database is unusable."""
 
 
 def make_engine(url: str) -> Engine:
-    """Prepare access to the database; nothing is opened yet.
+    """Create the engine; nothing is opened yet.
 
     Raises:
-        HistoryError: the URL names no file, or a kind of database that is not installed.
+        HistoryError: the URL has no file name, or the database driver is not installed.
 
     """
     try:
         parsed = _parse(url)
-        patience = {"connect_timeout": CONNECT_SECONDS} if parsed.get_backend_name() == "postgresql" else {}
-        engine = create_engine(parsed, pool_pre_ping=True, connect_args=patience)
+        timeouts = {"connect_timeout": CONNECT_SECONDS} if parsed.get_backend_name() == "postgresql" else {}
+        engine = create_engine(parsed, pool_pre_ping=True, connect_args=timeouts)
     except (ArgumentError, ImportError) as error:
-        message = f"history.url cannot be used: {error}. Name a file: sqlite:///nena-history.db"
+        message = f"history.url is unusable: {error}. Use for example sqlite:///nena-history.db"
         raise HistoryError(message) from error
     if engine.dialect.name == "sqlite":
         if parsed.database in (None, "", ":memory:"):
-            message = "history.url names no file. Name one: sqlite:///nena-history.db"
+            message = "history.url has no file name. Use for example sqlite:///nena-history.db"
             raise HistoryError(message)
         event.listen(engine, "connect", _set_up_sqlite)
     if engine.dialect.driver == "psycopg":
@@ -134,32 +134,32 @@ def make_engine(url: str) -> Engine:
 
 
 def _parse(url: str) -> URL:
-    """Read a URL; it may hold a password, so neither it nor what is said of its parts is repeated."""
+    """Parse a URL. It may hold a password, so errors never quote it."""
     try:
         parsed = make_url(url)
     except (ArgumentError, ValueError):
-        message = "it is no database URL"
+        message = "not a database URL"
         raise ArgumentError(message) from None
-    if "@" in (parsed.host or ""):  # the end of a password, which would be told as a host that is not found
-        message = "an @ in a password has to stand there as %40"
+    if "@" in (parsed.host or ""):  # the end of a password, which would appear in an error as an unknown host
+        message = "write an @ in a password as %40"
         raise ArgumentError(message)
     return parsed
 
 
 def _set_up_sqlite(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> None:
     cursor = connection.cursor()
-    # NORMAL may lose the last moments when the power fails, never the file.
+    # NORMAL may lose the last transactions on a power failure, but never corrupts the file.
     for setting in ("journal_mode=WAL", "synchronous=NORMAL", "busy_timeout=5000"):
         cursor.execute(f"PRAGMA {setting}")
     cursor.close()
 
 
 def prepare(engine: Engine) -> None:
-    """Make the tables where there are none.
+    """Create missing tables.
 
     Raises:
-        HistoryError: the tables are of another version.
-        SQLAlchemyError: the database cannot be reached or written.
+        HistoryError: the tables have another version.
+        SQLAlchemyError: the database is not reachable or writable.
 
     """
     with engine.begin() as connection:
@@ -169,26 +169,26 @@ def prepare(engine: Engine) -> None:
             connection.execute(insert(schema_version).values(version=SCHEMA_VERSION))
         elif version != SCHEMA_VERSION:
             message = (
-                f"the history has tables of version {version}, this program needs {SCHEMA_VERSION}: "
-                "use the release that made them, or another history.url"
+                f"the history database has schema version {version}; this program needs {SCHEMA_VERSION}. "
+                "Use the release that created it, or another history.url"
             )
             raise HistoryError(message)
 
 
-def write(engine: Engine, events: Sequence[Happening]) -> None:
-    """Commit ``events`` together, in their order."""
+def write(engine: Engine, events: Sequence[Event]) -> None:
+    """Write ``events`` in one transaction, in order."""
     with engine.begin() as connection:
         connection.execute(insert(event_table), [_row(each) for each in events])
 
 
-def _row(happening: Happening) -> dict[str, object]:
+def _row(entry: Event) -> dict[str, object]:
     return {
-        "time": _milliseconds(happening.time),
-        "code": happening.code.value,
-        "robot": _storable(happening.robot, ROBOT_LENGTH),
-        "order_name": _storable(happening.order, ORDER_LENGTH),
-        "text": _storable(happening.text, None),
-        "details": json.dumps(happening.values),
+        "time": _milliseconds(entry.time),
+        "code": entry.code.value,
+        "robot": _storable(entry.robot, ROBOT_LENGTH),
+        "order_name": _storable(entry.order, ORDER_LENGTH),
+        "text": _storable(entry.text, None),
+        "details": json.dumps(entry.values),
     }
 
 
@@ -203,7 +203,7 @@ def _milliseconds(time: datetime) -> int:
 def read_newest(
     engine: Engine, wanted: HistoryFilter, *, before: int | None, limit: int
 ) -> list[HistoryEntry]:
-    """Read a page, newest first; ``before`` is the number of the last entry had already."""
+    """Read a page, newest first, of the entries with numbers below ``before``."""
     table = event_table
     query = _filtered(wanted).order_by(table.c.id.desc()).limit(limit)
     return _read(engine, query if before is None else query.where(table.c.id < before))
@@ -212,7 +212,7 @@ def read_newest(
 def read_oldest(
     engine: Engine, wanted: HistoryFilter, *, after: int, upto: int, limit: int
 ) -> list[HistoryEntry]:
-    """Read a page, oldest first, of the entries with numbers above ``after`` and not above ``upto``."""
+    """Read a page, oldest first, of the entries with numbers above ``after`` up to ``upto``."""
     number = event_table.c.id
     query = _filtered(wanted).where(number > after, number <= upto)
     return _read(engine, query.order_by(number).limit(limit))
@@ -254,12 +254,12 @@ def _entry(row: Row[Any]) -> HistoryEntry:
 
 
 def expire(engine: Engine, *, before: datetime, code: Code | None = None) -> int:
-    """Delete entries that are older than ``before``, a bounded number of them; give how many.
+    """Delete up to EXPIRED_PER_COMMIT entries older than ``before``; return their number.
 
     Args:
         engine: the database.
-        before: what is older goes.
-        code: only this kind; None: all kinds.
+        before: delete older entries.
+        code: delete only this kind; None: all kinds.
 
     """
     table = event_table

@@ -1,4 +1,4 @@
-"""The history as the rest of the program sees it."""
+"""The history as the rest of the program uses it: writer, queries and export formats."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from nena_status_aggregator.settings import HistorySettings
 COLUMNS = ("id", "time", "code", "robot", "order", "text", "values")
 
 FORMULA_SIGNS = ("=", "+", "-", "@", "\t", "\r")
-"""A cell that begins so is run by spreadsheets; what robots say must not be."""
+"""Spreadsheets execute cells that start with these; texts of robots must not be executed."""
 
 Form = Callable[[Iterable[HistoryEntry]], str]
 
 
 def csv_head() -> str:
-    """Write the names of the columns."""
+    """Return the header line."""
     return ",".join(COLUMNS) + "\r\n"
 
 
 def as_csv(entries: Iterable[HistoryEntry]) -> str:
-    """Write entries as rows (RFC 4180); the values are JSON in one cell."""
+    """Format entries as rows (RFC 4180); the values are JSON in one cell."""
     text = StringIO(newline="")
     writer = csv.writer(text)
     for entry in entries:
@@ -40,7 +40,7 @@ def as_csv(entries: Iterable[HistoryEntry]) -> str:
 
 
 def as_json_lines(entries: Iterable[HistoryEntry]) -> str:
-    """Write each entry as JSON in a line of its own."""
+    """Format each entry as a line of JSON."""
     return "".join(f"{json.dumps(entry)}\n" for entry in entries)
 
 
@@ -49,21 +49,21 @@ def _harmless(cell: str | None) -> str:
 
 
 PAGE = 1000
-"""Entries that an export reads at a time, so that its length does not matter."""
+"""Number of entries that an export reads at a time."""
 
 
-class HistoryAwayError(Exception):
-    """The database does not answer at the moment."""
+class HistoryUnavailableError(Exception):
+    """The history database is unavailable."""
 
 
 class History:
-    """Writes by ``writer``; reads in threads, so that a long search holds nobody."""
+    """The history: writes through ``writer``, reads in threads."""
 
     def __init__(self, settings: HistorySettings, url: str, clock: Clock) -> None:
-        """Prepare the history; nothing is opened before ``writer.open``.
+        """Create the history; nothing is opened before ``writer.open``.
 
         Raises:
-            HistoryError: the URL names no database that can be used.
+            HistoryError: the URL is unusable.
 
         """
         self._engine = database.make_engine(url)
@@ -72,10 +72,10 @@ class History:
     async def newest(
         self, wanted: HistoryFilter, *, before: int | None = None, limit: int = 100
     ) -> list[HistoryEntry]:
-        """Give a page, newest first; ``before``: number of the last entry had already.
+        """Return a page, newest first, of the entries with numbers below ``before``.
 
         Raises:
-            HistoryAwayError: the database does not answer.
+            HistoryUnavailableError: the database is unavailable.
 
         """
         try:
@@ -83,13 +83,13 @@ class History:
                 database.read_newest, self._engine, wanted, before=before, limit=limit
             )
         except SQLAlchemyError as error:
-            raise HistoryAwayError from error
+            raise HistoryUnavailableError from error
 
     async def pages(self, wanted: HistoryFilter) -> AsyncIterator[list[HistoryEntry]]:
-        """Yield all entries that there are now, oldest first, page by page.
+        """Yield all present entries, oldest first, page by page.
 
         Raises:
-            HistoryAwayError: the database does not answer.
+            HistoryUnavailableError: the database is unavailable.
 
         """
         newest = await self.newest(wanted, limit=1)
@@ -100,7 +100,7 @@ class History:
                     database.read_oldest, self._engine, wanted, after=last, upto=end, limit=PAGE
                 )
             except SQLAlchemyError as error:
-                raise HistoryAwayError from error
+                raise HistoryUnavailableError from error
             if not page:
                 return
             last = page[-1]["id"]

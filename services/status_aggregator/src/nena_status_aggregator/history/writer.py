@@ -1,4 +1,4 @@
-"""Writes what happens, in batches, beside the event loop."""
+"""Writes events to the history in batches, outside the event loop."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sqlalchemy.exc import DataError, IntegrityError, SQLAlchemyError
 from nena_shared.clock import Clock
 from nena_shared.database_lines import hang_up
 from nena_shared.log import get_logger
-from nena_status_aggregator.fleet.events import Code, Happening
+from nena_status_aggregator.fleet.events import Code, Event
 from nena_status_aggregator.history import database
 from nena_status_aggregator.history.database import HistoryError
 from nena_status_aggregator.settings import HistorySettings
@@ -26,56 +26,56 @@ log = get_logger(__name__)
 R = TypeVar("R")
 
 LONGEST_PAUSE = 10.0
-"""Seconds between two tries while the database fails."""
+"""Maximum delay between retries while the database is unavailable, seconds."""
 
 EXPIRY_INTERVAL = 300.0
-"""Seconds between two looks for entries that are too old."""
+"""Interval between deletions of expired entries, seconds."""
 
 LAST_WRITE_SECONDS = 3.0
-"""Seconds that the program's end waits for what is still to be written."""
+"""Timeout of the last write at shutdown, seconds."""
 
 
 class HistoryWriter:
-    """Takes happenings at once and writes them soon.
+    """Queues events and writes them in batches.
 
-    The rule of its queue: while the database is slow or away, up to ``queue_limit`` happenings wait; then the
-    oldest go, are counted in ``dropped``, and an entry ``historyGap`` tells readers how many are missing.
+    While the database is slow or unavailable, up to ``queue_limit`` events wait. Beyond it the oldest are
+    dropped and counted in ``dropped``; a ``historyGap`` entry gives their number.
     """
 
     def __init__(self, settings: HistorySettings, engine: Engine, clock: Clock) -> None:
         self._settings = settings
         self._engine = engine
         self._clock = clock
-        self._queue: deque[Happening] = deque()
+        self._queue: deque[Event] = deque()
         self._news = asyncio.Event()
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="history")
         self._gap = 0
         self.ready = False
-        """Whether the last access to the database went well."""
+        """Whether the last database access succeeded."""
         self.written = 0
         self.dropped = 0
         self.failures = 0
 
     @property
     def waiting(self) -> int:
-        """How many happenings are not written yet."""
+        """Number of events waiting to be written."""
         return len(self._queue)
 
-    def tell(self, happening: Happening) -> None:
-        """Take in a happening; never waits."""
+    def add(self, event: Event) -> None:
+        """Queue an event; never blocks."""
         if len(self._queue) >= self._settings.queue_limit:
             self._queue.popleft()
             self._lose(1)
-        self._queue.append(happening)
+        self._queue.append(event)
         self._news.set()
 
     async def open(self) -> None:
-        """Make the tables, before anything else is started.
+        """Create the tables at start-up.
 
-        A database server may be away at the moment; a file that cannot be written is a mistake.
+        A database server may be unavailable for now; an unwritable file is an error.
 
         Raises:
-            HistoryError: the history cannot be used as it is set.
+            HistoryError: the history settings are invalid.
 
         """
         try:
@@ -83,14 +83,14 @@ class HistoryWriter:
         except SQLAlchemyError as error:
             if self._engine.dialect.name == "sqlite":
                 message = (
-                    f"history.url cannot be used: {_words(error)}. Name a file that can be written: "
-                    "sqlite:///nena-history.db; or keep no history: --history.url none"
+                    f"history.url is unusable: {_words(error)}. Use a writable file, for example "
+                    "sqlite:///nena-history.db, or disable the history with --history.url none"
                 )
                 raise HistoryError(message) from error
             self._failed(error)
 
     async def run(self) -> None:
-        """Write until cancelled, then write what is left."""
+        """Write until cancelled, then write the remaining events."""
         try:
             async with asyncio.TaskGroup() as tasks:
                 tasks.create_task(self._keep_writing(), name="history writer")
@@ -102,7 +102,7 @@ class HistoryWriter:
         pause = self._settings.interval
         while True:
             await self._news.wait()
-            await asyncio.sleep(pause)  # gathers a batch, or lets the database come back
+            await asyncio.sleep(pause)  # collects a batch, or gives the database time to recover
             failures = self.failures
             while self._queue and self.failures == failures:
                 await self._write_batch()
@@ -118,8 +118,8 @@ class HistoryWriter:
             self._news.clear()
         try:
             await self._in_thread(partial(self._prepare_and_write, batch))
-        except (DataError, IntegrityError):  # would fail for ever, and hold up all others
-            log.exception("happenings cannot be stored, dropped", number=len(batch))
+        except (DataError, IntegrityError):  # would fail forever and block all others
+            log.exception("dropping events that cannot be stored", number=len(batch))
             self._lose(len(batch) - bool(gap))
         except (SQLAlchemyError, HistoryError) as error:
             self._failed(error)
@@ -128,13 +128,13 @@ class HistoryWriter:
             self._gap -= gap
             self.written += len(batch)
 
-    def _prepare_and_write(self, batch: list[Happening]) -> None:
+    def _prepare_and_write(self, batch: list[Event]) -> None:
         if not self.ready:
             database.prepare(self._engine)
         database.write(self._engine, batch)
 
-    def _take_back(self, batch: list[Happening]) -> None:
-        """Put a batch back before what waits, as far as there is room; the oldest go first."""
+    def _take_back(self, batch: list[Event]) -> None:
+        """Put a batch back to the front of the queue; the oldest events are dropped if there is no room."""
         room = max(0, self._settings.queue_limit - len(self._queue))
         lost = max(0, len(batch) - room)
         self._lose(lost)
@@ -145,9 +145,9 @@ class HistoryWriter:
         self.dropped += number
         self._gap += number
 
-    def _gap_entry(self, dropped: int) -> Happening:
-        text = f"{dropped} happenings before this one were not written."
-        return Happening(self._clock.now(), Code.HISTORY_GAP, text, values={"dropped": dropped})
+    def _gap_entry(self, dropped: int) -> Event:
+        text = f"{dropped} events before this one were not written."
+        return Event(self._clock.now(), Code.HISTORY_GAP, text, values={"dropped": dropped})
 
     async def _keep_expiring(self) -> None:
         while True:
@@ -170,25 +170,28 @@ class HistoryWriter:
     async def _write_the_rest(self) -> None:
         try:
             async with asyncio.timeout(LAST_WRITE_SECONDS):
-                await self._in_thread(int)  # what the thread still had to do is done then
+                await self._in_thread(int)  # waits for the thread's current work
                 failures = self.failures
                 while self._queue and self.failures == failures:
                     await self._write_batch()
         except TimeoutError:
-            log.warning("history not written to its end", waiting=len(self._queue))
+            log.warning(
+                "events lost at shutdown: the history database did not answer in time",
+                waiting=len(self._queue),
+            )
         hang_up(self._engine)
         self._thread.shutdown(wait=False, cancel_futures=True)
         self._engine.dispose()
 
     async def _in_thread(self, work: Callable[[], R]) -> R:
         future = asyncio.get_running_loop().run_in_executor(self._thread, work)
-        result = await asyncio.shield(future)  # a batch that is begun is written also when the program ends
+        result = await asyncio.shield(future)  # a started batch is written even during shutdown
         self.ready = True
         return result
 
     def _failed(self, error: Exception) -> None:
         if self.ready or not self.failures:
-            log.error("history cannot be written, trying on", reason=_words(error))
+            log.error("history database unavailable; retrying", reason=_words(error))
         self.ready = False
         self.failures += 1
 

@@ -1,4 +1,7 @@
-"""All that ``/metrics`` says."""
+"""Fleet metrics, and the response of ``/metrics``.
+
+Labels are bounded: conditions, topics, levels and states by their enumerations, error types by a limit.
+"""
 
 from __future__ import annotations
 
@@ -22,20 +25,20 @@ DISTRIBUTION = "nena-status-aggregator"
 
 
 class FleetCollector(Collector):
-    """Reads the aggregator at each scrape."""
+    """Collects the fleet metrics on each scrape."""
 
     def __init__(self, aggregator: Aggregator) -> None:
         self._aggregator = aggregator
         self._model = aggregator.model
 
     def describe(self) -> Iterable[Metric]:
-        """Give nothing: the families are known only when they are made."""
+        """Return nothing: the families are known only when collected."""
         return ()
 
     def collect(self) -> Iterator[Metric]:
-        """Make all families."""
+        """Yield all metric families."""
         yield _gauge(
-            "nena_build_info", "The version that runs.", ("version",), [((version(DISTRIBUTION),), 1)]
+            "nena_build_info", "Version of the program.", ("version",), [((version(DISTRIBUTION),), 1)]
         )
         yield from self._robots()
         yield from self._errors()
@@ -57,16 +60,16 @@ class FleetCollector(Collector):
         share = self._aggregator.share
         yield _gauge(
             "nena_robots_share_ratio",
-            "Share of the robots that is watched here, 0 to 1.",
+            "Share of the robots monitored by this aggregator, 0 to 1.",
             ("share",),
             [((str(share),), 1 / share.of)],
         )
         yield _counter(
-            "nena_robots_forgotten", "Silent robots that made room for new ones.",
+            "nena_robots_forgotten", "Silent robots removed for new ones.",
             (), [((), self._model.statistics.robots_forgotten)],
         )  # fmt: skip
         yield _counter(
-            "nena_robot_restarts", "Topics of robots on which the counting of messages began again.",
+            "nena_robot_restarts", "Restarts of the header ID on robots' topics.",
             (), [((), self._model.statistics.restarts)],
         )  # fmt: skip
 
@@ -78,41 +81,45 @@ class FleetCollector(Collector):
             for each in robot.state.errors
         )
         labels = ("error_type", "error_level")
-        yield _gauge("nena_robot_errors", "Errors that robots report now.", labels, active.items())
+        yield _gauge("nena_robot_errors", "Active errors of robots.", labels, active.items())
         raised = self._model.statistics.errors_raised.items()
-        yield _counter("nena_robot_errors_raised", "Errors that robots have begun to report.", labels, raised)
+        yield _counter("nena_robot_errors_raised", "Errors raised by robots.", labels, raised)
 
     def _messages(self) -> Iterator[Metric]:
-        told = self._model.statistics
+        statistics = self._model.statistics
         for name, text, counts in (
-            ("nena_messages_received", "Messages by topic, whatever became of them.", told.received),
-            ("nena_messages_malformed", "Messages that could not be read.", told.malformed),
-            ("nena_messages_missed", "Messages that never came, by the gaps of headerId.", told.missed),
+            ("nena_messages_received", "Messages received, by topic.", statistics.received),
+            ("nena_messages_malformed", "Unreadable messages.", statistics.malformed),
+            ("nena_messages_missed", "Messages lost, by gaps in headerId.", statistics.missed),
         ):
             yield _counter(name, text, ("topic",), [((kind.value,), n) for kind, n in counts.items()])
-        ignored = (("repeated", told.repeated), ("late", told.late), ("robot_limit", told.refused))
+        ignored = (
+            ("repeated", statistics.repeated),
+            ("late", statistics.late),
+            ("robot_limit", statistics.refused),
+        )
         yield _counter(
             "nena_messages_ignored",
-            "Messages that were read and not used.",
+            "Valid messages that were ignored.",
             ("topic", "reason"),
             [((kind.value, reason), n) for reason, counts in ignored for kind, n in counts.items()],
         )
 
     def _orders(self) -> Iterator[Metric]:
-        told = self._model.statistics
+        statistics = self._model.statistics
         states = Counter(order.status.state for order in self._model.orders)
         yield _gauge(
             "nena_transport_orders",
-            "Transport orders that are kept, by state.",
+            "Transport orders by state.",
             ("state",),
             [((each.value,), states[each]) for each in TransportOrderState],
         )
         final = [each.value for each in TransportOrderState if each.final]
-        ended = [((state,), told.orders_ended.get(state, 0)) for state in final]
-        yield _counter("nena_transport_orders_ended", "Transport orders that ended.", ("state",), ended)
+        ended = [((state,), statistics.orders_ended.get(state, 0)) for state in final]
+        yield _counter("nena_transport_orders_ended", "Transport orders ended.", ("state",), ended)
         yield _counter(
-            "nena_transport_orders_forgotten", "Transport orders that made room for new ones.",
-            (), [((), told.orders_forgotten)],
+            "nena_transport_orders_forgotten", "Transport orders removed for new ones.",
+            (), [((), statistics.orders_forgotten)],
         )  # fmt: skip
         durations = HistogramMetricFamily(
             "nena_transport_order_duration_seconds",
@@ -120,46 +127,46 @@ class FleetCollector(Collector):
             labels=("state",),
         )
         for state in final:
-            durations.add_metric((state,), *_buckets(told.order_durations.get(state, Histogram())))
+            durations.add_metric((state,), *_buckets(statistics.order_durations.get(state, Histogram())))
         yield durations
 
     def _work(self) -> Iterator[Metric]:
-        told = self._model.statistics
+        statistics = self._model.statistics
         yield _counter(
-            "nena_robot_orders_taken", "Orders and updates that robots show as taken.", ("kind",),
-            [(("order",), told.robot_orders_taken), (("update",), told.robot_order_updates)],
+            "nena_robot_orders_taken", "Orders and order updates accepted by robots.", ("kind",),
+            [(("order",), statistics.robot_orders_taken), (("update",), statistics.robot_order_updates)],
         )  # fmt: skip
-        outcomes = [((outcome.value,), count) for outcome, count in told.robot_orders_ended.items()]
+        outcomes = [((outcome.value,), count) for outcome, count in statistics.robot_orders_ended.items()]
         yield _counter(
             "nena_robot_orders_ended",
-            "Orders of which robots have nothing left to do.",
+            "Orders of robots that ended.",
             ("outcome",),
             outcomes,
         )
         yield _counter(
-            "nena_robot_nodes_reached", "Nodes that robots have reached.", (), [((), told.nodes_reached)]
+            "nena_robot_nodes_reached", "Nodes reached by robots.", (), [((), statistics.nodes_reached)]
         )
-        actions = [((status.value,), count) for status, count in told.actions_ended.items()]
-        yield _counter("nena_robot_actions_ended", "Actions that have ended.", ("status",), actions)
+        actions = [((status.value,), count) for status, count in statistics.actions_ended.items()]
+        yield _counter("nena_robot_actions_ended", "Actions ended.", ("status",), actions)
 
     def _link(self) -> Iterator[Metric]:
         state = self._aggregator.link.mqtt.state
         up = [((), int(state.connected))]
-        yield _gauge("nena_mqtt_connected", "1 while the link to the broker stands.", (), up)
+        yield _gauge("nena_mqtt_connected", "1 while connected to the broker.", (), up)
         for name, text, count in (
             ("nena_mqtt_connects", "Connections made to the broker.", state.connects),
             ("nena_mqtt_received", "MQTT messages received.", state.received),
-            ("nena_mqtt_handler_failures", "MQTT messages whose handling failed.", state.handler_failures),
+            ("nena_mqtt_handler_failures", "MQTT messages whose handler failed.", state.handler_failures),
         ):
             yield _counter(name, text, (), [((), count)])
 
     def _events(self) -> Iterator[Metric]:
         stream = self._aggregator.events
         clients = [((), stream.clients)]
-        yield _gauge("nena_event_clients", "Clients that follow the event stream.", (), clients)
+        yield _gauge("nena_event_clients", "Event stream clients.", (), clients)
         for name, text, count in (
-            ("nena_events", "Changes told on the event stream.", stream.events),
-            ("nena_event_snapshots", "Snapshots given to new and to slow clients.", stream.snapshots),
+            ("nena_events", "Events published on the event stream.", stream.events),
+            ("nena_event_snapshots", "Snapshots sent to new and slow clients.", stream.snapshots),
         ):
             yield _counter(name, text, (), [((), count)])
 
@@ -167,13 +174,17 @@ class FleetCollector(Collector):
         history = self._aggregator.history
         writer = history.writer if history else None
         waiting = [((), writer.waiting if writer else 0)]
-        yield _gauge("nena_history_waiting", "Happenings that are not written yet.", (), waiting)
+        yield _gauge("nena_history_waiting", "Events waiting to be written to the history.", (), waiting)
         for name, text, count in (
-            ("nena_history_written", "Happenings written to the history.", writer.written if writer else 0),
-            ("nena_history_dropped", "Happenings that were never written.", writer.dropped if writer else 0),
+            ("nena_history_written", "Events written to the history.", writer.written if writer else 0),
+            (
+                "nena_history_dropped",
+                "Events dropped before they were written.",
+                writer.dropped if writer else 0,
+            ),
             (
                 "nena_history_failures",
-                "Accesses to the database that failed.",
+                "Failed accesses to the history database.",
                 writer.failures if writer else 0,
             ),
         ):
@@ -191,7 +202,7 @@ def _gauge(name: str, text: str, labels: tuple[str, ...], samples: Samples) -> M
 
 
 def _counter(name: str, text: str, labels: tuple[str, ...], samples: Samples) -> Metric:
-    """Make a counter; the text format adds ``_total`` to its name."""
+    """Create a counter; the text format adds ``_total`` to its name."""
     family = CounterMetricFamily(name, text, labels=labels)
     for values, sample in samples:
         family.add_metric(values, sample)
@@ -199,7 +210,7 @@ def _counter(name: str, text: str, labels: tuple[str, ...], samples: Samples) ->
 
 
 def _buckets(durations: Histogram) -> tuple[list[tuple[str, float]], float]:
-    """Sum up the classes, as the text format wants them."""
+    """Return cumulative buckets and the sum, as the text format needs them."""
     running = 0
     buckets: list[tuple[str, float]] = []
     for bound, count in zip((*DURATION_BOUNDS, float("inf")), durations.counts, strict=True):
@@ -209,7 +220,7 @@ def _buckets(durations: Histogram) -> tuple[list[tuple[str, float]], float]:
 
 
 class Exposition:
-    """Writes the fleet's figures, the robots', and those of the process itself."""
+    """Writes the metrics of fleet, robots and process."""
 
     def __init__(self, aggregator: Aggregator) -> None:
         self._aggregator = aggregator
@@ -220,14 +231,14 @@ class Exposition:
         GCCollector(registry=self._registry)
 
     def parts(self) -> Iterator[bytes]:
-        """Write the text format 0.0.4 in parts, each of which takes a few milliseconds at most."""
+        """Yield the text format 0.0.4 in parts of at most a few milliseconds each."""
         yield generate_latest(self._registry)
         model, now = self._aggregator.model, self._aggregator.now()
         for family in self._robot_series.families(list(model.robots), now):
             yield family.encode()
 
     async def stream(self) -> AsyncIterator[bytes]:
-        """Write everything; between the parts the event loop handles what has come meanwhile."""
+        """Yield all parts; the event loop runs other tasks in between."""
         for part in self.parts():
             yield part
             await asyncio.sleep(0)

@@ -1,4 +1,4 @@
-"""The metrics of single robots, written line by line."""
+"""Metrics of single robots, written as text (Prometheus text format 0.0.4)."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from nena_shared.vda5050.brief.state import StateBrief
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.state import EmergencyStop
 from nena_shared.vda5050.topics import RobotKey
-from nena_status_aggregator.fleet.robot import Instant, Robot
+from nena_status_aggregator.fleet.robot import Robot, Timestamp
 from nena_status_aggregator.fleet.view_builder import is_active
 
 ESCAPES = str.maketrans({"\\": r"\\", '"': r"\"", "\n": r"\n"})
 
 
 def labels_text(**labels: str) -> str:
-    """Write labels, without the braces around them."""
+    """Format labels, without braces."""
     return ",".join(f'{name}="{value.translate(ESCAPES)}"' for name, value in labels.items())
 
 
 def head(name: str, kind: str, text: str) -> str:
-    """Write what stands before the samples of a family; ``name`` as the samples have it."""
+    """Format the head of a metric family; ``name`` is that of its samples."""
     return f"# HELP {name} {text}\n# TYPE {name} {kind}\n"
 
 
@@ -32,78 +32,78 @@ S = TypeVar("S", Robot, StateBrief)
 
 @dataclass(frozen=True, slots=True)
 class Series(Generic[S]):
-    """One metric that each robot may have; ``value`` gives None where it has none now."""
+    """A metric of each robot; ``value`` returns None if the robot has none at present."""
 
     name: str
     kind: str
     text: str
-    value: Callable[[S, Instant], float | None]
+    value: Callable[[S, Timestamp], float | None]
 
 
 def of_state(
-    name: str, text: str, value: Callable[[StateBrief, Instant], float | None]
+    name: str, text: str, value: Callable[[StateBrief, Timestamp], float | None]
 ) -> Series[StateBrief]:
-    """Make a gauge that is read from a robot's last state."""
+    """Create a gauge that is read from a robot's last state."""
     return Series(name, "gauge", text, value)
 
 
-def _state_age(robot: Robot, now: Instant) -> float | None:
+def _state_age(robot: Robot, now: Timestamp) -> float | None:
     age = robot.age(now)
     return None if age is None else round(age, 3)
 
 
-def _skew(robot: Robot, _: Instant) -> float | None:
+def _skew(robot: Robot, _: Timestamp) -> float | None:
     seconds = robot.skew.seconds
     return None if seconds is None else round(seconds, 3)
 
 
-def _speed(robot: Robot, _: Instant) -> float | None:
+def _speed(robot: Robot, _: Timestamp) -> float | None:
     speed = robot.velocity
     return None if speed is None else hypot(speed.vx or 0.0, speed.vy or 0.0)
 
 
-def _localized(state: StateBrief, _: Instant) -> float | None:
+def _localized(state: StateBrief, _: Timestamp) -> float | None:
     at = state.mobile_robot_position
     return None if at is None else int(at.localized)
 
 
-def _progress(robot: Robot, _: Instant) -> float | None:
+def _progress(robot: Robot, _: Timestamp) -> float | None:
     return robot.progress.percent / 100 if robot.state and robot.state.order_id else None
 
 
-def _connected(robot: Robot, _: Instant) -> float | None:
+def _connected(robot: Robot, _: Timestamp) -> float | None:
     known = robot.connection
     return None if known is None else int(known.connection_state is ConnectionState.ONLINE)
 
 
 OF_ROBOT: tuple[Series[Robot], ...] = (
-    Series("nena_robot_connected", "gauge", "1 while the robot's connection is ONLINE.", _connected),
+    Series("nena_robot_connected", "gauge", "1 while the connection state is ONLINE.", _connected),
     Series("nena_robot_state_age_seconds", "gauge", "Time since the last state.", _state_age),
     Series(
         "nena_robot_condition_age_seconds",
         "gauge",
-        "Time since the robot came into its condition.",
+        "Time since the condition changed.",
         lambda robot, now: round(max(0.0, (now.utc - robot.condition_since).total_seconds()), 3),
     ),
     Series(
         "nena_robot_clock_skew_seconds",
         "gauge",
-        "The robot's clock minus ours.",
+        "Robot clock minus aggregator clock.",
         _skew,
     ),
     Series("nena_robot_speed_meters_per_second", "gauge", "Speed over the ground.", _speed),
-    Series("nena_robot_order_progress_ratio", "gauge", "Nodes of the order reached, 0 to 1.", _progress),
+    Series("nena_robot_order_progress_ratio", "gauge", "Progress of the order by nodes, 0 to 1.", _progress),
     Series(
         "nena_robot_distance_meters_total",
         "counter",
-        "Way driven, by the positions that the robot reports.",
+        "Distance driven, by reported positions.",
         lambda robot, _: round(robot.odometer.meters, 2),
     ),
-    Series("nena_robot_states_total", "counter", "States taken in.", lambda robot, _: robot.states),
+    Series("nena_robot_states_total", "counter", "States received and used.", lambda robot, _: robot.states),
     Series(
         "nena_robot_malformed_total",
         "counter",
-        "Messages of the robot that could not be read.",
+        "Unreadable messages.",
         lambda robot, _: robot.malformed,
     ),
 )
@@ -115,9 +115,7 @@ OF_STATE: tuple[Series[StateBrief], ...] = (
         lambda state, _: state.power_supply.state_of_charge / 100,
     ),
     of_state("nena_robot_battery_volts", "Voltage.", lambda state, _: state.power_supply.battery_voltage),
-    of_state(
-        "nena_robot_range_meters", "Way left with this charge.", lambda state, _: state.power_supply.range
-    ),
+    of_state("nena_robot_range_meters", "Remaining range.", lambda state, _: state.power_supply.range),
     of_state(
         "nena_robot_charging", "1 while the robot charges.", lambda state, _: int(state.power_supply.charging)
     ),
@@ -130,34 +128,32 @@ OF_STATE: tuple[Series[StateBrief], ...] = (
     ),
     of_state(
         "nena_robot_field_violation",
-        "1 while something is in the protective field.",
+        "1 while the protective field is violated.",
         lambda state, _: int(state.safety_state.field_violation),
     ),
-    of_state("nena_robot_localized", "1 while the robot knows where it is.", _localized),
+    of_state("nena_robot_localized", "1 while the robot is localised.", _localized),
     of_state(
         "nena_robot_order_active",
-        "1 while the robot has something of its order left to do.",
+        "1 while the robot has an active order.",
         lambda state, _: int(is_active(state)),
     ),
-    of_state(
-        "nena_robot_errors_active", "Errors that the robot reports now.", lambda state, _: len(state.errors)
-    ),
+    of_state("nena_robot_errors_active", "Active errors.", lambda state, _: len(state.errors)),
     of_state(
         "nena_robot_loads",
-        "Loads that the robot carries.",
+        "Loads on the robot.",
         lambda state, _: None if state.loads is None else len(state.loads),
     ),
 )
 
 
 class RobotSeries:
-    """Writes the series of all robots; what does not change of a robot's lines is kept between scrapes."""
+    """Writes the metrics of all robots; the labels of each robot are kept between scrapes."""
 
     def __init__(self) -> None:
         self._labels: dict[RobotKey, str] = {}
 
-    def families(self, robots: Iterable[Robot], now: Instant) -> Iterator[str]:
-        """Write one family after the other."""
+    def families(self, robots: Iterable[Robot], now: Timestamp) -> Iterator[str]:
+        """Yield one metric family after the other."""
         known = self._labels
         self._labels = {robot.key: known.get(robot.key) or _labels_of(robot.key) for robot in robots}
         yield _conditions([(robot, self._labels[robot.key]) for robot in robots])
@@ -176,10 +172,10 @@ def _labels_of(key: RobotKey) -> str:
 def _conditions(rows: list[tuple[Robot, str]]) -> str:
     name = "nena_robot_condition"
     lines = [f'{name}{{{labels},condition="{robot.condition}"}} 1\n' for robot, labels in rows]
-    return head(name, "gauge", "1 for the condition that the robot is in.") + "".join(lines)
+    return head(name, "gauge", "1 for the current condition.") + "".join(lines)
 
 
-def _family(series: Series[S], rows: list[tuple[S, str]], now: Instant) -> str:
+def _family(series: Series[S], rows: list[tuple[S, str]], now: Timestamp) -> str:
     name, value_of = series.name, series.value
     lines = [
         f"{name}{labels}{value}\n" for each, labels in rows if (value := value_of(each, now)) is not None

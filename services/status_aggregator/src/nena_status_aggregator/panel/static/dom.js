@@ -1,6 +1,6 @@
-// Small helpers that make and change elements, and touch the page only where something differs.
+// Helpers that create and update elements, icons and form controls. They touch the page only where something changed.
 
-/** Make an element with attributes and children (elements or texts). */
+/** Create an element with attributes and children (elements or texts). */
 export function element(name, attributes = {}, ...children) {
   const made = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) setAttribute(made, key, value);
@@ -12,13 +12,13 @@ export function setText(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
-/** Set an attribute; null, undefined and false take it away. */
+/** Set an attribute; null, undefined and false remove it. */
 export function setAttribute(node, name, value) {
   if (value === null || value === undefined || value === false) node.removeAttribute(name);
   else if (node.getAttribute(name) !== String(value)) node.setAttribute(name, value);
 }
 
-/** Fill an element anew if `content` (anything that JSON can hold) is another than at the last time. */
+/** Refill an element if `content` (any JSON value) has changed since the last call. */
 export function refill(node, content, make) {
   const key = JSON.stringify(content) ?? "";
   if (node.shown === key) return;
@@ -26,31 +26,88 @@ export function refill(node, content, make) {
   node.replaceChildren(...make(content));
 }
 
-/** Make an element with words of another program, which are English whatever the language of the page. */
+/** Create an element with the words of another program, which are always English. */
 export function foreign(name, text, attributes = {}) {
   return element(name, { lang: "en", translate: "no", ...attributes }, text ?? "");
 }
 
-/** Make an element with names and values, which are the same in all languages. */
+/** Create an element with names and values that are the same in all languages. */
 export function verbatim(name, text, attributes = {}) {
   return element(name, { translate: "no", ...attributes }, text ?? "");
 }
 
-/** Make a button with words. */
+/** Create a button. */
 export function button(text, action, attributes = {}) {
   const made = element("button", { type: "button", ...attributes }, text);
   made.addEventListener("click", action);
   return made;
 }
 
-/** Make a bar for 0 to 100 with its value in words. */
+/** Create a progress bar (0 to 100) with its value as text. */
 export function progressBar() {
   const bar = element("progress", { max: 100, value: 0 });
   const value = element("span", { class: "number" });
   return { bar, value, box: element("span", { class: "progress" }, bar, value) };
 }
 
-/** Make the box that stands where there is nothing to show: what is missing, and what to do. */
+/** Create the placeholder for an empty view: what is missing, and what to do. */
 export function emptyBox(title, text) {
   return element("div", { class: "empty" }, element("strong", {}, title), element("p", {}, text));
+}
+
+const SVG = "http://www.w3.org/2000/svg";
+
+const PATHS = {
+  plus: "M8 3v10M3 8h10",
+  minus: "M3 8h10",
+  fit: "M3 6V3h3M10 3h3v3M13 10v3h-3M6 13H3v-3",
+  follow: "M8 1v3M8 12v3M1 8h3M12 8h3M8 4.5a3.5 3.5 0 1 0 .01 0",
+  layers: "M8 2 2 5.5 8 9l6-3.5zM2 8.5 8 12l6-3.5M2 11.5 8 15l6-3.5",
+  auto: "M8 2.5a5.5 5.5 0 1 0 0 11zM8 2.5a5.5 5.5 0 0 1 0 11M7 4v8M6 5v6M5 6v4",
+  light: "M8 5.2a2.8 2.8 0 1 0 .01 0M8 1v1.6M8 13.4V15M1 8h1.6M13.4 8H15M3 3l1.2 1.2M11.8 11.8 13 13M13 3l-1.2 1.2M4.2 11.8 3 13",
+  dark: "M13 9.6A5.5 5.5 0 0 1 6.4 3 5.5 5.5 0 1 0 13 9.6z",
+};
+
+/** Create an icon; its button carries the label. */
+export function icon(name) {
+  const svg = document.createElementNS(SVG, "svg");
+  svg.setAttribute("viewBox", "0 0 16 16");
+  svg.setAttribute("aria-hidden", "true");
+  svg.classList.add("icon", `icon-${name}`);
+  const path = document.createElementNS(SVG, "path");
+  path.setAttribute("d", PATHS[name]);
+  svg.append(path);
+  return svg;
+}
+
+/** Create a labelled control. */
+export function field(label, control) {
+  return element("label", { class: "field" }, element("span", {}, label), control);
+}
+
+/** Create a number input. */
+export function numberInput(attributes = {}) {
+  return element("input", { type: "number", step: "any", inputmode: "decimal", ...attributes });
+}
+
+/** Create a select; `options` are `[value, text, verbatim]` or `{group, options}`. */
+export function select(options, attributes = {}) {
+  return element("select", attributes, ...options.map(optionOrGroup));
+}
+
+function optionOrGroup(each) {
+  if (Array.isArray(each)) return element("option", { value: each[0], translate: each[2] ? "no" : null }, each[1]);
+  return element("optgroup", { label: each.group }, ...each.options.map(optionOrGroup));
+}
+
+/** Replace the options of a select; keeps the selection if it still exists. */
+export function refillSelect(control, options) {
+  const chosen = control.value;
+  control.replaceChildren(...options.map(optionOrGroup));
+  if ([...control.options].some((option) => option.value === chosen)) control.value = chosen;
+}
+
+/** Return the number in a field, or null if it is empty. */
+export function numberOf(control) {
+  return control.value.trim() === "" ? null : Number(control.value);
 }

@@ -1,10 +1,9 @@
-// The page for logging in.
+// The sign-in page.
 
-import { chosenLanguage, t } from "./catalogue.js";
+import { logIn, startAtIssuer } from "./api.js";
 import { setText } from "./dom.js";
-import { logIn, startAtIssuer } from "./session.js";
-import "./components/language_select.js";
-import "./components/theme_button.js";
+import { chosenLanguage, t } from "./i18n.js";
+import "./header.js";
 
 document.documentElement.lang = chosenLanguage();
 for (const node of document.querySelectorAll("[data-text]")) node.textContent = t(node.dataset.text);
@@ -22,8 +21,8 @@ form.addEventListener("submit", async (event) => {
   form.elements.token.select();
 });
 
-const told = new URLSearchParams(location.search).get("problem");
-if (PROBLEMS.includes(told)) setText(problem, t(`login.problem.${told}`));
+const reported = new URLSearchParams(location.search).get("problem");
+if (PROBLEMS.includes(reported)) setText(problem, t(`login.problem.${reported}`));
 
 const start = await startAtIssuer();
 if (start !== null) {

@@ -1,25 +1,15 @@
-// Puts the page together: one store, one line to the server, and the parts that show them.
+// Entry point of the panel: one store, one event stream, and the components that show them.
 
-import { chosenLanguage, t } from "./catalogue.js";
-import { commandsEnabled } from "./commands.js";
-import { EventLink } from "./event_link.js";
-import { FleetStore } from "./fleet_store.js";
-import { PlantStore } from "./plant_store.js";
+import { commandsEnabled, whoIsIt } from "./api.js";
+import { EventLink, FleetStore, PlantStore } from "./fleet.js";
+import { chosenLanguage, t } from "./i18n.js";
 import { address, followView } from "./router.js";
-import { whoIsIt } from "./session.js";
-import "./components/fleet_map.js";
-import "./components/fleet_summary.js";
-import "./components/history_page.js";
-import "./components/language_select.js";
-import "./components/link_banner.js";
-import "./components/message_health.js";
-import "./components/order_form.js";
-import "./components/order_page.js";
-import "./components/order_table.js";
-import "./components/robot_page.js";
-import "./components/robot_table.js";
-import "./components/theme_button.js";
-import "./components/user_menu.js";
+import "./header.js";
+import "./history_page.js";
+import "./map/fleet_map.js";
+import "./order_page.js";
+import "./robot_page.js";
+import "./tables.js";
 
 document.documentElement.lang = chosenLanguage();
 for (const node of document.querySelectorAll("[data-text]")) node.textContent = t(node.dataset.text);
@@ -69,6 +59,6 @@ function mark(id) {
 
 link.addEventListener("state", () => {
   document.body.classList.toggle("stale", !link.connected);
-  if (!link.connected) whoIsIt(); // the user may have been taken out
+  if (!link.connected) whoIsIt(); // the user may have been removed
 });
 link.start();

@@ -1,11 +1,12 @@
 // Which view is shown: the part of the address after #, so that Back works and views can be linked to.
 
-/** Make the address of a view, e.g. `address("robots", id)`. */
+
+/** Return the address of a view, e.g. `address("robots", id)`. */
 export function address(...parts) {
   return `#/${parts.map(encodeURIComponent).join("/")}`;
 }
 
-/** Read the view that the address names, as its parts. */
+/** Return the parts of the current view's address. */
 export function currentView() {
   if (!location.hash.startsWith("#/")) return [];
   return location.hash.slice(2).split("/").map(decoded).filter(Boolean);
@@ -19,7 +20,7 @@ function decoded(part) {
   }
 }
 
-/** Call back with the view now, and whenever it changes. An address such as `#robots` names a place in the page instead. */
+/** Call back with the current view and on every change. An address such as `#robots` is a place in the page instead. */
 export function followView(callback) {
   const look = () => /^(#\/|$)/.test(location.hash) && callback(currentView());
   addEventListener("hashchange", look);

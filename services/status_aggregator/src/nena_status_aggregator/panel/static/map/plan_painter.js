@@ -1,10 +1,193 @@
-// Paints the plan: blocks, ways, locations, points and their names. Sizes of signs are pixels.
+// Paints the plant model: blocks, paths, locations, points and labels.
 
-import { paintGrids } from "./grid_painter.js";
-import { Labels } from "./labels.js";
-import { middle, stroke, trace } from "./line.js";
+import { paintGrids } from "./painter.js";
 
-/** Paint the maps of the robots and the layers of a plan, as far as they are on; gives the boxes of texts in sight. */
+const MM = 1000;
+
+/** Convert a published plant model (mm) to a drawing (m): points, lines (one for both directions), locations, blocks. */
+export function drawPlan(plant) {
+  const points = new Map(
+    plant.points.map((each) => [
+      each.name,
+      { name: each.name, x: each.xMm / MM, y: each.yMm / MM, parking: each.type === "PARK_POSITION" },
+    ]),
+  );
+  const courses = new Map(plant.paths.flatMap((path) => courseOf(path, points)));
+  return {
+    name: plant.name,
+    points,
+    ways: ways(plant.paths, courses),
+    locations: plant.locations.map((each) => location(each, points)),
+    blocks: plant.blocks.map((each) => block(each, points, courses)),
+    between: between(plant.paths, courses),
+  };
+}
+
+// Name and line of a path.
+function courseOf(path, points) {
+  const [from, to] = [points.get(path.source), points.get(path.destination)];
+  if (!from || !to) return [];
+  const corners = path.layout.controlPoints.map((each) => [each.xMm / MM, each.yMm / MM]);
+  const curved = ["BEZIER", "BEZIER_3"].includes(path.layout.connectionType);
+  return [[path.name, { line: [[from.x, from.y], ...corners, [to.x, to.y]], curved }]];
+}
+
+function ways(paths, courses) {
+  const found = new Map();
+  for (const path of paths) {
+    const course = courses.get(path.name);
+    if (!course) continue;
+    const opposite = found.get(`${path.destination} ${path.source}`);
+    if (opposite && course.line.length === 2 && opposite.line.length === 2) {
+      opposite.forward ||= path.maxReverseVelocityMmS > 0;
+      opposite.backward ||= path.maxVelocityMmS > 0;
+      opposite.locked &&= path.locked;
+    } else {
+      found.set(`${path.source} ${path.destination}`, {
+        ...course,
+        forward: path.maxVelocityMmS > 0,
+        backward: path.maxReverseVelocityMmS > 0,
+        locked: path.locked,
+      });
+    }
+  }
+  return [...found.values()];
+}
+
+function location(each, points) {
+  const place = each.layout.position ?? each;
+  return {
+    name: each.name,
+    x: place.xMm / MM,
+    y: place.yMm / MM,
+    locked: each.locked,
+    links: each.links.map((link) => points.get(link.point)).filter(Boolean),
+  };
+}
+
+function block(each, points, courses) {
+  const corners = each.members.map((name) => points.get(name)).filter(Boolean);
+  const lines = each.members.map((name) => courses.get(name)).filter(Boolean);
+  const places = [...corners.map(({ x, y }) => [x, y]), ...lines.flatMap(({ line }) => [line[0], line.at(-1)])];
+  const mean = (axis) => places.reduce((sum, place) => sum + place[axis], 0) / places.length;
+  return { name: each.name, colour: each.color, corners, lines, x: mean(0), y: mean(1), empty: !places.length };
+}
+
+// Lines by start and end point, for both directions of a path.
+function between(paths, courses) {
+  const found = new Map();
+  for (const path of paths) {
+    const course = courses.get(path.name);
+    if (!course) continue;
+    if (path.maxVelocityMmS > 0) found.set(`${path.source} ${path.destination}`, course);
+    if (path.maxReverseVelocityMmS > 0) {
+      found.set(`${path.destination} ${path.source}`, { ...course, line: [...course.line].reverse() });
+    }
+  }
+  return found;
+}
+
+/** Return the bounding box `[left, bottom, right, top]` of places; null if there are none. */
+export function extent(places) {
+  const all = [...places];
+  if (!all.length) return null;
+  const xs = all.map((each) => each.x);
+  const ys = all.map((each) => each.y);
+  return [Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)];
+}
+
+/** Add a line (pixels) to the current canvas path; the pen is at its start. */
+export function trace(context, line, curved) {
+  if (curved && line.length >= 4) {
+    for (let at = 1; at + 2 < line.length; at += 3) context.bezierCurveTo(...line[at], ...line[at + 1], ...line[at + 2]);
+  } else {
+    for (const corner of line.slice(1)) context.lineTo(...corner);
+  }
+}
+
+/** Stroke a single line. */
+export function stroke(context, line, curved) {
+  context.beginPath();
+  context.moveTo(...line[0]);
+  trace(context, line, curved);
+  context.stroke();
+}
+
+/** Return the middle of a line and its direction there, screen rad. */
+export function middle(line, curved) {
+  if (curved && line.length === 4) {
+    const at = (axis) => (line[0][axis] + 3 * line[1][axis] + 3 * line[2][axis] + line[3][axis]) / 8;
+    const slope = (axis) => line[3][axis] + line[2][axis] - line[1][axis] - line[0][axis];
+    return [at(0), at(1), Math.atan2(slope(1), slope(0))];
+  }
+  const half = Math.floor((line.length - 1) / 2);
+  const [a, b] = [line[half], line[half + 1]];
+  return [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2, Math.atan2(b[1] - a[1], b[0] - a[0])];
+}
+
+const FONT = "12px system-ui, sans-serif";
+const SMALL = "11px system-ui, sans-serif";
+const HALF = 7;
+const widths = new Map();
+
+/** Labels that do not overlap. A label without room is omitted, unless it is important. */
+export class Labels {
+  /** Boxes of placed labels, `[left, top, right, bottom]`. */
+  taken;
+
+  /** `over`: boxes of other labels, avoided if possible and covered by a plate otherwise. */
+  constructor(context, width, colours, over = []) {
+    this.taken = [...over];
+    this.context = context;
+    this.width = width;
+    this.colours = colours;
+  }
+
+  /** Place a label `distance` pixels from the centre of its object. */
+  put(text, [middle, centre], distance, important) {
+    const { context, colours } = this;
+    context.font = important ? FONT : SMALL;
+    const half = widthOf(context, text) / 2 + 3;
+    const x = Math.max(half, Math.min(this.width - half, middle));
+    const boxes = [distance, -distance].map((off) => [x - half, centre + off - HALF, x + half, centre + off + HALF]);
+    const free = boxes.find((box) => !this.taken.some((each) => overlap(each, box)));
+    if (!free && !important) return;
+    const box = free ?? boxes[0];
+    this.taken.push(box);
+    if (!free) this.#paintPlate(box);
+    const y = (box[1] + box[3]) / 2;
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.lineWidth = 3;
+    context.lineJoin = "round";
+    context.strokeStyle = colours.surface;
+    context.strokeText(text, x, y);
+    context.fillStyle = important ? colours.ink : colours.muted;
+    context.fillText(text, x, y);
+  }
+
+  #paintPlate([left, top, right, bottom]) {
+    const { context } = this;
+    context.globalAlpha = 0.9;
+    context.fillStyle = this.colours.surface;
+    context.beginPath();
+    context.roundRect(left, top, right - left, bottom - top, 3);
+    context.fill();
+    context.globalAlpha = 1;
+  }
+}
+
+function widthOf(context, text) {
+  const key = `${context.font} ${text}`;
+  if (!widths.has(key)) widths.set(key, context.measureText(text).width);
+  return widths.get(key);
+}
+
+function overlap(a, b) {
+  return a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
+}
+
+/** Paint grid maps and the visible layers of a plan. Returns the boxes of visible labels. */
 export function paintPlan(context, view, { plan, grids, colours, layers }) {
   if (layers.grids) paintGrids(context, view, grids, colours.muted);
   if (!plan) return [];
@@ -18,7 +201,7 @@ export function paintPlan(context, view, { plan, grids, colours, layers }) {
   return labels.taken.filter((box) => inSight(view, box));
 }
 
-// One stroke for all of it, so that it is even where its parts lie on each other.
+// A single stroke, so that overlapping parts keep one opacity.
 function paintBlock(context, view, block, colours) {
   context.save();
   context.globalAlpha = 0.28;

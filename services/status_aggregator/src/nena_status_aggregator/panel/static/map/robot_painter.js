@@ -1,13 +1,12 @@
-// Paints robots: footprint and heading, the way ahead, the goal. Sizes of things are metres.
+// Paints robots: footprint, heading, planned route and goal. Sizes are in metres.
 
-import { Labels } from "./labels.js";
-import { trace } from "./line.js";
+import { Labels, trace } from "./plan_painter.js";
 
 const ABSENT = ["SILENT", "BROKEN", "OFFLINE"];
 const ROBOT = { length: 0.9, width: 0.6 };
 const LEAST_ROBOT = 16;
 
-/** Paint the robots that have a place, as `[{robot, at}]`: `at` is where they are on the screen. */
+/** Paint robots, `[{robot, at}]`: `at` is the position on the screen. */
 export function paintRobots(context, view, places, scene) {
   const { layers, colours } = scene;
   for (const { robot, at } of places) {
@@ -27,7 +26,7 @@ function colourOf(robot, colours) {
   return colours[robot.condition.toLowerCase()];
 }
 
-// The steps that the robot has still to go, each with the line that leads to its node.
+// The remaining steps of the order, each with the line to its node.
 function aheadOf(robot, at, view, plan) {
   if (!robot.order?.active) return [];
   const steps = [];
@@ -44,7 +43,7 @@ function aheadOf(robot, at, view, plan) {
   return steps;
 }
 
-// The released part solid, the rest dashed.
+// The base is solid, the horizon dashed.
 function paintAhead(context, steps, colour) {
   context.strokeStyle = colour;
   context.lineWidth = 3;
@@ -103,7 +102,7 @@ function paintRobot(context, view, robot, [x, y], { selected, colours }) {
   if (robot.id === selected) paintHalo(context, radiusOf(view, robot) + 5, colours.accent);
   context.rotate(-robot.position.theta);
   context.globalAlpha = ABSENT.includes(robot.condition) || !robot.position.localized ? 0.55 : 1;
-  const outline = Math.max(length, width) > LEAST_ROBOT && robot.body?.outline; // else too small to be seen
+  const outline = Math.max(length, width) > LEAST_ROBOT && robot.body?.outline; // too small to be visible otherwise
   context.beginPath();
   if (outline) traceOutline(context, outline, view.scale);
   else context.roundRect(-length / 2, -width / 2, length, width, Math.min(length, width) / 4);
@@ -116,7 +115,7 @@ function paintRobot(context, view, robot, [x, y], { selected, colours }) {
   context.restore();
 }
 
-// Its y goes to the left of the robot, the screen's goes down.
+// y points left in the robot's frame and down on the screen.
 function traceOutline(context, outline, scale) {
   for (const [x, y] of outline) context.lineTo(x * scale, -y * scale);
   context.closePath();

@@ -1,10 +1,10 @@
-// Where the plane of the plant (metres, y up) lies on the screen (CSS pixels, y down).
+// The visible section of the plant, and mouse, touch and key input that moves it.
 
 const LEAST = 0.5;
 const MOST = 400;
 const MARGIN = 48;
 
-/** Scale in pixels per metre, and where the origin of the plane is on the screen. */
+/** Maps plant coordinates (m, y up) to the screen (CSS pixels, y down): scale in pixels per metre, and the origin. */
 export class Viewport {
   scale = 20;
   x = 0;
@@ -12,7 +12,7 @@ export class Viewport {
   width = 1;
   height = 1;
 
-  /** Take a new size; the middle of the picture stays the middle. */
+  /** Change the size; the centre stays the same. */
   resize(width, height) {
     this.x += (width - this.width) / 2;
     this.y += (height - this.height) / 2;
@@ -33,7 +33,7 @@ export class Viewport {
     this.y += dy;
   }
 
-  /** Zoom so that what is at a place of the screen stays there. */
+  /** Zoom around a point of the screen. */
   zoom(factor, px = this.width / 2, py = this.height / 2) {
     const [x, y] = this.toPlane(px, py);
     this.scale = Math.min(MOST, Math.max(LEAST, this.scale * factor));
@@ -41,7 +41,7 @@ export class Viewport {
     this.y = py + y * this.scale;
   }
 
-  /** Show everything within `[left, bottom, right, top]`. */
+  /** Zoom to `[left, bottom, right, top]`. */
   fit([left, bottom, right, top]) {
     const wide = Math.max(1, right - left);
     const high = Math.max(1, top - bottom);
@@ -51,15 +51,132 @@ export class Viewport {
     this.y = this.height / 2 + ((bottom + top) / 2) * this.scale;
   }
 
-  /** Bring a place of the plane to the middle. */
+  /** Centre a position. */
   centre(x, y) {
     const [px, py] = this.toScreen(x, y);
     this.pan(this.width / 2 - px, this.height / 2 - py);
   }
 
-  /** Bring a place of the plane to the middle if it is out of sight. */
+  /** Centre a position if it is not visible. */
   reveal(x, y) {
     const [px, py] = this.toScreen(x, y);
     if (px < MARGIN || py < MARGIN || px > this.width - MARGIN || py > this.height - MARGIN) this.centre(x, y);
+  }
+}
+
+const ZOOM = 1.25;
+const STEP = 60;
+const CLICK = 4;
+const DRAG = 12;
+
+/**
+ * Moves a viewport. Calls `host`: `moved(byHand)` after a change, `picked(x, y)` on a click or tap, `hovered([x, y])`
+ * in metres or with null, and `fit()` for the key 0.
+ */
+export class Gestures {
+  #pointers = new Map();
+  #travel = 0;
+  #picking = null;
+
+  constructor(canvas, view, host) {
+    this.view = view;
+    this.host = host;
+    for (const [name, handler] of Object.entries(this.#handlers())) canvas.addEventListener(name, handler);
+    this.canvas = canvas;
+  }
+
+  /** Zoom by one step. */
+  step(direction) {
+    this.#zoom(ZOOM ** direction);
+  }
+
+  /**
+   * Pick a pose: the next press sets the position, dragging the heading. Calls `take({x, y, theta})` on each step, with
+   * theta null without a drag, and `done()` at the end, also after Escape.
+   */
+  pickPose(take, done) {
+    this.#picking = { take, done, from: null };
+    this.canvas.classList.add("picking");
+  }
+
+  #endPicking() {
+    const { done } = this.#picking;
+    this.#picking = null;
+    this.canvas.classList.remove("picking");
+    done();
+  }
+
+  #takePose(event) {
+    const { take, from } = this.#picking;
+    const [x, y] = this.view.toPlane(...from);
+    const [dx, dy] = [event.offsetX - from[0], event.offsetY - from[1]];
+    take({ x, y, theta: Math.hypot(dx, dy) < DRAG ? null : Math.atan2(-dy, dx) });
+  }
+
+  #handlers() {
+    return {
+      keydown: (event) => this.#key(event),
+      wheel: (event) => {
+        event.preventDefault();
+        this.#zoom(Math.exp(-event.deltaY / 400), event.offsetX, event.offsetY);
+      },
+      pointerdown: (event) => this.#down(event),
+      pointermove: (event) => this.#move(event),
+      pointerup: (event) => this.#up(event),
+      pointercancel: (event) => this.#pointers.delete(event.pointerId),
+      pointerleave: () => this.host.hovered(null),
+    };
+  }
+
+  #down(event) {
+    this.canvas.setPointerCapture(event.pointerId);
+    if (this.#picking) this.#picking.from ??= [event.offsetX, event.offsetY];
+    this.#pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
+    this.#travel = 0;
+  }
+
+  #move(event) {
+    const here = [event.offsetX, event.offsetY];
+    this.host.hovered(this.view.toPlane(...here));
+    if (this.#picking?.from) return this.#takePose(event);
+    const before = this.#pointers.get(event.pointerId);
+    if (!before) return;
+    this.#pointers.set(event.pointerId, here);
+    const other = [...this.#pointers].find(([id]) => id !== event.pointerId)?.[1];
+    if (other) this.#pinch(before, here, other);
+    else this.view.pan(here[0] - before[0], here[1] - before[1]);
+    this.#travel += Math.hypot(here[0] - before[0], here[1] - before[1]);
+    this.host.moved(this.#travel >= CLICK);
+  }
+
+  #pinch(before, here, other) {
+    const apart = (place) => Math.hypot(place[0] - other[0], place[1] - other[1]);
+    this.view.zoom(apart(here) / Math.max(1, apart(before)), (here[0] + other[0]) / 2, (here[1] + other[1]) / 2);
+  }
+
+  #up(event) {
+    this.#pointers.delete(event.pointerId);
+    if (this.#picking?.from) {
+      this.#takePose(event);
+      this.#endPicking();
+    } else if (this.#travel < CLICK) this.host.picked(event.offsetX, event.offsetY);
+  }
+
+  #key(event) {
+    const moves = { ArrowLeft: [STEP, 0], ArrowRight: [-STEP, 0], ArrowUp: [0, STEP], ArrowDown: [0, -STEP] };
+    if (event.key === "Escape" && this.#picking) this.#endPicking();
+    else if (event.key === "0") this.host.fit();
+    else if (event.key === "+" || event.key === "=") this.step(1);
+    else if (event.key === "-") this.step(-1);
+    else if (moves[event.key]) {
+      this.view.pan(...moves[event.key]);
+      this.host.moved(true);
+    } else return;
+    event.preventDefault();
+  }
+
+  #zoom(factor, x, y) {
+    this.view.zoom(factor, x, y);
+    this.host.moved(false);
   }
 }

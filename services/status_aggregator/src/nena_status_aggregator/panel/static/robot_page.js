@@ -1,20 +1,17 @@
-// All about one robot: why it stands, what a person can have it do, and what it says of itself.
+// The page of a robot: why it is not moving, commands, order, errors, actions, goals and details.
 
-import { t } from "../catalogue.js";
-import { causesOfRobot } from "../causes.js";
-import { button, element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "../dom.js";
-import { age, dateAndTime, degrees, number } from "../format.js";
-import { adviceForError } from "../reasons.js";
-import { address } from "../router.js";
+import { button, element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "./dom.js";
+import { adviceForError, causesOfRobot, nodeName, orderName } from "./explanations.js";
+import { age, dateAndTime, degrees, has, number, t } from "./i18n.js";
+import { address } from "./router.js";
 import "./robot_commands.js";
-import "./why_list.js";
 
 const TICK = 1000;
 
 class RobotPage extends HTMLElement {
   #id = null;
 
-  /** Prepare; `fleet`: {store, link, plant, enabled, noCommands}. */
+  /** Attach to `fleet`: {store, link, plant, enabled, noCommands}. */
   show(fleet) {
     this.fleet = fleet;
     fleet.store.addEventListener("change", (event) => {
@@ -25,7 +22,7 @@ class RobotPage extends HTMLElement {
     setInterval(() => this.#id && this.#update(), TICK);
   }
 
-  /** Show one robot; null: none. */
+  /** Show a robot; null hides the page. */
   open(id) {
     this.#id = id;
     if (id) this.#build();
@@ -39,8 +36,8 @@ class RobotPage extends HTMLElement {
     this.commands = element("nena-robot-commands");
     this.facts = element("dl", { class: "facts" });
     this.progress = progressBar();
-    this.way = element("ol", { class: "way" });
-    this.order = element("section", {}, element("h3", {}, t("robot.order")), this.progress.box, this.way);
+    this.route = element("ol", { class: "route" });
+    this.order = element("section", {}, element("h3", {}, t("robot.order")), this.progress.box, this.route);
     this.errors = this.#section("robot.errors");
     this.actions = this.#section("robot.actions");
     this.goals = this.#section("robot.goals");
@@ -78,16 +75,18 @@ class RobotPage extends HTMLElement {
     this.#updateOrder(robot);
     fillList(this.errors, robot.errors, error);
     fillList(this.actions, robot.actions, action);
-    fillList(this.goals, robot.information.filter((each) => "goalId" in each.references), goal);
+    const goals = robot.information.filter((each) => "goalId" in each.references);
+    fillList(this.goals, goals, (each) => goal(each, goals));
   }
 
-  #updateOrder({ order, vehicle }) {
+  #updateOrder(robot) {
+    const { order, vehicle } = robot;
     this.order.hidden = !order;
     if (!order) return;
     this.progress.bar.value = order.progress;
     setAttribute(this.progress.bar, "aria-label", t("progress.label", { name: order.orderId }));
     setText(this.progress.value, t("progress.value", { percent: number(order.progress) }));
-    refill(this.way, [order, vehicle?.transportOrder], () => wayOf(order, vehicle?.transportOrder));
+    refill(this.route, [order, vehicle?.transportOrder], () => routeOf(robot));
   }
 }
 
@@ -100,14 +99,16 @@ function fillList(section, entries, make) {
   refill(section.lastElementChild, entries, () => [element("ul", { class: "entries" }, ...entries.map(make))]);
 }
 
-function wayOf(order, transportOrder) {
-  const title = transportOrder
-    ? element("li", {}, element("a", { href: address("orders", transportOrder), translate: "no" }, transportOrder))
-    : verbatim("li", order.orderId);
-  const last = element("li", { class: "done" }, t("robot.lastNode", { node: order.lastNodeId || t("none") }));
+function routeOf(robot) {
+  const { order, vehicle } = robot;
+  const name = (nodeId) => (nodeId ? nodeName(robot, nodeId) : t("none"));
+  const title = vehicle?.transportOrder
+    ? element("li", {}, element("a", { href: address("orders", vehicle.transportOrder), translate: "no" }, vehicle.transportOrder))
+    : verbatim("li", orderName(robot), { title: order.orderId });
+  const last = element("li", { class: "done" }, t("robot.lastNode", { node: name(order.lastNodeId) }));
   const nodes = order.active ? order.ahead : [];
-  const steps = nodes.map((node) =>
-    element("li", { class: node.released ? "released" : "" }, t(node.released ? "robot.node" : "robot.nodeWaiting", { node: node.nodeId })),
+  const steps = nodes.map(({ nodeId, released }) =>
+    element("li", { class: released ? "released" : "" }, t(released ? "robot.node" : "robot.nodeWaiting", { node: name(nodeId) })),
   );
   return [title, last, ...steps];
 }
@@ -131,14 +132,25 @@ function action(each) {
   return made;
 }
 
-function goal(each) {
-  const whose = t(each.infoType === "externalGoal" ? "goal.external" : "goal.own");
-  const made = element("li", {}, whose, " ", verbatim("strong", each.references.status ?? ""));
-  made.append(verbatim("p", each.references.goalId, { class: "detail" }));
+function goal(each, goals) {
+  const external = each.infoType === "externalGoal";
+  const status = replaced(each, goals) ? "REPLACED" : (each.references.status ?? "");
+  const made = element("li", {}, t(external ? "goal.external" : "goal.own"), " ");
+  if (has(`goal.${status}`)) made.append(element("strong", {}, t(`goal.${status}`)));
+  else made.append(verbatim("strong", status));
+  const details = element("summary", {}, t("goal.details"));
+  made.append(element("details", {}, details, verbatim("p", each.references.goalId, { class: "detail" })));
   return made;
 }
 
-// `[key, text, translate]` of what a robot says of itself.
+// Nav2 reports a goal as aborted when the agent's next goal takes its place.
+function replaced({ infoType, references }, goals) {
+  const running = ["ACCEPTED", "EXECUTING"];
+  const next = goals.some((other) => other.infoType === infoType && running.includes(other.references.status));
+  return infoType === "goal" && references.status === "ABORTED" && next;
+}
+
+// Rows `[key, text, same]` about the robot; `same`: the value is the same in all languages.
 function factsOf(robot, now) {
   const at = robot.position;
   const { vx, vy } = robot.velocity ?? {};

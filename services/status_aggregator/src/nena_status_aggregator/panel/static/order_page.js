@@ -1,19 +1,18 @@
-// All about one transport order: why it waits, its destinations, its history; holding, resuming and withdrawing it.
+// The page of a transport order, and the form that creates one.
 
-import { has, t } from "../catalogue.js";
-import { causesOfOrder } from "../causes.js";
-import { ask, command } from "../commands.js";
-import { button, element, foreign, progressBar, refill, setAttribute, setText, verbatim } from "../dom.js";
-import { dateAndTime, number } from "../format.js";
-import { run } from "../forms/command_form.js";
-import { shownState } from "../order_state.js";
-import "./why_list.js";
+import { ask, command, newKey } from "./api.js";
+import { button, element, field, foreign, numberInput, numberOf, progressBar, refill, select, setAttribute, setText, verbatim } from "./dom.js";
+import { causesOfOrder } from "./explanations.js";
+import { shownState } from "./fleet.js";
+import { commandForm, PlaceFields, run } from "./forms.js";
+import { byName, dateAndTime, has, number, t } from "./i18n.js";
+import { address } from "./router.js";
 
 class OrderPage extends HTMLElement {
   #name = null;
   #version = null;
 
-  /** Prepare; `fleet`: {store, link, plant, enabled, noCommands}. */
+  /** Attach to `fleet`: {store, link, plant, enabled, noCommands}. */
   show(fleet) {
     this.fleet = fleet;
     fleet.store.addEventListener("change", () => this.#name && this.#update());
@@ -21,7 +20,7 @@ class OrderPage extends HTMLElement {
     fleet.link.addEventListener("state", () => this.#name && this.#update());
   }
 
-  /** Show one order; null: none. */
+  /** Show an order; null hides the page. */
   open(name) {
     this.#name = name;
     this.#version = null;
@@ -52,10 +51,10 @@ class OrderPage extends HTMLElement {
     this.heading.focus({ preventScroll: true });
   }
 
-  // Two steps, so that a slip of the hand withdraws nothing.
+  // Withdrawing takes two clicks, to prevent accidents.
   #commands() {
     this.result = element("output", { class: "result", role: "status" });
-    this.sure = button(t("order.withdrawSure"), () => run(this.sure, this.result, () => this.#withdraw()), { class: "danger" });
+    this.sure = button(t("order.withdrawSure", { name: this.#name }), () => run(this.sure, this.result, () => this.#withdraw()), { class: "danger" });
     this.withdraw = button(t("order.withdraw"), () => {
       this.sure.hidden = !this.sure.hidden;
       if (!this.sure.hidden) this.sure.focus();
@@ -74,7 +73,7 @@ class OrderPage extends HTMLElement {
 
   async #ask(verb, done) {
     const answer = await command(["transportOrders", this.#name, verb], { reason: `${done} at the control panel` });
-    return [`command.${done}`, { name: this.#name }, answer.reason];
+    return [`done.${done}`, { name: this.#name }, answer.reason];
   }
 
   #update() {
@@ -121,7 +120,7 @@ async function ofOrderService(name) {
 async function ofAggregator(name) {
   const answer = await fetch(`api/v1/history?order=${encodeURIComponent(name)}`).catch(() => null);
   const page = answer?.ok ? await answer.json() : { entries: [] };
-  return page.entries.reverse().map((each) => ({ time: each.time, text: t(`happening.${each.code}`), words: each.text }));
+  return page.entries.reverse().map((each) => ({ time: each.time, text: t(`eventLog.${each.code}`), words: each.text }));
 }
 
 function section(key, ...content) {
@@ -161,5 +160,84 @@ function factsOf(order) {
   ].filter(([, content]) => content);
 }
 
-
 customElements.define("nena-order-page", OrderPage);
+
+class OrderForm extends HTMLElement {
+  #stops = [];
+
+  /** Attach to `fleet`: {store, link, plant, enabled, noCommands}. */
+  show(fleet) {
+    this.fleet = fleet;
+    fleet.plant.addEventListener("change", () => !this.hidden && this.open("new"));
+  }
+
+  /** Start a new order; null hides the form. */
+  open(begin) {
+    if (begin === null) return this.replaceChildren();
+    this.key = newKey();
+    this.#stops = [];
+    this.list = element("ol", { class: "stops" });
+    const heading = element("h2", { tabindex: -1 }, t("orderForm.title"));
+    const head = element("header", { class: "head" }, element("a", { href: "#/", class: "back" }, t("page.back")), heading);
+    const ready = !this.fleet.noCommands && this.fleet.plant.model;
+    const missing = t(this.fleet.noCommands ?? "map.empty.title");
+    this.replaceChildren(head, ready ? this.#form() : element("p", { class: "hint" }, missing));
+    if (ready) this.#addStop();
+    heading.focus({ preventScroll: true });
+  }
+
+  #form() {
+    this.vehicle = select([["", t("orderForm.anyVehicle")], ...vehicles(this.fleet)], { name: "vehicle" });
+    this.priority = numberInput({ name: "priority", value: 0, min: -1000, max: 1000, step: 1 });
+    this.deadline = element("input", { type: "datetime-local", name: "deadline" });
+    this.name = element("input", { type: "text", name: "name", maxlength: 100, pattern: "[A-Za-z0-9_:\\-][A-Za-z0-9_.:\\-]*" });
+    const more = element(
+      "div",
+      { class: "fields" },
+      field(t("orderForm.vehicle"), this.vehicle),
+      field(t("form.priority"), this.priority),
+      field(t("orderForm.deadline"), this.deadline),
+      field(t("orderForm.name"), this.name),
+    );
+    return commandForm({
+      label: t("orderForm.title"),
+      submit: t("orderForm.send"),
+      fields: [this.list, button(t("orderForm.addStop"), () => this.#addStop()), more],
+      send: () => this.#send(),
+    });
+  }
+
+  #addStop() {
+    const stop = new PlaceFields(this.fleet.plant);
+    const remove = button(t("orderForm.removeStop"), () => {
+      if (this.#stops.length === 1) return; // an order has at least one
+      this.#stops = this.#stops.filter((each) => each !== stop);
+      row.remove();
+    });
+    const row = element("li", {}, stop.element, remove);
+    this.#stops.push(stop);
+    this.list.append(row);
+    stop.place.focus();
+  }
+
+  async #send() {
+    const deadline = this.deadline.value && new Date(this.deadline.value).toISOString();
+    const wishes = { intendedVehicle: this.vehicle.value, deadline, name: this.name.value.trim() };
+    const order = await command(["transportOrders"], {
+      destinations: this.#stops.map((each) => each.destination),
+      priority: numberOf(this.priority) ?? 0,
+      idempotencyKey: this.key,
+      ...Object.fromEntries(Object.entries(wishes).filter(([, value]) => value)),
+    });
+    location.hash = address("orders", order.name);
+    return ["done.orderCreated", { name: order.name }];
+  }
+}
+
+function vehicles({ store, plant }) {
+  const known = [...store.robots.values()].map((robot) => robot.vehicle?.name).filter(Boolean);
+  const names = new Set([...(plant.model?.vehicles ?? []).map((each) => each.name), ...known]);
+  return [...names].sort(byName).map((name) => [name, name, true]);
+}
+
+customElements.define("nena-order-form", OrderForm);

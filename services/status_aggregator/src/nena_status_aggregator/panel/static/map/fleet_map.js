@@ -1,15 +1,51 @@
-// The map: plant and robots on a canvas that can be moved and zoomed by mouse, touch and keys.
+// The map: plant and robots on a canvas, with layers, zoom and pose picking.
 
-import { t } from "../catalogue.js";
-import { element, emptyBox, setAttribute, setText } from "../dom.js";
-import { number } from "../format.js";
-import { icon } from "../icons.js";
-import { Gestures } from "../map/gestures.js";
-import { Grids } from "../map/grids.js";
-import { Painter, readColours } from "../map/painter.js";
-import { drawPlan, extent } from "../map/plant.js";
-import { Viewport } from "../map/viewport.js";
-import "./map_layers.js";
+import { element, emptyBox, icon, setAttribute, setText } from "../dom.js";
+import { number, t } from "../i18n.js";
+import { Grids, Painter, readColours } from "./painter.js";
+import { drawPlan, extent } from "./plan_painter.js";
+import { Gestures, Viewport } from "./viewport.js";
+
+const KEY = "nena-layers";
+
+/** The layers from bottom to top; named by the texts under `layer.`. */
+export const LAYERS = ["grids", "blocks", "ways", "points", "locations", "names", "ahead", "goals", "plans", "robots", "robotNames"];
+
+/** Return the stored choice; layers are visible by default. */
+export function readLayers() {
+  const hidden = (localStorage.getItem(KEY) ?? "").split(" ");
+  return Object.fromEntries(LAYERS.map((name) => [name, !hidden.includes(name)]));
+}
+
+/** Store a choice. */
+export function keepLayers(layers) {
+  localStorage.setItem(KEY, LAYERS.filter((name) => !layers[name]).join(" "));
+}
+
+/** Fires `layers` when `chosen` has been replaced. */
+class MapLayers extends HTMLElement {
+  chosen = readLayers();
+
+  connectedCallback() {
+    const title = t("map.layers");
+    const summary = element("summary", { title, "aria-label": title }, icon("layers"));
+    const boxes = LAYERS.map((name) => this.#box(name));
+    this.replaceChildren(element("details", {}, summary, element("fieldset", {}, element("legend", {}, title), ...boxes)));
+  }
+
+  #box(name) {
+    const box = element("input", { type: "checkbox", name });
+    box.checked = this.chosen[name];
+    box.addEventListener("change", () => {
+      this.chosen = { ...this.chosen, [name]: box.checked };
+      keepLayers(this.chosen);
+      this.dispatchEvent(new Event("layers"));
+    });
+    return element("label", {}, box, t(`layer.${name}`));
+  }
+}
+
+customElements.define("nena-map-layers", MapLayers);
 
 const REACH = 18;
 const SCALE_LENGTHS = [0.5, 1, 2, 5, 10, 20, 50, 100, 200];
@@ -34,7 +70,7 @@ class FleetMap extends HTMLElement {
     this.#recolour();
   }
 
-  /** Mark one robot; null: none. */
+  /** Highlight a robot; null: none. */
   select(id) {
     this.selected = id;
     this.followTool.disabled = !id;
@@ -42,14 +78,14 @@ class FleetMap extends HTMLElement {
     this.#draw();
   }
 
-  /** Keep the marked robot in the middle, or stop that. */
+  /** Start or stop keeping the highlighted robot in the middle. */
   follow(on) {
     this.following = on;
     setAttribute(this.followTool, "aria-pressed", String(on));
     this.#draw();
   }
 
-  /** Bring the map, and a robot on it, into sight. */
+  /** Scroll to the map and show a robot on it. */
   reveal(id) {
     this.closest("section").scrollIntoView({ block: "nearest" });
     const position = this.store.robots.get(id)?.position;
@@ -57,13 +93,13 @@ class FleetMap extends HTMLElement {
     this.#draw();
   }
 
-  /** Show a pose that is being chosen, `{x, y, theta}`; null: none. */
+  /** Show the pose that is being picked, `{x, y, theta}`; null: none. */
   showPose(pose) {
     this.pose = pose;
     this.#draw();
   }
 
-  /** Show `{robots, time}` of the history; null: what is now. */
+  /** Show `{robots, time}` of the history; null: live data. */
   replay(shown) {
     this.replayed = shown;
     this.past.hidden = !shown;
@@ -71,7 +107,7 @@ class FleetMap extends HTMLElement {
     this.#draw();
   }
 
-  /** Let a person press a place and drag a heading: `take(pose)` at each step, `done()` at the end. */
+  /** Pick a position with a click and a heading with a drag: `take(pose)` on each step, `done()` at the end. */
   pickPose({ take, done }) {
     this.closest("section").scrollIntoView({ block: "nearest" });
     this.hint.hidden = false;
@@ -82,7 +118,7 @@ class FleetMap extends HTMLElement {
     });
   }
 
-  /** Show everything that has a place. */
+  /** Zoom to everything that has a position. */
   fit() {
     const robots = this.#robots().map((robot) => robot.position);
     const box = extent([...(this.#plan ? [...this.#plan.points.values(), ...this.#plan.locations] : []), ...robots]);

@@ -1,0 +1,79 @@
+// Requests to the server: sign-in, and commands that the aggregator forwards to the order service.
+
+const URL_OF_SESSION = "api/v1/session";
+const UNKNOWN = 401;
+
+/** Return the session, or null if the server is not reachable. Redirects to the sign-in page if needed. */
+export async function whoIsIt() {
+  const answer = await fetch(URL_OF_SESSION).catch(() => null);
+  if (answer?.status === UNKNOWN) location.replace("login.html");
+  return answer?.ok ? answer.json() : null;
+}
+
+/** Sign in. Returns null on success, else the key of the text with the reason. */
+export async function logIn(token) {
+  const headers = { authorization: `Bearer ${token}` };
+  const answer = await fetch(URL_OF_SESSION, { method: "POST", headers }).catch(() => null);
+  if (answer?.ok) return null;
+  return answer?.status === UNKNOWN ? "login.wrong" : "login.failed";
+}
+
+/** Return the address of the single sign-on; null if there is none. */
+export async function startAtIssuer() {
+  const answer = await fetch(`${URL_OF_SESSION}/oidc`).catch(() => null);
+  return answer?.ok ? (await answer.json()).start : null;
+}
+
+/** Sign out and show the sign-in page. */
+export async function logOut() {
+  await fetch(URL_OF_SESSION, { method: "DELETE" }).catch(() => null);
+  location.assign("login.html");
+}
+
+const BASE = "api/v1/control";
+
+/** The command was refused; `message` and `errors` give the reasons. */
+export class RefusedError extends Error {
+  constructor(problem) {
+    super(problem.detail || problem.title);
+    this.errors = problem.errors ?? [];
+  }
+}
+
+/** No answer was received; the command may have been executed. */
+export class UnansweredError extends Error {}
+
+/** Return whether commands are enabled. */
+export async function commandsEnabled() {
+  const answer = await fetch(BASE).catch(() => null);
+  return answer?.ok ? (await answer.json()).enabled : false;
+}
+
+/** Fetch a resource of the order service, e.g. `ask("transportOrders", name)`. */
+export function ask(...path) {
+  return request(path, { headers: { accept: "application/json" } });
+}
+
+/** Send a command once; `body` is sent as JSON. */
+export function command(path, body) {
+  const headers = { "content-type": "application/json" };
+  return request(path, { method: "POST", headers, body: JSON.stringify(body) });
+}
+
+/** Create an idempotency key. */
+export function newKey() {
+  return [...crypto.getRandomValues(new Uint8Array(16))].map((each) => each.toString(16).padStart(2, "0")).join("");
+}
+
+async function request(path, options) {
+  const url = [BASE, ...path.map(encodeURIComponent)].join("/");
+  let answer, body;
+  try {
+    answer = await fetch(url, options);
+    body = await answer.json();
+  } catch {
+    throw new UnansweredError();
+  }
+  if (!answer.ok) throw new RefusedError(body);
+  return body;
+}

@@ -1,0 +1,166 @@
+// The fleet in the browser: robots and orders from the event stream, and the plant model.
+
+/** Return the state to show: an order on hold is shown as held, whatever its state. */
+export function shownState(order) {
+  return order.held && !order.final ? "HELD" : order.state;
+}
+
+const PARTS = ["plant", "link", "malformed"];
+
+/**
+ * Robots and orders by id, and the other parts, kept up to date by the event stream. Fires `change` with
+ * `{robots, orders, parts}`: sets of what changed.
+ */
+export class FleetStore extends EventTarget {
+  robots = new Map();
+  orders = new Map();
+  plant = null;
+  link = { connected: false, since: null };
+  malformed = { counts: {} };
+  share = "1/1";
+  #offset = 0;
+
+  /** Return the estimated server time, ms. */
+  now() {
+    return Date.now() + this.#offset;
+  }
+
+  /** Replace all data. */
+  takeSnapshot(snapshot) {
+    this.#offset = Date.parse(snapshot.time) - Date.now();
+    this.share = snapshot.share;
+    const before = { robots: this.robots, orders: this.orders };
+    this.robots = new Map(snapshot.robots.map((robot) => [robot.id, robot]));
+    this.orders = new Map(snapshot.orders.map((order) => [order.id, order]));
+    for (const part of PARTS) this[part] = snapshot[part];
+    this.#emit({
+      robots: new Set([...before.robots.keys(), ...this.robots.keys()]),
+      orders: new Set([...before.orders.keys(), ...this.orders.keys()]),
+      parts: new Set(PARTS),
+    });
+  }
+
+  /** Apply a change. */
+  takeDelta(delta) {
+    this.#emit({
+      robots: patch(this.robots, delta.robots, delta.robotsGone),
+      orders: patch(this.orders, delta.orders, delta.ordersGone),
+      parts: new Set(PARTS.filter((part) => part in delta && this.#setPart(part, delta[part]))),
+    });
+  }
+
+  #setPart(part, value) {
+    this[part] = value;
+    return true;
+  }
+
+  #emit(detail) {
+    this.dispatchEvent(new CustomEvent("change", { detail }));
+  }
+}
+
+function patch(views, patches = [], gone = []) {
+  for (const id of gone) views.delete(id);
+  for (const each of patches) views.set(each.id, { ...views.get(each.id), ...each });
+  return new Set([...gone, ...patches.map((each) => each.id)]);
+}
+
+/** The plant model, loaded when the event stream reports a new version. `model` is null without one. Fires `change`. */
+export class PlantStore extends EventTarget {
+  model = null;
+  #known = null;
+
+  constructor(store) {
+    super();
+    store.addEventListener("change", (event) => event.detail.parts.has("plant") && this.#load(store.plant));
+  }
+
+  /** Return the operations allowed at a place; empty if the place does not exist. */
+  operationsAt(name) {
+    if (this.model?.points.some((point) => point.name === name)) return ["MOVE", "PARK"];
+    const location = this.model?.locations.find((each) => each.name === name);
+    if (!location) return [];
+    const type = this.model.locationTypes.find((each) => each.name === location.type);
+    const allowed = type?.allowedOperations ?? [];
+    const linked = location.links.flatMap((link) => (link.allowedOperations.length ? link.allowedOperations : allowed));
+    return [...new Set(linked), "NOP"];
+  }
+
+  async #load(plant) {
+    const known = plant && `${plant.version} ${plant.name}`;
+    if (known === this.#known) return;
+    this.#known = known;
+    const answer = plant ? await fetch("api/v1/plant") : null;
+    this.model = answer?.ok ? await answer.json() : null;
+    this.dispatchEvent(new Event("change"));
+  }
+}
+
+const SILENCE = 12_000; // the stream sends at least a heartbeat each 5 s
+const PAUSES = [500, 1000, 2000, 4000];
+
+/**
+ * Feeds a store from the event stream. Fires `state` when `connected` changes or an attempt failed. It reconnects on its
+ * own, because the browser's reconnect stops after some HTTP errors.
+ */
+export class EventLink extends EventTarget {
+  connected = false;
+  everConnected = false;
+  failed = false;
+  lastNews = null;
+  #store;
+  #url;
+  #source = null;
+  #lastId = null;
+  #failures = 0;
+  #watchdog = null;
+
+  constructor(store, url) {
+    super();
+    this.#store = store;
+    this.#url = url;
+  }
+
+  start() {
+    const after = this.#lastId ? `?after=${encodeURIComponent(this.#lastId)}` : "";
+    const source = new EventSource(this.#url + after);
+    this.#source = source;
+    source.onopen = () => this.#heard();
+    source.onerror = () => this.#lost();
+    source.addEventListener("heartbeat", () => this.#heard());
+    source.addEventListener("snapshot", (event) => this.#take(event, "takeSnapshot"));
+    source.addEventListener("delta", (event) => this.#take(event, "takeDelta"));
+    this.#watch();
+  }
+
+  #take(event, method) {
+    this.#lastId = event.lastEventId;
+    this.#store[method](JSON.parse(event.data));
+    this.#heard();
+  }
+
+  #heard() {
+    this.lastNews = this.#store.now();
+    this.#failures = 0;
+    this.#watch();
+    if (this.connected) return;
+    this.connected = true;
+    this.everConnected = true;
+    this.dispatchEvent(new Event("state"));
+  }
+
+  #watch() {
+    clearTimeout(this.#watchdog);
+    this.#watchdog = setTimeout(() => this.#lost(), SILENCE);
+  }
+
+  #lost() {
+    clearTimeout(this.#watchdog);
+    this.#source.close();
+    this.connected = false;
+    this.failed = true;
+    const pause = PAUSES[Math.min(this.#failures++, PAUSES.length - 1)];
+    setTimeout(() => this.start(), pause);
+    this.dispatchEvent(new Event("state"));
+  }
+}

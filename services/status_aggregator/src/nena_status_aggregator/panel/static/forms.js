@@ -1,0 +1,148 @@
+// Parts shared by the command forms: sending once and reporting the result, place and pose fields.
+
+import { RefusedError } from "./api.js";
+import { button, element, field, foreign, numberInput, numberOf, refillSelect, select } from "./dom.js";
+import { byName, t } from "./i18n.js";
+
+/**
+ * Create a form around `fields`. `send()` returns a promise of `[key, values, words]`: a text and words of another
+ * program, both shown as the result. A second click while the first command is running does nothing.
+ */
+export function commandForm({ label, submit, send, fields = [], more = [] }) {
+  const result = element("output", { class: "result", role: "status" });
+  const button = element("button", { class: "primary" }, submit);
+  const actions = element("div", { class: "actions" }, button, ...more);
+  const form = element("form", { class: "command", "aria-label": label }, ...fields, actions, result);
+  form.addEventListener("input", () => result.replaceChildren());
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    run(button, result, send);
+  });
+  return form;
+}
+
+/** Send a command from a button and show its result in `result`. */
+export async function run(button, result, send) {
+  if (button.getAttribute("aria-busy") === "true") return;
+  button.setAttribute("aria-busy", "true");
+  show(result, "wait", t("command.sent"));
+  try {
+    const [key, values, words] = await send();
+    show(result, "fine", t(key, values), words);
+    document.dispatchEvent(new CustomEvent("poseshow", { detail: null }));
+  } catch (error) {
+    if (error instanceof RefusedError) show(result, "bad", t("command.refused"), error.message, error.errors);
+    else show(result, "bad", t("command.unanswered"));
+  } finally {
+    button.removeAttribute("aria-busy");
+  }
+}
+
+function show(result, level, text, words = "", errors = []) {
+  result.dataset.level = level;
+  result.replaceChildren(element("strong", {}, text));
+  if (words) result.append(" ", foreign("span", words));
+  if (errors.length) result.append(element("ul", {}, ...errors.map((each) => foreign("li", each))));
+}
+
+/**
+ * Turn the answer to an instant action into what {@link run} shows; `done` is the text for success, and `values`
+ * (`name` of the vehicle, `action`) fill in every text.
+ */
+export function outcome(answer, done, values) {
+  if (answer.status === "FINISHED") return [done, values, answer.result];
+  return [`command.${answer.status}`, values, [answer.reason, answer.result].filter(Boolean).join(" – ")];
+}
+
+/** Fields for a point or location and an operation that it allows. */
+export class PlaceFields {
+  constructor(plant) {
+    this.plant = plant;
+    this.place = select(placeOptions(plant.model), { name: "place", required: true });
+    this.operation = select([], { name: "operation" });
+    this.place.addEventListener("change", () => this.#showOperations());
+    this.element = element(
+      "div",
+      { class: "fields" },
+      field(t("form.place"), this.place),
+      field(t("form.operation"), this.operation),
+    );
+    this.#showOperations();
+  }
+
+  /** Return the destination in the form of the order service. */
+  get destination() {
+    return { locationName: this.place.value, operation: this.operation.value };
+  }
+
+  /** Return whether a point is selected. */
+  get isPoint() {
+    return this.plant.model.points.some((point) => point.name === this.place.value);
+  }
+
+  #showOperations() {
+    refillSelect(this.operation, this.plant.operationsAt(this.place.value).map(operation));
+  }
+}
+
+function operation(name) {
+  return ["MOVE", "PARK", "NOP"].includes(name) ? [name, t(`operation.${name}`)] : [name, name, true];
+}
+
+function placeOptions(model) {
+  const names = (things) => (things ?? []).map((each) => each.name).sort(byName).map((name) => [name, name, true]);
+  return [
+    ["", t("form.choose")],
+    { group: t("form.locations"), options: names(model?.locations) },
+    { group: t("form.points"), options: names(model?.points) },
+  ];
+}
+
+const RAD = Math.PI / 180;
+
+/** Fields for x, y (m) and heading (degrees). The pose is also shown on the map. */
+export class PoseFields {
+  constructor({ headingRequired = false } = {}) {
+    this.x = numberInput({ name: "x", required: true });
+    this.y = numberInput({ name: "y", required: true });
+    const bounds = { name: "heading", min: -180, max: 180 };
+    this.heading = numberInput(headingRequired ? { ...bounds, required: true } : bounds);
+    this.element = element(
+      "div",
+      { class: "fields" },
+      field(t("form.x"), this.x),
+      field(t("form.y"), this.y),
+      field(t(headingRequired ? "form.heading" : "form.headingOptional"), this.heading),
+      button(t("form.pick"), () => this.#pick()),
+    );
+    this.element.addEventListener("input", () => this.show());
+  }
+
+  /** Return `{x, y, theta}`; `theta` (rad) is null if no heading is requested. */
+  get pose() {
+    const degrees = numberOf(this.heading);
+    return { x: numberOf(this.x), y: numberOf(this.y), theta: degrees === null ? null : degrees * RAD };
+  }
+
+  set pose({ x, y, theta }) {
+    this.x.value = x.toFixed(2);
+    this.y.value = y.toFixed(2);
+    this.heading.value = theta === null ? "" : Math.round(theta / RAD);
+    this.element.dispatchEvent(new Event("input", { bubbles: true }));
+  }
+
+  /** Show the pose on the map. */
+  show() {
+    const pose = this.pose;
+    const complete = Number.isFinite(pose.x) && Number.isFinite(pose.y) && pose.x !== null && pose.y !== null;
+    this.#emit("poseshow", complete ? pose : null);
+  }
+
+  #pick() {
+    this.#emit("posepick", { take: (pose) => (this.pose = pose), done: () => this.element.querySelector("button").focus() });
+  }
+
+  #emit(name, detail) {
+    document.dispatchEvent(new CustomEvent(name, { detail }));
+  }
+}

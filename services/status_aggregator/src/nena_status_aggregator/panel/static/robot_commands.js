@@ -1,0 +1,264 @@
+// Command buttons of a robot, and the forms they open.
+
+import { command, newKey } from "./api.js";
+import { button, element, field, foreign, numberInput, numberOf, select, setAttribute } from "./dom.js";
+import { commandForm, outcome, PlaceFields, PoseFields, run } from "./forms.js";
+import { t } from "./i18n.js";
+
+export function dispatchForm(vehicle, plant) {
+  const place = new PlaceFields(plant);
+  const pose = new PoseFields();
+  const priority = numberInput({ name: "priority", value: 0, min: -1000, max: 1000, step: 1 });
+  const kind = select([["place", t("dispatch.place")], ["coordinate", t("dispatch.coordinate")]], { name: "kind" });
+  const chosen = element("div");
+  const choose = () => {
+    chosen.replaceChildren((kind.value === "place" ? place : pose).element);
+    if (kind.value === "place") document.dispatchEvent(new CustomEvent("poseshow", { detail: null }));
+    else pose.show();
+  };
+  kind.addEventListener("change", choose);
+  choose();
+  let key = newKey();
+  return commandForm({
+    label: t("dispatch.title"),
+    submit: t("dispatch.send"),
+    fields: [field(t("dispatch.kind"), kind), chosen, field(t("form.priority"), priority)],
+    send: async () => {
+      const where = kind.value === "place" ? placeBody(place) : { coordinate: pose.pose };
+      const body = { ...where, priority: numberOf(priority) ?? 0, idempotencyKey: key };
+      const order = await command(["vehicles", vehicle, "dispatch"], body);
+      key = newKey();
+      return ["done.orderCreated", { name: order.name }];
+    },
+  });
+}
+
+function placeBody(place) {
+  const { locationName, operation } = place.destination;
+  return place.isPoint ? { point: locationName, operation } : { locationName, operation };
+}
+
+export function positionForm(vehicle, position) {
+  const pose = new PoseFields({ headingRequired: true });
+  if (position) pose.pose = position;
+  return commandForm({
+    label: t("position.title"),
+    submit: t("position.send"),
+    fields: [element("p", { class: "hint" }, t("position.hint")), pose.element],
+    send: async () => {
+      const body = { actionType: "initializePosition", pose: pose.pose };
+      const answer = await command(["vehicles", vehicle, "instantActions"], body);
+      return outcome(answer, "done.position", { name: vehicle, action: t("position.title") });
+    },
+  });
+}
+
+export function sessionForm(vehicle, { namespace, domainId }) {
+  const pattern = "/?([A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*)?"; // as ROS takes it
+  const space = element("input", { type: "text", name: "namespace", required: true, pattern, maxlength: 200, spellcheck: "false" });
+  space.value = namespace;
+  const domain = numberInput({ name: "domainId", required: true, min: 0, max: 232, step: 1 });
+  domain.value = domainId;
+  const keep = element("input", { type: "checkbox", name: "keep" });
+  return commandForm({
+    label: t("session.title"),
+    submit: t("session.send"),
+    fields: [
+      element("p", { class: "hint" }, t("session.hint")),
+      field(t("session.namespace"), space),
+      field(t("session.domain"), domain),
+      field(t("session.keep"), keep),
+    ],
+    send: async () => {
+      const values = { namespace: space.value, domainId: numberOf(domain), keep: keep.checked };
+      const parameters = Object.entries(values).map(([key, value]) => ({ key, value }));
+      const body = { actionType: "nena:configureRosSession", parameters };
+      const answer = await command(["vehicles", vehicle, "instantActions"], body);
+      return outcome(answer, "done.address", { name: vehicle, action: t("session.title") });
+    },
+  });
+}
+
+/** Actions that every robot supports, offered until its factsheet has been received. */
+const STANDARD = ["factsheetRequest", "stateRequest", "startPause", "stopPause", "cancelOrder"];
+/** Needs a pose; has its own form. */
+const ELSEWHERE = "initializePosition";
+
+export async function actionForm(vehicle, robot) {
+  const known = await knownActions(robot);
+  const actions = instantActions(known ?? []);
+  const kind = select(actions.map((each) => [each.actionType, each.actionType]), { name: "action", translate: "no" });
+  const details = element("div", { class: "fields" });
+  let inputs = [];
+  const choose = () => {
+    const action = actions.find((each) => each.actionType === kind.value);
+    inputs = (action.actionParameters ?? []).map(parameter);
+    const words = action.description ? [foreign("p", action.description, { class: "hint" })] : [];
+    details.replaceChildren(...words, ...inputs.map((each) => each.element));
+  };
+  kind.addEventListener("change", choose);
+  choose();
+  return commandForm({
+    label: t("action.title"),
+    submit: t("action.send"),
+    fields: [
+      element("p", { class: "hint" }, t(known ? "action.hint" : "action.noFactsheet")),
+      field(t("action.type"), kind),
+      details,
+    ],
+    send: async () => {
+      const parameters = inputs.map((each) => each.read()).filter(Boolean);
+      const actionType = kind.value;
+      const answer = await command(["vehicles", vehicle, "instantActions"], { actionType, parameters });
+      return outcome(answer, "done.action", { name: vehicle, action: actionType });
+    },
+  });
+}
+
+async function knownActions(robot) {
+  const path = [robot.manufacturer, robot.serialNumber, "actions"].map(encodeURIComponent).join("/");
+  if (!robot.body) return null; // no factsheet has come
+  const answer = await fetch(`api/v1/robots/${path}`);
+  return answer.ok ? answer.json() : null;
+}
+
+function instantActions(known) {
+  const listed = known.filter(
+    (each) => each.actionScopes.includes("INSTANT") && each.actionType !== ELSEWHERE,
+  );
+  const missing = STANDARD.filter((name) => !listed.some((each) => each.actionType === name));
+  return [...listed, ...missing.map((actionType) => ({ actionType }))];
+}
+
+// A field for one parameter: `read()` returns it as sent, or null if it is omitted.
+function parameter({ key, valueDataType, description, isOptional }) {
+  const control = controlFor(valueDataType, isOptional);
+  const label = t(isOptional ? "action.optional" : "action.parameter", { key });
+  const words = description ? [foreign("span", description, { class: "hint" })] : [];
+  const made = element("div", {}, field(label, control), ...words);
+  control.addEventListener("input", () => control.setCustomValidity(""));
+  return { element: made, read: () => (control.value === "" ? null : { key, value: valueOf(control, valueDataType) }) };
+}
+
+function controlFor(type, optional) {
+  const required = !optional;
+  const choice = [["", t("form.choose")], ["true", t("form.yes")], ["false", t("form.no")]];
+  if (type === "BOOL") return select(choice, { required });
+  if (type === "INTEGER") return numberInput({ step: 1, required });
+  if (type === "NUMBER") return numberInput({ required });
+  if (type === "STRING") return element("input", { type: "text", required });
+  const hint = type === "ARRAY" ? "[ ]" : "{ }";
+  const area = element("textarea", { rows: 3, required, placeholder: hint, spellcheck: "false" });
+  area.addEventListener("change", () => area.setCustomValidity(fits(area.value) ? "" : t("form.json")));
+  return area;
+}
+
+function fits(text) {
+  try {
+    JSON.parse(text || "null");
+    return true;
+  } catch {
+    return false;
+  }
+}
+
+function valueOf(control, type) {
+  return type === "STRING" ? control.value : JSON.parse(control.value);
+}
+
+class RobotCommands extends HTMLElement {
+  #open = null;
+
+  /** Show the commands of one robot; `noCommands`: key of the reason why they are not available. */
+  show({ store, plant, noCommands }, robotId) {
+    this.store = store;
+    this.plant = plant;
+    this.robotId = robotId;
+    this.note = element("p", { class: "hint" });
+    this.result = element("output", { class: "result", role: "status" });
+    this.place = element("div", { class: "opened" });
+    this.buttons = [
+      this.#opener("command.dispatch", () => dispatchForm(this.#vehicle, plant)),
+      this.#opener("command.position", () => positionForm(this.#vehicle, this.#robot.position)),
+      this.#direct("pause", () => this.#act("pause", "pause")),
+      this.#direct("resume", () => this.#act("resume", "resume")),
+      this.#direct("cancel", () => this.#cancel()),
+      this.#opener("command.action", () => actionForm(this.#vehicle, this.#robot)),
+    ];
+    this.driverOn = this.#direct("driverOn", () => this.#act("nena:startRosSession", "driverOn"));
+    this.driverOff = this.#direct("driverOff", () => this.#act("nena:stopRosSession", "driverOff"));
+    this.sessionButtons = [
+      this.driverOn,
+      this.driverOff,
+      this.#opener("command.address", () => sessionForm(this.#vehicle, this.#robot.rosSession)),
+    ];
+    this.buttons.push(...this.sessionButtons);
+    this.noCommands = noCommands;
+    this.replaceChildren(element("div", { class: "actions" }, ...this.buttons), this.note, this.result, this.place);
+    this.update();
+  }
+
+  /** Update the buttons after a change of the robot. */
+  update() {
+    const possible = !this.noCommands && Boolean(this.#vehicle);
+    for (const each of this.buttons) each.disabled = !possible;
+    this.#updateSession(possible);
+    this.note.hidden = possible;
+    this.note.textContent = t(this.noCommands ?? "command.unknownVehicle");
+  }
+
+  // A robot without a ROS session has no such buttons; a session is not switched to the state it is in.
+  #updateSession(possible) {
+    const state = this.#robot?.rosSession?.state;
+    for (const each of this.sessionButtons) each.hidden = !state;
+    this.driverOn.disabled = !possible || ["ACTIVE", "INITIATING"].includes(state);
+    this.driverOff.disabled = !possible || ["NOT_ACTIVE", "TERMINATING"].includes(state);
+  }
+
+  get #robot() {
+    return this.store.robots.get(this.robotId);
+  }
+
+  get #vehicle() {
+    return this.#robot?.vehicle?.name;
+  }
+
+  #direct(name, send) {
+    const made = button(t(`command.${name}`), () => run(made, this.result, send));
+    return made;
+  }
+
+  #opener(key, make) {
+    const made = button(t(key), () => this.#toggle(made, make), { "aria-expanded": "false" });
+    return made;
+  }
+
+  async #toggle(opener, make) {
+    const close = this.#open === opener;
+    document.dispatchEvent(new CustomEvent("poseshow", { detail: null }));
+    this.#open = close ? null : opener;
+    for (const each of this.buttons) {
+      if (each.hasAttribute("aria-expanded")) setAttribute(each, "aria-expanded", String(each === this.#open));
+    }
+    this.result.replaceChildren();
+    this.place.replaceChildren(...(close ? [] : [await make()]));
+    this.place.querySelector("select, input")?.focus();
+  }
+
+  // `name`: of the command, as in the texts under `command.` and `done.`.
+  async #act(actionType, name) {
+    const vehicle = this.#vehicle;
+    const answer = await command(["vehicles", vehicle, "instantActions"], { actionType });
+    return outcome(answer, `done.${name}`, { name: vehicle, action: t(`command.${name}`) });
+  }
+
+  // A transport order is withdrawn at the order service; any other order is cancelled at the robot.
+  async #cancel() {
+    const order = this.#robot.vehicle.transportOrder;
+    if (!order) return this.#act("cancelOrder", "cancel");
+    const answer = await command(["transportOrders", order, "withdrawal"], { reason: "withdrawn at the control panel" });
+    return ["done.withdrawn", { name: order }, answer.reason];
+  }
+}
+
+customElements.define("nena-robot-commands", RobotCommands);
