@@ -23,7 +23,7 @@ HALL = hall(min_x=-20, min_y=-20, max_x=30, max_y=20, resolution=0.1)
 class Bench:
     """A robot whose time is moved by the test."""
 
-    def __init__(self, *, time_factor: float = 1.0, **settings: Any) -> None:
+    def __init__(self, *, time_factor: float = 1.0, replan_period: float = 0.0, **settings: Any) -> None:
         self.now = 100.0
         self.robot = Robot(
             RobotSettings(**settings),
@@ -32,6 +32,7 @@ class Bench:
             retention=900.0,
             now=self.now,
             noise=random.Random(7),
+            replan_period=replan_period,
         )
 
     def take(self, goal_id: UUID, x: float, y: float, yaw: float = 0.0, frame: str = "map") -> bool:
@@ -317,3 +318,73 @@ def test_an_unconfigured_navigator_forgets_its_goals_and_the_robot_stops() -> No
     x = bench.robot.pose.x
     assert bench.take(B, x + 1.0, 0.0)
     assert bench.until_ended(B) == 4
+
+
+def test_a_controller_without_its_navigator_drives_to_the_end_of_its_path() -> None:
+    bench = Bench()
+    bench.take(A, 10.0, 0.0)
+    bench.run(2.0)
+    bench.apply(faults.NavigatorDied())
+    bench.run(30.0, lambda: bench.robot.resting)
+    assert bench.robot.pose.distance(Pose(10, 0, 0)) <= 0.25
+    assert bench.robot.goals(Action.TO_POSE).entries(bench.now) == ()
+
+
+@pytest.mark.parametrize("fault", [faults.NavigatorDied(), faults.NavigatorHung()])
+def test_a_controller_whose_goal_is_cancelled_stands(fault: faults.AnyFault) -> None:
+    bench = Bench()
+    bench.take(A, 10.0, 0.0)
+    bench.run(3.0)
+    bench.apply(fault)
+    bench.run(0.5)
+    assert bench.robot.velocity[0] == pytest.approx(1.0)
+    assert bench.robot.cancel_controller()
+    bench.run(5.0, lambda: bench.robot.velocity == (0.0, 0.0))
+    assert bench.robot.pose.x < 5.0
+    assert not bench.robot.cancel_controller()
+
+
+def test_a_deaf_controller_drives_on() -> None:
+    bench = Bench()
+    bench.take(A, 10.0, 0.0)
+    bench.apply(faults.ControllerDeaf())
+    bench.run(3.0)
+    assert bench.robot.cancel_controller()
+    assert bench.until_ended() == 4
+    assert bench.robot.pose.distance(Pose(10, 0, 0)) <= 0.25
+
+
+def test_a_living_navigator_takes_a_cancelled_controller_for_success() -> None:
+    bench = Bench()
+    bench.take(A, 10.0, 0.0)
+    bench.run(3.0)
+    bench.robot.cancel_controller()
+    assert bench.until_ended() == 4
+    assert bench.robot.pose.x < 5.0
+
+
+def test_a_new_goal_that_comes_too_late_for_replanning_succeeds_at_the_old_place() -> None:
+    bench = Bench(replan_period=1.0)
+    bench.take(A, 5.0, 0.0)
+    bench.run(30.0, lambda: bench.robot.pose.x >= 4.65)
+    bench.take(B, 10.0, 0.0)
+    assert bench.until_ended(B) == 4
+    assert bench.robot.pose.x < 5.3
+    assert int(bench.robot.goals(Action.TO_POSE)[A]) == 6
+
+
+def test_a_new_goal_that_comes_in_time_for_replanning_is_driven_to() -> None:
+    bench = Bench(replan_period=1.0)
+    bench.take(A, 5.0, 0.0)
+    bench.run(30.0, lambda: bench.robot.pose.x >= 3.5)
+    bench.take(B, 10.0, 0.0)
+    assert bench.until_ended(B) == 4
+    assert bench.robot.pose.distance(Pose(10, 0, 0)) <= 0.25
+
+
+def test_a_nav2_that_starts_takes_no_goals() -> None:
+    bench = Bench()
+    bench.apply(faults.BringUp())
+    assert not bench.take(A, 5.0, 0.0)
+    bench.apply(faults.BringUp(active=False))
+    assert bench.take(A, 5.0, 0.0)

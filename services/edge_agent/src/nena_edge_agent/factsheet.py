@@ -47,7 +47,8 @@ def braking_distance(description: DescriptionSettings) -> float:
 
 def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> Capabilities:
     """Give the core what it needs to know of the settings."""
-    drive = settings.drive
+    drive, goals = settings.drive, settings.ros.goals
+    by_nav2 = settings.driver == "nav2"
     return Capabilities(
         map_id=settings.map_id,
         map_version=settings.map_version,
@@ -58,6 +59,8 @@ def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> 
         default_deviation_theta=drive.deviation_theta,
         strategy=drive.strategy,
         pass_radius=drive.pass_radius,
+        hand_over_distance=goals.goal_tolerance if by_nav2 else 0.0,
+        hand_over_time=goals.replan_period if by_nav2 else 0.0,
         drives_ahead=settings.drives_ahead,
         base_request_distance=drive.base_request_distance,
         external_goals=drive.external_goals,

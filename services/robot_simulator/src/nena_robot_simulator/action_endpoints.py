@@ -34,6 +34,11 @@ Answer = Callable[[Any], None]
 class ActionServer(Protocol):
     """Who decides on what comes in."""
 
+    @property
+    def hangs(self) -> bool:
+        """Whether the server answers nothing."""
+        ...
+
     def on_goal(self, action: Action, goal: Goal) -> int | None:
         """Take a goal; gives the time of its acceptance (UTC, ns), None: it is refused."""
         ...
@@ -64,12 +69,12 @@ class ActionEndpoints:
         """Appear in the graph as a new server."""
         name, session = f"{self._action}/_action", self._session
         self._status = session.publisher(GoalStatusArray, f"{name}/status", LATCHED)
-        self._others = [session.serve(CancelGoal, f"{name}/cancel_goal", self._on_cancel)]
+        self._others = [session.serve_later(CancelGoal, f"{name}/cancel_goal", self._on_cancel)]
         if self._types is not None:
             services = self._types.Impl
             self._feedback = session.publisher(services.FeedbackMessage, f"{name}/feedback", FEEDBACK)
             self._others += [
-                session.serve(services.SendGoalService, f"{name}/send_goal", self._on_send_goal),
+                session.serve_later(services.SendGoalService, f"{name}/send_goal", self._on_send_goal),
                 session.serve_later(services.GetResultService, f"{name}/get_result", self._on_get_result),
             ]
 
@@ -100,13 +105,21 @@ class ActionEndpoints:
         message = action_messages.feedback_message(self._types, feedback, frame_id, nanoseconds)
         self._feedback.publish(message)
 
-    def _on_cancel(self, request: Any, response: Any) -> None:  # noqa: ANN401
+    def _on_cancel(self, request: Any, answer: Answer) -> None:  # noqa: ANN401
+        if self._server.hangs:
+            return
+        response = CancelGoal.Response()
         self._server.on_cancel(self._action, request, response)
+        answer(response)
 
-    def _on_send_goal(self, request: Any, response: Any) -> None:  # noqa: ANN401
+    def _on_send_goal(self, request: Any, answer: Answer) -> None:  # noqa: ANN401
+        if self._server.hangs or self._types is None:
+            return
+        response = self._types.Impl.SendGoalService.Response()
         stamp = self._server.on_goal(self._action, action_messages.goal_of(request, self._action))
         response.accepted = stamp is not None
         response.stamp = messages.stamp_of(stamp or 0)
+        answer(response)
 
     def _on_get_result(self, request: Any, answer: Answer) -> None:  # noqa: ANN401
         if len(self._questions) < QUESTIONS:

@@ -47,6 +47,8 @@ class Drive:
         self._abort_within = None if abort_after is None else (1.0 - abort_after) * whole
         self._at_place = False
         self._reached = False
+        self.cancelled = False
+        """Whether the controller's own goal was cancelled, which the behaviour tree takes for success."""
 
     @property
     def places_left(self) -> int:
@@ -55,7 +57,9 @@ class Drive:
 
     @property
     def next_place(self) -> Pose | None:
-        """Where the robot is to drive to now."""
+        """Where the robot is to drive to now; None: it is to stand."""
+        if self.cancelled:
+            return None
         return self._via[0] if self._via and self.end is not None else self.end
 
     @property
@@ -78,6 +82,8 @@ class Drive:
 
     def progress(self, pose: Pose) -> Progress:
         """Tell how the drive stands with the robot at ``pose``."""
+        if self.cancelled:
+            return Progress.REACHED
         given_up = self._abort_within is not None and self.left(pose) <= self._abort_within
         if self.end is None or given_up:
             return Progress.FAILED

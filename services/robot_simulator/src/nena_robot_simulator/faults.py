@@ -140,6 +140,33 @@ class Unconfigured(Lasting):
     kind: Literal["unconfigured"] = "unconfigured"
 
 
+class NavigatorDied(Lasting):
+    """bt_navigator alone has died: it leaves the ROS graph, and the controller drives its path to the end.
+
+    It comes back as a new server that knows no goals.
+    """
+
+    kind: Literal["navigator_died"] = "navigator_died"
+
+
+class NavigatorHung(Lasting):
+    """bt_navigator alone hangs: it is in the ROS graph and answers nothing; the controller drives on."""
+
+    kind: Literal["navigator_hung"] = "navigator_hung"
+
+
+class ControllerDeaf(Lasting):
+    """The controller answers that its goal is cancelled, and drives on."""
+
+    kind: Literal["controller_deaf"] = "controller_deaf"
+
+
+class BringUp(Lasting):
+    """Nav2 starts: its nodes are inactive, and the lifecycle manager does not answer."""
+
+    kind: Literal["bring_up"] = "bring_up"
+
+
 class DuplicateStatus(Lasting):
     """Each status array comes twice."""
 
@@ -192,6 +219,10 @@ AnyFault = (
     | NanPose
     | BatteryScale
     | Unconfigured
+    | NavigatorDied
+    | NavigatorHung
+    | ControllerDeaf
+    | BringUp
     | DuplicateStatus
     | ReorderedStatus
     | TerminalFirst

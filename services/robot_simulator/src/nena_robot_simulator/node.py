@@ -11,6 +11,8 @@ import uuid
 from collections import deque
 from typing import Any
 
+from action_msgs.msg import GoalInfo
+from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
@@ -24,7 +26,7 @@ from std_srvs.srv import Empty, Trigger
 
 from nena_robot_simulator import faults, messages
 from nena_robot_simulator.action import Action
-from nena_robot_simulator.action_endpoints import LATCHED
+from nena_robot_simulator.action_endpoints import LATCHED, Answer
 from nena_robot_simulator.action_types import action_types
 from nena_robot_simulator.grid_map import GridMap
 from nena_robot_simulator.navigator import Goal
@@ -73,6 +75,7 @@ class RobotNode:
             retention=simulator.result_timeout,
             now=clock.monotonic(),
             noise=random.Random(settings.name),  # noqa: S311 - noise of a simulation that can be repeated
+            replan_period=simulator.replan_period,
         )
         self._goals_on_the_way: deque[tuple[Pose, str]] = deque(maxlen=GOALS_ON_THE_WAY)
         self._held_back: dict[Action, Snapshot] = {}
@@ -129,7 +132,8 @@ class RobotNode:
         self._session.subscribe(String, "simulator/fault", self._on_fault, FAULTS)
 
     def _make_services(self) -> None:
-        self._session.serve(Trigger, "lifecycle_manager_navigation/is_active", self._on_is_active)
+        self._session.serve_later(Trigger, "lifecycle_manager_navigation/is_active", self._on_is_active)
+        self._session.serve(CancelGoal, "follow_path/_action/cancel_goal", self._on_cancel_controller)
         self._session.serve(Empty, "request_nomotion_update", self._on_nomotion_update)
         self._session.serve(GetMap, "map_server/map", self._on_get_map)
 
@@ -154,6 +158,8 @@ class RobotNode:
         self._delivery.cancel()
         while self._goals_on_the_way:
             pose, frame_id = self._goals_on_the_way.popleft()
+            if self.hangs:
+                continue
             self._take(Goal(uuid.uuid4(), pose, frame_id), Action.TO_POSE)
 
     def on_goal(self, action: Action, goal: Goal) -> int | None:
@@ -184,6 +190,11 @@ class RobotNode:
         self._robot.take_initial_pose(pose)
         self._log.info("initial pose", x=pose.x, y=pose.y, yaw=pose.yaw)
 
+    @property
+    def hangs(self) -> bool:
+        """Whether bt_navigator answers nothing."""
+        return self._robot.faults.on(faults.NavigatorHung)
+
     def on_cancel(self, action: Action, request: Any, response: Any) -> None:  # noqa: ANN401
         """Answer an action_msgs/srv/CancelGoal request."""
         goal_id = messages.goal_id_of(request.goal_info)
@@ -199,8 +210,15 @@ class RobotNode:
         response.current_state.id = State.PRIMARY_STATE_ACTIVE if active else State.PRIMARY_STATE_INACTIVE
         response.current_state.label = "active" if active else "inactive"
 
-    def _on_is_active(self, _request: Trigger.Request, response: Trigger.Response) -> None:
-        response.success = self._robot.active
+    def _on_is_active(self, _request: Trigger.Request, answer: Answer) -> None:
+        if not self._robot.faults.on(faults.BringUp):
+            answer(Trigger.Response(success=self._robot.active))
+
+    def _on_cancel_controller(self, _request: CancelGoal.Request, response: CancelGoal.Response) -> None:
+        """Cancel the controller's goal, whichever is named: it has one at most."""
+        had_one = self._robot.cancel_controller()
+        response.goals_canceling = [GoalInfo()] if had_one else []
+        self._log.info("controller's goal cancelled", had_one=had_one)
 
     def _on_nomotion_update(self, _request: Empty.Request, _response: Empty.Response) -> None:
         self._robot.force_estimate()
@@ -232,7 +250,8 @@ class RobotNode:
             self._publish_map()
 
     def _show_navigator(self) -> None:
-        self._navigator.show(there=not self._robot.faults.on(faults.Unconfigured))
+        gone = self._robot.faults.on(faults.Unconfigured) or self._robot.faults.on(faults.NavigatorDied)
+        self._navigator.show(there=not gone)
 
     @property
     def _silent(self) -> bool:

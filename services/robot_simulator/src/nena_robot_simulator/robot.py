@@ -23,6 +23,8 @@ from nena_robot_simulator.status_array import Snapshot, StatusArray
 
 HALTING = (0.020, 0.050)
 """Least and most seconds that halting the behaviour tree takes."""
+SEVERAL_SLOWER = 3.0
+"""How much longer the replanning period of NavigateThroughPoses is than that of NavigateToPose."""
 LONGEST_STEP = 0.02
 """Seconds of the robot's time that one step of the kinematics covers at most."""
 LONGEST_PAUSE = 0.2
@@ -54,6 +56,7 @@ class Robot:
         retention: float,
         now: float,
         noise: random.Random,
+        replan_period: float = 0.0,
     ) -> None:
         self.faults = Faults()
         self.battery = Battery(
@@ -79,6 +82,8 @@ class Robot:
         self._drive: Drive | None = None
         self._stuck_for = 0.0
         self._advanced_at = now
+        self._replan_period = replan_period / time_factor
+        self._replan_at = now
 
     @property
     def pose(self) -> Pose:
@@ -103,6 +108,8 @@ class Robot:
     @property
     def resting(self) -> bool:
         """Whether the robot stands and has no goal: only a request can change that."""
+        if self._drive is not None:
+            return False
         return self._motion.standing and not any(each.busy for each in self._navigators.values())
 
     @property
@@ -131,10 +138,17 @@ class Robot:
             goals.cancel([goal.goal_id for goal in answer.goals], now)
         return answer
 
+    def cancel_controller(self) -> bool:
+        """Cancel the goal of the controller, which the navigator did not do; return whether it had one."""
+        if self._drive is None:
+            return False
+        self._drive.cancelled = not self.faults.on(faults.ControllerDeaf)
+        return True
+
     def feedback(self, action: Action, now: float) -> Feedback | None:
         """Tell how the drive of an action stands; None where it drives for no goal."""
         navigator, drive = self._navigators[action], self._drive
-        if navigator.target is None or drive is None:
+        if navigator.target is None or drive is None or self.faults.on(faults.NavigatorHung):
             return None
         stuck = self.faults.get(faults.Stuck)
         return Feedback(
@@ -191,9 +205,10 @@ class Robot:
         if isinstance(fault, faults.Freeze):
             return  # the node has hung already
         self.faults.apply(fault)
-        idle = self.faults.on(faults.Inactive) or self.faults.on(faults.Unconfigured)
+        gone = self.faults.on(faults.Unconfigured) or self.faults.on(faults.NavigatorDied)
+        idle = gone or self.faults.on(faults.Inactive) or self.faults.on(faults.BringUp)
         for navigator in self._navigators.values():
-            if self.faults.on(faults.Unconfigured):
+            if gone:
                 navigator.restart()
             navigator.set_active(active=not idle)
 
@@ -201,8 +216,13 @@ class Robot:
         """Move on to ``now`` and go once round the navigator's loop."""
         seconds = min(now - self._advanced_at, LONGEST_PAUSE)
         self._advanced_at = now
-        self._follow()
+        alone = self.faults.on(faults.NavigatorDied) or self.faults.on(faults.NavigatorHung)
+        if not alone:
+            self._follow(now)
         self._move(seconds * self._time_factor)
+        if alone:
+            self._end_alone()
+            return
         if self._drive is not None and self.faults.on(faults.Stuck):
             self._stuck_for += seconds
         for navigator in self._navigators.values():
@@ -211,7 +231,7 @@ class Robot:
                 navigator.tick(now, Progress.UNDERWAY)
             else:
                 navigator.tick(now, drive.progress(self.pose), drive.error_code)
-        self._follow()
+        self._follow(now)
 
     def take_unpublished(self, action: Action = Action.TO_POSE) -> list[Snapshot]:
         """Give the status arrays of an action that came about since the last call."""
@@ -236,18 +256,29 @@ class Robot:
             return self._odom_origin.then(pose)
         return pose if frame_id == self._settings.map_frame else None
 
-    def _follow(self) -> None:
-        """Plan a new drive where the target has changed."""
+    def _end_alone(self) -> None:
+        """Let a controller without a navigator end its drive where its path ends."""
+        if self._drive is not None and self._drive.progress(self.pose) is not Progress.UNDERWAY:
+            self._drive = None
+
+    def _follow(self, now: float) -> None:
+        """Plan a new drive where the target has changed, at the next turn of the tree's replanning clock."""
         targets = (
             (action, navigator.target)
             for action, navigator in self._navigators.items()
             if navigator.target is not None
         )
         action, target = next(targets, (Action.TO_POSE, None))
+        several = action is Action.THROUGH_POSES
         if target is None:
             self._drive = None
-        elif self._drive is None or self._drive.target != target:
-            self._drive = self._planned(target, several=action is Action.THROUGH_POSES)
+            return
+        replans = self._drive is None or now >= self._replan_at
+        if replans:
+            slowness = SEVERAL_SLOWER if several else 1.0
+            self._replan_at = now + self._replan_period * slowness
+        if replans and (self._drive is None or self._drive.target != target):
+            self._drive = self._planned(target, several=several)
             self._stuck_for = 0.0
 
     def _planned(self, target: Target, *, several: bool) -> Drive:

@@ -137,6 +137,13 @@ class SimulatorSettings(ProgramSettings):
     result_timeout: float = Field(
         900.0, gt=0, description="Seconds that an ended goal stays in the status array."
     )
+    replan_period: float = Field(
+        0.0,
+        ge=0,
+        le=60,
+        description="Seconds between two plans of the behaviour tree, 1.0 in Nav2's default tree (3 times as "
+        "long through poses): until the next one a new goal leads along the old path. 0: planned at once.",
+    )
     actions: bool = Field(
         default=True,
         description="Serve Nav2's actions too, where this machine has their types.",

@@ -9,7 +9,14 @@ from pathlib import Path
 import pytest
 from std_msgs.msg import String
 
-from nena_edge_agent.driver.port import Arrived, DriveFailed, DriveFailure, GoalReport, NavigationReport
+from nena_edge_agent.driver.port import (
+    Arrived,
+    DriveFailed,
+    DriveFailure,
+    GoalReport,
+    Halted,
+    NavigationReport,
+)
 from support.nav2_driver import PATIENT, QUICK, DrivenRobot, goal_at
 from support.ros import RosPeer
 from support.simulator import SimulatorProcess, publisher_to, simulated_robot
@@ -38,12 +45,13 @@ async def test_nav2_absent_at_the_start_then_there(domain_id: int) -> None:
             assert await robot.hears(Arrived) == Arrived(1)
 
 
-async def test_goal_for_a_nav2_that_never_comes(domain_id: int) -> None:
+async def test_goal_for_a_nav2_that_never_comes_waits_until_it_is_taken_back(domain_id: int) -> None:
     async with DrivenRobot(domain_id, goals=QUICK) as robot:
         robot.driver.go_to(goal_at(1, 3.0))
-        failed = await robot.hears(DriveFailed)
-    assert failed.failure is DriveFailure.NOT_TAKEN_UP
-    assert "is Nav2 running there?" in failed.description
+        await robot.hears(NavigationReport, lambda report: "is Nav2 running there?" in report.reason)
+        robot.driver.halt()
+        assert await robot.hears(Halted) == Halted()
+        assert robot.ends == [Halted()]
 
 
 async def test_inactive_nav2(domain_id: int, peer: RosPeer) -> None:

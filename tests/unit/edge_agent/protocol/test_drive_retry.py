@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from nena_edge_agent.driver.port import DriveFailed, DriveFailure, NavigationReport
+from nena_edge_agent.driver.port import DriveFailed, DriveFailure, Halted, NavigationReport
 from nena_edge_agent.protocol.conditions import DRIVE_RETRIED
-from nena_edge_agent.protocol.events import TimePassed
+from nena_edge_agent.protocol.events import Halt, TimePassed
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from support.robot_core import Bench, action, order
 
@@ -77,8 +77,10 @@ def test_an_order_that_waits_for_a_try_can_be_cancelled(bench: Bench) -> None:
 def test_a_drive_whose_navigation_has_gone_is_tried_when_it_is_back(bench: Bench) -> None:
     bench.do(NavigationReport(available=False, reason="gone"))
     fail(bench, DriveFailure.NAVIGATION_GONE)
+    assert Halt() in bench.effects
     later(bench, 60.0)
     assert len(bench.goals) == 1
+    bench.do(Halted())
     bench.do(NavigationReport(available=True, reason=""))
     assert (len(bench.goals), bench.errors) == (2, [DRIVE_RETRIED])
 

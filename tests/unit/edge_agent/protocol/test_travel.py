@@ -208,6 +208,18 @@ def test_pass_through_is_bounded_by_the_set_radius() -> None:
     assert bench.nodes == ["n2"]
 
 
+@pytest.mark.parametrize(("speed", "given_at"), [(0.0, 9.55), (0.5, 9.3), (1.0, 8.8), (4.0, 7.1)])
+def test_a_fast_robot_is_given_the_next_goal_before_navigation_plans_again(
+    speed: float, given_at: float
+) -> None:
+    """Goal tolerance and the way of a replanning period before the node, but within its deviation."""
+    bench = Bench(**PASS, pass_radius=0.5, hand_over_distance=0.25, hand_over_time=1.0)
+    bench.send(order("n0", "n1", "n2", positions={"n1": position(10.0, radius=3.0)}))
+    for x, nodes in ((given_at - 0.11, ["n1", "n2"]), (given_at, ["n2"])):
+        bench.do(PoseReport(Pose(x, 0.0, 0.0, MAP), localized=True, vx=speed, omega=0.0))
+        assert bench.nodes == nodes
+
+
 @pytest.mark.clause("6.6.2/range", "6.6.2/decision", "7.3/theta")
 @pytest.mark.parametrize(
     "reason",
@@ -253,7 +265,7 @@ def test_a_failed_drive_is_an_error_and_the_node_is_not_traversed(failure: Drive
 
     state = bench.state
     assert (state.last_node_id, bench.nodes, bench.edges) == ("n0", ["n1", "n2"], ["n0-n1", "n1-n2"])
-    assert not state.driving
+    assert state.driving is (failure is DriveFailure.NAVIGATION_GONE), "its controller may drive on"
     (error,) = state.errors
     assert (error.error_type, error.error_level) == (ErrorType.NODE_UNREACHABLE, ErrorLevel.CRITICAL)
     assert "no way" in str(error.error_description)

@@ -12,9 +12,17 @@ from nena_edge_agent.driver.port import (
     GoalReport,
     GoalTable,
     Halted,
+    HaltFailed,
     NavigationReport,
 )
-from nena_edge_agent.ros.commands import CancelGoal, Command, PublishGoal, Report, RequestPose
+from nena_edge_agent.ros.commands import (
+    CancelGoal,
+    Command,
+    PublishGoal,
+    Report,
+    RequestPose,
+    StopMotion,
+)
 from nena_edge_agent.ros.drive import LATE_AT_MOST
 from nena_edge_agent.ros.goal_status import GoalEntry, GoalStatus
 from nena_edge_agent.ros.goal_tracker import GoalTracker
@@ -89,6 +97,20 @@ class Conversation:
     @property
     def cancelled(self) -> list[str]:
         return [command.goal_id for command in self.said if isinstance(command, CancelGoal)]
+
+    def rolls(self, seconds: float, speed: float = 0.5) -> None:
+        """Hear from the odometry that the robot moves, as time passes."""
+        for _ in range(round(seconds / 0.1)):
+            self.tracker.on_velocity(speed, 0.0, self.now)
+            self.later(0.1)
+
+    def stands(self, seconds: float = 0.5) -> None:
+        self.rolls(seconds, speed=0.0)
+
+    @property
+    def motion_stopped(self) -> int:
+        """How often the controller was to be stopped."""
+        return sum(isinstance(command, StopMotion) for command in self.said)
 
     @property
     def poses_asked(self) -> int:
@@ -270,15 +292,30 @@ class TestConfirmation:
         talk.array("A:4 B:2")
         assert talk.cancelled == ["B"]
 
-    def test_waits_for_navigation_and_fails_with_its_reason(self) -> None:
+    def test_waits_for_navigation_as_long_as_it_takes(self) -> None:
         talk = Conversation()
         nobody = NavigationReport(available=False, reason="no node publishes the status")
         talk.said += talk.tracker.on_navigation(nobody, 0.0)
         talk.go_to(goal(1))
-        talk.later(14.1)
-        assert talk.given == []
-        assert talk.failure().failure is DriveFailure.NOT_TAKEN_UP
-        assert "no node publishes the status" in talk.failure().description
+        talk.later(60.0)
+        assert (talk.given, talk.events) == ([], [])
+        talk.ready()
+        assert talk.given == [1]
+
+    def test_goals_given_before_navigation_was_away_do_not_count(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.later(8.0)
+        away = NavigationReport(available=False, reason="does not answer")
+        talk.said += talk.tracker.on_navigation(away, talk.now)
+        talk.later(60.0)
+        assert (talk.given, talk.events) == ([1, 1, 1], [])
+        talk.said += talk.tracker.on_navigation(READY, talk.now)
+        talk.later(13.0)
+        assert (len(talk.given), talk.events) == (7, [])
+        talk.array("A:2")
+        talk.at(5.0)
+        talk.array("A:4")
+        assert talk.events == [Arrived(1)]
 
     def test_is_given_when_navigation_appears_and_has_settled(self) -> None:
         talk = Conversation()
@@ -452,6 +489,30 @@ class TestArrival:
         assert talk.given == [1, 2, 2]
         assert talk.failure().failure is DriveFailure.OUTSIDE_TOLERANCE
 
+    def test_a_goal_near_the_one_before_that_ended_with_it_is_given_again(self, talk: Conversation) -> None:
+        """Nodes 0.4 m apart: from the place that the localisation last showed it may have been reached."""
+        talk.go_to(goal(1, 5.0, xy=0.3))
+        talk.array("A:2")
+        talk.at(4.9)
+        talk.go_to(goal(2, 5.4, xy=0.3))
+        talk.array("A:6 B:2")
+        talk.later(0.8)
+        talk.array("A:6 B:4")
+        assert talk.poses_asked == 1
+        talk.at(4.95)
+        talk.later(2.1)
+        assert (talk.events, talk.given) == ([], [1, 2, 2])
+        talk.array("A:6 B:4 C:2")
+        talk.at(5.3)
+        talk.array("A:6 B:4 C:4")
+        assert talk.events == [Arrived(2)]
+
+    def test_a_goal_that_ended_with_that_of_somebody_else_is_given_again(self, talk: Conversation) -> None:
+        talk.array("X:2")
+        talk.go_to(goal(1))
+        talk.array("X:6 A:4")
+        assert talk.given == [1, 1]
+
 
 class TestStatuses:
     @pytest.mark.parametrize("status", [0, 1, 2, 3, 7, -1])
@@ -514,17 +575,74 @@ class TestHalt:
             talk.later(0.1)
         assert talk.events == [Halted()]
 
-    def test_robot_that_rolls_on_counts_as_halted_after_a_time(self, talk: Conversation) -> None:
+    def test_robot_that_rolls_on_is_never_told_as_standing(self, talk: Conversation) -> None:
         talk.go_to(goal(1))
         talk.array("A:2")
         talk.halt()
         talk.array("A:5")
-        for _ in range(29):
-            talk.tracker.on_velocity(0.5, 0.0, talk.now)
-            talk.later(0.1)
+        talk.rolls(2.9)
         assert talk.events == []
-        talk.later(0.2)
+        talk.rolls(20.0)
+        (failed,) = talk.events
+        assert isinstance(failed, HaltFailed)
+        assert "0.50 m/s" in failed.description
+        talk.stands()
+        assert talk.events[1:] == [Halted()]
+
+    def test_a_halt_that_is_asked_for_again_is_answered_again(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        talk.rolls(3.2)
+        talk.halt()
+        talk.rolls(3.2)
+        assert [type(event) for event in talk.events] == [HaltFailed, HaltFailed]
+
+    def test_a_robot_that_slows_down_is_waited_for(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        talk.array("A:5")
+        for step in range(60):
+            talk.rolls(0.1, speed=1.5 - 0.025 * step)
+        assert talk.events == []
+        assert talk.motion_stopped == 0
+        talk.stands()
         assert talk.events == [Halted()]
+
+    def test_the_controller_is_stopped_where_the_navigator_does_not_do_it(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        talk.rolls(0.4)
+        assert talk.motion_stopped == 0
+        talk.rolls(0.2)
+        assert talk.motion_stopped == 1
+        talk.said += talk.tracker.on_stop_answer(talk.now, answered=True)
+        assert talk.events == []
+        talk.stands()
+        assert talk.events == [Halted()]
+        assert talk.cancelled == ["A"]
+
+    def test_a_standstill_does_not_count_while_a_navigator_that_hangs_may_drive_on(
+        self, talk: Conversation
+    ) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.halt()
+        talk.stands(5.0)
+        assert talk.events == []
+        talk.said += talk.tracker.on_stop_answer(talk.now, answered=True)
+        assert talk.events == [Halted()]
+
+    def test_goals_of_others_are_not_stopped_with_ours(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.array("A:6 X:2")
+        talk.halt()
+        talk.rolls(5.0)
+        assert talk.motion_stopped == 0
+        assert talk.events[1:] == [Halted()]
 
     def test_unconfirmed_goal_is_awaited_and_then_cancelled(self, talk: Conversation) -> None:
         talk.go_to(goal(1))
@@ -596,10 +714,16 @@ class TestNavigationGone:
         talk.said += talk.tracker.on_servers(frozenset(), talk.now)
         assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
 
-    def test_publisher_replaced_while_a_goal_is_unconfirmed(self, talk: Conversation) -> None:
+    def test_a_goal_that_was_not_confirmed_is_given_again_to_the_next_server(
+        self, talk: Conversation
+    ) -> None:
         talk.go_to(goal(1))
         talk.said += talk.tracker.on_servers(frozenset({"other"}), talk.now)
-        assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
+        talk.later(2.1)
+        assert (talk.events, talk.given) == ([], [1, 1])
+        talk.at(5.0)
+        talk.array("A:4")
+        assert talk.events == [Arrived(1)]
 
     def test_second_publisher_is_a_navigation_that_has_crashed_and_come_back(
         self, talk: Conversation
@@ -654,8 +778,59 @@ class TestNavigationGone:
         talk.array("A:2")
         talk.halt()
         talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+        assert talk.motion_stopped == 1
         talk.later(3.1)
-        assert talk.events == [Halted()]
+        (failed,) = talk.events
+        assert isinstance(failed, HaltFailed)
+        assert "no odometry comes" in failed.description
+        talk.said += talk.tracker.on_stop_answer(talk.now, answered=True)
+        assert talk.events[1:] == [Halted()]
+
+    def test_the_controller_is_stopped_until_the_robot_stands(self, talk: Conversation) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.rolls(0.1)
+        talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+        assert talk.motion_stopped == 1
+        talk.rolls(2.1)
+        assert talk.motion_stopped == 2
+        talk.stands()
+        talk.later(5.0)
+        assert talk.motion_stopped == 2
+        assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
+
+    @pytest.mark.parametrize("reason", ["not active", "does not answer"])
+    def test_the_controller_is_stopped_when_navigation_falls_silent(
+        self, talk: Conversation, reason: str
+    ) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.rolls(0.1)
+        talk.said += talk.tracker.on_navigation(NavigationReport(available=False, reason=reason), talk.now)
+        assert talk.motion_stopped == 1
+        talk.stands()
+        talk.said += talk.tracker.on_navigation(READY, talk.now)
+        talk.array("A:4")
+        assert (talk.events, talk.given) == ([], [1, 1]), "Nav2 takes a stopped controller for success"
+
+    def test_feedback_that_stays_away_fails_the_drive_and_stops_the_controller(
+        self, talk: Conversation
+    ) -> None:
+        talk.go_to(goal(1))
+        talk.array("A:2")
+        talk.said += talk.tracker.on_silence(2.5, talk.now)
+        assert talk.motion_stopped == 1
+        assert talk.failure().failure is DriveFailure.NAVIGATION_GONE
+
+    def test_a_goal_of_an_earlier_run_whose_navigator_is_gone_is_stopped(self) -> None:
+        talk = Conversation()
+        talk.tracker.reclaim(MapOwnGoals(("A",), MapPose(5.0, 0.0, 0.0, "hall")))
+        for _ in range(6):
+            talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+            assert talk.motion_stopped == 0
+            talk.rolls(1.0)
+        talk.said += talk.tracker.on_servers(frozenset(), talk.now)
+        assert talk.motion_stopped == 1
 
     def test_goal_not_taken_up_ends_the_one_before_too(self, talk: Conversation) -> None:
         talk.go_to(goal(1))

@@ -14,8 +14,15 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from nena_edge_agent.driver.map_port import MapDriverEvent, MapGoal, MapPose
-from nena_edge_agent.driver.port import Arrived, DriveFailed, GoalTable, Halted, NavigationReport
-from nena_edge_agent.ros.commands import CancelGoal, Command, PublishGoal, Report, RequestPose
+from nena_edge_agent.driver.port import (
+    Arrived,
+    DriveFailed,
+    GoalTable,
+    Halted,
+    HaltFailed,
+    NavigationReport,
+)
+from nena_edge_agent.ros.commands import CancelGoal, Command, PublishGoal, Report, RequestPose, StopMotion
 from nena_edge_agent.ros.goal_status import GoalEntry, GoalStatus
 from nena_edge_agent.ros.goal_tracker import GoalTracker
 from nena_edge_agent.ros.settings import GoalSettings
@@ -232,6 +239,8 @@ class TrackedRobot(RuleBasedStateMachine):
                     self._cancel(goal_id)
                 case RequestPose():
                     self._do(self.tracker.on_pose(MapPose(self.place, 0.0, 0.0, "hall"), self.now))
+                case StopMotion():
+                    self._do(self.tracker.on_stop_answer(self.now, answered=True))
                 case Report(event):
                     self._check(event)
 
@@ -261,6 +270,8 @@ class TrackedRobot(RuleBasedStateMachine):
                 self.halting = False
                 ours = [g for g in self.server.running() if self.server.generations[g] != EXTERNAL]
                 assert not ours, "halted while a goal of ours runs"
+            case HaltFailed():
+                assert self.halting, "an answer to no halt"
             case GoalTable(goals):
                 for goal in goals:
                     assert goal.external == (self.server.generations[goal.goal_id] == EXTERNAL)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from structlog.testing import capture_logs
 
 from nena_edge_agent.driver.map_port import MapPose, MapPoseReport
+from nena_edge_agent.driver.port import VelocityReport
 from nena_edge_agent.ros.localisation import Localisation
 from nena_edge_agent.ros.pose import PoseReading
 from nena_edge_agent.ros.settings import RosSettings
@@ -19,7 +20,7 @@ def localisation() -> Localisation:
 
 def test_nothing_is_known_before_the_first_pose() -> None:
     unknown = localisation()
-    unknown.on_velocity((1.0, 0.0))
+    unknown.on_velocity((1.0, 0.0), 0.0)
     assert not unknown.known
     assert unknown.report() is None
 
@@ -30,7 +31,7 @@ def test_pose_is_told_with_the_newest_velocity() -> None:
     assert known.report() == MapPoseReport(
         MapPose(1.0, 2.0, 0.5, "hall"), localized=True, vx=None, omega=None
     )
-    known.on_velocity((0.7, 0.1))
+    known.on_velocity((0.7, 0.1), 0.0)
     assert known.report() == MapPoseReport(MapPose(1.0, 2.0, 0.5, "hall"), localized=True, vx=0.7, omega=0.1)
 
 
@@ -69,7 +70,7 @@ def test_wide_spread_is_told() -> None:
 def test_begin_and_end_of_moving_are_noticed() -> None:
     moving = localisation()
     velocities = [(0.0, 0.0), (0.001, 0.0), (0.5, 0.0), (0.6, 0.0), (0.0, 0.4), (0.0, 0.0)]
-    assert [moving.on_velocity(each) for each in velocities] == [True, False, True, False, False, True]
+    assert [moving.on_velocity(each, 0.0) for each in velocities] == [True, False, True, False, False, True]
 
 
 def test_a_nearer_place_counts_until_a_pose_comes_that_is_newer() -> None:
@@ -88,3 +89,13 @@ def test_a_nearer_place_in_another_frame_is_passed_over() -> None:
     known = localisation()
     known.on_reading(READING)
     assert known.on_nearer(1.5, 2.0, 0.5, "odom") is None
+
+
+def test_a_velocity_that_no_odometry_confirms_is_forgotten() -> None:
+    moving = localisation()
+    moving.on_velocity((0.5, 0.0), 10.0)
+    assert not moving.forget_stale_velocity(11.0)
+    assert moving.velocity == VelocityReport(0.5, 0.0)
+    assert moving.forget_stale_velocity(11.1)
+    assert moving.velocity == VelocityReport(None, None)
+    assert not moving.forget_stale_velocity(12.0)

@@ -23,6 +23,7 @@ def test_nav2_that_can_take_goals(lifecycle: Lifecycle) -> None:
         (Presence(GID, 0, Lifecycle.ACTIVE), True, "no node listens to goal_pose"),
         (Presence(GID, 1, Lifecycle.INACTIVE), True, "not active"),
         (Presence(GID, 1, Lifecycle.SILENT), True, "does not answer"),
+        (Presence(GID, 1, Lifecycle.STARTING), True, "Nav2 is starting"),
         (Presence(GID, 1, Lifecycle.ACTIVE), False, "no pose has come on amcl_pose"),
     ],
 )
@@ -51,7 +52,17 @@ def test_service_that_goes_takes_its_word_with_it() -> None:
     watch = LifecycleWatch()
     watch.judge(there=True, active=False)
     assert watch.judge(there=False, active=None) is Lifecycle.ABSENT
-    assert watch.judge(there=True, active=None) is Lifecycle.ABSENT
+    assert watch.judge(there=True, active=None) is Lifecycle.STARTING
+
+
+def test_service_that_has_never_answered_is_of_a_nav2_that_starts() -> None:
+    watch = LifecycleWatch()
+    answers: list[bool | None] = [None, None, None, False, True]
+    assert [watch.judge(there=True, active=active) for active in answers] == [
+        *[Lifecycle.STARTING] * 3,
+        Lifecycle.INACTIVE,
+        Lifecycle.ACTIVE,
+    ]
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,9 @@ from typing import Generic, Protocol, TypeVar
 
 from nena_edge_agent.ros.session_state import SessionState
 
+STANDING = 0.01
+"""m/s, or rad/s, below which a robot counts as standing."""
+
 P = TypeVar("P")
 """A kind of pose; it says the frame."""
 
@@ -104,6 +107,29 @@ class DriveFailed:
 @dataclass(frozen=True, slots=True)
 class Halted:
     """The robot stands and no goal is left, as :meth:`Driver.halt` has asked."""
+
+
+@dataclass(frozen=True, slots=True)
+class HaltFailed:
+    """The robot was asked to stop and still moves, or nothing shows that it stands; ``description``: which.
+
+    The driver goes on trying; :class:`Halted` follows when the robot stands after all.
+    """
+
+    description: str
+
+
+@dataclass(frozen=True, slots=True)
+class VelocityReport:
+    """Velocity in the robot's own frame (m/s, rad/s); None: not known."""
+
+    vx: float | None
+    omega: float | None
+
+    @property
+    def moves(self) -> bool:
+        """Whether the robot is known to move."""
+        return any(part is not None and abs(part) >= STANDING for part in (self.vx, self.omega))
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,6 +270,8 @@ FramelessEvent = (
     Arrived
     | DriveFailed
     | Halted
+    | HaltFailed
+    | VelocityReport
     | BatteryReport
     | NavigationReport
     | BlockedReport
@@ -275,7 +303,7 @@ class Mover(Protocol):
         ...
 
     def halt(self) -> None:
-        """Stop as soon as possible and drop the goal; answered by :class:`Halted`, always."""
+        """Stop as soon as possible and drop the goal; answered by :class:`Halted` or :class:`HaltFailed`."""
         ...
 
     def limit_speed(self, speed: float | None) -> None:

@@ -374,6 +374,7 @@ class LoopbackDriver:
         vx, omega = self._move(motion)
         if over:
             self._goal, self._motion = None, None
+            vx = omega = 0.0
         self._tell_pose(vx, omega)
         if over:
             self._emit(Arrived(goal.generation) if goal else Halted())

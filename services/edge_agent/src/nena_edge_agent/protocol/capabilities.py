@@ -114,6 +114,9 @@ class Capabilities:
 
     ``drives_ahead``: its driver goes over several places at once, and is told which come.
 
+    Navigation takes a new goal up in time where it comes ``hand_over_distance`` m and the way of
+    ``hand_over_time`` s before the end of the old one.
+
     ``braking_distance`` is the way in m in which the robot becomes slower, from its full speed; ``footprint``
     is its contour.
 
@@ -136,6 +139,8 @@ class Capabilities:
     limits_speed: bool = True
     strategy: DriveStrategy = DriveStrategy.STOP_AT_NODES
     pass_radius: float = 0.5
+    hand_over_distance: float = 0.0
+    hand_over_time: float = 0.0
     drives_ahead: bool = False
     base_request_distance: float = 2.0
     external_goals: ExternalGoals = ExternalGoals.PAUSE

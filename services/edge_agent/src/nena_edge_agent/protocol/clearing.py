@@ -24,6 +24,8 @@ class Clearing:
             self._parts.clearing = True
             self._flow.give_up()
             self._travel.halt()
+        elif self._parts.goal.halt_problem:
+            self._travel.resume_halt()
 
     def advance(self) -> None:
         """Finish, all in one state, when nothing moves and nothing runs any more.

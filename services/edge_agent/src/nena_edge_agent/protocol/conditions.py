@@ -9,6 +9,7 @@ from nena_edge_agent.protocol.parts import NOT_REPORTED, RobotParts
 from nena_edge_agent.protocol.session import switched_off
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType, error
 
+ROBOT_NOT_STOPPED = "ROBOT_NOT_STOPPED"
 ROBOT_BLOCKED = "ROBOT_BLOCKED"
 DRIVE_RETRIED = "DRIVE_RETRIED"
 EXTERNAL_GOAL = "EXTERNAL_GOAL"
@@ -22,6 +23,7 @@ def check_conditions(parts: RobotParts) -> None:
     """Show or take back what hinders the robot at the moment."""
     parts.errors.condition(ErrorType.LOCALIZATION_ERROR, _localisation(parts))
     parts.errors.condition(ErrorType.NAVIGATION_NOT_AVAILABLE, _navigation(parts))
+    parts.errors.condition(ROBOT_NOT_STOPPED, _not_stopped(parts))
     parts.errors.condition(ROBOT_BLOCKED, _blocked(parts))
     parts.errors.condition(DRIVE_RETRIED, _retried(parts))
     parts.errors.condition(EXTERNAL_GOAL, _external_goal(parts))
@@ -66,6 +68,19 @@ def _navigation(parts: RobotParts) -> ErrorEntry | None:
         f"the robot cannot drive now: {navigation.reason}",
         hint=hint,
         order_id=order_id,
+    )
+
+
+def _not_stopped(parts: RobotParts) -> ErrorEntry | None:
+    """Show that a person has to stop the robot."""
+    problem = parts.goal.halt_problem
+    if not problem:
+        return None
+    return ErrorEntry(
+        error_type=ROBOT_NOT_STOPPED,
+        error_level=ErrorLevel.FATAL,
+        error_description=f"the robot was told to stop and cannot be shown to stand: {problem}",
+        error_hint="stop the robot at its emergency stop, then check Nav2 and the odometry on the robot",
     )
 
 

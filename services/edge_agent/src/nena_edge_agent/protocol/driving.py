@@ -19,7 +19,8 @@ class GoalInFlight:
     """What the driver was told last.
 
     ``target`` is the sequenceId of the node that it drives to, None: it has no goal. ``halting_since`` is the
-    time in s when it was asked to stop and has not answered. ``failed_at`` is the sequenceId of a node that
+    time in s when it was asked to stop and has not answered; ``halt_problem`` says why it cannot be shown to
+    stand, where the driver has said so. ``failed_at`` is the sequenceId of a node that
     was not reached; it is not tried again until the order changes. ``failures`` are the drives to the next
     node that have failed and are tried again, at ``retry_at`` in s; ``problem`` says why the last one did.
     ``pose`` is where the last goal led to, ``ahead`` the places that it was told come behind, ``own`` what
@@ -30,6 +31,7 @@ class GoalInFlight:
     generation: int = 0
     target: int | None = None
     halting_since: float | None = None
+    halt_problem: str = ""
     failed_at: int | None = None
     failures: int = 0
     retry_at: float | None = None

@@ -16,6 +16,7 @@ from nena_edge_agent.driver.port import (
     Pose,
     PoseReport,
     SessionReport,
+    VelocityReport,
 )
 from nena_edge_agent.protocol.action_states import ActionQueue, ActionStates
 from nena_edge_agent.protocol.capabilities import Capabilities, ExternalGoals, LinkWatch
@@ -30,6 +31,7 @@ from nena_shared.vda5050.state import EmergencyStop, Load, Map, MapStatus, Opera
 from nena_shared.vda5050.topics import Topic
 
 SAFE = SafetyReport()
+UNKNOWN_VELOCITY = VelocityReport(None, None)
 NO_GOALS = GoalTable()
 NOT_REPORTED = NavigationReport(available=False, reason="navigation has not reported yet")
 
@@ -39,6 +41,7 @@ class Senses:
     """What the driver, or a person at the robot, told last."""
 
     pose: PoseReport | None = None
+    velocity: VelocityReport = UNKNOWN_VELOCITY
     battery: BatteryReport | None = None
     navigation: NavigationReport = NOT_REPORTED
     no_route: tuple[Circle, ...] = ()

@@ -14,6 +14,7 @@ from nena_edge_agent.driver.port import (
     DriveProgress,
     GoalTable,
     Halted,
+    HaltFailed,
     NavigationReport,
     NoRouteReport,
     OwnGoals,
@@ -22,13 +23,14 @@ from nena_edge_agent.driver.port import (
     PoseReport,
     PositionInitialized,
     SessionReport,
+    VelocityReport,
 )
 from nena_edge_agent.protocol.action_flow import ActionFlow
 from nena_edge_agent.protocol.action_states import sensed
 from nena_edge_agent.protocol.capabilities import Capabilities
 from nena_edge_agent.protocol.clearing import Clearing
 from nena_edge_agent.protocol.conditions import check_conditions
-from nena_edge_agent.protocol.declaration import WAIT_FOR_TRIGGER
+from nena_edge_agent.protocol.declaration import CANCEL_ORDER, START_PAUSE, WAIT_FOR_TRIGGER
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import (
     ActionReport,
@@ -216,6 +218,7 @@ class RobotCore:
             *self._lasting(),
             parts.errors.revision,
             parts.goal.moving,
+            parts.senses.velocity.moves,
             self._travel.new_base_request,
             pose is not None and pose.localized,
             battery is not None and battery.charging,
@@ -250,6 +253,8 @@ class RobotCore:
             Arrived: self._travel.arrived,
             DriveFailed: self._travel.failed,
             Halted: lambda _: self._travel.halted(),
+            HaltFailed: self._halt_failed,
+            VelocityReport: self._velocity_reported,
             NavigationReport: self._travel.navigation_changed,
             PlanReport: self._plan_reported,
             DriveProgress: self._progress_reported,
@@ -313,8 +318,18 @@ class RobotCore:
         """Take a pose; one that is no place at all is passed over."""
         if all(isfinite(each) for each in (event.pose.x, event.pose.y, event.pose.theta)):
             self._parts.senses.pose = event
+            self._parts.senses.velocity = VelocityReport(event.vx, event.omega)
             self._journey.pose_changed()
             self._travel.pose_changed()
+
+    def _velocity_reported(self, event: VelocityReport) -> None:
+        self._parts.senses.velocity = event
+
+    def _halt_failed(self, event: HaltFailed) -> None:
+        """Fail what waits for the robot to stand; the order is cleared once it stands."""
+        self._travel.halt_failed(event.description)
+        for action_type in (CANCEL_ORDER, START_PAUSE):
+            self._parts.end_instants(action_type, ActionStatus.FAILED, event.description)
 
     def _battery_reported(self, event: BatteryReport) -> None:
         """Take a battery report; one without a charge between 0 and 100 % is passed over."""

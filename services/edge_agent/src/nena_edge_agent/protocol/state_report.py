@@ -60,7 +60,7 @@ def make_state(
         mobile_robot_position=position(parts.senses),
         velocity=velocity(parts.senses),
         loads=parts.loads,
-        driving=parts.goal.moving or bool(parts.senses.goals.external),
+        driving=parts.goal.moving or parts.senses.velocity.moves or bool(parts.senses.goals.external),
         paused=parts.paused or parts.senses.pause_button,
         new_base_request=new_base_request,
         action_states=parts.actions.states,
@@ -124,9 +124,9 @@ def position(senses: Senses) -> MobileRobotPosition | None:
 
 def velocity(senses: Senses) -> Velocity | None:
     """Give how fast the robot is, None where that is not known."""
-    if senses.pose is None or senses.pose.vx is None:
+    if senses.velocity.vx is None:
         return None
-    return Velocity(vx=senses.pose.vx, vy=0.0, omega=senses.pose.omega)
+    return Velocity(vx=senses.velocity.vx, vy=0.0, omega=senses.velocity.omega)
 
 
 @lru_cache(maxsize=64)

@@ -49,6 +49,8 @@ class Travel:
         if not parts.goal.is_current(event.generation):
             return
         parts.goal.settle()
+        if event.failure is DriveFailure.NAVIGATION_GONE:
+            self.resume_halt()  # the controller may drive on without the navigator
         pauses = parts.capabilities.external_goals is ExternalGoals.PAUSE
         if event.failure is DriveFailure.TAKEN_OVER and pauses:
             parts.goal.target = None  # it is given again when the other drive has ended
@@ -81,9 +83,17 @@ class Travel:
 
     def halted(self) -> None:
         """Note that the robot stands without a goal."""
-        self._parts.goal.halting_since = None
-        self._parts.goal.target = None
-        self._parts.goal.settle()
+        goal = self._parts.goal
+        goal.halting_since, goal.halt_problem = None, ""
+        goal.target = None
+        goal.settle()
+
+    def halt_failed(self, description: str) -> None:
+        """Note that the robot cannot be shown to stand; it is asked to stop again and again."""
+        goal = self._parts.goal
+        goal.halt_problem = description
+        if goal.halting_since is None:
+            goal.halting_since = self._parts.now
 
     def navigation_changed(self, report: NavigationReport) -> None:
         """Give the goal again once navigation is back: what it had before may be lost."""
@@ -261,11 +271,18 @@ class Travel:
             and not parts.link.out_of_reach(parts.now)
             and lets_drive(node.actions)
             and lets_drive(following.actions)
-            and (capabilities.drives_ahead or distance(pose, position) <= capabilities.pass_radius)
+            and (capabilities.drives_ahead or distance(pose, position) <= self._pass_radius)
             and in_place(pose, position, capabilities.default_deviation_xy)
             and heading_fits(pose, position, capabilities.default_deviation_theta)
             and not self._barred_behind(position)
         )
+
+    @property
+    def _pass_radius(self) -> float:
+        """The distance in m from a passed node at which the next goal is given, at the present speed."""
+        capabilities, speed = self._parts.capabilities, self._parts.senses.velocity.vx or 0.0
+        early = capabilities.hand_over_distance + abs(speed) * capabilities.hand_over_time
+        return max(capabilities.pass_radius, early)
 
     def _barred_behind(self, position: NodePosition) -> bool:
         """Tell whether a zone keeps the robot from going on behind the next node, at ``position``."""

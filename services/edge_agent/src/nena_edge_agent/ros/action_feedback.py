@@ -36,6 +36,7 @@ class FeedbackFilter:
 
     def __init__(self) -> None:
         self._heard_at = -math.inf
+        self._heard_of = ""
         self._place = (math.inf, math.inf)
         self._yaw = 0.0
         self._progress_at = -math.inf
@@ -45,9 +46,13 @@ class FeedbackFilter:
         """Tell whether feedback comes now."""
         return now - self._heard_at < FRESH
 
+    def silent_for(self, goal_id: str | None, now: float) -> float:
+        """Return the seconds since the last feedback of a goal; 0 where none has come of it yet."""
+        return now - self._heard_at if goal_id is not None and goal_id == self._heard_of else 0.0
+
     def moved(self, reading: FeedbackReading, now: float) -> bool:
         """Tell whether the place is to be told on."""
-        self._heard_at = now
+        self._heard_at, self._heard_of = now, reading.goal_id
         here = (reading.x, reading.y)
         turned = abs(math.remainder(reading.yaw - self._yaw, math.tau))
         if math.dist(here, self._place) < POSE_STEP and turned < YAW_STEP:

@@ -37,6 +37,11 @@ class CancelGoal:
 
 
 @dataclass(frozen=True, slots=True)
+class StopMotion:
+    """Cancel all goals of the controller, the behaviours and the docking server, whoever gave them."""
+
+
+@dataclass(frozen=True, slots=True)
 class RequestPose:
     """Have the localisation send a pose although the robot stands."""
 
@@ -48,4 +53,4 @@ class Report:
     event: MapDriverEvent
 
 
-Command = PublishGoal | SendGoal | AskResult | CancelGoal | RequestPose | Report
+Command = PublishGoal | SendGoal | AskResult | CancelGoal | StopMotion | RequestPose | Report

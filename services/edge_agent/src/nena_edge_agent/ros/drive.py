@@ -20,8 +20,12 @@ class Drive:
 
     goal: MapGoal
     times_given: int = 0
+    counted_from: int = 0
+    """How often it had been given when Nav2 was last away; those do not count."""
     preempts: bool = False
-    """Whether it was given while a goal of ours was driven."""
+    """Whether it was given while another goal was driven, whose result it may get."""
+    interrupted: bool = False
+    """Whether the controller was stopped on the way: the navigator may take that for success."""
     give_up_at: float | None = None
     goal_id: str | None = None
     reached_at: float | None = None
@@ -30,6 +34,16 @@ class Drive:
     """When a pose showed the robot driving last, though it is where it was to go."""
     _shown_driving: bool = False
     """Whether the last pose shows the robot driving."""
+
+    @property
+    def tries(self) -> int:
+        """How often it was given since Nav2 is there."""
+        return self.times_given - self.counted_from
+
+    @property
+    def may_be_undriven(self) -> bool:
+        """Whether success may come from elsewhere than from arriving."""
+        return self.preempts or self.interrupted
 
     def on_pose(self, pose: MapPose, before: MapPose, now: float) -> None:
         """Take notice of a pose and the one before it; on busy computers they come long after the arrival."""

@@ -43,6 +43,7 @@ from nena_edge_agent.ros.commands import (
     Report,
     RequestPose,
     SendGoal,
+    StopMotion,
 )
 from nena_edge_agent.ros.environment import prepare_environment
 from nena_edge_agent.ros.goal_mark import GoalMark
@@ -66,6 +67,8 @@ if TYPE_CHECKING:
 
 TICK = 0.05
 """Seconds between two looks at the time while something is waited for."""
+FEEDBACK_TIMEOUT = 2.0
+"""Seconds without feedback of a drive, each 10 ms as a rule, after which bt_navigator counts as dead."""
 
 
 class Nav2Driver:
@@ -260,6 +263,12 @@ class Nav2Driver:
     def _watch_drive(self) -> None:
         """See whether the robot gets on, and whether it still hears where it is."""
         now, driving = self._clock.monotonic(), self._tracker.driving
+        silent = self._feedback.silent_for(self._tracker.goal_id, now) if driving else 0.0
+        if silent > FEEDBACK_TIMEOUT:
+            self._apply(self._tracker.on_silence(silent, now))
+            driving = False
+        if self._localisation.forget_stale_velocity(now):
+            self._tell(self._localisation.velocity)
         blocked = self._movement.blocked(driving=driving, now=now)
         if blocked != self._blocked:
             self._blocked = blocked
@@ -318,7 +327,8 @@ class Nav2Driver:
         now = self._clock.monotonic()
         for watcher in (self._tracker, self._movement, self._pose_watch):
             watcher.on_velocity(*velocity, now)
-        if self._localisation.on_velocity(velocity):
+        if self._localisation.on_velocity(velocity, now):
+            self._tell(self._localisation.velocity)
             self._report_pose()
 
     def _on_battery(self, reading: BatteryReading) -> None:
@@ -372,12 +382,19 @@ class Nav2Driver:
             case CancelGoal(goal_id):
                 self._log.info("goal cancelled", goal=goal_id)
                 self._tasks.start("cancel a goal", self._cancel(node, goal_id), vital=False)
+            case StopMotion():
+                self._log.warning("goals of the controller, the behaviours and docking cancelled")
+                self._tasks.start("stop the robot", self._stop_motion(node), vital=False)
             case RequestPose():
                 self._tasks.start("ask for a pose", self._request_pose(node), vital=False)
 
     async def _request_pose(self, node: Nav2Node) -> None:
         if await node.request_pose():
             self._pose_watch.on_answer(self._clock.monotonic())
+
+    async def _stop_motion(self, node: Nav2Node) -> None:
+        answered = await node.stop_motion()
+        self._apply(self._tracker.on_stop_answer(self._clock.monotonic(), answered=answered))
 
     async def _cancel(self, node: Nav2Node, goal_id: str) -> None:
         code = await node.cancel(goal_id)

@@ -65,6 +65,16 @@ class GoalLedger:
         )
 
     @property
+    def running(self) -> bool:
+        """Whether any goal has not ended, whoever gave it."""
+        return any(not goal.status.terminal for goal in self._goals.values())
+
+    @property
+    def others_run(self) -> bool:
+        """Whether a goal that somebody else gave has not ended."""
+        return any(not goal.ours and not goal.status.terminal for goal in self._goals.values())
+
+    @property
     def table(self) -> GoalTable:
         """The goals of the last array: those that run, and the newest of those that have ended."""
         rows = [

@@ -18,9 +18,17 @@ from nena_edge_agent.driver.port import (
     DriveFailure,
     GoalTable,
     Halted,
+    HaltFailed,
     NavigationReport,
 )
-from nena_edge_agent.ros.commands import CancelGoal, Command, PublishGoal, Report, RequestPose
+from nena_edge_agent.ros.commands import (
+    CancelGoal,
+    Command,
+    PublishGoal,
+    Report,
+    RequestPose,
+    StopMotion,
+)
 from nena_edge_agent.ros.drive import Drive
 from nena_edge_agent.ros.goal_ledger import GoalLedger
 from nena_edge_agent.ros.goal_status import GoalEntry, GoalStatus
@@ -44,14 +52,24 @@ SAME = 0.001
 """Metres, or radians, that two places of the same node may differ by."""
 RECLAIM_TIME = 10.0
 """Seconds after a restart in which the order may still come to want the goal that Nav2 drives to."""
+OBEYED_WITHIN = 0.5
+"""Seconds after a halt in which the navigator has the robot slow down; then its controller is stopped."""
+RECLAIM_SERVER_WAIT = 5.0
+"""Seconds for the navigator to appear that drives to a goal of an earlier run; then the robot is stopped."""
 
 
 @dataclass(slots=True)
 class _Halt:
-    """A stop that is to be answered; ``quiet_at``: when no goal of ours was left."""
+    """A stop that is to be answered: asked for at ``asked_at``, tried in earnest since ``since``.
 
+    ``quiet_at``: when no goal of ours was left. ``failed``: ``HaltFailed`` has been reported.
+    """
+
+    asked_at: float
+    since: float
     stopped_something: bool = False
     quiet_at: float | None = None
+    failed: bool = False
 
 
 class GoalTracker:
@@ -67,6 +85,11 @@ class GoalTracker:
         self._drive: Drive | None = None
         self._halt: _Halt | None = None
         self._cancels: dict[str, float] = {}
+        self._runaway = False
+        """Whether the robot may drive without the navigator that was to stop it."""
+        self._stop_again_at = -float("inf")
+        self._stop_answered = False
+        self._no_server_since: float | None = None
         self._pose: MapPose | None = None
         self._pose_at = -float("inf")
         self._table = GoalTable()
@@ -79,7 +102,8 @@ class GoalTracker:
         """Whether something is waited for, so that :meth:`tick` is needed."""
         drive = self._drive
         waiting = drive is not None and (drive.goal_id is None or drive.reached_at is not None)
-        return waiting or self._halt is not None or bool(self._cancels) or self._reclaimed is not None
+        stopping = self._halt is not None or bool(self._cancels) or self._runaway
+        return waiting or stopping or self._reclaimed is not None
 
     @property
     def driving(self) -> bool:
@@ -110,14 +134,18 @@ class GoalTracker:
         return self._advance(now)
 
     def halt(self, now: float) -> list[Command]:
-        """Drop the goal and stop; answered by ``Halted``."""
+        """Drop the goal and stop; answered by ``Halted`` or ``HaltFailed``."""
         self._drive = self._reclaimed = None
-        self._halt = self._halt or _Halt()
+        if self._halt is None:
+            self._halt, self._stop_answered = _Halt(now, now), False
+        elif self._halt.failed:
+            self._halt.since, self._halt.failed = now, False
         return self._advance(now)
 
     def on_statuses(self, entries: Sequence[GoalEntry], now: float) -> list[Command]:
         """Take a status array: all goals that the server remembers."""
         news = self._ledger.update(entries, now)
+        self._runaway = False  # the navigator speaks, and what it drives to can be cancelled
         self._tell_table()
         drive = self._drive
         if drive is not None and drive.times_given:
@@ -139,6 +167,20 @@ class GoalTracker:
             log.warning("no answer to the cancelling of a goal", goal=goal_id)
         return self._advance(now)
 
+    def on_stop_answer(self, now: float, *, answered: bool) -> list[Command]:
+        """Take whether the controller has answered that its goals are cancelled."""
+        self._stop_answered = self._stop_answered or answered
+        return self._advance(now)
+
+    def on_silence(self, seconds: float, now: float) -> list[Command]:
+        """Take that the navigator drives for us and has sent no feedback for ``seconds``."""
+        drive = self._drive
+        if drive is not None:
+            self._run_away(now)
+            text = f"bt_navigator has sent no feedback for {seconds:g} s; its controller is told to stop"
+            self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
+        return self._advance(now)
+
     def on_pose(self, pose: MapPose, now: float) -> list[Command]:
         """Take a pose that the localisation has sent."""
         if self._drive and self._pose:
@@ -152,15 +194,34 @@ class GoalTracker:
 
     def on_servers(self, servers: frozenset[str], now: float) -> list[Command]:
         """Take the endpoint ids of those who publish the status array."""
+        drove = bool(self._ledger.live)
         gone = self._ledger.set_servers(servers, now)
         self._tell_table()
+        if servers:
+            self._no_server_since = None
+        elif self._no_server_since is None:
+            self._no_server_since = now
+        elif self._reclaimed is not None and now - self._no_server_since >= RECLAIM_SERVER_WAIT:
+            self._reclaimed = None
+            self._run_away(now)
+        if gone and drove:
+            self._run_away(now)
         drive = self._drive
-        if gone and drive is not None and drive.times_given and drive.reached_at is None:
-            self._fail(drive, DriveFailure.NAVIGATION_GONE, "Nav2 vanished or was started anew in mid-drive")
+        if gone and drive is not None and drive.reached_at is None:
+            if drive.goal_id is not None:
+                text = "Nav2 vanished or was restarted while it was driving"
+                self._fail(drive, DriveFailure.NAVIGATION_GONE, text)
+            else:
+                drive.counted_from, drive.give_up_at = drive.times_given, None
         return self._advance(now)
 
     def on_navigation(self, report: NavigationReport, now: float) -> list[Command]:
         """Take whether goals can be given."""
+        lost = self._navigation.available and not report.available
+        if lost and self._ledger.live:
+            self._run_away(now)
+        if lost and self._drive is not None:
+            self._drive.interrupted = True
         self._navigation = report
         return self._advance(now)
 
@@ -172,6 +233,7 @@ class GoalTracker:
         self._answer_halt(now)
         self._judge_arrival(now)
         self._give(now)
+        self._stop_motion(now)
         self._let_go_of_reclaimed(now)
         self._cancel_leftovers(now)
         commands, self._out = self._out, []
@@ -204,28 +266,78 @@ class GoalTracker:
             self._fail(drive, DriveFailure.ABORTED, text)
 
     def _answer_halt(self, now: float) -> None:
-        halt = self._halt
+        """Answer a halt once the robot is seen to stand; fail it where it goes on, or nothing shows that."""
+        halt, ledger = self._halt, self._ledger
         if halt is None:
             return
-        ledger = self._ledger
-        halt.stopped_something = halt.stopped_something or ledger.orphaned
-        if ledger.live or ledger.awaiting(now) or ledger.may_still_drive(now):
+        halt.stopped_something = halt.stopped_something or ledger.orphaned or self._runaway
+        if ledger.awaiting(now) or ledger.may_still_drive(now):
+            halt.since = now
+            unsettled = True
+        else:
+            unsettled = bool(ledger.live)
+        if unsettled:
             halt.stopped_something, halt.quiet_at = True, None
+        elif halt.quiet_at is None:
+            halt.quiet_at = now
+        if self._stands(halt, now):
+            self._halt = None
+            self._report(Halted())
             return
-        halt.quiet_at = now if halt.quiet_at is None else halt.quiet_at
-        if not self._stands(halt, now):
-            if now - halt.quiet_at < self._settings.standstill_timeout:
-                return
-            if self._standstill.known(now):
-                log.warning("the odometry shows no standstill after a stop; it counts as one anyway")
-        self._halt = None
-        self._report(Halted())
+        began = max(halt.since, halt.quiet_at or halt.since, self._standstill.slowed_at)
+        overdue = now - began >= self._settings.standstill_timeout
+        if overdue and not halt.failed and not self._standstill.stands(now):
+            halt.failed = True
+            self._report(HaltFailed(self._why_not_halted(now)))
 
     def _stands(self, halt: _Halt, now: float) -> bool:
-        """Whether the robot stands; without odometry only one that drove nothing surely does."""
+        """Whether the robot stands and nothing of ours will have it drive on.
+
+        Without odometry: a robot that drove nothing, or after a while one whose servers have agreed to stop.
+        """
+        settled = halt.quiet_at is not None
+        if settled and self._ledger.others_run:
+            return True  # somebody else drives, and is not stopped
         if self._standstill.known(now):
-            return self._standstill.stands(now)
-        return not halt.stopped_something
+            return self._standstill.stands(now) and (settled or self._stop_answered)
+        if halt.quiet_at is None or (self._left_alone and not self._stop_answered):
+            return False
+        return not halt.stopped_something or now - halt.quiet_at >= self._settings.standstill_timeout
+
+    @property
+    def _left_alone(self) -> bool:
+        """Whether the navigator that drove for us has gone without ending the drive."""
+        return self._ledger.orphaned or self._runaway
+
+    def _why_not_halted(self, now: float) -> str:
+        asked = "Nav2 was asked to cancel its goals"
+        if self._standstill.known(now):
+            speed, omega = self._standstill.speed, self._standstill.omega
+            return f"{asked}, and the odometry still shows {speed:.2f} m/s, {omega:.2f} rad/s"
+        answer = "has" if self._stop_answered else "has not"
+        return f"{asked}; its controller {answer} answered, and no odometry comes"
+
+    def _run_away(self, now: float) -> None:
+        """Take it that the controller may drive on although the navigator does not lead it any more."""
+        self._runaway, self._stop_answered, self._stop_again_at = True, False, now
+
+    def _stop_motion(self, now: float) -> None:
+        """Stop the controller itself where the navigator is gone or does not stop the robot."""
+        stands = self._standstill.stands(now)
+        if self._runaway and self._stop_again_at > now:  # it has been asked to stop at least once
+            self._runaway = not stands and (self._standstill.known(now) or not self._stop_answered)
+        halt = self._halt
+        disobeyed = (
+            halt is not None
+            and halt.stopped_something
+            and now - halt.asked_at >= OBEYED_WITHIN
+            and (bool(self._ledger.live) or self._left_alone or self._standstill.known(now))
+            and now - self._standstill.slowed_at >= OBEYED_WITHIN
+            and not (stands and self._stop_answered)
+        )
+        if (self._runaway or disobeyed) and now >= self._stop_again_at and not self._ledger.others_run:
+            self._stop_again_at = now + self._settings.cancel_time
+            self._out.append(StopMotion())
 
     def _judge_arrival(self, now: float) -> None:
         """Let success count only where the pose agrees; one that may be old is asked for anew."""
@@ -234,22 +346,25 @@ class GoalTracker:
             return
         if self._pose is not None and agrees(self._pose, drive.goal):
             self._arrive(drive)
-        elif drive.preempts and not self._may_agree(drive.goal):
-            self._give_anew(drive)
+        elif drive.may_be_undriven and not self._may_agree(drive.goal):
+            self._give_again(drive)
         elif drive.pose_may_come(now, self._settings.pose_wait):
             self._ask_for_pose(drive, now)
+        elif drive.may_be_undriven:
+            self._give_again(drive)
         elif self._pose_at < drive.reached_at and self._may_agree(drive.goal):
             self._arrive(drive)
         elif not drive.poses_are_late(now):
             self._fail(drive, DriveFailure.OUTSIDE_TOLERANCE, self._disagreement(drive.goal))
 
-    def _give_anew(self, drive: Drive) -> None:
-        """Give a goal again that got the result of the one before it.
+    def _give_again(self, drive: Drive) -> None:
+        """Give a goal again that succeeded although the robot is elsewhere.
 
-        A goal that comes in the very round in which Nav2 ends the one before is ended with it, undriven. The
-        new goal has nothing to pre-empt, so this happens once.
+        Nav2 plans anew once a second (through poses: each 3 s), which a new goal does not hasten: until then
+        the controller follows the old path, and when that ends first, the new goal gets its result undriven.
+        The goal given now has nothing to pre-empt, so this happens once for each goal.
         """
-        log.info("a goal ended with the one before it and is given again", generation=drive.goal.generation)
+        log.info("goal succeeded elsewhere and is given again", generation=drive.goal.generation)
         self._drive = Drive(drive.goal)
 
     def _ask_for_pose(self, drive: Drive, now: float) -> None:
@@ -276,15 +391,18 @@ class GoalTracker:
         drive = self._drive
         if drive is None or drive.goal_id is not None or self._halt is not None:
             return
-        patience = self._settings.confirmation_time * (self._settings.resends + 1)
-        drive.give_up_at = now + patience if drive.give_up_at is None else drive.give_up_at
+        if not self._navigation.available:  # it waits for Nav2, however long that takes
+            drive.counted_from, drive.give_up_at = drive.times_given, None
+            return
+        timeout = self._settings.confirmation_time * (self._settings.resends + 1)
+        drive.give_up_at = now + timeout if drive.give_up_at is None else drive.give_up_at
         if self._ledger.awaiting(now):
             return
-        if now >= drive.give_up_at or drive.times_given > self._settings.resends:
+        if now >= drive.give_up_at or drive.tries > self._settings.resends:
             self._fail(drive, DriveFailure.NOT_TAKEN_UP, self._refusal(drive))
         elif self._may_give(now) and not self._goes_on(drive, now):
             drive.times_given += 1
-            drive.preempts = drive.preempts or bool(self._ledger.live)
+            drive.preempts = drive.preempts or self._ledger.running
             self._publish(drive, now)
 
     def _publish(self, drive: Drive, now: float) -> None:
@@ -326,7 +444,7 @@ class GoalTracker:
         clear = not self._ledger.canceling and not any(
             goal_id in self._cancels for goal_id in self._ledger.live
         )
-        return clear and self._navigation.available and self._ledger.settled(now)
+        return clear and self._ledger.settled(now)
 
     def _refusal(self, drive: Drive) -> str:
         if drive.times_given:
@@ -334,8 +452,6 @@ class GoalTracker:
                 f"Nav2 has not taken the goal, given {drive.times_given} times: "
                 "is bt_navigator active, and does it listen to this topic?"
             )
-        if not self._navigation.available:
-            return f"no goal can be given: {self._navigation.reason}"
         return "no goal can be given: Nav2 does not finish the cancelling of the goal before"
 
     def _cancel_leftovers(self, now: float) -> None:

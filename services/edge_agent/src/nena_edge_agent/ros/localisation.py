@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 from nena_edge_agent.driver.map_port import MapPose, MapPoseReport
+from nena_edge_agent.driver.port import STANDING, VelocityReport
 from nena_edge_agent.ros.pose import PoseReading, localized
 from nena_edge_agent.ros.settings import RosSettings
-from nena_edge_agent.ros.standstill import STANDING
+from nena_edge_agent.ros.standstill import STALE
 from nena_shared.log import get_logger
 
 log = get_logger(__name__)
@@ -25,6 +26,7 @@ class Localisation:
         self._reading: PoseReading | None = None
         self._nearer: MapPose | None = None
         self._velocity: tuple[float, float] | None = None
+        self._velocity_at = -math.inf
         self._frame_told: str | None = None
 
     @property
@@ -56,10 +58,22 @@ class Localisation:
         self._nearer = MapPose(x, y, yaw, self._map_id)
         return self._nearer
 
-    def on_velocity(self, velocity: tuple[float, float]) -> bool:
+    @property
+    def velocity(self) -> VelocityReport:
+        """The newest velocity of the odometry."""
+        return VelocityReport(*(self._velocity or (None, None)))
+
+    def on_velocity(self, velocity: tuple[float, float], now: float) -> bool:
         """Take m/s forward and rad/s; tells whether the robot has just begun or ceased to move."""
-        before, self._velocity = self._velocity, velocity
+        before, self._velocity, self._velocity_at = self._velocity, velocity, now
         return before is None or _moves(before) is not _moves(velocity)
+
+    def forget_stale_velocity(self, now: float) -> bool:
+        """Forget a velocity that no odometry has confirmed for a second; return whether there was one."""
+        if self._velocity is None or now - self._velocity_at <= STALE:
+            return False
+        self._velocity = None
+        return True
 
     def report(self) -> MapPoseReport | None:
         """Give the newest pose with the newest velocity; none before the first pose."""

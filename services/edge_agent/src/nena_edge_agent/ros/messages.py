@@ -64,6 +64,11 @@ def cancel_request(goal_id: str) -> Any:  # noqa: ANN401
     return request
 
 
+def cancel_all_request() -> Any:  # noqa: ANN401
+    """Return the action_msgs/srv/CancelGoal request for all goals of a server: no id and no stamp."""
+    return CancelGoal.Request()
+
+
 def _pose(pose: MapPose) -> PoseMessage:
     message = PoseMessage()
     message.position.x = _number(pose.x)

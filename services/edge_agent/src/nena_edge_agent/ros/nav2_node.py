@@ -6,6 +6,7 @@ plain data in the event loop; what is sent, is sent from there.
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -102,6 +103,12 @@ class Nav2Node:
         answer = await self._call(self._cancel, messages.cancel_request(goal_id))
         return None if answer is None else int(answer.return_code)
 
+    async def stop_motion(self) -> bool:
+        """Cancel all goals of the servers that move the robot; return whether the controller has answered."""
+        request = messages.cancel_all_request()
+        answers = await asyncio.gather(*(self._call(client, request) for client in self._motions))
+        return answers[0] is not None
+
     async def request_pose(self) -> bool:
         """Have the localisation send a pose although the robot stands; tells whether it has agreed."""
         return await self._call(self._fresh_pose, Empty.Request()) is not None
@@ -131,6 +138,9 @@ class Nav2Node:
             PoseWithCovarianceStamped, names.initial_pose, RELIABLE, event_callbacks=NO_EVENTS
         )
         self._cancel = node.create_client(CancelGoal, f"{self._settings.action}/_action/cancel_goal")
+        self._motions = [
+            node.create_client(CancelGoal, f"{action}/_action/cancel_goal") for action in names.motions
+        ]
         self._fresh_pose = node.create_client(Empty, names.fresh_pose)
         self._lifecycle = node.create_client(Trigger, names.lifecycle)
         self._listen(node)

@@ -16,10 +16,19 @@ class Lifecycle(Enum):
     """What Nav2's lifecycle manager says of itself."""
 
     ABSENT = auto()
-    """There is no such service: nothing is known, and nothing is held against Nav2."""
+    """There is no such service: nothing is known, and Nav2 counts as active."""
+    STARTING = auto()
+    """The service is there and has not answered yet, as during Nav2's bring-up."""
     ACTIVE = auto()
     INACTIVE = auto()
     SILENT = auto()
+
+
+LIFECYCLE_PROBLEMS = {
+    Lifecycle.INACTIVE: "says that Nav2 is not active: activate it on the robot",
+    Lifecycle.STARTING: "does not answer yet: Nav2 is starting",
+    Lifecycle.SILENT: "does not answer: does Nav2 hang?",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +56,8 @@ class LifecycleWatch:
         """Take whether the service is there, and what it answered (None: nothing)."""
         if not there:
             self._misses, self._known = 0, Lifecycle.ABSENT
+        elif active is None and self._known in (Lifecycle.ABSENT, Lifecycle.STARTING):
+            self._known = Lifecycle.STARTING
         elif active is None:
             self._misses += 1
             self._known = Lifecycle.SILENT if self._misses >= MISSES else self._known
@@ -77,10 +88,8 @@ def _missing(presence: Presence, settings: RosSettings, *, pose_known: bool) -> 
         if settings.by_action_only:
             door = f"serves the action {settings.action}"
         return f"no node {door} {where}: is bt_navigator configured?"
-    if presence.lifecycle is Lifecycle.INACTIVE:
-        return f"{names.lifecycle} {where} says that Nav2 is not active: activate it on the robot"
-    if presence.lifecycle is Lifecycle.SILENT:
-        return f"{names.lifecycle} {where} does not answer: does Nav2 hang?"
+    if problem := LIFECYCLE_PROBLEMS.get(presence.lifecycle):
+        return f"{names.lifecycle} {where} {problem}"
     if not pose_known:
         return (
             f"no pose has come on {names.pose} {where}: set the initial position, or see whether "

@@ -97,6 +97,21 @@ class RosNames(SettingsGroup):
         "navigate_through_poses", description="Nav2's action that drives over several places."
     )
 
+    motions: tuple[RosName, ...] = Field(
+        (
+            "follow_path",
+            "spin",
+            "backup",
+            "drive_on_heading",
+            "assisted_teleop",
+            "dock_robot",
+            "undock_robot",
+        ),
+        min_length=1,
+        description="Actions that move the robot, the controller's first: their goals are cancelled where "
+        "the navigator does not stop the robot.",
+    )
+
     @property
     def status(self) -> str:
         """Topic of the goal statuses of the action to one place."""
@@ -119,7 +134,19 @@ class GoalSettings(SettingsGroup):
     cancel_time: Seconds = Field(2.0, description="Seconds until a cancel without effect is asked again.")
     pose_wait: Seconds = Field(2.0, description="Seconds to wait for a pose that confirms an arrival.")
     standstill_timeout: Seconds = Field(
-        3.0, description="Seconds after a cancelled goal until the robot counts as standing anyway."
+        3.0,
+        description="Seconds after a stop until a robot that still moves, or that nothing shows to stand, is "
+        "told as not stopped. Without odometry: until it counts as standing after its goal was cancelled.",
+    )
+    goal_tolerance: Positive = Field(
+        0.25, description="Metres from a goal at which Nav2 counts as there (xy_goal_tolerance)."
+    )
+    replan_period: float = Field(
+        1.0,
+        ge=0,
+        le=60,
+        description="Seconds between two plans of Nav2's behaviour tree: a passed node's next goal is given "
+        "goal_tolerance and the way of this time before it, where the node's deviation allows it.",
     )
     blocked_after: Seconds = Field(
         20.0,

@@ -1,0 +1,82 @@
+"""A robot that cannot be shown to stand: the state says so, and an error asks for a person."""
+
+from __future__ import annotations
+
+import pytest
+
+from nena_edge_agent.driver.port import DriveFailed, DriveFailure, Halted, HaltFailed, VelocityReport
+from nena_edge_agent.protocol.conditions import ROBOT_NOT_STOPPED
+from nena_edge_agent.protocol.events import Halt
+from nena_shared.vda5050.error import ErrorLevel, ErrorType
+from support.robot_core import Bench, action, order
+
+ROLLS = HaltFailed("the odometry still shows 0.50 m/s")
+
+
+@pytest.fixture
+def bench() -> Bench:
+    bench = Bench()
+    bench.send(order("n0", "n1", "n2"))
+    return bench
+
+
+@pytest.mark.clause("6.1.3", "6.2.3")
+@pytest.mark.parametrize("kind", ["cancelOrder", "startPause"])
+def test_what_asks_for_a_stop_fails_and_is_never_finished(bench: Bench, kind: str) -> None:
+    bench.instant(action("a", "NONE", kind))
+    assert bench.status("a") == "RUNNING"
+
+    bench.do(ROLLS)
+
+    state = bench.state
+    assert (bench.status("a"), state.driving) == ("FAILED", True)
+    (error,) = state.errors
+    assert (error.error_type, error.error_level) == (ROBOT_NOT_STOPPED, ErrorLevel.FATAL)
+    assert "0.50 m/s" in str(error.error_description)
+    assert "emergency stop" in str(error.error_hint)
+
+    bench.do(Halted())
+
+    assert (bench.status("a"), bench.state.driving, bench.errors) == ("FAILED", False, [])
+    assert bool(bench.nodes) is (kind == "startPause"), "a cancelled order is cleared once it stands"
+
+
+def test_a_second_cancel_has_the_robot_stopped_again(bench: Bench) -> None:
+    bench.instant(action("c1", "NONE", "cancelOrder"))
+    bench.do(ROLLS)
+    effects = bench.instant(action("c2", "NONE", "cancelOrder"))
+    assert Halt() in effects
+    assert bench.status("c2") == "RUNNING"
+    bench.do(ROLLS)
+    assert bench.status("c2") == "FAILED"
+
+
+def test_a_robot_that_is_not_stopped_is_given_no_goal(bench: Bench) -> None:
+    bench.do(DriveFailed(bench.goal.generation, DriveFailure.NAVIGATION_GONE, "gone"), ROLLS)
+    bench.send(order("n1", "n2", update=1, first=2))
+    assert len(bench.goals) == 1
+    bench.do(Halted())
+    assert ROBOT_NOT_STOPPED not in bench.errors
+
+
+def test_a_drive_without_its_navigation_is_stopped_and_told_as_driving_until_then(bench: Bench) -> None:
+    effects = bench.do(DriveFailed(bench.goal.generation, DriveFailure.NAVIGATION_GONE, "gone"))
+    assert Halt() in effects
+    assert (bench.state.driving, bench.errors) == (True, [ErrorType.NODE_UNREACHABLE])
+    bench.instant(action("c", "NONE", "cancelOrder"))
+    assert bench.status("c") == "RUNNING"
+    bench.do(Halted())
+    assert (bench.status("c"), bench.state.driving) == ("FINISHED", False)
+
+
+def test_driving_and_velocity_follow_the_odometry() -> None:
+    idle = Bench()
+    assert not idle.state.driving
+    idle.do(VelocityReport(0.3, 0.0))
+    assert idle.state.driving
+    assert idle.state.velocity is not None
+    assert idle.state.velocity.vx == 0.3
+    idle.do(VelocityReport(0.0, 0.005))
+    assert not idle.state.driving
+    idle.do(VelocityReport(None, None))
+    assert idle.state.velocity is None
