@@ -113,7 +113,9 @@ class RobotAgent:
             wake=self._mailbox.wake,
         )
         self._drives, self._others = Postponed(), Postponed()
-        self._inbox = Inbox(self._messages.codec, self.robot, self._mailbox.put, clock)
+        self._inbox = Inbox(
+            self._messages.codec, self.robot, self._mailbox.put, clock, strict=settings.strict
+        )
         self._driver = make_driver(self._mailbox.put, self._core.last_place)
         if own_goals := self._core.own_goals:
             self._driver.reclaim(own_goals)

@@ -29,8 +29,10 @@ from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import Connection, ConnectionState
+from nena_shared.vda5050.deviations import Deviations
 from nena_shared.vda5050.error import ErrorEntry, ErrorReference, ErrorType, error
 from nena_shared.vda5050.malformed import MalformedMessageError
+from nena_shared.vda5050.message_reader import read_command
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.state import State
@@ -175,6 +177,8 @@ class InboxCounts:
 
     taken: int = 0
     malformed: int = 0
+    repaired: int = 0
+    """Messages that broke the standard, but whose meaning was certain."""
     misdirected: int = 0
     retained: int = 0
 
@@ -182,11 +186,21 @@ class InboxCounts:
 class Inbox:
     """Reads the messages of fleet control to one robot."""
 
-    def __init__(self, codec: Codec, robot: RobotKey, put: Callable[[Event], None], clock: Clock) -> None:
+    def __init__(
+        self,
+        codec: Codec,
+        robot: RobotKey,
+        put: Callable[[Event], None],
+        clock: Clock,
+        *,
+        strict: bool = False,
+    ) -> None:
         self._codec = codec
         self._robot = robot
         self._put = put
         self._clock = clock
+        self._strict = strict
+        self._deviations = Deviations(clock)
         self._log = log.bind(robot=str(robot))
         self.counts = InboxCounts()
 
@@ -236,7 +250,7 @@ class Inbox:
             self._log.warning("a retained command is passed over; it may be old", topic=message.topic)
             return None
         try:
-            read = self._codec.decode(kind, message.payload)
+            read = self._decode(kind, message.payload, topic)
         except MalformedMessageError as malformed:
             self.counts.malformed += 1
             self._refuse(str(malformed), topic, malformed.references)
@@ -247,6 +261,15 @@ class Inbox:
             self._refuse(f"the header names the robot {to}", topic, {"headerId": str(read.header_id)})
             return None
         self.counts.taken += 1
+        return read
+
+    def _decode(self, kind: type[M], payload: bytes, topic: Topic) -> M:
+        if self._strict:
+            return self._codec.decode(kind, payload)
+        read, repairs = read_command(kind, self._codec, payload, now=self._clock.now())
+        if repairs:
+            self.counts.repaired += 1
+            self._deviations.note(self._robot, topic.value, repairs)
         return read
 
     def _refuse(self, problem: str, topic: Topic, references: dict[str, str]) -> None:

@@ -166,6 +166,11 @@ class EdgeAgentSettings(ServiceSettings):
         (),
         description="Optional fields of orders to pass over instead of refusing them: edges.trajectory, ...",
     )
+    strict: bool = Field(
+        default=False,
+        description="Whether messages of a fleet control that break the standard are refused even where "
+        "their meaning is certain, such as a number written as text.",
+    )
     drive: DriveSettings = Field(default_factory=DriveSettings, description="Driving.")
     interval: IntervalSettings = Field(default_factory=IntervalSettings, description="Message intervals.")
     journal: JournalSettings = Field(default_factory=JournalSettings, description="Memory on disk.")

@@ -20,14 +20,13 @@ from nena_shared.mqtt import Inbound, MqttLink
 from nena_shared.plant import Vehicle
 from nena_shared.plant.model import PlantModel
 from nena_shared.settings import TopicPrefix
-from nena_shared.vda5050.base import Header
-from nena_shared.vda5050.brief.reader import B, read_brief
 from nena_shared.vda5050.brief.state import StateBrief, VisualizationBrief
-from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import Connection
+from nena_shared.vda5050.deviations import Deviations
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.malformed import MalformedMessageError, problems_of
-from nena_shared.vda5050.message_reader import Decode, MessageReader
+from nena_shared.vda5050.message_reader import MessageReader
+from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.robot_sources import RobotSources
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_status_aggregator.fleet.messages import MessageKind
@@ -71,7 +70,6 @@ KEPT_AT_THE_BROKER = (MessageKind.CONNECTION, MessageKind.FACTSHEET)
 KEY_LENGTH = 200
 """Maximum length of manufacturer and serial number together, characters."""
 
-H = TypeVar("H", bound=Header)
 M = TypeVar("M", Connection, StateBrief, VisualizationBrief, Factsheet)
 Take = Callable[[RobotKey, M, Timestamp, Inbound], None]
 """Passes a robot's message on to the model; the last argument is the MQTT message it was read from."""
@@ -89,7 +87,9 @@ class FleetSubscriber:
         self._epochs = EpochFilter()
         self._problems: dict[str, str] = {}
         self._sources = RobotSources()
-        self._reader = MessageReader()
+        deviations = Deviations(clock)
+        model.statistics.repaired = deviations.totals
+        self._reader = MessageReader(partial(_note_repairs, deviations), strict=settings.strict)
         self.mqtt = MqttLink(
             settings.mqtt,
             # several aggregators may use one broker; client IDs must be unique
@@ -120,15 +120,15 @@ class FleetSubscriber:
                 )
                 return
             self._schemes.add(scheme)
-            self._subscribe(scheme, MessageKind.CONNECTION, _decoder(Connection), self._take_connection)
-            self._subscribe(scheme, MessageKind.STATE, _summary_decoder(StateBrief), self._take_state)
+            self._subscribe(scheme, MessageKind.CONNECTION, Connection, self._take_connection)
+            self._subscribe(scheme, MessageKind.STATE, StateBrief, self._take_state)
             self._subscribe(
                 scheme,
                 MessageKind.VISUALIZATION,
-                _summary_decoder(VisualizationBrief),
+                VisualizationBrief,
                 self._take_visualization,
             )
-            self._subscribe(scheme, MessageKind.FACTSHEET, _decoder(Factsheet), self._take_factsheet)
+            self._subscribe(scheme, MessageKind.FACTSHEET, Factsheet, self._take_factsheet)
             read_map = partial(self._read_robot_map, scheme)
             handle = partial(self._on_fleet_message, MessageKind.ROBOT_MAP, read_map)
             self.mqtt.subscribe(topics_of_maps(scheme), handle)
@@ -142,7 +142,7 @@ class FleetSubscriber:
         ):
             self.mqtt.subscribe(topic_filter, partial(self._on_fleet_message, kind, take))
 
-    def _subscribe(self, scheme: TopicScheme, kind: MessageKind, decode: Decode[M], take: Take[M]) -> None:
+    def _subscribe(self, scheme: TopicScheme, kind: MessageKind, form: type[M], take: Take[M]) -> None:
         """Subscribe to a topic of all robots; ``take`` receives each valid message of an accepted source."""
 
         def handle(inbound: Inbound) -> None:
@@ -162,9 +162,9 @@ class FleetSubscriber:
                 )
                 return
             try:
-                message = self._reader.read(decode, inbound.topic, inbound.payload, scheme.major_version)
+                message = self._reader.read(form, inbound.topic, inbound.payload, scheme.major_version)
             except MalformedMessageError as error:
-                self._malformed(kind, inbound.topic, _summary(error.problems), at, key)
+                self._malformed(kind, inbound.topic, _summary(error.quoted_problems), at, key)
                 return
             if self._sources.accepts(key, scheme, message, retained=inbound.retained):
                 take(key, message, at, inbound)
@@ -243,15 +243,10 @@ class FleetSubscriber:
         log.warning("unreadable message", topic=topic, robot=str(key) if key else None, problem=problem)
 
 
-def _decoder(kind: type[H]) -> Decode[H]:
-    def decode(codec: Codec, payload: bytes) -> H:
-        return codec.decode(kind, payload)
-
-    return decode
-
-
-def _summary_decoder(kind: type[B]) -> Decode[B]:
-    return partial(read_brief, kind)
+def _note_repairs(deviations: Deviations, topic: str, repairs: tuple[Repair, ...]) -> None:
+    """Count the repairs of one message; the last levels of its topic name the robot."""
+    *_, manufacturer, serial_number, name = topic.split("/")
+    deviations.note(RobotKey(manufacturer, serial_number), name, repairs)
 
 
 def _summary(problems: Sequence[str]) -> str:

@@ -199,6 +199,10 @@ class AggregatorSettings(ServiceSettings):
     clock_skew_limit: float = Field(
         2.0, gt=0, description="Clock deviation of a robot from which it is shown, seconds."
     )
+    strict: bool = Field(
+        default=False,
+        description="Whether messages of robots that break the standard are refused rather than repaired.",
+    )
     robots_limit: int = Field(
         2000,
         ge=1,

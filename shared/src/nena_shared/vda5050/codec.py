@@ -14,7 +14,7 @@ from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.graph import violations
-from nena_shared.vda5050.malformed import MalformedMessageError, problems_of
+from nena_shared.vda5050.malformed import MalformedMessageError, problems_of, received_in
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.state import State
@@ -76,7 +76,10 @@ class Codec:
         try:
             message = form.model_validate_json(payload, by_alias=True, by_name=False)
         except ValidationError as error:
-            raise MalformedMessageError(kind.__name__, problems_of(error), payload) from error
+            received = received_in(error, payload)
+            raise MalformedMessageError(
+                kind.__name__, problems_of(error), payload, received=received
+            ) from error
         if problems := self._rule_problems(message):
             raise MalformedMessageError(kind.__name__, problems, payload)
         return message

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import msgspec
 from pydantic import ValidationError
 from pydantic_core import from_json
 
@@ -12,6 +13,12 @@ from nena_shared.misfits import in_words
 REFERENCE_KEYS = ("headerId", "orderId", "orderUpdateId")
 REFERENCE_LENGTH = 1024
 """Characters; a longer value refers to nothing that was ever accepted."""
+
+QUOTE = " (received "
+"""Begins the quotation of a value after what is wrong with it."""
+
+QUOTED = 60
+"""Characters of a received value that are quoted."""
 
 PROBLEMS_SHOWN = 5
 TOO_MANY = 1000
@@ -24,11 +31,45 @@ class MalformedMessageError(Exception):
     headerId, orderId and orderUpdateId, so that the answer can name the message (section 6.6.5.2).
     """
 
-    def __init__(self, kind: str, problems: Sequence[str], payload: bytes = b"") -> None:
+    def __init__(
+        self, kind: str, problems: Sequence[str], payload: bytes = b"", *, received: str = ""
+    ) -> None:
         self.kind = kind
+        self.received = received
+        """The value that the first problem is about, shortened; empty if there is none."""
         self.problems = tuple(problems[:PROBLEMS_SHOWN])
         self.references = _readable_references(payload)
         super().__init__(f"not a valid {kind}: {'; '.join(self.problems)}")
+
+    @property
+    def reason(self) -> str:
+        """The first problem with the value that was received, in one line."""
+        quote = f"{QUOTE}{self.received})" if self.received else ""
+        return f"{self.problems[0]}{quote}"
+
+
+def received_in(error: ValidationError, payload: bytes) -> str:
+    """Quote what pydantic's first finding is about: a value, or the beginning of what is no JSON."""
+    if error.error_count() > TOO_MANY:
+        return ""
+    first = error.errors(include_url=False, include_context=False)[0]
+    if first["type"] == "missing":
+        return ""
+    if first["type"] == "json_invalid":
+        return repr(payload[:QUOTED])[1:]
+    return quoted(first["input"])
+
+
+def quoted(value: object) -> str:
+    """Return a value as it stands in a message, shortened."""
+    if isinstance(value, str | int | list | dict):
+        try:
+            text = msgspec.json.encode(value).decode()
+        except (msgspec.MsgspecError, TypeError, ValueError, OverflowError, RecursionError):
+            text = repr(value)
+    else:
+        text = "null" if value is None else repr(value)
+    return text if len(text) <= QUOTED else f"{text[:QUOTED]}..."
 
 
 def problems_of(error: ValidationError, most: int | None = None) -> list[str]:

@@ -1,13 +1,30 @@
-"""Reads what robots say, in the version that each of them speaks."""
+"""Reads what robots and fleet controls send, as generously as is safe, and reports what deviates."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, TypeVar
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any, Protocol, TypeVar, cast
 
-from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.brief.reader import brief_of, read_brief
+from nena_shared.vda5050.brief.state import StateBrief, VisualizationBrief
+from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
 from nena_shared.vda5050.malformed import MalformedMessageError
-from nena_shared.vda5050.versions import reader_of
+from nena_shared.vda5050.repair import (
+    EVERYWHERE,
+    Repair,
+    RepairKind,
+    Repairs,
+    Scope,
+    parsed,
+    repair,
+    repairs_of,
+    version_number,
+    written,
+)
+from nena_shared.vda5050.versions import reader_for, reader_of
 
 TOPICS_REMEMBERED = 20_000
 
@@ -21,40 +38,191 @@ class Versioned(Protocol):
 
 
 M = TypeVar("M", bound=Versioned)
-Decode = Callable[[Codec, bytes], M]
-"""Reads a message of a codec's version; raises MalformedMessageError."""
+H = TypeVar("H", bound=Header)
+Report = Callable[[str, tuple[Repair, ...]], None]
+"""Gets the topic of a message that deviates from the standard, and what was repaired."""
+
+
+def _ignore(_topic: str, _repairs: tuple[Repair, ...]) -> None:
+    pass
+
+
+@dataclass(slots=True)
+class _Known:
+    """What the last message of a topic was like."""
+
+    version: str
+    """As it was written."""
+    codec: Codec
+    deviations: frozenset[str]
+    """Paths of the fields that were repaired; those of the next message are looked at first."""
 
 
 class MessageReader:
-    """Expects of each topic the version that it had before, and so needs not look for it in every message."""
+    """Reads the messages of many robots.
 
-    def __init__(self) -> None:
-        self._known: dict[str, tuple[str, Codec]] = {}
-        """The version as the last message wrote it, and its codec, by topic."""
+    It expects of each topic the version that it had before, and so need not look for it in every message.
+    A message that breaks the standard is repaired where that is safe, and ``report`` gets what was repaired;
+    a ``strict`` reader refuses it.
+    """
 
-    def read(self, decode: Decode[M], topic: str, payload: bytes, major_version: str) -> M:
-        """Read a message.
+    def __init__(self, report: Report = _ignore, *, strict: bool = False) -> None:
+        self._report = report
+        self._strict = strict
+        self._known: dict[str, _Known] = {}
+        """By topic."""
+
+    def read(self, kind: type[M], topic: str, payload: bytes, major_version: str) -> M:
+        """Read a message in the version that it names (section 7.2).
 
         Raises:
-            MalformedMessageError: it is none, in the version that it names.
+            MalformedMessageError: it breaks the standard and cannot be repaired.
 
         """
         known = self._known.get(topic)
+        if known is not None and known.deviations:
+            message = self._repaired(kind, topic, payload, major_version)
+            if message is not None:
+                return message
         if known is not None:
-            version, codec = known
             try:
-                message = decode(codec, payload)
+                message = decode(kind, known.codec, payload)
             except MalformedMessageError:
                 del self._known[topic]  # perhaps it speaks another version now
             else:
-                if message.version == version:
+                if message.version == known.version:
+                    known.deviations = EVERYWHERE
                     return message
-        return self._read_anew(decode, topic, payload, major_version)
+        return self._read_unexpected(kind, topic, payload, major_version)
 
-    def _read_anew(self, decode: Decode[M], topic: str, payload: bytes, major_version: str) -> M:
+    def _read_unexpected(self, kind: type[M], topic: str, payload: bytes, major_version: str) -> M:
+        """Read a message without an idea of its version."""
         codec = reader_of(payload, major_version)
-        message = decode(codec, payload)
-        if len(self._known) >= TOPICS_REMEMBERED:
-            self._known.clear()
-        self._known[topic] = message.version, codec
+        try:
+            message = decode(kind, codec, payload)
+        except MalformedMessageError:
+            repaired = None if self._strict else self._repaired(kind, topic, payload, major_version)
+            if repaired is None:
+                raise
+            return repaired
+        self._learn(topic, _Known(message.version, codec, EVERYWHERE))
         return message
+
+    def _repaired(self, kind: type[M], topic: str, payload: bytes, major_version: str) -> M | None:
+        """Read a message that deviates from the standard; None: it does not, or is no JSON object.
+
+        Raises:
+            MalformedMessageError: it cannot be repaired.
+
+        """
+        found: Repairs = {}
+        content = parsed(payload, found) if len(payload) <= MAXIMUM_PAYLOAD else None
+        if content is None:
+            return None
+        codec = reader_for(version_number(content.get("version")), major_version)
+        message = self._repaired_with(kind, codec, content, found, self._usual(topic))
+        if message is not None:
+            self._learn(topic, _Known(message.version, codec, frozenset(path for path, _ in found)))
+            self._report(topic, repairs_of(found))
+        return message
+
+    def _usual(self, topic: str) -> frozenset[str]:
+        known = self._known.get(topic)
+        return known.deviations if known else EVERYWHERE
+
+    def _repaired_with(
+        self, kind: type[M], codec: Codec, content: dict[str, Any], found: Repairs, usual: frozenset[str]
+    ) -> M | None:
+        """Repair the fields that ``usual``ly deviate, and all others only if that is not enough."""
+        form = codec.forms.get(_neutral(kind))
+        if form is None:
+            return None
+        now = datetime.now(UTC)
+        for only in (usual, EVERYWHERE) if usual else (EVERYWHERE,):
+            repair(form, content, found, version=codec.version, now=now, scope=Scope.REPORT, only=only)
+            try:
+                if found:
+                    return _decode_repaired(kind, codec, content)
+            except MalformedMessageError:
+                if only is EVERYWHERE:
+                    raise
+        return None
+
+    def _learn(self, topic: str, known: _Known) -> None:
+        if topic not in self._known and len(self._known) >= TOPICS_REMEMBERED:
+            self._known.clear()
+        before = self._known.get(topic)
+        self._known[topic] = known
+        if (before is None or before.version != known.version) and (unknown := _unknown_version(known)):
+            self._report(topic, (unknown,))
+
+
+def decode(kind: type[M], codec: Codec, payload: bytes) -> M:
+    """Read a message of ``codec``'s version strictly, states and visualizations in brief.
+
+    Raises:
+        MalformedMessageError: it breaks the standard.
+
+    """
+    if kind in (StateBrief, VisualizationBrief):
+        return cast("M", read_brief(cast("Any", kind), codec, payload))
+    return cast("M", codec.decode(cast("type[Header]", kind), payload))
+
+
+def _decode_repaired(kind: type[M], codec: Codec, content: dict[str, Any]) -> M | None:
+    """Read a message that was repaired; None: there is a value that JSON does not have."""
+    if kind in (StateBrief, VisualizationBrief):
+        brief = brief_of(cast("Any", kind), codec, content)
+        if brief is not None:
+            return cast("M", brief)
+    again = written(content)
+    return None if again is None else decode(kind, codec, again)
+
+
+def read_command(
+    kind: type[H], codec: Codec, payload: bytes, *, now: datetime
+) -> tuple[H, tuple[Repair, ...]]:
+    """Read a message of a fleet control, repaired where its meaning is certain; return what was repaired.
+
+    Raises:
+        MalformedMessageError: it breaks the standard otherwise.
+
+    """
+    try:
+        return codec.decode(kind, payload), ()
+    except MalformedMessageError:
+        repaired = _repaired_command(kind, codec, payload, now)
+        if repaired is None:
+            raise
+        return repaired
+
+
+def _repaired_command(
+    kind: type[H], codec: Codec, payload: bytes, now: datetime
+) -> tuple[H, tuple[Repair, ...]] | None:
+    found: Repairs = {}
+    content = parsed(payload, found) if len(payload) <= MAXIMUM_PAYLOAD else None
+    form = codec.forms.get(kind)
+    if content is None or form is None:
+        return None
+    repair(form, content, found, version=codec.version, now=now, scope=Scope.COMMAND)
+    again = written(content) if found else None
+    if again is None:
+        return None
+    try:
+        return codec.decode(kind, again), repairs_of(found)
+    except MalformedMessageError:
+        return None
+
+
+def _neutral(kind: type[Any]) -> type[Header]:
+    neutral: type[Header] = getattr(kind, "FULL", kind)
+    return neutral
+
+
+def _unknown_version(known: _Known) -> Repair | None:
+    """Report a minor version that is not supported, which is read as the nearest one that is."""
+    minor, read_as = known.version.split(".")[:2], known.codec.version.split(".")[:2]
+    if minor == read_as:
+        return None
+    return Repair("version", RepairKind.UNKNOWN_VERSION, f"{known.version}, read as {known.codec.version}")

@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, PlainSerializer
 
 
-def reads(names: Mapping[str, str]) -> BeforeValidator:
+@dataclass(frozen=True, slots=True, eq=False)
+class Reads(BeforeValidator):
+    """A validator that reads other names for neutral ones, and the names that it knows."""
+
+    names: Mapping[str, str] = field(default_factory=dict)
+
+
+def reads(names: Mapping[str, str]) -> Reads:
     """Read the given names as the neutral ones that stand beside them; other values pass."""
 
     def read(value: object) -> object:
         return names.get(value, value) if type(value) is str else value
 
-    return BeforeValidator(read)
+    return Reads(read, names=names)
 
 
 def writes(names: Mapping[str, str], of: type[StrEnum] | None = None) -> PlainSerializer:

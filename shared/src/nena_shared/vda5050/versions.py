@@ -110,7 +110,17 @@ def reader_of(payload: bytes, major_version: str) -> Codec:
         UnknownVersionError: the major version is not spoken here.
 
     """
-    codec = codec_of_header(payload)
+    return reader_for(version_of(payload), major_version)
+
+
+def reader_for(version: str | None, major_version: str) -> Codec:
+    """Return the codec to read a message with that names ``version`` under a topic of ``major_version``.
+
+    Raises:
+        UnknownVersionError: the major version is not spoken here.
+
+    """
+    codec = None if version is None else nearest_codec(version)
     if codec is not None and codec.major_version == major_version:
         return codec
     of_topic = [codec for codec in CODECS.values() if codec.major_version == major_version]

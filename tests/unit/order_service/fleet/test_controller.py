@@ -47,7 +47,7 @@ def other_robot(number: int) -> RobotKey:
 
 def test_only_so_many_robots_are_listened_to() -> None:
     bench = Bench(FleetSettings(robots_limit=2)).online()
-    bench.fleet.on_malformed(other_robot(1))
+    bench.fleet.on_malformed(other_robot(1), None, bench.now)
     assert bench.fleet.robots() == (ROBOT, other_robot(1))
     assert bench.fleet.has_room_for(ROBOT)
     assert bench.fleet.has_room_for(other_robot(1))
@@ -62,9 +62,39 @@ def test_looking_at_a_robot_does_not_make_it_known() -> None:
 
 def test_messages_that_cannot_be_read_are_counted_by_robot() -> None:
     bench = Bench().online()
-    assert [bench.fleet.on_malformed(ROBOT) for _ in range(2)] == [1, 2]
-    assert bench.fleet.on_malformed(other_robot(1)) == 1
+    for robot in (ROBOT, ROBOT, other_robot(1)):
+        bench.fleet.on_malformed(robot, None, bench.now)
+    assert bench.fleet.view(other_robot(1), bench.now).malformed == 1
     assert bench.view().malformed == 2
+
+
+def test_a_robot_whose_states_cannot_be_read_is_not_silent() -> None:
+    bench = Bench().online()
+    problem = "sends states that cannot be read: orderId: is missing"
+    bench.now += bench.settings.silent_after + 1.0
+    bench.fleet.on_malformed(ROBOT, problem, bench.now)
+    view = bench.view()
+    assert (view.link, view.availability.reason) == (LinkStatus.UNREADABLE, problem)
+    bench.now += bench.settings.silent_after + 1.0
+    assert bench.view().link is LinkStatus.SILENT, "nothing comes any more"
+
+
+def test_a_robot_of_which_nothing_could_be_read_has_been_heard_of() -> None:
+    bench = Bench()
+    bench.fleet.on_broker(connected=True, now=bench.now)
+    problem = "sends states that cannot be read: message: Invalid JSON (received 'x')"
+    bench.fleet.on_malformed(ROBOT, problem, bench.now)
+    assert bench.view().availability.reason == problem
+    bench.online()
+    assert bench.view().link is LinkStatus.ONLINE
+    assert "cannot be read" not in bench.view().availability.reason
+
+
+def test_a_quoted_value_that_changes_is_no_news() -> None:
+    bench = Bench()
+    problem = "sends states that cannot be read: orderId: no text (received {})"
+    assert bench.fleet.on_malformed(ROBOT, problem.format(1), bench.now)
+    assert not bench.fleet.on_malformed(ROBOT, problem.format(2), bench.now)
 
 
 def test_all_are_known_when_each_that_the_broker_has_told_of_has_told_its_state() -> None:
@@ -374,7 +404,7 @@ def test_the_view_is_made_anew_only_where_something_may_have_changed() -> None:
     assert bench.view().state_at == bench.now
     bench.now += bench.settings.silent_after + 1.0
     assert bench.view().link is LinkStatus.SILENT
-    bench.fleet.on_malformed(ROBOT)
+    bench.fleet.on_malformed(ROBOT, None, bench.now)
     assert bench.view().malformed == 1
 
 

@@ -1,11 +1,16 @@
 from __future__ import annotations
 
+import json
+from datetime import UTC, datetime
+from typing import Any
+
 import pytest
 
 from nena_shared.vda5050 import message_reader as reader
-from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.malformed import MalformedMessageError
-from nena_shared.vda5050.message_reader import MessageReader
+from nena_shared.vda5050.message_reader import MessageReader, read_command
+from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.repair import Repair, RepairKind
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.v2_0 import CODEC as CODEC_2_0
 from nena_shared.vda5050.v2_1 import CODEC as CODEC_2_1
@@ -14,32 +19,80 @@ from support.fleet_examples import state
 TOPIC = "uagv/v2/ACME/r1/state"
 
 
-def decode(codec: Codec, payload: bytes) -> State:
-    return codec.decode(State, payload)
-
-
 def test_a_robot_may_change_its_version_at_any_message() -> None:
     messages = MessageReader()
     for codec in (CODEC_2_1, CODEC_2_1, CODEC_2_0, CODEC_2_0, CODEC_2_1):
         payload = codec.encode(state(last_node_id="A"))
-        message = messages.read(decode, TOPIC, payload, "v2")
+        message = messages.read(State, TOPIC, payload, "v2")
         assert (message.version, message.last_node_id) == (codec.version, "A")
 
 
 def test_a_bad_message_says_what_is_wrong_and_the_next_one_is_read() -> None:
-    messages = MessageReader()
+    messages = MessageReader(strict=True)
     good = CODEC_2_1.encode(state())
-    messages.read(decode, TOPIC, good, "v2")
+    messages.read(State, TOPIC, good, "v2")
     with pytest.raises(MalformedMessageError, match="headerId"):
-        messages.read(decode, TOPIC, good.replace(b'"headerId":1', b'"headerId":-1'), "v2")
+        messages.read(State, TOPIC, good.replace(b'"headerId":1', b'"headerId":-1'), "v2")
     with pytest.raises(MalformedMessageError, match="version"):
-        messages.read(decode, TOPIC, good.replace(b'"2.1.0"', b'"3.0.0"'), "v2")
-    assert messages.read(decode, TOPIC, good, "v2").header_id == 1
+        messages.read(State, TOPIC, good.replace(b'"2.1.0"', b'"3.0.0"'), "v2")
+    assert messages.read(State, TOPIC, good, "v2").header_id == 1
 
 
 def test_only_so_many_topics_are_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reader, "TOPICS_REMEMBERED", 3)
     messages = MessageReader()
     for number in range(10):
-        messages.read(decode, f"{TOPIC}{number}", CODEC_2_1.encode(state()), "v2")
+        messages.read(State, f"{TOPIC}{number}", CODEC_2_1.encode(state()), "v2")
     assert len(messages._known) <= 3
+
+
+def test_a_message_that_deviates_is_repaired_and_reported_until_it_is_right_again() -> None:
+    reports: list[tuple[str, tuple[Repair, ...]]] = []
+    messages = MessageReader(lambda topic, repairs: reports.append((topic, repairs)))
+    good = CODEC_2_1.encode(state())
+    bad = good.replace(b'"headerId":1', b'"headerId":"1"')
+    worse = bad.replace(b'"batteryCharge":80.0', b'"batteryCharge":101.3')
+    for payload in (good, bad, worse, bad, good):
+        assert messages.read(State, TOPIC, payload, "v2").header_id == 1
+    number = Repair("headerId", RepairKind.TEXT_AS_NUMBER, '"1"')
+    charge = Repair("batteryState.batteryCharge", RepairKind.CLAMPED, "101.3")
+    assert reports == [(TOPIC, (number,)), (TOPIC, (number, charge)), (TOPIC, (number,))]
+
+
+def test_what_cannot_be_repaired_is_all_that_the_refusal_names() -> None:
+    payload = CODEC_2_1.encode(state()).replace(b'"orderId":""', b'"orderId":[]')
+    broken = payload.replace(b'"batteryCharge":80.0', b'"batteryCharge":101.3')
+    with pytest.raises(MalformedMessageError) as caught:
+        MessageReader().read(State, TOPIC, broken, "v2")
+    assert caught.value.reason == "orderId: Input should be a valid string (received [])"
+
+
+def test_an_unknown_minor_version_is_read_as_the_nearest_and_reported_once() -> None:
+    reports: list[Repair] = []
+    messages = MessageReader(lambda _, repairs: reports.extend(repairs))
+    payload = CODEC_2_1.encode(state()).replace(b'"2.1.0"', b'"2.7.0"')
+    for _ in range(3):
+        assert messages.read(State, TOPIC, payload, "v2").version == "2.7.0"
+    assert reports == [Repair("version", RepairKind.UNKNOWN_VERSION, "2.7.0, read as 2.1.0")]
+
+
+def test_a_command_is_repaired_only_where_its_meaning_is_certain(order: dict[str, Any]) -> None:
+    now = datetime(2026, 1, 1, tzinfo=UTC)
+    order["nodes"][1]["sequenceId"] = 2.0
+    order["nodes"][1]["nodePosition"]["theta"] = 3.1416
+    read, repairs = read_command(Order, CODEC_2_1, json.dumps(order).encode(), now=now)
+    assert read.nodes[1].sequence_id == 2
+    assert {each.kind for each in repairs} == {RepairKind.WHOLE_NUMBER, RepairKind.ANGLE_WRAPPED}
+    for unsafe in ({"maxSpeed": -1.0}, {"maxSpeed": "fast"}, {"released": None}):
+        edges = [order["edges"][0] | unsafe]
+        with pytest.raises(MalformedMessageError):
+            read_command(Order, CODEC_2_1, json.dumps(order | {"edges": edges}).encode(), now=now)
+
+
+def test_a_command_that_is_refused_is_answered_as_it_was_sent(order: dict[str, Any]) -> None:
+    payload = json.dumps(order | {"headerId": "7", "orderId": 5, "nodes": None}).encode()
+    with pytest.raises(MalformedMessageError) as strict:
+        CODEC_2_1.decode(Order, payload)
+    with pytest.raises(MalformedMessageError) as tolerant:
+        read_command(Order, CODEC_2_1, payload, now=datetime(2026, 1, 1, tzinfo=UTC))
+    assert tolerant.value.problems == strict.value.problems

@@ -19,14 +19,16 @@ LINK_REASONS: Final = {
 }
 
 
-def away(link: LinkStatus, *, broker: bool) -> str | None:
+def away(link: LinkStatus, unreadable: str = "", *, broker: bool) -> str | None:
     """Say why the robot cannot be reached; None if it can.
 
-    ``broker`` is also False while the robot has to report before it is sent anything, see
+    ``unreadable`` says what is wrong with its messages. ``broker`` is also False while the robot has to report before it is sent anything, see
     :meth:`FleetController.on_broker`.
     """
     if not broker:
         return "cannot be reached: the order service has no connection to the MQTT broker"
+    if link is LinkStatus.UNREADABLE:
+        return unreadable
     return LINK_REASONS.get(link)
 
 

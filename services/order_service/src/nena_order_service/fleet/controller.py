@@ -17,6 +17,7 @@ from nena_order_service.fleet.mission import Mission, fresh_id
 from nena_order_service.fleet.mission_run import MissionRun
 from nena_order_service.fleet.outputs import FleetOutput, Outputs, RobotChanged
 from nena_order_service.fleet.robot import (
+    REPORTS_NOTHING,
     Availability,
     LinkStatus,
     MissionPhase,
@@ -81,6 +82,12 @@ class RobotControl:
         """Take in a factsheet."""
         self.robot.take_factsheet(message)
         yield from self._advance(now)
+
+    def on_malformed(self, problem: str | None, now: float) -> Iterator[FleetOutput]:
+        """Take in that a message could not be read, and what is wrong with it."""
+        self.robot.take_malformed(problem, now)
+        self._changes += 1
+        yield from self._tell_change(now)
 
     def on_state(self, message: State, now: float) -> Iterator[FleetOutput]:
         """Take in a state; instant actions first, for a mission may end by one."""
@@ -172,7 +179,7 @@ class RobotControl:
         """Tell whether the robot cannot be sent now what it still is to get of its mission."""
         if run.phase in (MissionPhase.WAITING, MissionPhase.SENT):
             return self._obstacle(now) is not None
-        away = availability.away(self.robot.link(now), broker=self._desk.broker)
+        away = self._away(now)
         return run.phase is MissionPhase.RUNNING and away is not None
 
     @property
@@ -264,21 +271,26 @@ class RobotControl:
     def _obstacle(self, now: float) -> str | None:
         """Say why the robot must not be sent an order now; None if it may."""
         link = self.robot.link(now)
-        if link is LinkStatus.SILENT and self._run and self._run.phase is MissionPhase.SENT:
+        sent = self._run is not None and self._run.phase is MissionPhase.SENT
+        if link in REPORTS_NOTHING and self.robot.reachable and sent:
             link = LinkStatus.ONLINE  # the sendings count, so that an order to a dead robot fails in the end
-        reason = availability.away(link, broker=self._desk.broker)
+        reason = availability.away(link, self.robot.unreadable, broker=self._desk.broker)
         state = self.robot.state
         if reason or state is None:
-            return reason or "has not reported its state yet"
+            return reason or self.robot.unreadable or "has not reported its state yet"
         if self._desk.cancelling:
             return "has not yet confirmed a cancelOrder"
         if self._desk.awaits_factsheet(now):
             return "has not told its factsheet yet"
         return availability.occupied(state, self._desk.ids) or availability.unfit(state)
 
+    def _away(self, now: float) -> str | None:
+        """Say why the robot cannot be reached; None if it can."""
+        return availability.away(self.robot.link(now), self.robot.unreadable, broker=self._desk.broker)
+
     def _availability(self, now: float) -> Availability:
         state = self.robot.state
-        reason = availability.away(self.robot.link(now), broker=self._desk.broker)
+        reason = self._away(now)
         if reason is None and self._run:
             reason = f"works on the mission {self._run.mission.mission_id!r}"
         reason = reason or self._obstacle(now) or (availability.hindered(state) if state else None)
@@ -288,7 +300,7 @@ class RobotControl:
         run = self._run
         if run is None:
             return ""
-        away = availability.away(self.robot.link(now), broker=self._desk.broker)
+        away = self._away(now)
         if run.phase in (MissionPhase.WAITING, MissionPhase.SENT):
             reason = self._obstacle(now)
             unconfirmed = "has not yet confirmed the order" if run.sent_again else ""
@@ -392,11 +404,13 @@ class FleetController:
         control = self._control(robot)
         return self._told(control, control.on_factsheet(message, now))
 
-    def on_malformed(self, robot: RobotKey) -> int:
-        """Count a message that could not be read, which changes nothing else; give the robot's count."""
-        known = self._control(robot).robot
-        known.malformed += 1
-        return known.malformed
+    def on_malformed(self, robot: RobotKey, problem: str | None, now: float) -> Outputs:
+        """Count a message that could not be read.
+
+        ``problem`` says what is wrong with it; None: fleet control can do without the message.
+        """
+        control = self._control(robot)
+        return self._told(control, control.on_malformed(problem, now))
 
     def on_broker(self, *, connected: bool, now: float, unread: bool = False) -> Outputs:
         """Take notice that our own link to the broker stands or has gone; at first it counts as gone.

@@ -11,7 +11,14 @@ from nena_order_service.fleet import availability
 from nena_order_service.fleet.delivery import Delivery
 from nena_order_service.fleet.feasibility import fitted_action, instant_action_problem
 from nena_order_service.fleet.outputs import FleetOutput, InstantActionEnded, PublishInstantActions
-from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, ActionState, LinkStatus, Robot, State
+from nena_order_service.fleet.robot import (
+    INSTANT_ACTIONS_LIMIT,
+    REPORTS_NOTHING,
+    ActionState,
+    LinkStatus,
+    Robot,
+    State,
+)
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.vda5050.action import Action, ActionParameter, ActionStatus, BlockingType
 
@@ -166,8 +173,9 @@ class InstantDesk:
     def unsendable(self, action_type: str, now: float) -> str | None:
         """Say why the robot must not be sent such an instant action now; None if it may."""
         link = self._robot.link(now)
-        link = LinkStatus.ONLINE if link is LinkStatus.SILENT else link
-        away = availability.away(link, broker=self.broker)
+        if link in REPORTS_NOTHING and self._robot.reachable:
+            link = LinkStatus.ONLINE
+        away = availability.away(link, self._robot.unreadable, broker=self.broker)
         state = self._robot.state
         if away or state is None or state.operating_mode.takes_orders or action_type in ALWAYS_ALLOWED:
             return away

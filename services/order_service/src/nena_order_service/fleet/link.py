@@ -21,26 +21,27 @@ from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.tasks import forever
 from nena_shared.vda5050.action import Action
-from nena_shared.vda5050.base import Header
-from nena_shared.vda5050.brief.reader import read_brief
 from nena_shared.vda5050.brief.state import StateBrief
-from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import Connection
+from nena_shared.vda5050.deviations import Deviations
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.malformed import MalformedMessageError
-from nena_shared.vda5050.message_reader import Decode, MessageReader
+from nena_shared.vda5050.message_reader import MessageReader
+from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import nearest_codec
 from nena_shared.vda5050.zone_set import ZoneSet
 
 log = get_logger(__name__)
 
-H = TypeVar("H", bound=Header)
 M = TypeVar("M", Connection, Factsheet, StateBrief)
 Take = Callable[[RobotKey, M, float], Outputs]
 
 MALFORMED_LOGGED_EACH: Final = 100
 """Of a robot's malformed messages the first and then each of so many is logged."""
+
+_PLURALS: Final = {Topic.STATE.value: "states", Topic.CONNECTION.value: "connection messages"}
+"""Messages without which a robot cannot be given orders."""
 
 LOGGED_OF_NAME: Final = 60
 """Characters of a name that is too long."""
@@ -78,10 +79,12 @@ class FleetLink:
         """How many messages came from robots beyond the limit of robots."""
         self.too_long = 0
         """How many messages came from robots whose names are longer than the store can hold."""
-        self._reader = MessageReader()
-        self._hear(Topic.CONNECTION, _in_full(Connection), self._controller.on_connection, qos=1)
-        self._hear(Topic.FACTSHEET, _in_full(Factsheet), self._controller.on_factsheet, qos=settings.qos)
-        self._hear(Topic.STATE, _state_in_brief, self._controller.on_state, qos=settings.qos)
+        self.deviations = Deviations(clock)
+        """What had to be repaired in the robots' messages."""
+        self._reader = MessageReader(self._note_repairs, strict=settings.strict)
+        self._hear(Topic.CONNECTION, Connection, self._controller.on_connection, qos=1)
+        self._hear(Topic.FACTSHEET, Factsheet, self._controller.on_factsheet, qos=settings.qos)
+        self._hear(Topic.STATE, StateBrief, self._controller.on_state, qos=settings.qos)
 
     async def run(self) -> None:
         """Look after what is overdue, until cancelled."""
@@ -151,18 +154,18 @@ class FleetLink:
             self._term = link.term
         self._hand_out(self._controller.on_broker(connected=link.connected, now=self._now(), unread=unread))
 
-    def _hear(self, topic: Topic, decode: Decode[M], take: Take[M], *, qos: int) -> None:
+    def _hear(self, topic: Topic, kind: type[M], take: Take[M], *, qos: int) -> None:
         """Subscribe to a topic of all robots; ``take`` gets what is well-formed and says something of now."""
 
         def handle(scheme: TopicScheme, inbound: Inbound) -> None:
-            read = self._read(decode, scheme, inbound)
+            read = self._read(kind, scheme, inbound)
             if read:
                 self._hand_out(take(*read, self._now()))
 
         for scheme in self._addresses.schemes:
             self._mqtt.subscribe(scheme.for_all(topic), partial(handle, scheme), qos=qos)
 
-    def _read(self, decode: Decode[M], scheme: TopicScheme, inbound: Inbound) -> tuple[RobotKey, M] | None:
+    def _read(self, kind: type[M], scheme: TopicScheme, inbound: Inbound) -> tuple[RobotKey, M] | None:
         """Read a message; one that is malformed, outdated or from a robot too many is passed over."""
         self._notice_broker()
         robot = scheme.robot_of(inbound.topic)
@@ -175,7 +178,7 @@ class FleetLink:
             self.ignored += 1
             return None
         try:
-            message = self._reader.read(decode, inbound.topic, inbound.payload, scheme.major_version)
+            message = self._reader.read(kind, inbound.topic, inbound.payload, scheme.major_version)
         except MalformedMessageError as error:
             self._note_malformed(robot, inbound.topic, error)
             return None
@@ -198,7 +201,10 @@ class FleetLink:
 
     def _note_malformed(self, robot: RobotKey, topic: str, error: MalformedMessageError) -> None:
         self.malformed += 1
-        count = self._controller.on_malformed(robot)
+        name = topic.rpartition("/")[2]
+        problem = f"sends {_PLURALS[name]} that cannot be read: {error.reason}" if name in _PLURALS else None
+        self._hand_out(self._controller.on_malformed(robot, problem, self._now()))
+        count = self.view(robot).malformed
         if count % MALFORMED_LOGGED_EACH == 1:
             log.warning(
                 "a robot's message is not valid and changes nothing",
@@ -207,6 +213,11 @@ class FleetLink:
                 problems=error.problems,
                 so_far=count,
             )
+
+    def _note_repairs(self, topic: str, repairs: tuple[Repair, ...]) -> None:
+        """Count what had to be repaired in a message; the last four levels of a topic name the robot."""
+        *_, manufacturer, serial_number, name = topic.split("/")
+        self.deviations.note(RobotKey(manufacturer, serial_number), name, repairs)
 
     def _hand_out(self, outputs: Iterable[FleetOutput]) -> None:
         news: list[FleetOutput] = []
@@ -234,14 +245,3 @@ class FleetLink:
 
     def _now(self) -> float:
         return self._clock.monotonic()
-
-
-def _in_full(kind: type[H]) -> Decode[H]:
-    def decode(codec: Codec, payload: bytes) -> H:
-        return codec.decode(kind, payload)
-
-    return decode
-
-
-def _state_in_brief(codec: Codec, payload: bytes) -> StateBrief:
-    return read_brief(StateBrief, codec, payload)

@@ -19,6 +19,7 @@ from nena_shared.vda5050.brief import state as brief
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.factsheet import ActionParameterDescription, Factsheet, MobileRobotAction, Support
+from nena_shared.vda5050.malformed import QUOTE
 from nena_shared.vda5050.own_actions import transforms_itself
 from nena_shared.vda5050.rules import RULES, Rules
 from nena_shared.vda5050.topics import RobotKey
@@ -112,6 +113,12 @@ class LinkStatus(StrEnum):
     CONNECTION_BROKEN = "CONNECTION_BROKEN"
     SILENT = "SILENT"
     """It should be there, but its last state is too old."""
+    UNREADABLE = "UNREADABLE"
+    """It is there, but what it sends cannot be read."""
+
+
+REPORTS_NOTHING: Final = frozenset({LinkStatus.SILENT, LinkStatus.UNREADABLE})
+"""Links of robots that may still get what they are sent."""
 
 
 class MissionPhase(StrEnum):
@@ -249,6 +256,9 @@ class Robot:
     """What its factsheet says; None before the first one."""
     malformed: int = 0
     """How many of its messages could not be read."""
+    unreadable: str = ""
+    """What is wrong with its last state or connection message; empty if that could be read."""
+    _unreadable_at: float = -inf
     _heard_at: float | None = None
     _silent_after: float = 0.0
     _order: MessageOrder = field(default_factory=MessageOrder)
@@ -270,11 +280,21 @@ class Robot:
         """
         if not self._order.is_new(message.header_id, message.timestamp, now):
             return False
+        self.unreadable = ""
         self.state = message
         self.state_at = self._heard_at = now
         if self.connection is not ConnectionState.ONLINE:
             self.connection = ConnectionState.ONLINE
         return True
+
+    def take_malformed(self, problem: str | None, now: float) -> None:
+        """Note that a message could not be read; ``problem`` is what is wrong with one that is needed."""
+        self.malformed += 1
+        if problem is None:
+            return
+        self._unreadable_at = now
+        if problem.partition(QUOTE)[0] != self.unreadable.partition(QUOTE)[0]:
+            self.unreadable = problem  # the quoted value may change with every message
 
     def take_factsheet(self, message: Factsheet) -> None:
         """Note what the robot can do, and how often it reports."""
@@ -283,17 +303,24 @@ class Robot:
         self._silent_after = max(self.settings.silent_after, self.settings.silent_intervals * interval)
 
     def link(self, now: float) -> LinkStatus:
-        """Tell what is known of the way to the robot."""
+        """Return what is known of the way to the robot; one whose messages cannot be read is not silent."""
         if self.connection is None or self._heard_at is None:
-            return LinkStatus.UNKNOWN
+            return LinkStatus.UNREADABLE if self.unreadable else LinkStatus.UNKNOWN
+        speaks = bool(self.unreadable) and now <= self._unreadable_at + self._silent_after
         if self.connection in AWAY:
-            return AWAY[self.connection]
-        return LinkStatus.SILENT if now > self._heard_at + self._silent_after else LinkStatus.ONLINE
+            back = speaks and self._unreadable_at > self._heard_at
+            return LinkStatus.UNREADABLE if back else AWAY[self.connection]
+        if now <= self._heard_at + self._silent_after:
+            return LinkStatus.ONLINE
+        return LinkStatus.UNREADABLE if speaks else LinkStatus.SILENT
 
     @property
     def silent_from(self) -> float | None:
         """After which moment it counts as silent if nothing more is heard of it; None: it is not there."""
-        return self._heard_at + self._silent_after if self.reachable and self._heard_at is not None else None
+        if not self.reachable or self._heard_at is None:
+            return None
+        last = self._unreadable_at if self.unreadable else self._heard_at
+        return last + self._silent_after
 
     @property
     def rules(self) -> Rules | None:

@@ -61,6 +61,11 @@ class FleetSettings(SettingsGroup):
         description="MQTT quality of service of what is sent to robots and read of them; the standard has 0, "
         "except for connection.",
     )
+    strict: bool = Field(
+        default=False,
+        description="Whether messages of robots that break the standard are refused rather than repaired, "
+        "for acceptance tests of robots.",
+    )
     robots_limit: int = Field(
         10_000, ge=1, description="Robots that are listened to; messages of further ones are passed over."
     )

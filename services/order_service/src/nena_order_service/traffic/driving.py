@@ -34,7 +34,7 @@ from nena_shared.vda5050.topics import RobotKey
 
 log = get_logger(__name__)
 
-MAY_STILL_SPEAK = (LinkStatus.UNKNOWN, LinkStatus.ONLINE, LinkStatus.SILENT)
+MAY_STILL_SPEAK = (LinkStatus.UNKNOWN, LinkStatus.ONLINE, LinkStatus.SILENT, LinkStatus.UNREADABLE)
 
 
 class RestartGate:

@@ -27,7 +27,7 @@ class Condition(StrEnum):
     MANUAL = "MANUAL"
     """Not under fleet control: MANUAL, SERVICE, TEACH_IN, STARTUP, INTERVENED."""
     ERROR = "ERROR"
-    """An error of level FATAL or CRITICAL is active."""
+    """An error of level FATAL or CRITICAL is active, or the states are unreadable."""
     BLOCKED = "BLOCKED"
     """Emergency stop, protective field, not localised or paused."""
     BUSY = "BUSY"
@@ -99,7 +99,9 @@ class ConditionInputs:
     silence_limit: float
     link_up: bool
     problem: str = ""
-    """What is wrong with the last message, if it was unreadable."""
+    """What is wrong with the last unreadable message."""
+    unreadable: str = ""
+    """What is wrong with the states, while unreadable ones arrive."""
     fleet_remark: str | None = None
     """The order service's remark on the vehicle; None if the vehicle is unknown to it."""
 
@@ -114,6 +116,8 @@ def assess(inputs: ConditionInputs) -> Assessment:
     state = inputs.state
     if state is None:
         return _no_state(inputs)
+    if inputs.overdue and inputs.unreadable and inputs.link_up:
+        return Condition.ERROR, Reason("unreadable", {"problem": inputs.unreadable})
     if inputs.overdue:
         return Condition.SILENT, _silence_reason(inputs)
     return _held(state) or _working(state) or _free(state, inputs.fleet_remark)
@@ -135,7 +139,7 @@ def _away(inputs: ConditionInputs) -> Assessment | None:
 
 def _no_state(inputs: ConditionInputs) -> Assessment:
     if inputs.problem:
-        return Condition.SILENT, Reason("unreadable", {"problem": inputs.problem})
+        return Condition.ERROR, Reason("unreadable", {"problem": inputs.problem})
     if inputs.connection is None and inputs.fleet_remark is not None:
         return Condition.OFFLINE, Reason("unheard")
     return Condition.SILENT, Reason("stateless")

@@ -190,8 +190,7 @@ class FleetModel:
         }
         robot = self._count_and_find(key, kind, at) if key else None
         if robot is not None:
-            robot.malformed += 1
-            robot.problem = f"{kind}: {problem}"
+            robot.on_malformed(kind, problem, at)
 
     def on_vehicle_status(self, status: VehicleStatus, at: Timestamp) -> None:
         """Apply a vehicle status of the order service."""

@@ -190,6 +190,9 @@ class Robot:
         self.malformed = 0
         self.problem = ""
         """What is wrong with its last malformed message."""
+        self.unreadable = ""
+        """What is wrong with its last state; empty if it was readable."""
+        self.unreadable_at = -inf
         self.condition = Condition.SILENT
         self.condition_since = seen.utc
         self.reason = Reason("stateless")
@@ -218,6 +221,7 @@ class Robot:
         """Update from a state; the age of a retained state is taken from its timestamp."""
         age = max(0.0, (at.utc - message.timestamp).total_seconds()) if retained else 0.0
         self.state = message
+        self.unreadable = ""
         self.states += 1
         self.state_at = Timestamp(at.monotonic - age, at.utc - timedelta(seconds=age))
         self.state_after_connection = not retained
@@ -228,6 +232,13 @@ class Robot:
         self.odometer.follow(message.mobile_robot_position)
         if not retained:
             self.skew.measure(message.timestamp, at.utc)
+
+    def on_malformed(self, kind: MessageKind, problem: str, at: Timestamp) -> None:
+        """Record an unreadable message and what is wrong with it."""
+        self.malformed += 1
+        self.problem = f"{kind}: {problem}"
+        if kind is MessageKind.STATE:
+            self.unreadable, self.unreadable_at = self.problem, at.monotonic
 
     def on_visualization(self, message: VisualizationBrief) -> None:
         """Update position and velocity from a visualization message."""
@@ -272,6 +283,7 @@ class Robot:
                 silence_limit=limit,
                 link_up=link_up,
                 problem=self.problem,
+                unreadable=self.unreadable if at.monotonic - self.unreadable_at <= limit else "",
                 fleet_remark=self.vehicle.reason if self.vehicle else None,
             )
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
@@ -67,6 +67,8 @@ class Statistics:
     """Metric labels for error types."""
     received: dict[MessageKind, int] = field(default_factory=_per_kind)
     malformed: dict[MessageKind, int] = field(default_factory=_per_kind)
+    repaired: Mapping[tuple[str, str], int] = field(default_factory=dict)
+    """Values that broke the standard and were repaired, by topic with field, and kind of repair."""
     repeated: dict[MessageKind, int] = field(default_factory=_per_kind)
     late: dict[MessageKind, int] = field(default_factory=_per_kind)
     missed: dict[MessageKind, int] = field(default_factory=_per_kind)

@@ -93,6 +93,12 @@ class FleetCollector(Collector):
             ("nena_messages_missed", "Messages lost, by gaps in headerId.", statistics.missed),
         ):
             yield _counter(name, text, ("topic",), [((kind.value,), n) for kind, n in counts.items()])
+        yield _counter(
+            "nena_messages_repaired",
+            "Values that violated VDA 5050 and were repaired.",
+            ("field", "kind"),
+            statistics.repaired.items(),
+        )
         ignored = (
             ("repeated", statistics.repeated),
             ("late", statistics.late),

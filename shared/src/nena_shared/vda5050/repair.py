@@ -1,0 +1,506 @@
+"""Repairs messages that deviate from the standard but whose meaning is clear (VDA 5050 3.0 section 7.1).
+
+Messages are read strictly first. Only one that a strict reader refuses comes here. Each value that breaks its
+field's type or limits is
+
+- repaired where its meaning survives: an angle is wrapped to [-π, π], a percentage clamped, a number written
+  as text read as a number, a word of a closed list matched without regard to case;
+- left out where it is optional and cannot be repaired;
+- replaced by the safest value of its field where there is one (``SAFEST``): an unknown error level is FATAL,
+  an unknown operating mode is not automatic.
+
+Anything else keeps its value, and the strict reader says what is wrong with it. Commands (orders, instant
+actions) are repaired only where the meaning is certain: see :class:`Scope`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import datetime
+from enum import Enum, StrEnum, auto
+from functools import cache, lru_cache
+from math import isfinite, pi, remainder
+from typing import Any, Final, NamedTuple
+
+import msgspec
+from pydantic import TypeAdapter, ValidationError
+from pydantic_core import from_json
+
+from nena_shared.utc import iso
+from nena_shared.vda5050.action import ActionState
+from nena_shared.vda5050.base import Header, Timestamp, WireObject
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
+from nena_shared.vda5050.malformed import quoted
+from nena_shared.vda5050.order import Trajectory
+from nena_shared.vda5050.shape import Field, Shape, fields_of
+from nena_shared.vda5050.state import (
+    EdgeState,
+    EmergencyStop,
+    Load,
+    NodeState,
+    OperatingMode,
+    PowerSupply,
+    SafetyState,
+    State,
+)
+
+BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
+
+_VERSION: Final = re.compile(r"\s*v?(\d{1,9})(?:\.(\d{1,9}))?(?:\.(\d{1,9}))?\s*", re.ASCII | re.IGNORECASE)
+"""A version number with a prefix, or without its end."""
+
+
+class RepairKind(StrEnum):
+    """What was done with a value; the labels of a metric."""
+
+    ANGLE_WRAPPED = "angle_wrapped"
+    CLAMPED = "clamped"
+    SCALED = "scaled"
+    """A share of 1 given in percent."""
+    LEFT_OUT = "left_out"
+    EMPTY_LIST = "empty_list"
+    """A list that was missing or null."""
+    REPLACED = "replaced"
+    """By the safest value of the field."""
+    TEXT_AS_NUMBER = "text_as_number"
+    NUMBER_AS_TEXT = "number_as_text"
+    TEXT_AS_BOOLEAN = "text_as_boolean"
+    WHOLE_NUMBER = "whole_number"
+    """An integer written with decimals, such as 0.0."""
+    LETTER_CASE = "letter_case"
+    """A word of a closed list in other letters."""
+    TIME_OF_ARRIVAL = "time_of_arrival"
+    """Instead of a timestamp that cannot be read."""
+    VERSION_NUMBER = "version_number"
+    """Completed to major, minor and patch."""
+    BYTE_ORDER_MARK = "byte_order_mark"
+    UNKNOWN_VERSION = "unknown_version"
+    """Read as the nearest version that is supported."""
+
+
+class Repair(NamedTuple):
+    """One deviation of a message from the standard, and what was done about it."""
+
+    field: str
+    """Path of the field on the wire, without the numbers of list elements; "message" for all of it."""
+    kind: RepairKind
+    received: str = ""
+    """The value as it was received, shortened."""
+
+    def __str__(self) -> str:
+        return f"{self.field} {self.received}: {self.kind.replace('_', ' ')}"
+
+
+class Scope(Enum):
+    """How far a message may be repaired."""
+
+    REPORT = auto()
+    """What a robot reports: as far as it can be acted on safely."""
+    COMMAND = auto()
+    """What a robot is told to do: only where the meaning is certain; nothing is left out or clamped."""
+
+
+EVERYWHERE: Final[frozenset[str]] = frozenset()
+"""For ``only``: all fields."""
+
+
+class _Beyond(Exception):  # noqa: N818 - it never leaves this module
+    """A value cannot be repaired."""
+
+
+Repairs = dict[tuple[str, RepairKind], str]
+"""What was repaired: path and kind, and the first value that was received there."""
+_Fix = Callable[[Any, Repairs], Any]
+
+SAFEST: Final[Mapping[tuple[type[WireObject], str], object]] = {
+    (Header, "header_id"): 0,
+    (Header, "manufacturer"): "",
+    (Header, "serial_number"): "",
+    (State, "order_update_id"): 0,
+    (State, "last_node_id"): "",
+    (State, "last_node_sequence_id"): 0,
+    (State, "operating_mode"): OperatingMode.MANUAL.value,
+    (ErrorEntry, "error_type"): "unknown",
+    (ErrorEntry, "error_level"): ErrorLevel.FATAL.value,
+    (SafetyState, "active_emergency_stop"): EmergencyStop.MANUAL.value,
+    (SafetyState, "field_violation"): False,
+    (ActionState, "action_status"): "RUNNING",
+    (PowerSupply, "state_of_charge"): 0.0,
+    (PowerSupply, "charging"): False,
+}
+"""What stands for a required value that is missing or cannot be repaired, in messages that report."""
+
+_NEVER_EMPTIED: Final = {(State, "node_states")}
+"""Lists that must be given: an order whose nodes are not reported must not look finished."""
+
+_NEVER_DROPPED: Final = (NodeState, EdgeState, ActionState, ErrorEntry, Load)
+"""List elements without which the list would say something else."""
+
+_PERCENT: Final = 100.0
+_ANGLE: Final = pi + 1e-6
+_TIME: Final[TypeAdapter[datetime]] = TypeAdapter(Timestamp)
+
+
+def parsed(payload: bytes, found: Repairs) -> dict[str, Any] | None:
+    """Parse a message, with or without a byte order mark; None: it is no JSON object."""
+    if payload.startswith(BYTE_ORDER_MARK):
+        payload = payload[len(BYTE_ORDER_MARK) :]
+        found["message", RepairKind.BYTE_ORDER_MARK] = "EF BB BF"
+    try:
+        content = msgspec.json.decode(payload)
+    except (msgspec.DecodeError, RecursionError):
+        try:
+            content = from_json(payload)  # it knows NaN
+        except ValueError:
+            return None
+    return content if isinstance(content, dict) else None
+
+
+def repair(
+    form: type[Header],
+    content: dict[str, Any],
+    found: Repairs,
+    *,
+    version: str,
+    now: datetime,
+    scope: Scope,
+    only: frozenset[str] = EVERYWHERE,
+) -> None:
+    """Repair a message in place, as far as it can be; what cannot be repaired stays as it is.
+
+    Args:
+        form: the form of the message in the version that it is read by.
+        content: the message.
+        found: gets what was repaired.
+        version: the number of that version, for a message that has none.
+        now: the time of arrival.
+        scope: how far to go.
+        only: paths of the fields to look at, besides the header.
+
+    """
+    _repair_header(form, content, found, version, now)
+    for field in _fields_of(form, "", scope, only):
+        with suppress(_Beyond):
+            field.apply(content, found)
+
+
+def written(content: dict[str, Any]) -> bytes | None:
+    """Write a repaired message, to read it strictly; None: there is a value that JSON does not have."""
+    try:
+        return msgspec.json.encode(content)
+    except (msgspec.MsgspecError, TypeError, ValueError, OverflowError, RecursionError):
+        return None
+
+
+def repairs_of(found: Repairs) -> tuple[Repair, ...]:
+    """Return what was repaired, each field and kind once."""
+    return tuple(Repair(*key, received) for key, received in found.items())
+
+
+def version_number(value: object) -> str | None:
+    """Complete a version number as robots write it (``2.1``, ``v2.1.0``, 2.1); None if it is none."""
+    return _completed(str(value)) if isinstance(value, str | int | float) else None
+
+
+@lru_cache(maxsize=100)
+def _completed(text: str) -> str | None:
+    written = _VERSION.fullmatch(text)
+    return ".".join(str(int(part or "0")) for part in written.groups()) if written else None
+
+
+def _repair_header(
+    form: type[Header], content: dict[str, Any], found: Repairs, version: str, now: datetime
+) -> None:
+    """Repair version and timestamp (section 7.2)."""
+    required = _required(form)
+    said = content.get("version")
+    if ("version" in content or "version" in required) and not _is_version(said):
+        content["version"] = version_number(said) or version
+        found["version", RepairKind.VERSION_NUMBER] = quoted(said)
+    time = content.get("timestamp")
+    if ("timestamp" in content or "timestamp" in required) and not _is_time(time):
+        content["timestamp"] = iso(now)
+        found["timestamp", RepairKind.TIME_OF_ARRIVAL] = quoted(time)
+
+
+@cache
+def _required(form: type[Header]) -> frozenset[str]:
+    return frozenset(field.name for field in fields_of(form) if field.required)
+
+
+def _is_version(value: object) -> bool:
+    return isinstance(value, str) and version_number(value) == value
+
+
+def _is_time(value: object) -> bool:
+    if not isinstance(value, str):
+        return False
+    try:
+        msgspec.convert(value, datetime)
+    except msgspec.ValidationError:
+        pass
+    else:
+        return True
+    try:
+        _TIME.validate_json(msgspec.json.encode(value), strict=True)
+    except (ValidationError, UnicodeEncodeError):
+        return False
+    return True
+
+
+@lru_cache(maxsize=10_000)
+def _fields_of(
+    form: type[WireObject], at: str, scope: Scope, only: frozenset[str]
+) -> tuple[_FieldRepair, ...]:
+    fields = (_FieldRepair.of(form, field, at, scope, only) for field in fields_of(form))
+    return tuple(each for each in fields if not only or _leads_to(each.path, only))
+
+
+def _leads_to(path: str, only: frozenset[str]) -> bool:
+    return any(each == path or each.startswith(f"{path}.") for each in only)
+
+
+def _object_of(form: type[WireObject], at: str, scope: Scope, only: frozenset[str]) -> _Fix:
+    """Return what repairs an object of ``form`` that stands at the path ``at``, in place."""
+    fields = _fields_of(form, at, scope, frozenset() if at in only else only)
+
+    def fix(content: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
+        if type(content) is not dict:
+            raise _Beyond
+        for field in fields:
+            field.apply(content, found)
+        return content
+
+    return fix
+
+
+@dataclass(frozen=True, slots=True)
+class _FieldRepair:
+    """Repairs one field of an object."""
+
+    field: Field
+    path: str
+    fix: _Fix
+    plain: type | None
+    """Values of this type are always right."""
+    empty: bool
+    """Whether the field is a list that may be taken as empty."""
+    optional: bool
+    """Whether the field may be left out."""
+    safest: object
+
+    @classmethod
+    def of(
+        cls, form: type[WireObject], field: Field, at: str, scope: Scope, only: frozenset[str]
+    ) -> _FieldRepair:
+        path = f"{at}.{field.wire[0]}" if at else field.wire[0]
+        keys = [(base, field.name) for base in form.__mro__]
+        report = scope is Scope.REPORT
+        nowhere = any(key in _NEVER_EMPTIED for key in keys)
+        return cls(
+            field=field,
+            path=path,
+            fix=_fix_of(field.shape, path, scope, only),
+            plain=field.shape.kind if field.shape.kind is bool else None,
+            empty=field.shape.kind is tuple and field.required and not nowhere and (report or bool(at)),
+            optional=report and not field.required and not issubclass(form, Trajectory),
+            safest=next((SAFEST[key] for key in keys if key in SAFEST), None) if report else None,
+        )
+
+    def apply(self, content: dict[str, Any], found: Repairs) -> None:
+        name = self.field.wire[0]
+        if name not in content:
+            name = next((each for each in self.field.wire if each in content), name)
+        value = content.get(name)
+        if value is None:
+            if self.field.required or (name in content and not self.field.nullable):
+                self._replace(content, name, found, given=name in content)
+            return
+        if type(value) is self.plain:
+            return
+        try:
+            fixed = self.fix(value, found)
+        except _Beyond:
+            if self.safest is not None:
+                content[name] = self.safest
+                found[self.path, RepairKind.REPLACED] = quoted(value)
+            elif self.optional:
+                del content[name]
+                found[self.path, RepairKind.LEFT_OUT] = quoted(value)
+            else:
+                raise
+        else:
+            if fixed is not value:
+                content[name] = fixed
+
+    def _replace(self, content: dict[str, Any], name: str, found: Repairs, *, given: bool) -> None:
+        """Give a value that is missing or null."""
+        list_given_as_null = given and self.field.shape.kind is tuple
+        if self.empty or list_given_as_null:
+            content[name] = []
+            found[self.path, RepairKind.EMPTY_LIST] = "null" if given else "missing"
+        elif self.safest is not None:
+            content[name] = self.safest
+            found[self.path, RepairKind.REPLACED] = "null" if given else "missing"
+        elif self.optional:
+            del content[name]
+            found[self.path, RepairKind.LEFT_OUT] = "null"
+        else:
+            raise _Beyond
+
+
+def _fix_of(shape: Shape, at: str, scope: Scope, only: frozenset[str]) -> _Fix:
+    kind = shape.kind
+    if issubclass(kind, WireObject):
+        return _object_of(kind, at, scope, only)
+    if kind is tuple:
+        return _list_of(shape, at, scope, only)
+    if issubclass(kind, StrEnum):
+        return _word_of(shape, at)
+    if kind in (int, float):
+        return _number_of(shape, at, scope)
+    simple: dict[type, _Fix] = {str: _text_of(shape, at), bool: _boolean_of(at), datetime: _moment}
+    return simple.get(kind, _anything)
+
+
+def _anything(value: Any, _found: Repairs) -> Any:  # noqa: ANN401 - JSON
+    return value
+
+
+def _moment(value: Any, _found: Repairs) -> Any:  # noqa: ANN401 - JSON
+    if not _is_time(value):
+        raise _Beyond
+    return value
+
+
+def _list_of(shape: Shape, at: str, scope: Scope, only: frozenset[str]) -> _Fix:
+    item = shape.item or Shape(object)
+    fix_item = _fix_of(item, at, scope, only)
+    droppable = scope is Scope.REPORT and issubclass(item.kind, WireObject | StrEnum)
+    droppable = droppable and not issubclass(item.kind, _NEVER_DROPPED)
+
+    def fix(value: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
+        if type(value) is not list:
+            raise _Beyond
+        kept: list[Any] = []
+        for each in value:
+            try:
+                kept.append(fix_item(each, found))
+            except _Beyond:
+                if not droppable:
+                    raise
+                found[at, RepairKind.LEFT_OUT] = quoted(each)
+        value[:] = kept
+        return value
+
+    return fix
+
+
+def _word_of(shape: Shape, at: str) -> _Fix:
+    words = [*(each.value for each in shape.kind), *(shape.names or ())]  # type: ignore[attr-defined] # an enumeration
+    accepted = frozenset(words)
+    by_letters = {_letters(word): word for word in reversed(words)}
+
+    def fix(value: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
+        if type(value) is not str:
+            raise _Beyond
+        if value in accepted:
+            return value
+        word = by_letters.get(_letters(value))
+        if word is None:
+            raise _Beyond
+        found[at, RepairKind.LETTER_CASE] = quoted(value)
+        return word
+
+    return fix
+
+
+def _letters(word: str) -> str:
+    """Return a word without case and separators."""
+    return word.casefold().replace("_", "").replace("-", "").replace(" ", "")
+
+
+def _text_of(shape: Shape, at: str) -> _Fix:
+    def fix(value: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
+        if type(value) is not str:
+            if not isinstance(value, int | float):
+                raise _Beyond
+            found[at, RepairKind.NUMBER_AS_TEXT] = quoted(value)
+            value = msgspec.json.encode(value).decode() if isfinite(value) else str(value)
+        if shape.longest is not None and len(value) > shape.longest:
+            raise _Beyond
+        return value
+
+    return fix
+
+
+def _boolean_of(at: str) -> _Fix:
+    booleans = {"true": True, "false": False, "1": True, "0": False}
+
+    def fix(value: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
+        if type(value) is bool:
+            return value
+        word = str(value).strip().casefold() if isinstance(value, str | int) else ""
+        if word not in booleans:
+            raise _Beyond
+        found[at, RepairKind.TEXT_AS_BOOLEAN] = quoted(value)
+        return booleans[word]
+
+    return fix
+
+
+def _number_of(shape: Shape, at: str, scope: Scope) -> _Fix:
+    least, above, most, whole = shape.least, shape.above, shape.most, shape.kind is int
+
+    def fix(value: Any, found: Repairs) -> Any:  # noqa: ANN401 - JSON
+        number = value
+        if type(number) is str:
+            number = _number(number)
+            found_kind: RepairKind | None = RepairKind.TEXT_AS_NUMBER
+        else:
+            found_kind = None
+        if type(number) not in (int, float) or not isfinite(number):
+            raise _Beyond
+        if whole and type(number) is float:
+            if not number.is_integer():
+                raise _Beyond
+            number, found_kind = int(number), found_kind or RepairKind.WHOLE_NUMBER
+        if (
+            (least is not None and number < least)
+            or (most is not None and number > most)
+            or (above is not None and number <= above)
+        ):
+            number, found_kind = _brought_into(number, shape, at, scope)
+        if found_kind is None:
+            return value
+        found[at, found_kind] = quoted(value)
+        return number
+
+    return fix
+
+
+def _number(text: str) -> float | int | None:
+    """Read a number that is given as text."""
+    try:
+        return int(text) if text.strip().lstrip("+-").isdigit() else float(text)
+    except ValueError:
+        return None
+
+
+def _brought_into(number: float, shape: Shape, at: str, scope: Scope) -> tuple[float, RepairKind]:
+    """Bring a number into the limits of its field.
+
+    Raises:
+        _Beyond: there is no sure way.
+
+    """
+    if shape.most == _ANGLE and shape.least == -_ANGLE:
+        return remainder(number, 2 * pi), RepairKind.ANGLE_WRAPPED
+    if scope is Scope.REPORT and shape.most == _PERCENT and shape.least == 0:
+        return min(max(number, 0.0), _PERCENT), RepairKind.CLAMPED
+    if scope is Scope.REPORT and at.endswith("localizationScore") and 1 < number <= _PERCENT:
+        return number / _PERCENT, RepairKind.SCALED
+    raise _Beyond

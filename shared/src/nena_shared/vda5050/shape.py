@@ -1,0 +1,122 @@
+"""What the messages of a version look like, read from their pydantic forms: one description for several uses.
+
+A form states each field of its version once. What else has to know the fields (the repairs of deviating
+messages) reads them here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from enum import StrEnum
+from functools import cache
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
+
+from annotated_types import Ge, Gt, Le, MaxLen
+from pydantic import AliasChoices, BeforeValidator
+from pydantic.fields import FieldInfo
+
+from nena_shared.vda5050.base import WireObject
+from nena_shared.vda5050.spelling import Reads
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """One value: its Python type, limits, and other names that are read for it."""
+
+    kind: type
+    """str, int, float, bool, datetime, an enumeration, tuple, a form, or object for what is not described."""
+    least: float | None = None
+    above: float | None = None
+    most: float | None = None
+    longest: int | None = None
+    item: Shape | None = None
+    """Of a tuple: its elements."""
+    names: Mapping[str, str] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One field of a form."""
+
+    name: str
+    """In Python."""
+    wire: tuple[str, ...]
+    """On the wire; the first is the one that is written."""
+    shape: Shape
+    required: bool
+    nullable: bool
+
+
+@cache
+def fields_of(form: type[WireObject]) -> tuple[Field, ...]:
+    """Return the fields that ``form`` reads."""
+    return tuple(_field(name, info) for name, info in form.model_fields.items() if not info.exclude)
+
+
+def _field(name: str, info: FieldInfo) -> Field:
+    hints = [info.annotation, *info.metadata]
+    return Field(
+        name=name,
+        wire=tuple(_wire_names(name, info)),
+        shape=_shape(info.annotation, list(_flat(info.metadata))),
+        required=info.is_required(),
+        nullable=type(None) in _members(hints[0]),
+    )
+
+
+def _wire_names(name: str, info: FieldInfo) -> Iterator[str]:
+    read = info.validation_alias or info.alias or name
+    if isinstance(read, AliasChoices):
+        yield from (str(each) for each in read.choices)
+    else:
+        yield str(read)
+
+
+def _members(annotation: Any) -> tuple[Any, ...]:  # noqa: ANN401 - any type annotation
+    while get_origin(annotation) is Annotated:
+        annotation = get_args(annotation)[0]
+    return get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
+
+
+def _flat(metadata: list[Any]) -> Iterator[Any]:
+    for each in metadata:
+        if isinstance(each, FieldInfo):
+            yield from _flat(each.metadata)
+        else:
+            yield each
+
+
+def _shape(annotation: Any, metadata: list[Any]) -> Shape:  # noqa: ANN401 - any type annotation
+    origin = get_origin(annotation)
+    if origin is Annotated:
+        inner, *more = get_args(annotation)
+        return _shape(inner, [*metadata, *_flat(more)])
+    if origin in (Union, UnionType):
+        kinds = [each for each in get_args(annotation) if each is not type(None)]
+        return _shape(kinds[0], metadata) if len(kinds) == 1 else Shape(object)
+    if any(isinstance(each, BeforeValidator) and not isinstance(each, Reads) for each in metadata):
+        return Shape(object)  # the version reads it in a way of its own
+    if origin is tuple:
+        return Shape(tuple, item=_shape(get_args(annotation)[0], []))
+    if isinstance(annotation, type) and issubclass(
+        annotation, (str, int, float, datetime, StrEnum, WireObject)
+    ):
+        return _limited(annotation, metadata)
+    return Shape(object)
+
+
+def _limited(kind: type, metadata: list[Any]) -> Shape:
+    found = {type(each): each for each in metadata}
+    least, above, most, longest = found.get(Ge), found.get(Gt), found.get(Le), found.get(MaxLen)
+    reads = found.get(Reads)
+    return Shape(
+        kind,
+        least=None if least is None else float(least.ge),
+        above=None if above is None else float(above.gt),
+        most=None if most is None else float(most.le),
+        longest=None if longest is None else longest.max_length,
+        names=None if reads is None else reads.names,
+    )

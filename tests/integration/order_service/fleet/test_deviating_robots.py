@@ -1,0 +1,100 @@
+"""Robots that deviate from the standard under fleet control, over a real broker."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from nena_order_service.fleet import LinkStatus
+from nena_shared.mqtt import Outbound
+from nena_shared.vda5050.repair import RepairKind
+from nena_shared.vda5050.topics import Topic
+from support.broker import Broker
+from support.fleet import make_mission
+from support.honest_robot import ROBOT
+from support.waiting import until
+from support.wired_robot import QUICK, WiredFleet, WiredRobot
+
+pytestmark = pytest.mark.broker
+
+Change = Callable[[dict[str, Any]], object]
+
+
+class DeviatingRobot(WiredRobot):
+    """A robot whose states are changed before they are sent."""
+
+    def __init__(self, broker: Broker, interface_name: str, change: Change) -> None:
+        super().__init__(broker, interface_name)
+        self.change = change
+
+    def report(self) -> None:
+        """Send the state as it should not be."""
+        content = json.loads(self.codec.encode(self.robot.state(asyncio.get_running_loop().time())))
+        self.change(content)
+        payload = json.dumps(content).encode()
+        self.link.publish(Outbound(self.scheme.of(self.robot.key, Topic.STATE), payload, keep=False))
+
+
+def face_west(state: dict[str, Any]) -> None:
+    state["agvPosition"]["theta"] = 3.1416
+
+
+def be_sloppy(state: dict[str, Any]) -> None:
+    """Deviate in many ways at once."""
+    face_west(state)
+    state |= {"version": "v2.1", "timestamp": "", "velocity": {"vx": float("nan")}, "errors": None}
+    state["batteryState"]["batteryCharge"] = 101.3
+    state["operatingMode"] = state["operatingMode"].lower()
+    for node in state["nodeStates"]:
+        node["sequenceId"] = float(node["sequenceId"])
+
+
+@pytest.mark.parametrize("change", [face_west, be_sloppy])
+async def test_a_robot_that_deviates_finishes_its_order(
+    broker: Broker, interface_name: str, change: Change
+) -> None:
+    async with (
+        WiredFleet(broker, interface_name).connected() as fleet,
+        DeviatingRobot(broker, interface_name, change).connected() as robot,
+    ):
+        await until(lambda: fleet.fleet.view(ROBOT).availability.can_take_order, what="a free robot")
+        fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B", operation="pick"))
+        await fleet.wait_for("MissionAccepted")
+        for _ in range(3):
+            robot.step()
+        await fleet.wait_for("MissionFinished")
+        found = {(each.field, each.kind) for each in fleet.fleet.deviations.of(ROBOT)}
+    assert ("state.agvPosition.theta", RepairKind.ANGLE_WRAPPED) in found
+    assert fleet.fleet.malformed == 0
+
+
+async def test_a_robot_that_cannot_be_understood_is_not_called_silent(
+    broker: Broker, interface_name: str
+) -> None:
+    def lose_order_id(state: dict[str, Any]) -> None:
+        state["orderId"] = {"id": "m"}
+
+    async with (
+        WiredFleet(broker, interface_name, QUICK).connected() as fleet,
+        DeviatingRobot(broker, interface_name, lose_order_id).connected() as robot,
+    ):
+        view = await until(
+            lambda: (
+                (robot.report(), fleet.fleet.view(ROBOT))[1]
+                if "cannot be read" in fleet.fleet.view(ROBOT).availability.reason
+                else robot.report()
+            ),
+            what="a reason",
+        )
+        assert view.availability.reason == (
+            'sends states that cannot be read: orderId: Input should be a valid string (received {"id":"m"})'
+        )
+        await until(
+            lambda: robot.report() or fleet.fleet.view(ROBOT).link is LinkStatus.UNREADABLE,
+            what="the time after which a robot that sends nothing is silent",
+        )
+        assert "silent" not in fleet.fleet.view(ROBOT).availability.reason

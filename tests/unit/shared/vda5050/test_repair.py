@@ -1,0 +1,251 @@
+"""What becomes of deviations that are seen in the field: repaired, left out, replaced or refused."""
+
+from __future__ import annotations
+
+import json
+from copy import deepcopy
+from datetime import UTC, datetime
+from math import nan, pi
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.connection import Connection, ConnectionState
+from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.malformed import QUOTED, MalformedMessageError
+from nena_shared.vda5050.message_reader import MessageReader
+from nena_shared.vda5050.repair import Repair, Repairs, Scope, parsed, repair
+from nena_shared.vda5050.state import State
+from nena_shared.vda5050.v2_1 import CODEC
+from nena_shared.vda5050.versions import CODECS
+from support.fleet_examples import connection, position, way
+from support.fleet_examples import state as robot_state
+from support.messages import messages
+
+TOPIC = "uagv/v2/ACME/r1/state"
+ARRIVAL = datetime(2026, 1, 2, tzinfo=UTC)
+MISSING: Any = object()
+
+STATE: dict[str, Any] = json.loads(
+    CODEC.encode(
+        robot_state(
+            **way("A", "B"),
+            mobile_robot_position=position(1.0, 2.0),
+            velocity={"vx": 0.5},
+            errors=(
+                {
+                    "error_type": "x",
+                    "error_level": "WARNING",
+                    "error_references": ({"reference_key": "nodeId", "reference_value": "1"},),
+                },
+            ),
+            information=({"info_type": "i", "info_level": "INFO"},),
+        )
+    )
+)
+
+
+def deviating(path: str, value: Any) -> bytes:
+    """Return the state with another value at a path of names and numbers."""
+    content = deepcopy(STATE)
+    *parents, last = (int(part) if part.isdigit() else part for part in path.split("."))
+    place: Any = content
+    for parent in parents:
+        place = place[parent]
+    if value is MISSING:
+        del place[last]
+    else:
+        place[last] = value
+    return json.dumps(content).encode()
+
+
+def read(payload: bytes) -> tuple[State, list[Repair]]:
+    repairs: list[Repair] = []
+    reader = MessageReader(lambda _, found: repairs.extend(found))
+    return reader.read(State, TOPIC, payload, "v2"), repairs
+
+
+REPAIRED: list[tuple[str, Any, str, str, Any]] = [
+    ("agvPosition.theta", 3.1416, "angle_wrapped", "mobile_robot_position.theta", 3.1416 - 2 * pi),
+    ("agvPosition.theta", -3.2, "angle_wrapped", "mobile_robot_position.theta", 2 * pi - 3.2),
+    ("agvPosition.theta", "0.5", "text_as_number", "mobile_robot_position.theta", 0.5),
+    ("agvPosition.theta", nan, "left_out", "mobile_robot_position", None),
+    ("agvPosition.localizationScore", 95, "scaled", "mobile_robot_position.localization_score", 0.95),
+    ("agvPosition.localizationScore", -5, "left_out", "mobile_robot_position.localization_score", None),
+    ("agvPosition.localizationScore", 900, "left_out", "mobile_robot_position.localization_score", None),
+    ("agvPosition.deviationRange", -1, "left_out", "mobile_robot_position.deviation_range", None),
+    ("agvPosition.mapId", 7, "number_as_text", "mobile_robot_position.map_id", "7"),
+    ("agvPosition.positionInitialized", "true", "text_as_boolean", "mobile_robot_position.localized", True),
+    ("agvPosition.positionInitialized", 1, "text_as_boolean", "mobile_robot_position.localized", True),
+    ("batteryState.batteryCharge", 101.3, "clamped", "power_supply.state_of_charge", 100.0),
+    ("batteryState.batteryCharge", -1, "clamped", "power_supply.state_of_charge", 0.0),
+    ("batteryState.batteryCharge", "80", "text_as_number", "power_supply.state_of_charge", 80.0),
+    ("batteryState.batteryCharge", None, "replaced", "power_supply.state_of_charge", 0.0),
+    ("batteryState.batteryHealth", 120, "clamped", "power_supply.battery_health", 100.0),
+    ("batteryState.batteryVoltage", nan, "left_out", "power_supply.battery_voltage", None),
+    ("batteryState.charging", "FALSE", "text_as_boolean", "power_supply.charging", False),
+    ("velocity.vx", nan, "left_out", "velocity.vx", None),
+    ("velocity", [], "left_out", "velocity", None),
+    ("errors.0.errorLevel", "ERROR", "replaced", "errors.0.error_level", "FATAL"),
+    ("errors.0.errorLevel", "warning", "letter_case", "errors.0.error_level", "WARNING"),
+    ("errors.0.errorLevel", MISSING, "replaced", "errors.0.error_level", "FATAL"),
+    ("errors.0.errorType", MISSING, "replaced", "errors.0.error_type", "unknown"),
+    ("errors.0.errorReferences", None, "empty_list", "errors.0.error_references", ()),
+    (
+        "errors.0.errorReferences.0.referenceValue",
+        3,
+        "number_as_text",
+        "errors.0.error_references.0.reference_value",
+        "3",
+    ),
+    ("errors.0.errorReferences.0.referenceValue", [], "left_out", "errors.0.error_references", ()),
+    ("errors", None, "empty_list", "errors", ()),
+    ("errors", MISSING, "empty_list", "errors", ()),
+    ("edgeStates", MISSING, "empty_list", "edge_states", ()),
+    ("actionStates", None, "empty_list", "action_states", ()),
+    ("actionStates", MISSING, "empty_list", "action_states", ()),
+    ("nodeStates", None, "empty_list", "node_states", ()),
+    ("nodeStates.0.sequenceId", 2.0, "whole_number", "node_states.0.sequence_id", 2),
+    ("nodeStates.0.sequenceId", "2", "text_as_number", "node_states.0.sequence_id", 2),
+    ("nodeStates.0.nodeId", 5, "number_as_text", "node_states.0.node_id", "5"),
+    ("nodeStates.0.nodePosition", {"x": 1.0}, "left_out", "node_states.0.node_position", None),
+    ("information", None, None, "information", None),
+    ("information.0.infoLevel", "WARN", "left_out", "information", ()),
+    ("loads", [{"weight": -3}], "left_out", "loads.0.weight", None),
+    ("loads", [5], "left_out", "loads", None),
+    ("orderUpdateId", None, "replaced", "order_update_id", 0),
+    ("orderId", 12, "number_as_text", "order_id", "12"),
+    ("lastNodeId", None, "replaced", "last_node_id", ""),
+    ("lastNodeSequenceId", -1, "replaced", "last_node_sequence_id", 0),
+    ("operatingMode", "automatic", "letter_case", "operating_mode", "AUTOMATIC"),
+    ("operatingMode", "teach_in", "letter_case", "operating_mode", "TEACH_IN"),
+    ("operatingMode", "FLYING", "replaced", "operating_mode", "MANUAL"),
+    ("operatingMode", MISSING, "replaced", "operating_mode", "MANUAL"),
+    ("safetyState.eStop", "autoAck", "letter_case", "safety_state.field_violation", True),
+    ("safetyState.eStop", "none", "letter_case", "safety_state.active_emergency_stop", "NONE"),
+    ("safetyState.eStop", "PRESSED", "replaced", "safety_state.active_emergency_stop", "MANUAL"),
+    ("headerId", "5", "text_as_number", "header_id", 5),
+    ("headerId", 2**40, "replaced", "header_id", 0),
+    ("headerId", MISSING, "replaced", "header_id", 0),
+    ("serialNumber", 17, "number_as_text", "serial_number", "17"),
+    ("version", "2.1", "version_number", "version", "2.1.0"),
+    ("version", "v2.1.0", "version_number", "version", "2.1.0"),
+    ("version", 2.1, "version_number", "version", "2.1.0"),
+    ("version", "2", "version_number", "version", "2.0.0"),
+    ("version", None, "version_number", "version", "2.1.0"),
+    ("driving", 0, "text_as_boolean", "driving", False),
+    ("paused", "yes", "left_out", "paused", None),
+    ("distanceSinceLastNode", -0.01, "left_out", "distance_since_last_node", None),
+]
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "kind", "field", "expected"),
+    REPAIRED,
+    ids=[f"{path}={'missing' if value is MISSING else value}"[:60] for path, value, *_ in REPAIRED],
+)
+def test_what_the_meaning_survives_is_repaired_and_reported(
+    path: str, value: Any, kind: str | None, field: str, expected: Any
+) -> None:
+    message, repairs = read(deviating(path, value))
+
+    found: Any = message
+    for part in field.split("."):
+        found = found[int(part)] if part.isdigit() else getattr(found, part)
+    assert found == (pytest.approx(expected) if isinstance(expected, float) else expected)
+    assert [each.kind for each in repairs] == ([kind] if kind else [])
+    if repairs:
+        named = "".join(part for part in path if not part.isdigit()).replace("..", ".")
+        assert named.startswith(repairs[0].field) or repairs[0].field.startswith(named)
+
+
+@pytest.mark.parametrize("value", [1_700_000_000, "", None, "yesterday", MISSING, "2026-01-01"])
+def test_the_time_of_arrival_stands_for_a_timestamp_that_cannot_be_read(value: Any) -> None:
+    before = datetime.now(UTC)
+    message, repairs = read(deviating("timestamp", value))
+
+    assert (message.timestamp - before).total_seconds() == pytest.approx(0.0, abs=60.0)
+    assert [(each.field, each.kind) for each in repairs] == [("timestamp", "time_of_arrival")]
+
+
+def test_a_byte_order_mark_is_skipped() -> None:
+    message, repairs = read(b"\xef\xbb\xbf" + json.dumps(STATE).encode())
+
+    assert message.header_id == 1
+    assert [(each.field, each.kind) for each in repairs] == [("message", "byte_order_mark")]
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("orderId", MISSING),
+        ("orderId", None),
+        ("nodeStates", MISSING),
+        ("nodeStates", {}),
+        ("nodeStates.0", "A"),
+        ("nodeStates.0.nodeId", MISSING),
+        ("nodeStates.0.released", MISSING),
+        ("nodeStates.0.sequenceId", 1.5),
+        ("edgeStates.0.edgeId", None),
+        ("batteryState", MISSING),
+        ("safetyState", None),
+        ("driving", "perhaps"),
+        ("version", "3.0.0"),
+    ],
+)
+def test_what_cannot_be_acted_on_safely_costs_the_message(path: str, value: Any) -> None:
+    with pytest.raises(MalformedMessageError) as caught:
+        read(deviating(path, value))
+    assert caught.value.problems[0].startswith(path.removesuffix(".0"))
+
+
+def test_a_strict_reader_repairs_nothing() -> None:
+    for path, value, kind, *_ in REPAIRED:
+        if kind is not None:
+            with pytest.raises(MalformedMessageError):
+                MessageReader(strict=True).read(State, TOPIC, deviating(path, value), "v2")
+
+
+def test_quoted_values_are_short() -> None:
+    _, repairs = read(deviating("errors.0.errorLevel", "x" * 1000))
+    assert len(repairs[0].received) <= QUOTED + len("...")
+
+
+def test_a_connection_in_other_letters_is_read() -> None:
+    payload = CODEC.encode(connection()).replace(b'"ONLINE"', b'"online"')
+    read_message = MessageReader().read(Connection, "uagv/v2/ACME/r1/connection", payload, "v2")
+    assert read_message.connection_state is ConnectionState.ONLINE
+
+
+def test_a_factsheet_with_null_lists_and_an_unknown_scope_is_read(factsheet: dict[str, Any]) -> None:
+    features = factsheet["protocolFeatures"]
+    features["optionalParameters"] = None
+    features["agvActions"][0]["actionScopes"].append("SPACE")
+    message = MessageReader().read(
+        Factsheet, "uagv/v2/ACME/r1/factsheet", json.dumps(factsheet).encode(), "v2"
+    )
+    assert message.protocol_features.optional_parameters == ()
+    assert message.protocol_features.mobile_robot_actions[0].action_scopes == ("NODE",)
+
+
+@pytest.mark.parametrize(
+    ("codec", "kind"),
+    [(codec, kind) for codec in CODECS.values() for kind in codec.forms],
+    ids=lambda value: value.version if isinstance(value, Codec) else value.__name__,
+)
+@settings(max_examples=25)
+@given(st.data())
+def test_nothing_is_repaired_in_a_message_that_keeps_to_the_standard(
+    codec: Codec, kind: type[Header], data: st.DataObject
+) -> None:
+    payload = codec.encode(data.draw(messages(kind)))
+    found: Repairs = {}
+    content = parsed(payload, found)
+    assert content is not None
+    for scope in Scope:
+        repair(codec.forms[kind], content, found, version=codec.version, now=ARRIVAL, scope=scope)
+    assert not found
