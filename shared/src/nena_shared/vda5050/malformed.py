@@ -47,6 +47,11 @@ class MalformedMessageError(Exception):
         quote = f"{QUOTE}{self.received})" if self.received else ""
         return f"{self.problems[0]}{quote}"
 
+    @property
+    def quoted_problems(self) -> tuple[str, ...]:
+        """The problems, the first with the value that was received."""
+        return (self.reason, *self.problems[1:])
+
 
 def received_in(error: ValidationError, payload: bytes) -> str:
     """Quote what pydantic's first finding is about: a value, or the beginning of what is no JSON."""

@@ -29,7 +29,7 @@ import msgspec
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import from_json
 
-from nena_shared.utc import iso
+from nena_shared.clock import iso
 from nena_shared.vda5050.action import ActionState
 from nena_shared.vda5050.base import Header, Timestamp, WireObject
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel

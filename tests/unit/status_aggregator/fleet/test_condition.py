@@ -76,7 +76,7 @@ def test_a_vehicle_that_only_the_order_service_knows_is_not_silent() -> None:
 
 def test_no_state_that_could_be_read() -> None:
     condition, text = conclude(state=None, problem="headerId: missing")
-    assert (condition, text) == (Condition.SILENT, "Unreadable state: headerId: missing")
+    assert (condition, text) == (Condition.ERROR, "Unreadable state: headerId: missing")
 
 
 def test_broken_by_the_will_even_while_the_last_state_is_fresh() -> None:
@@ -241,3 +241,9 @@ def test_the_state_of_a_node(condition: Condition, last: StateBrief | None, sess
 def test_where_the_session_is() -> None:
     assert ros_session(reporting("FAILED")) == RosSession(SessionState.FAILED, "/r1", "7")
     assert ros_session(state()) is None
+
+
+def test_a_robot_whose_states_are_unreadable_is_not_silent() -> None:
+    condition, text = conclude(overdue=True, unreadable="state: orderId: is missing")
+    assert condition is Condition.ERROR
+    assert text.endswith("state: orderId: is missing")

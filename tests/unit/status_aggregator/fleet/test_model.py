@@ -133,7 +133,7 @@ def test_a_robot_that_is_never_understood_is_seen() -> None:
     fleet = model()
     fleet.on_malformed(MessageKind.STATE, "uagv/v2/ACME/r1/state", "headerId: missing", at(0), key=ROBOT)
     view = view_of(fleet)
-    assert (view["condition"], view["malformed"]) == ("SILENT", 1)
+    assert (view["condition"], view["malformed"]) == ("ERROR", 1)
     assert view["reason"] == "Unreadable state: state: headerId: missing"
     shown = fleet.snapshot()["malformed"]
     assert (shown["counts"], shown["lastProblem"]) == ({"state": 1}, "headerId: missing")

@@ -53,6 +53,7 @@ def aggregator() -> Aggregator:
     )
     model.on_connection(broken, connection("CONNECTION_BROKEN", robot=broken), now)
     model.on_malformed(MessageKind.STATE, "t", "p", now)
+    model.statistics.repaired = {("state.agvPosition.theta", "angle_wrapped"): 3}
     model.on_order_status(order_status("living"), now)
     model.on_order_status(
         order_status("ended", state=TransportOrderState.FINISHED, finished=START.replace(minute=1)),

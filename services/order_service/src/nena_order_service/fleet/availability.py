@@ -22,7 +22,8 @@ LINK_REASONS: Final = {
 def away(link: LinkStatus, unreadable: str = "", *, broker: bool) -> str | None:
     """Say why the robot cannot be reached; None if it can.
 
-    ``unreadable`` says what is wrong with its messages. ``broker`` is also False while the robot has to report before it is sent anything, see
+    ``unreadable`` says what is wrong with its messages. ``broker`` is also False while the robot has to
+    report before it is sent anything, see
     :meth:`FleetController.on_broker`.
     """
     if not broker:
