@@ -201,7 +201,7 @@ class AggregatorSettings(ServiceSettings):
     )
     strict: bool = Field(
         default=False,
-        description="Whether messages of robots that break the standard are refused rather than repaired.",
+        description="Reject robot messages that violate VDA 5050 instead of repairing them.",
     )
     robots_limit: int = Field(
         2000,
