@@ -1,4 +1,4 @@
-"""What is wrong (errors) or suspicious (warnings) in a plant model, whatever file it came from."""
+"""Find errors and suspicious content (warnings) in a plant model of any format."""
 
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Container, Iterator, Mapping
@@ -14,8 +14,28 @@ from nena_shared.plant.model import NO_OPERATION, RECHARGE_OPERATION, PlantModel
 from nena_shared.plant.track import BACKWARD_SUFFIX, PointType
 
 
-def cut_off_points(model: PlantModel) -> tuple[str, ...]:
-    """Return the points, in the model's order, outside the strong component of the best connected one.
+def find_errors(model: PlantModel) -> tuple[Problem, ...]:
+    """Return all errors that make the model unusable, such as dangling references."""
+    return (
+        *_name_errors(model),
+        *_reference_errors(model),
+        *_member_errors(model),
+        *_transform_errors(model),
+    )
+
+
+def find_warnings(model: PlantModel) -> tuple[Problem, ...]:
+    """Return all warnings: content that the author probably did not intend."""
+    return (
+        *_name_warnings(model),
+        *_track_warnings(model),
+        *_location_warnings(model),
+        *find_property_warnings(model),
+    )
+
+
+def disconnected_points(model: PlantModel) -> tuple[str, ...]:
+    """Return the points outside the strongly connected component of the best connected point.
 
     Empty if every point can be reached from every other. The best connected point is the one with most edges.
     """
@@ -90,7 +110,7 @@ _REFERENCES: Final[_References] = MappingProxyType(
 
 
 def find_property_warnings(model: PlantModel) -> Iterator[Problem]:
-    """Yield what is suspicious about the properties of all objects, and a missing charging place."""
+    """Yield suspicious properties of all objects, and a missing recharge operation."""
     for kind, name, properties in _all_properties(model):
         for key, value in properties.items():
             for code, text in _findings(model, key, value):
@@ -103,8 +123,8 @@ def _recharging(model: PlantModel) -> Iterator[Problem]:
     operations = {operation for each in model.location_types for operation in each.allowed_operations}
     if RECHARGE_OPERATION not in operations:
         similar = sorted(each for each in operations if each.casefold() == RECHARGE_OPERATION.casefold())
-        hint = f" ({similar[0]!r} is another operation: case counts)" if similar else ""
-        text = f"no location type allows {RECHARGE_OPERATION!r}, so no vehicle is sent to recharge{hint}"
+        hint = f" ({similar[0]!r} is a different operation: names are case-sensitive)" if similar else ""
+        text = f"no location type allows {RECHARGE_OPERATION!r}, so vehicles are never recharged{hint}"
         yield Problem("NO_RECHARGE_OPERATION", ObjectKind.MODEL, model.name, text)
 
 
@@ -119,24 +139,24 @@ def _all_properties(model: PlantModel) -> Iterator[tuple[ObjectKind, str, Mappin
 
 
 def _findings(model: PlantModel, key: str, value: str) -> Iterator[tuple[str, str]]:
-    if meant := _meant(key):
-        yield "MISSPELT_PROPERTY", f"property {key!r} is not known; is {meant!r} meant?"
+    if meant := _intended_key(key):
+        yield "MISSPELT_PROPERTY", f"unknown property {key!r}; did you mean {meant!r}?"
     if not value.strip():
         yield "EMPTY_PROPERTY", f"property {key!r} has no value"
     elif (key in _NUMBERS or key.startswith(_COSTS)) and not _is_number(value):
-        yield "PROPERTY_NOT_A_NUMBER", f"property {key!r} is {value!r}, it must be a number, 0 or more"
-    elif _names_nothing(model, key, value):
-        yield "PROPERTY_NAMES_NOTHING", f"property {key!r} names {value!r}, which is not there"
+        yield "PROPERTY_NOT_A_NUMBER", f"property {key!r} is {value!r}; it must be a number of at least 0"
+    elif _has_dangling_value(model, key, value):
+        yield "PROPERTY_NAMES_NOTHING", f"property {key!r} refers to unknown {value!r}"
 
 
-def _names_nothing(model: PlantModel, key: str, value: str) -> bool:
+def _has_dangling_value(model: PlantModel, key: str, value: str) -> bool:
     if key == keys.VEHICLE_TYPE and not model.vehicle_types:
         return False
     return key in _REFERENCES and value not in _REFERENCES[key](model)
 
 
-def _meant(key: str) -> str | None:
-    """Return the key that was probably meant, or None if this one is known or simply somebody else's."""
+def _intended_key(key: str) -> str | None:
+    """Return the key that was probably intended; None for known keys and those of other software."""
     if key in _KNOWN or key.startswith(_FAMILIES):
         return None
     if key != key.strip():
@@ -148,7 +168,7 @@ def _meant(key: str) -> str | None:
 
 
 def _is_number(value: str) -> bool:
-    """Whether this is a number from 0 up; `Infinity` is one, for it is a cost that excludes a path."""
+    """Return whether this is a number of at least 0, or `Infinity`: a cost that excludes a path."""
     try:
         number = float(value)
     except ValueError:
@@ -157,26 +177,6 @@ def _is_number(value: str) -> bool:
 
 
 _NAMES_SHOWN = 10
-
-
-def find_errors(model: PlantModel) -> tuple[Problem, ...]:
-    """Return everything that makes the model unusable, such as references that lead nowhere."""
-    return (
-        *_name_errors(model),
-        *_reference_errors(model),
-        *_member_errors(model),
-        *_transform_errors(model),
-    )
-
-
-def find_warnings(model: PlantModel) -> tuple[Problem, ...]:
-    """Return everything that an author probably did not intend."""
-    return (
-        *_name_warnings(model),
-        *_track_warnings(model),
-        *_location_warnings(model),
-        *find_property_warnings(model),
-    )
 
 
 def _names(model: PlantModel) -> Iterator[tuple[ObjectKind, str]]:
@@ -192,11 +192,11 @@ def _name_errors(model: PlantModel) -> Iterator[Problem]:
     times = Counter(name for _, name in _names(model))
     for kind, name in dict.fromkeys(_names(model)):
         if times[name] > 1:
-            text = f"{times[name]} objects have this name; names are unique over all kinds of object"
+            text = f"{times[name]} objects have this name; names must be unique over all kinds of objects"
             yield Problem("DUPLICATE_NAME", kind, name, text)
     for path in model.paths:
         if path.max_reverse_velocity_mm_s and path.name + BACKWARD_SUFFIX in times:
-            text = f"another object has the id of its backward edge, {path.name + BACKWARD_SUFFIX!r}"
+            text = f"another object has the ID of its backward edge, {path.name + BACKWARD_SUFFIX!r}"
             yield Problem("DUPLICATE_NAME", ObjectKind.PATH, path.name, text)
 
 
@@ -221,30 +221,28 @@ def _member_errors(model: PlantModel) -> Iterator[Problem]:
     for block in model.blocks:
         for member in block.members:
             if member not in resources:
-                text = f"its member {member!r} is neither a point nor a path nor a location"
+                text = f"member {member!r} is not a point, path or location"
                 yield Problem("UNKNOWN_REFERENCE", ObjectKind.BLOCK, block.name, text)
 
 
 def _transform_errors(model: PlantModel) -> Iterator[Problem]:
-    """Yield each property that is no transform: robots would drive elsewhere."""
+    """Yield invalid map transforms: robots would drive to wrong positions."""
     for map_id, text in transform_texts(model):
         try:
             parse_transform(text)
         except ValueError as error:
-            problem = f"the transform to map {map_id!r} cannot be used: {error}"
+            problem = f"invalid transform to map {map_id!r}: {error}"
             yield Problem("BAD_VALUE", ObjectKind.MODEL, model.name, problem)
 
 
 def _dangling(kind: ObjectKind, name: str, wanted: ObjectKind, reference: str) -> Problem:
-    return Problem(
-        "UNKNOWN_REFERENCE", kind, name, f"it refers to {wanted} {reference!r}, which is not there"
-    )
+    return Problem("UNKNOWN_REFERENCE", kind, name, f"refers to unknown {wanted} {reference!r}")
 
 
 def _name_warnings(model: PlantModel) -> Iterator[Problem]:
     for kind, name in _names(model):
         if name != name.strip() or not name.isprintable():
-            text = "the name has blanks at its ends or invisible characters; it is kept exactly so"
+            text = "the name has leading or trailing blanks or invisible characters; it is kept unchanged"
             yield Problem("SUSPICIOUS_NAME", kind, name, text)
 
 
@@ -252,21 +250,21 @@ def _track_warnings(model: PlantModel) -> Iterator[Problem]:
     used = {end for path in model.paths for end in (path.source, path.destination)}
     for point in model.points:
         if point.name not in used:
-            yield Problem("POINT_WITHOUT_PATH", ObjectKind.POINT, point.name, "no path begins or ends here")
+            yield Problem("POINT_WITHOUT_PATH", ObjectKind.POINT, point.name, "no path starts or ends here")
     for path in model.paths:
         if path.locked:
             yield Problem(
-                "PATH_LOCKED", ObjectKind.PATH, path.name, "it is locked, so nobody is routed over it"
+                "PATH_LOCKED", ObjectKind.PATH, path.name, "locked, so no vehicle is routed over it"
             )
         if not any(path.edges()):
-            text = "both of its speeds are 0, so nobody can drive it"
+            text = "both maximum speeds are 0, so no vehicle can use it"
             yield Problem("PATH_NOT_DRIVABLE", ObjectKind.PATH, path.name, text)
     if not any(point.type is PointType.PARK_POSITION for point in model.points):
-        text = "there is no PARK_POSITION, so idle vehicles stay where they are"
+        text = "no PARK_POSITION, so idle vehicles stay where they are"
         yield Problem("NO_PARK_POSITION", ObjectKind.MODEL, model.name, text)
-    if cut_off := cut_off_points(model):
+    if cut_off := disconnected_points(model):
         names = ", ".join(map(repr, cut_off[:_NAMES_SHOWN])) + (" ..." if len(cut_off) > _NAMES_SHOWN else "")
-        text = f"not every point can be reached from every other; cut off from the rest: {names}"
+        text = f"not every point is reachable from every other; disconnected: {names}"
         yield Problem("NOT_STRONGLY_CONNECTED", ObjectKind.MODEL, model.name, text)
 
 
@@ -274,14 +272,14 @@ def _location_warnings(model: PlantModel) -> Iterator[Problem]:
     for location in model.locations:
         kind, name = ObjectKind.LOCATION, location.name
         if not location.links:
-            text = "it has no link, so no vehicle can be sent there (a peripheral device needs none)"
+            text = "no link, so no vehicle can be sent there (a peripheral device needs none)"
             yield Problem("LOCATION_WITHOUT_LINK", kind, name, text)
         if location.locked:
-            yield Problem("LOCATION_LOCKED", kind, name, "it is locked")
+            yield Problem("LOCATION_LOCKED", kind, name, "locked")
         allowed = model.location_type(location.type).allowed_operations
         for link in location.links:
             if unknown := set(link.allowed_operations) - {*allowed, NO_OPERATION}:
-                text = f"its link to {link.point!r} allows {sorted(unknown)}, which its type does not"
+                text = f"the link to {link.point!r} allows {sorted(unknown)}, but the location type does not"
                 yield Problem("OPERATION_NOT_OF_TYPE", kind, name, text)
         if len({link.point for link in location.links}) < len(location.links):
-            yield Problem("DUPLICATE_LINK", kind, name, "it has two links to one point")
+            yield Problem("DUPLICATE_LINK", kind, name, "two links to the same point")

@@ -1,4 +1,4 @@
-"""What can be wrong with a plant model, as data."""
+"""Problems of plant models as data, and exceptions."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from enum import StrEnum
 
 
 class ObjectKind(StrEnum):
-    """The kinds of object of a plant model."""
+    """Kinds of objects of a plant model."""
 
     MODEL = "model"
     POINT = "point"
@@ -18,12 +18,12 @@ class ObjectKind(StrEnum):
     VEHICLE = "vehicle"
     VISUAL_LAYOUT = "visual layout"
     RESOURCE = "point, path or location"
-    """Of which of these kinds an unknown name was meant to be is open."""
+    """Unknown name that may be any of these kinds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One finding: what was found (a stable code), on which object, and a sentence that says what to do."""
+    """A finding: a stable code, the object, and a text that explains it."""
 
     code: str
     kind: ObjectKind
@@ -36,7 +36,7 @@ class Problem:
 
 
 class PlantModelError(ValueError):
-    """A plant model that cannot be used; `problems` holds every finding, not just the first."""
+    """The plant model is invalid; `problems` holds all findings."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(problems)
@@ -45,7 +45,7 @@ class PlantModelError(ValueError):
 
 
 class UnknownObjectError(LookupError):
-    """A name that the plant model does not have; `suggestions` are the names most like it."""
+    """The plant model has no object of this name; `suggestions` are similar names."""
 
     def __init__(self, kind: ObjectKind, name: str, known: Iterable[str] = ()) -> None:
         self.kind = kind

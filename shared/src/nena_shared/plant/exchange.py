@@ -12,33 +12,33 @@ from nena_shared.plant.errors import ObjectKind, PlantModelError, Problem
 from nena_shared.plant.model import PlantModel
 
 MAX_DEPTH: Final = 200
-"""Objects and arrays within each other; the parser itself refuses more."""
+"""Nesting depth; the parser's own limit."""
 
 
 @dataclass(frozen=True, slots=True)
 class JsonLimits:
-    """What a text may hold at most."""
+    """Limits of a JSON text."""
 
     size_bytes: int = 64 * 1024 * 1024
     values: int = 8_000_000
-    """Counted before anything is built: signs that begin or part values, also inside of strings."""
+    """Counted before parsing: characters that start or separate values, also inside strings."""
 
 
 JSON_LIMITS: Final = JsonLimits()
 
 
 def parse_json(data: bytes, limits: JsonLimits = JSON_LIMITS) -> Any:  # noqa: ANN401 - anything that JSON holds
-    """Return what the text holds; raises PlantModelError with one problem if it cannot be had."""
+    """Parse JSON within limits; raises PlantModelError with one problem."""
     check_size(data, limits)
     try:
         return from_json(data, allow_inf_nan=False)
     except ValueError as error:
         code = "LIMIT_EXCEEDED" if "recursion limit" in str(error) else "MALFORMED_JSON"
-        raise refusal(code, f"this is no JSON that can be read: {error}") from error
+        raise refusal(code, f"invalid JSON: {error}") from error
 
 
 def check_size(data: bytes, limits: JsonLimits = JSON_LIMITS) -> None:
-    """Raise PlantModelError for a text that would take too much memory."""
+    """Raise PlantModelError for a text beyond the limits."""
     if len(data) > limits.size_bytes:
         raise refusal("LIMIT_EXCEEDED", f"the file has {len(data)} bytes, more than {limits.size_bytes}")
     if sum(map(data.count, (b",", b"[", b"{"))) > limits.values:
@@ -46,16 +46,16 @@ def check_size(data: bytes, limits: JsonLimits = JSON_LIMITS) -> None:
 
 
 def refusal(code: str, text: str) -> PlantModelError:
-    """Return the error for a file that cannot be read at all."""
+    """Return the error for a file that cannot be read."""
     return PlantModelError([Problem(code, ObjectKind.MODEL, "", text)])
 
 
 @contextmanager
 def paused_collector() -> Iterator[None]:
-    """Keep the collector from running.
+    """Disable the cyclic garbage collector while a model is built.
 
-    A model is made of some hundred thousand objects that all stay and have no cycles; the collector would go
-    through them again and again, which takes a third of the time of loading a large plant.
+        A large model has several hundred thousand objects without cycles that all stay. Traversing them
+    repeatedly takes a third of the load time.
     """
     was_enabled = gc.isenabled()
     gc.disable()
@@ -68,7 +68,7 @@ def paused_collector() -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True)
 class ImportReport:
-    """A plant model that can be used, and what its author should know about it."""
+    """A valid plant model with warnings for its author."""
 
     model: PlantModel
     warnings: tuple[Problem, ...]
@@ -76,7 +76,7 @@ class ImportReport:
 
 @dataclass(frozen=True, slots=True)
 class ExportReport:
-    """A file's content, and what of the model the file's format cannot hold."""
+    """Content of a file, with warnings about what its format cannot represent."""
 
     data: bytes
     warnings: tuple[Problem, ...]

@@ -1,4 +1,4 @@
-"""Reads a plant model from a file of any format, told by its content."""
+"""Read plant models of any supported format, detected by content."""
 
 from enum import StrEnum
 
@@ -15,16 +15,16 @@ _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 class PlantFormat(StrEnum):
-    """The formats of plant models."""
+    """Formats of plant models."""
 
     OPENTCS = "opentcs"
     LIF = "lif"
     NENA = "nena"
-    """JSON, all that NeNa knows of a plant."""
+    """NeNa's own JSON: lossless."""
 
 
 def format_of(data: bytes) -> PlantFormat:
-    """Return the format of a file; what is no JSON is taken for XML. Raises PlantModelError."""
+    """Return the format of a file; anything but JSON counts as XML. Raises PlantModelError."""
     if not _json(data).startswith((b"{", b"[")):
         return PlantFormat.OPENTCS
     content = parse_json(_json(data))
@@ -32,7 +32,7 @@ def format_of(data: bytes) -> PlantFormat:
 
 
 def read(data: bytes, *, strict: bool = False) -> ImportReport:
-    """Read a plant model; `strict` refuses LIF that does not keep to its standard. Raises PlantModelError."""
+    """Read a plant model; `strict` rejects LIF that deviates from its standard. Raises PlantModelError."""
     match format_of(data):
         case PlantFormat.OPENTCS:
             return opentcs_xml.read(data)
@@ -43,7 +43,7 @@ def read(data: bytes, *, strict: bool = False) -> ImportReport:
 
 
 def read_nena(data: bytes) -> ImportReport:
-    """Read what `PlantModel.to_json` wrote. Raises PlantModelError."""
+    """Read the output of `PlantModel.to_json`. Raises PlantModelError."""
     check_size(data)
     try:
         with paused_collector():

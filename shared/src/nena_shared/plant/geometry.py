@@ -11,7 +11,7 @@ from typing import Final, Generic, NamedTuple, TypeVar
 
 @dataclass(frozen=True, slots=True)
 class PlantPlace:
-    """A position in metres of the plant's frame."""
+    """A position in the plant frame, metres."""
 
     x_m: float
     y_m: float
@@ -19,7 +19,7 @@ class PlantPlace:
 
 @dataclass(frozen=True, slots=True)
 class MapPlace:
-    """A position in metres of a map's frame."""
+    """A position in a map frame, metres."""
 
     x_m: float
     y_m: float
@@ -27,7 +27,7 @@ class MapPlace:
 
 @dataclass(frozen=True, slots=True)
 class PlantPose:
-    """A position in metres and a heading in radians, -pi to pi, counter-clockwise from +x of the plant."""
+    """A pose in the plant frame: metres; radians from -pi to pi, counter-clockwise from +x."""
 
     x_m: float
     y_m: float
@@ -36,7 +36,7 @@ class PlantPose:
 
 @dataclass(frozen=True, slots=True)
 class MapPose:
-    """A position in metres and a heading in radians, -pi to pi, counter-clockwise from +x of a map."""
+    """A pose in a map frame: metres; radians from -pi to pi, counter-clockwise from +x."""
 
     x_m: float
     y_m: float
@@ -45,7 +45,7 @@ class MapPose:
 
 @dataclass(frozen=True, slots=True)
 class MapTransform:
-    """How the plant lies on a map: scale, rotation (rad, counter-clockwise) and offset (m of the map frame).
+    """Transform from plant to map frame: scale, rotation (rad, counter-clockwise), offset (m of the map).
 
     Raises ValueError for a scale that is not above 0 and for numbers that are not finite.
     """
@@ -62,7 +62,7 @@ class MapTransform:
             raise ValueError(msg)
 
     def to_map(self, place: PlantPlace | PlantPose) -> MapPlace:
-        """Return where a position of the plant lies on the map."""
+        """Convert a plant position to the map frame."""
         c, s = cos(self.rotation_rad), sin(self.rotation_rad)
         return MapPlace(
             self.scale * (c * place.x_m - s * place.y_m) + self.offset_x_m,
@@ -70,40 +70,40 @@ class MapTransform:
         )
 
     def to_plant(self, place: MapPlace | MapPose) -> PlantPlace:
-        """Return where a position on the map lies in the plant."""
+        """Convert a map position to the plant frame."""
         c, s = cos(self.rotation_rad), sin(self.rotation_rad)
         dx, dy = (place.x_m - self.offset_x_m) / self.scale, (place.y_m - self.offset_y_m) / self.scale
         return PlantPlace(c * dx + s * dy, c * dy - s * dx)
 
     def heading_to_map(self, heading_rad: float) -> float:
-        """Return a heading of the plant as the map has it, -pi to pi."""
+        """Convert a plant heading to the map frame, -pi to pi."""
         return normalized(heading_rad + self.rotation_rad)
 
     def heading_to_plant(self, heading_rad: float) -> float:
-        """Return a heading on the map as the plant has it, -pi to pi."""
+        """Convert a map heading to the plant frame, -pi to pi."""
         return normalized(heading_rad - self.rotation_rad)
 
     def pose_to_map(self, pose: PlantPose) -> MapPose:
-        """Return a pose of the plant as the map has it."""
+        """Convert a plant pose to the map frame."""
         place = self.to_map(pose)
         return MapPose(place.x_m, place.y_m, self.heading_to_map(pose.heading_rad))
 
     def pose_to_plant(self, pose: MapPose) -> PlantPose:
-        """Return a pose on the map as the plant has it."""
+        """Convert a map pose to the plant frame."""
         place = self.to_plant(pose)
         return PlantPose(place.x_m, place.y_m, self.heading_to_plant(pose.heading_rad))
 
     def length_to_map(self, length_m: float) -> float:
-        """Return a length of the plant as the map has it, in metres."""
+        """Convert a plant length to the map frame, metres."""
         return length_m * self.scale
 
     def length_to_plant(self, length_m: float) -> float:
-        """Return a length on the map as the plant has it, in metres."""
+        """Convert a map length to the plant frame, metres."""
         return length_m / self.scale
 
 
 def normalized(angle_rad: float) -> float:
-    """Return the same angle between -pi and pi, as VDA 5050 has it."""
+    """Return the angle normalised to -pi to pi, as VDA 5050 requires."""
     return remainder(angle_rad, 2 * pi)
 
 
@@ -112,7 +112,7 @@ _WANTED: Final = "'scale=1 rotation=0 x=0 y=0' (rotation in degrees, x and y in 
 
 
 def parse_transform(text: str) -> MapTransform:
-    """Return what a text such as `scale=0.1 rotation=90 x=5 y=-1` says; what it leaves out changes nothing.
+    """Parse a transform such as `scale=0.1 rotation=90 x=5 y=-1`; missing values are neutral.
 
     Rotation in degrees counter-clockwise, x and y in metres of the map. Raises ValueError.
     """
@@ -133,11 +133,11 @@ def parse_transform(text: str) -> MapTransform:
 T = TypeVar("T")
 
 MOST_CELLS_OF_ONE: Final = 10_000
-"""Cells that one item may be noted in; larger ones are always looked at."""
+"""Maximum cells of one item; larger items are always candidates."""
 
 
 class Box(NamedTuple):
-    """From the least to the greatest coordinates, in one unit."""
+    """An axis-aligned box, in any unit."""
 
     x_min: float
     y_min: float
@@ -146,7 +146,7 @@ class Box(NamedTuple):
 
 
 class PlanarIndex(Generic[T]):
-    """Keeps items by the boxes that they lie in; a point's box has no extent."""
+    """Grid index of items by their bounding boxes; that of a point has no extent."""
 
     def __init__(self, items: Iterable[tuple[Box, T]]) -> None:
         self._items = list(items)
@@ -165,7 +165,7 @@ class PlanarIndex(Generic[T]):
         self._rows = _range([row for _, row in self._cells])
 
     def near(self, x: float, y: float, reach: float) -> list[T]:
-        """Give at least all items whose boxes come nearer to the place than ``reach``, in their order."""
+        """Return at least all items whose boxes are nearer to the position than ``reach``, in their order."""
         columns, rows = self._span(Box(x - reach, y - reach, x + reach, y + reach))
         found = set(self._large)
         for column in _overlap(columns, self._columns):
@@ -174,7 +174,7 @@ class PlanarIndex(Generic[T]):
         return [self._items[index][1] for index in sorted(found)]
 
     def nearest(self, x: float, y: float) -> T | None:
-        """Give the point that is nearest to the place, the first of several; None where there is none."""
+        """Return the item nearest to the position, the first of several; None if the index is empty."""
         best, least = -1, inf
         for ring, indices in enumerate(self._rings(x, y)):
             if least < (ring - 1) * self._cell:
@@ -191,7 +191,7 @@ class PlanarIndex(Generic[T]):
         return columns, range(floor(box.y_min / self._cell), floor(box.y_max / self._cell) + 1)
 
     def _rings(self, x: float, y: float) -> Iterator[Iterable[int]]:
-        """Give what is in the cell that is nearest to the place, then in those around it, and so on."""
+        """Yield the items of the cell nearest to the position, then of the cells around it, and so on."""
         if not self._cells:
             return
         column = min(max(floor(x / self._cell), self._columns.start), self._columns.stop - 1)
@@ -205,7 +205,7 @@ class PlanarIndex(Generic[T]):
 
 
 def _cell_of(boxes: list[Box]) -> float:
-    """Give the side of cells of which there are about as many as items."""
+    """Return the side length of cells, so that there are about as many as items."""
     if not boxes:
         return 1.0
     width = max(box.x_max for box in boxes) - min(box.x_min for box in boxes)
@@ -224,7 +224,7 @@ def _overlap(one: range, other: range) -> range:
 
 
 def _ring(column: int, row: int, ring: int, columns: range, rows: range) -> Iterator[tuple[int, int]]:
-    """Give the cells that are ``ring`` columns or rows away, and not more, as far as there are any."""
+    """Yield the existing cells at a distance of exactly ``ring`` columns or rows."""
     left, right, low, high = column - ring, column + ring, row - ring, row + ring
     for each in _overlap(range(left, right + 1), columns):
         if low in rows:

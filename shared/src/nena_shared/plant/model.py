@@ -1,4 +1,4 @@
-"""The plant model: everything that is drawn, routed on and dispatched to, in openTCS's vocabulary."""
+"""The plant model in openTCS's terms: locations, blocks, vehicles, drawing, and the whole model."""
 
 from collections.abc import Iterator, Mapping
 from enum import StrEnum
@@ -27,7 +27,7 @@ from nena_shared.plant.track import (
 
 
 class LocationType(PlantRecord):
-    """What can be done at the locations of this type, by vehicles and by peripheral devices."""
+    """A location type: allowed operations of vehicles and peripheral devices."""
 
     name: str = Field(min_length=1)
     allowed_operations: tuple[str, ...] = ()
@@ -37,14 +37,14 @@ class LocationType(PlantRecord):
 
 
 class Link(PlantRecord):
-    """A point from which a location is served; without operations of its own it allows all of the type's."""
+    """A link to a point that serves a location; without operations it allows all of the location type."""
 
     point: str
     allowed_operations: tuple[str, ...] = ()
 
 
 class LocationLayout(LabelLayout):
-    """How a location is drawn; `position` only where a file draws it elsewhere than the model has it."""
+    """Drawing of a location; `position` is set only if it is drawn away from its model position."""
 
     representation: str | None = None
     position: Vertex | None = None
@@ -65,17 +65,17 @@ class Location(PlantRecord):
 
     @property
     def x_m(self) -> float:
-        """The x coordinate in metres of the plant frame."""
+        """X coordinate in the plant frame, metres."""
         return self.x_mm / MM_PER_M
 
     @property
     def y_m(self) -> float:
-        """The y coordinate in metres of the plant frame."""
+        """Y coordinate in the plant frame, metres."""
         return self.y_mm / MM_PER_M
 
 
 class BlockType(StrEnum):
-    """The rule of a block."""
+    """Rule of a block."""
 
     SINGLE_VEHICLE_ONLY = "SINGLE_VEHICLE_ONLY"
     SAME_DIRECTION_ONLY = "SAME_DIRECTION_ONLY"
@@ -92,7 +92,7 @@ class Block(PlantRecord):
 
 
 class EnergyThresholds(PlantRecord):
-    """Charge levels in whole percent; critical <= good and sufficiently <= fully recharged."""
+    """Charge levels in percent; critical <= good, sufficiently <= fully recharged."""
 
     critical: int = Field(default=30, ge=0, le=100)
     good: int = Field(default=90, ge=0, le=100)
@@ -108,7 +108,7 @@ class EnergyThresholds(PlantRecord):
 
 
 class Vehicle(PlantRecord):
-    """A vehicle; its properties carry what its VDA 5050 interface needs."""
+    """A vehicle; properties hold its VDA 5050 parameters."""
 
     name: str = Field(min_length=1)
     bounding_box: BoundingBox = BoundingBox()
@@ -121,66 +121,66 @@ class Vehicle(PlantRecord):
 
     @property
     def max_velocity_m_s(self) -> float:
-        """The highest forward speed in m/s."""
+        """Maximum forward speed, m/s."""
         return self.max_velocity_mm_s / MM_PER_M
 
     @property
     def routing_group(self) -> str:
-        """The name of the routing group (property `tcs:routingGroup`), empty for the common one."""
+        """Routing group (property `tcs:routingGroup`); empty: the default group."""
         return self.properties.get(keys.ROUTING_GROUP, "")
 
     @property
     def manufacturer(self) -> str | None:
-        """The robot's manufacturer as its VDA 5050 topics name it, if the plant model says so."""
+        """Manufacturer in the robot's VDA 5050 topics, if set."""
         return self.properties.get(keys.VDA5050_MANUFACTURER)
 
     @property
     def serial_number(self) -> str | None:
-        """The robot's serial number as its VDA 5050 topics name it, if the plant model says so."""
+        """Serial number in the robot's VDA 5050 topics, if set."""
         return self.properties.get(keys.VDA5050_SERIAL_NUMBER)
 
     @property
     def interface_name(self) -> str | None:
-        """The first level of the robot's VDA 5050 topics, if the plant model says so."""
+        """InterfaceName of the robot's VDA 5050 topics, if set."""
         return self.properties.get(keys.VDA5050_INTERFACE_NAME)
 
     @property
     def protocol_version(self) -> str | None:
-        """The VDA 5050 version that the robot speaks, if the plant model says so."""
+        """VDA 5050 version of the robot, if set."""
         return self.properties.get(keys.VDA5050_VERSION)
 
     @property
     def map_id(self) -> str | None:
-        """The map on which the robot drives, if the plant model says so."""
+        """MapId of the robot's map, if set."""
         return self.properties.get(keys.VDA5050_MAP_ID)
 
     @property
     def vehicle_type(self) -> str | None:
-        """The robot's type as LIF names it, if the plant model says so."""
+        """LIF vehicle type of the robot, if set."""
         return self.properties.get(keys.VEHICLE_TYPE)
 
     @property
     def allowed_maps(self) -> frozenset[str] | None:
-        """The maps on which the robot may drive; None: all."""
+        """Maps on which the robot may drive; None: all."""
         if not (value := self.properties.get(keys.ALLOWED_MAPS)):
             return None
         return frozenset(name.strip() for name in value.split(","))
 
     @property
     def acceptable_order_types(self) -> tuple[str, ...] | None:
-        """The types of orders that the robot accepts, the one it likes best first; None: any."""
+        """Accepted order types in order of preference; None: any."""
         if not (value := self.properties.get(keys.ACCEPTABLE_ORDER_TYPES)):
             return None
         return tuple(name for part in value.split(",") if (name := part.strip()))
 
     @property
     def deviation_xy_m(self) -> float | None:
-        """The allowed deviation from a node's position in metres; None if unset or no number >= 0."""
+        """Allowed deviation from node positions, metres; None if unset or invalid."""
         return self._non_negative(keys.VDA5050_DEVIATION_XY)
 
     @property
     def deviation_theta_rad(self) -> float | None:
-        """The allowed deviation from a node's heading in radians (the property: degrees); None as above."""
+        """Allowed deviation from node headings, radians (property: degrees); None if unset or invalid."""
         degrees = self._non_negative(keys.VDA5050_DEVIATION_THETA)
         return None if degrees is None else radians(degrees)
 
@@ -193,7 +193,7 @@ class Vehicle(PlantRecord):
 
 
 class Layer(PlantRecord):
-    """A layer of the drawing; a higher ordinal lies above a lower one."""
+    """A layer of the drawing; higher ordinals are drawn above lower ones."""
 
     id: int
     ordinal: int
@@ -203,7 +203,7 @@ class Layer(PlantRecord):
 
 
 class LayerGroup(PlantRecord):
-    """A group of layers that are shown or hidden together."""
+    """A group of layers that is shown or hidden as a whole."""
 
     id: int
     name: str
@@ -211,7 +211,7 @@ class LayerGroup(PlantRecord):
 
 
 class VisualLayout(PlantRecord):
-    """The drawing of a plant; the scales are mm per pixel of the plant's own editor."""
+    """Drawing of a plant; scales are mm per pixel of the model editor."""
 
     name: str = "VLayout"
     scale_x_mm_per_px: float = Field(default=50.0, gt=0)
@@ -222,16 +222,16 @@ class VisualLayout(PlantRecord):
 
 
 NO_OPERATION = "NOP"
-"""The operation that is allowed at each link of each location."""
+"""Operation that every link of every location allows."""
 
 RECHARGE_OPERATION = "Charge"
-"""The operation by which a vehicle charges at a location."""
+"""Operation that charges a vehicle at a location."""
 
 T = TypeVar("T")
 
 
 class PlantModel(PlantRecord):
-    """An immutable plant model. Positions and lengths are whole millimetres, `..._m` properties give metres.
+    """An immutable plant model. Positions and lengths are whole millimetres; `..._m` properties are metres.
 
     Building one does not check references between objects: importers do, with `nena_shared.plant.checks`.
     """
@@ -248,7 +248,7 @@ class PlantModel(PlantRecord):
 
     @classmethod
     def from_json(cls, text: str | bytes) -> Self:
-        """Read what `to_json` wrote. Raises pydantic's ValidationError for anything else."""
+        """Parse the output of `to_json`. Raises pydantic's ValidationError."""
         return cls.model_validate_json(text)
 
     def to_json(self) -> str:
@@ -260,12 +260,12 @@ class PlantModel(PlantRecord):
 
     @cached_property
     def points_by_name(self) -> Mapping[str, Point]:
-        """The points by their names."""
+        """Points by name."""
         return {point.name: point for point in self.points}
 
     @cached_property
     def points_by_map(self) -> Mapping[str | None, PlanarIndex[Point]]:
-        """The points by the maps that they name, None for those that name none, to be found by place (m)."""
+        """Spatial index of the points (m) for each mapId; None: points without one."""
         maps: dict[str | None, list[Point]] = {}
         for point in self.points:
             maps.setdefault(point.map_id or None, []).append(point)
@@ -276,37 +276,37 @@ class PlantModel(PlantRecord):
 
     @cached_property
     def paths_by_name(self) -> Mapping[str, Path]:
-        """The paths by their names."""
+        """Paths by name."""
         return {path.name: path for path in self.paths}
 
     @cached_property
     def location_types_by_name(self) -> Mapping[str, LocationType]:
-        """The location types by their names."""
+        """Location types by name."""
         return {location_type.name: location_type for location_type in self.location_types}
 
     @cached_property
     def locations_by_name(self) -> Mapping[str, Location]:
-        """The locations by their names."""
+        """Locations by name."""
         return {location.name: location for location in self.locations}
 
     @cached_property
     def blocks_by_name(self) -> Mapping[str, Block]:
-        """The blocks by their names."""
+        """Blocks by name."""
         return {block.name: block for block in self.blocks}
 
     @cached_property
     def vehicles_by_name(self) -> Mapping[str, Vehicle]:
-        """The vehicles by their names."""
+        """Vehicles by name."""
         return {vehicle.name: vehicle for vehicle in self.vehicles}
 
     @cached_property
     def edges_by_id(self) -> Mapping[str, DirectedEdge]:
-        """The directed edges by their ids."""
+        """Directed edges by id."""
         return {edge.id: edge for edge in self.edges()}
 
     @cached_property
     def vehicle_types(self) -> frozenset[str]:
-        """The vehicle types that the plant tells apart; empty where it tells none."""
+        """Vehicle types that points and paths name; empty if none."""
         at_points = (use.vehicle_type_id for point in self.points for use in point.vehicle_types)
         on_paths = (use.vehicle_type_id for path in self.paths for use in path.vehicle_types)
         return frozenset((*at_points, *on_paths))
@@ -332,12 +332,12 @@ class PlantModel(PlantRecord):
         return _known(self.vehicles_by_name, ObjectKind.VEHICLE, name)
 
     def edges(self) -> Iterator[DirectedEdge]:
-        """Yield every drivable direction of every path, also of locked ones, in the order of the paths."""
+        """Yield every drivable direction of every path, including locked ones, in the order of the paths."""
         for path in self.paths:
             yield from path.edges()
 
     def link_operations(self, location: Location, link: Link) -> tuple[str, ...]:
-        """Return what a vehicle may do at this link: what the type allows and the link does not exclude."""
+        """Return the vehicle operations of a link: those of the location type, if the link allows them."""
         allowed = self.location_type(location.type).allowed_operations
         if not link.allowed_operations:
             return allowed
@@ -364,7 +364,7 @@ def _known(objects: Mapping[str, T], kind: ObjectKind, name: str) -> T:
 
 
 def map_transforms(model: PlantModel) -> Mapping[str, MapTransform]:
-    """Return the transform to each map for which the model has one; on others plant and map are the same.
+    """Return the transform for each map that has one; on other maps plant and map frame are identical.
 
     Raises ValueError for a property that is no transform; importers refuse such a model.
     """
@@ -388,14 +388,14 @@ ACTION_TYPES: Final[Mapping[str, str]] = MappingProxyType(
         "CHARGE": "startCharging",
     }
 )
-"""An operation that is not here is an action of the same name."""
+"""Operations without an entry map to the action of the same name."""
 
 
 def action_of(operation: str) -> str:
-    """Return the action that does an operation."""
+    """Return the VDA 5050 action for an operation."""
     return ACTION_TYPES.get(operation, operation)
 
 
 def operation_of(action_type: str) -> str:
-    """Return the operation for an action; only charging has one that everybody must know by its name."""
+    """Return the operation for an action; only charging has a standard name."""
     return RECHARGE_OPERATION if action_type == ACTION_TYPES[RECHARGE_OPERATION] else action_type

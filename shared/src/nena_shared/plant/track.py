@@ -14,7 +14,7 @@ from nena_shared.plant.geometry import normalized
 
 
 class PlantRecord(BaseModel):
-    """An immutable record; its JSON names are camelCase, and names from a newer writer are passed over."""
+    """An immutable record with camelCase JSON names; unknown names are ignored."""
 
     model_config = ConfigDict(
         frozen=True,
@@ -28,27 +28,27 @@ class PlantRecord(BaseModel):
 MM_PER_M = 1000
 
 FAR_MM: Final = 10**18
-"""Farther and longer than anything on earth; keeps what is computed from a file finite."""
+"""Limit of positions and lengths; keeps computed values finite."""
 
 Millimetres = Annotated[int, Field(ge=-FAR_MM, le=FAR_MM)]
 
 
 class Vertex(PlantRecord):
-    """A corner of an envelope, or a drawn position, in mm of the plant frame."""
+    """A vertex of an envelope or a drawn position, mm in the plant frame."""
 
     x_mm: Millimetres
     y_mm: Millimetres
 
 
 class Envelope(PlantRecord):
-    """The area that vehicles with this envelope key cover; closed: the last vertex is the first."""
+    """Area covered by vehicles with this envelope key; a closed polygon: the last vertex is the first."""
 
     key: str
     vertices: tuple[Vertex, ...]
 
 
 class BoundingBox(PlantRecord):
-    """Size of a vehicle in mm; the reference offset leads from the box's centre to the vehicle's origin."""
+    """Vehicle size in mm; the reference offset points from the box centre to the vehicle origin."""
 
     length_mm: int = Field(default=1000, ge=1, le=FAR_MM)
     width_mm: int = Field(default=1000, ge=1, le=FAR_MM)
@@ -56,8 +56,8 @@ class BoundingBox(PlantRecord):
     reference_offset_x_mm: Millimetres = 0
     reference_offset_y_mm: Millimetres = 0
 
-    def holds(self, other: "BoundingBox") -> bool:
-        """Whether another box lies within this one when their reference points lie on each other."""
+    def contains(self, other: "BoundingBox") -> bool:
+        """Return whether this box contains another one at the same reference point."""
         x_mm = abs(self.reference_offset_x_mm - other.reference_offset_x_mm)
         y_mm = abs(self.reference_offset_y_mm - other.reference_offset_y_mm)
         return (
@@ -68,7 +68,7 @@ class BoundingBox(PlantRecord):
 
 
 class LabelLayout(PlantRecord):
-    """Where the label of a drawn object stands, in pixels from it, and the layer that shows it."""
+    """Label offset of a drawn object, pixels, and its layer."""
 
     label_offset_x_px: int = -10
     label_offset_y_px: int = -20
@@ -76,7 +76,7 @@ class LabelLayout(PlantRecord):
 
 
 MOST: Final = 1e9
-"""More metres, and more metres a second, than anything on earth; keeps what is computed finite."""
+"""Limit of coordinates and speeds; keeps computed values finite."""
 
 Coordinate = Annotated[float, Field(ge=-MOST, le=MOST)]
 """m"""
@@ -84,11 +84,11 @@ Speed = Annotated[float, Field(ge=0, le=MOST)]
 """m/s or rad/s"""
 
 MAX_DEGREE: Final = 16
-"""Of a trajectory; the work for a place on it grows with the square."""
+"""Maximum degree of a trajectory: computing a position costs its square."""
 
 
 class BlockingType(StrEnum):
-    """What may go on beside an action, as in VDA 5050."""
+    """What may run in parallel to an action, as in VDA 5050."""
 
     NONE = "NONE"
     SOFT = "SOFT"
@@ -96,7 +96,7 @@ class BlockingType(StrEnum):
 
 
 class RequirementType(StrEnum):
-    """Whether fleet control sends an action: always, by agreement, or as it likes."""
+    """Whether fleet control sends an action: always, by agreement, or optionally."""
 
     REQUIRED = "REQUIRED"
     CONDITIONAL = "CONDITIONAL"
@@ -104,14 +104,14 @@ class RequirementType(StrEnum):
 
 
 class OrientationType(StrEnum):
-    """To what the orientation on a path refers: to its direction, or to the plant's frame."""
+    """Reference of the orientation on a path: its direction or the plant frame."""
 
     TANGENTIAL = "TANGENTIAL"
     GLOBAL = "GLOBAL"
 
 
 class RotationAllowed(StrEnum):
-    """In which directions a vehicle may turn at an end of a path."""
+    """Allowed directions of rotation at an end of a path."""
 
     NONE = "NONE"
     CCW = "CCW"
@@ -120,7 +120,7 @@ class RotationAllowed(StrEnum):
 
 
 class ActionParameter(PlantRecord):
-    """A fixed parameter that must be sent along with an action; a number is taken for its text."""
+    """A fixed parameter of an action; numbers are converted to strings."""
 
     model_config = ConfigDict(coerce_numbers_to_str=True)
 
@@ -129,7 +129,7 @@ class ActionParameter(PlantRecord):
 
 
 class TypeAction(PlantRecord):
-    """An action that is possible or demanded at a point or on a path."""
+    """An action that is possible or required at a point or on a path."""
 
     action_type: str
     blocking_type: BlockingType
@@ -139,19 +139,19 @@ class TypeAction(PlantRecord):
 
 
 class LoadRestriction(PlantRecord):
-    """With which loads a path may be driven; without names of load sets, with each of them."""
+    """Loads with which a path may be used; without load set names: any."""
 
     unloaded: bool
     loaded: bool
     load_set_names: tuple[str, ...] = ()
 
     def allows(self, *, loaded: bool) -> bool:
-        """Whether a vehicle with (some) load, or without one, may drive here."""
+        """Return whether a loaded or unloaded vehicle may drive here."""
         return self.loaded if loaded else self.unloaded
 
 
 class TrajectoryPoint(PlantRecord):
-    """A control point of a trajectory, m of the plant frame."""
+    """A control point of a trajectory, metres in the plant frame."""
 
     x: Coordinate
     y: Coordinate
@@ -159,7 +159,7 @@ class TrajectoryPoint(PlantRecord):
 
 
 class Trajectory(PlantRecord):
-    """A NURBS from the path's source to its destination."""
+    """A NURBS curve from the path's source to its destination."""
 
     degree: int = Field(default=1, ge=1, le=MAX_DEGREE)
     knot_vector: tuple[Coordinate, ...]
@@ -171,7 +171,7 @@ class VehicleTypeAtPoint(PlantRecord):
 
     vehicle_type_id: str
     theta: float | None = None
-    """Heading that they must have here; rad of the plant frame."""
+    """Required heading, radians in the plant frame."""
     actions: tuple[TypeAction, ...] = ()
 
 
@@ -195,12 +195,12 @@ class VehicleTypeOnPath(PlantRecord):
 
     @property
     def is_backward(self) -> bool:
-        """Whether they drive here with their back first."""
+        """Whether vehicles drive here backwards."""
         tangential = self.orientation_type is OrientationType.TANGENTIAL
         return tangential and self.vehicle_orientation is not None and cos(self.vehicle_orientation) < 0
 
     def allows(self, *, loaded: bool | None) -> bool:
-        """Whether the load lets them drive here; None: nobody knows whether there is one."""
+        """Return whether vehicles may drive here with this load; None: unknown load."""
         if loaded is None or self.load_restriction is None:
             return True
         return self.load_restriction.allows(loaded=loaded)
@@ -214,7 +214,7 @@ class PointType(StrEnum):
 
 
 class Point(PlantRecord):
-    """A point of the plant; `orientation_deg` is None where any heading will do."""
+    """A point of the plant; `orientation_deg` None: any heading."""
 
     name: str = Field(min_length=1)
     x_mm: Millimetres
@@ -227,41 +227,41 @@ class Point(PlantRecord):
     properties: Mapping[str, str] = Field(default_factory=dict)
     layout: LabelLayout = LabelLayout()
     vehicle_types: tuple[VehicleTypeAtPoint, ...] = ()
-    """The vehicle types that may be here, where the plant tells them apart; empty: all."""
+    """Vehicle types that may use the point; empty: all."""
 
     @property
     def map_id(self) -> str | None:
-        """The map that the point is on (property `vda5050:mapId`); None: that of each vehicle."""
+        """MapId of the point (property `vda5050:mapId`); None: the map of each vehicle."""
         return self.properties.get(keys.VDA5050_MAP_ID)
 
     @property
     def x_m(self) -> float:
-        """The x coordinate in metres of the plant frame."""
+        """X coordinate in the plant frame, metres."""
         return self.x_mm / MM_PER_M
 
     @property
     def y_m(self) -> float:
-        """The y coordinate in metres of the plant frame."""
+        """Y coordinate in the plant frame, metres."""
         return self.y_mm / MM_PER_M
 
     @property
     def heading_rad(self) -> float | None:
-        """The wanted heading in radians, -pi to pi, counter-clockwise from +x; None where any will do."""
+        """Required heading in radians, -pi to pi, counter-clockwise from +x; None: any."""
         return None if self.orientation_deg is None else normalized(radians(self.orientation_deg))
 
     def is_open_to(self, vehicle_type: str) -> bool:
-        """Whether vehicles of a type may be here."""
+        """Return whether vehicles of a type may use the point."""
         return not self.vehicle_types or any(
             use.vehicle_type_id == vehicle_type for use in self.vehicle_types
         )
 
 
 BACKWARD_SUFFIX: Final = ":backward"
-"""The backward edge of path `A --- B` has the id `A --- B:backward`; the forward edge has the path's name."""
+"""Suffix of backward edge ids: `A --- B:backward`; the forward edge has the path's name."""
 
 
 class Orientation(StrEnum):
-    """How a vehicle drives along a path: with its front first, or backwards against the path's direction."""
+    """Driving direction on a path: forward, or backward against the path's direction."""
 
     FORWARD = "FORWARD"
     BACKWARD = "BACKWARD"
@@ -275,7 +275,7 @@ class ExecutionTrigger(StrEnum):
 
 
 class ConnectionType(StrEnum):
-    """How a path is drawn."""
+    """Shape of a drawn path."""
 
     DIRECT = "DIRECT"
     ELBOW = "ELBOW"
@@ -286,14 +286,14 @@ class ConnectionType(StrEnum):
 
 
 class ControlPoint(PlantRecord):
-    """A control point of a drawn path, in mm of the plant frame (pixels times the layout's scale)."""
+    """A control point of a drawn path, mm in the plant frame (pixels times the layout's scale)."""
 
     x_mm: float
     y_mm: float
 
 
 class PathLayout(PlantRecord):
-    """The drawn course of a path. It is no measure of the way: that is the path's length.
+    """Drawing of a path. It does not define the path's length.
 
     BEZIER has 2 control points, BEZIER_3 has 5 (two cubics that meet in the third), POLYPATH has its corners.
     """
@@ -304,7 +304,7 @@ class PathLayout(PlantRecord):
 
 
 class PeripheralOperation(PlantRecord):
-    """What a peripheral device, such as a door, does for a vehicle on this path."""
+    """Operation of a peripheral device, such as a door, for vehicles on this path."""
 
     name: str
     location: str
@@ -313,7 +313,7 @@ class PeripheralOperation(PlantRecord):
 
 
 class Path(PlantRecord):
-    """A path from one point to another; a speed of 0 mm/s means that nobody drives it in that direction."""
+    """A path between two points; a maximum speed of 0 mm/s closes that direction."""
 
     name: str = Field(min_length=1)
     source: str
@@ -327,23 +327,23 @@ class Path(PlantRecord):
     properties: Mapping[str, str] = Field(default_factory=dict)
     layout: PathLayout = PathLayout()
     vehicle_types: tuple[VehicleTypeOnPath, ...] = ()
-    """The vehicle types that may drive here, where the plant tells them apart; empty: all."""
+    """Vehicle types that may use the path; empty: all."""
 
     @property
     def length_m(self) -> float:
-        """The length in metres: the truth for costs, also where the drawn curve says otherwise."""
+        """Length in metres: counts for costs, whatever the drawing shows."""
         return self.length_mm / MM_PER_M
 
     def use_by(self, vehicle_type: str) -> VehicleTypeOnPath | None:
-        """Return how vehicles of a type may drive here, if the plant says so for them."""
+        """Return the rules for vehicles of a type, if any."""
         return next((use for use in self.vehicle_types if use.vehicle_type_id == vehicle_type), None)
 
     def is_open_to(self, vehicle_type: str) -> bool:
-        """Whether vehicles of a type may drive here."""
+        """Return whether vehicles of a type may use the path."""
         return not self.vehicle_types or self.use_by(vehicle_type) is not None
 
     def edges(self) -> Iterator["DirectedEdge"]:
-        """Yield the directions in which the path can be driven; whether it is locked makes no difference."""
+        """Yield the drivable directions of the path, locked or not."""
         if self.max_velocity_mm_s:
             yield DirectedEdge(self, Orientation.FORWARD)
         if self.max_reverse_velocity_mm_s:
@@ -352,14 +352,14 @@ class Path(PlantRecord):
 
 @dataclass(frozen=True, slots=True)
 class DirectedEdge:
-    """One direction of a path. A VDA 5050 edge is made from each."""
+    """One direction of a path; corresponds to a VDA 5050 edge."""
 
     path: Path
     orientation: Orientation
 
     @property
     def id(self) -> str:
-        """The edge's id: the path's name, with BACKWARD_SUFFIX for the backward direction."""
+        """Edge id: the path's name, with BACKWARD_SUFFIX for the backward direction."""
         return self.path.name if self.is_forward else self.path.name + BACKWARD_SUFFIX
 
     @property
@@ -369,20 +369,20 @@ class DirectedEdge:
 
     @property
     def source(self) -> str:
-        """The name of the point where this edge begins."""
+        """Name of the point at which the edge starts."""
         return self.path.source if self.is_forward else self.path.destination
 
     @property
     def destination(self) -> str:
-        """The name of the point where this edge ends."""
+        """Name of the point at which the edge ends."""
         return self.path.destination if self.is_forward else self.path.source
 
     @property
     def max_velocity_mm_s(self) -> int:
-        """The highest speed allowed in this direction, in mm/s."""
+        """Maximum speed in this direction, mm/s."""
         return self.path.max_velocity_mm_s if self.is_forward else self.path.max_reverse_velocity_mm_s
 
     @property
     def max_velocity_m_s(self) -> float:
-        """The highest speed allowed in this direction, in m/s."""
+        """Maximum speed in this direction, m/s."""
         return self.max_velocity_mm_s / MM_PER_M

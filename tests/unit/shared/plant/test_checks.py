@@ -12,7 +12,7 @@ from nena_shared.plant import (
     PointType,
     Vehicle,
 )
-from nena_shared.plant.checks import cut_off_points, find_errors, find_property_warnings, find_warnings
+from nena_shared.plant.checks import disconnected_points, find_errors, find_property_warnings, find_warnings
 from nena_shared.plant.track import VehicleTypeAtPoint
 from support.plants import grid_plant, path, plant, point
 
@@ -109,7 +109,7 @@ def test_tracks_that_nobody_drives() -> None:
 def test_points_that_are_cut_off_are_named() -> None:
     model = plant(path("A B"), path("B A"), path("A C"))
     texts = [problem.text for problem in find_warnings(model) if problem.code == "NOT_STRONGLY_CONNECTED"]
-    assert texts == ["not every point can be reached from every other; cut off from the rest: 'C'"]
+    assert texts == ["not every point is reachable from every other; disconnected: 'C'"]
 
 
 CHARGER = LocationType(name="Charger", allowed_operations=("Charge",))
@@ -177,7 +177,7 @@ def test_a_charging_place_is_missed_where_there_are_vehicles() -> None:
     model = plant(vehicles=(Vehicle(name="V"),), location_types=(loading,))
     (found,) = find_property_warnings(model)
     assert found.code == "NO_RECHARGE_OPERATION"
-    assert "'CHARGE' is another operation" in found.text
+    assert "'CHARGE' is a different operation" in found.text
     assert list(find_property_warnings(plant(location_types=(loading,)))) == []
 
 
@@ -200,28 +200,30 @@ def test_a_vehicle_type_is_one_that_the_plant_knows_where_it_knows_any(
 
 
 def test_a_ring_is_connected() -> None:
-    assert cut_off_points(plant(path("A B"), path("B C"), path("C A"))) == ()
+    assert disconnected_points(plant(path("A B"), path("B C"), path("C A"))) == ()
 
 
 def test_a_dead_end_is_not() -> None:
-    assert cut_off_points(plant(path("A B"), path("B C"), path("C A"), path("B D"))) == ("D",)
+    assert disconnected_points(plant(path("A B"), path("B C"), path("C A"), path("B D"))) == ("D",)
 
 
 def test_a_reverse_speed_leads_out_of_a_dead_end() -> None:
     model = plant(path("A B"), path("B A"), path("B D", max_reverse_velocity_mm_s=300))
-    assert cut_off_points(model) == ()
+    assert disconnected_points(model) == ()
 
 
 def test_a_locked_path_leads_nowhere() -> None:
-    assert cut_off_points(plant(path("A B"), path("B A"), path("B C"), path("C B", locked=True))) == ("C",)
+    assert disconnected_points(plant(path("A B"), path("B A"), path("B C"), path("C B", locked=True))) == (
+        "C",
+    )
 
 
 def test_the_smaller_part_is_the_one_cut_off() -> None:
     grid = grid_plant(3, 3)
     island = plant(path("X Y"), path("Y X"))
     model = PlantModel(name="both", points=(*island.points, *grid.points), paths=(*island.paths, *grid.paths))
-    assert cut_off_points(model) == ("X", "Y")
+    assert disconnected_points(model) == ("X", "Y")
 
 
 def test_an_empty_model_has_nothing_to_cut_off() -> None:
-    assert cut_off_points(PlantModel(name="empty")) == ()
+    assert disconnected_points(PlantModel(name="empty")) == ()

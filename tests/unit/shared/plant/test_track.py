@@ -42,12 +42,12 @@ def test_a_box_holds_what_sticks_out_of_it_on_no_side(outer: BoundingBox, inner:
     other = edges(inner)
     lies_within = behind <= other[0] and other[1] <= ahead and right <= other[2] and other[3] <= left
 
-    assert outer.holds(inner) is (lies_within and inner.height_mm <= outer.height_mm)
+    assert outer.contains(inner) is (lies_within and inner.height_mm <= outer.height_mm)
 
 
 @given(BOXES)
 def test_a_box_holds_itself(box: BoundingBox) -> None:
-    assert box.holds(box)
+    assert box.contains(box)
 
 
 @pytest.mark.parametrize(

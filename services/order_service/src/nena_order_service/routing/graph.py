@@ -417,7 +417,7 @@ class BoundingBoxLimit:
         """Return 0, or infinity where the vehicle is too large."""
         box = profile.bounding_box
         limit = self._points[edge.destination].max_vehicle_bounding_box
-        return 0.0 if box is None or limit.holds(box) else inf
+        return 0.0 if box is None or limit.contains(box) else inf
 
 
 _EVALUATORS: Final[Mapping[CostKey, CostEvaluator]] = MappingProxyType(

@@ -6,13 +6,13 @@ from nena_shared.plant.track import Coordinate, PlantRecord, VehicleTypeAtPoint,
 
 
 class LifRecord(PlantRecord):
-    """An object of the file; numbers where texts belong are taken for texts where the reader is lenient."""
+    """An object of the file. The lenient reader converts numbers to strings where needed."""
 
     model_config = ConfigDict(coerce_numbers_to_str=True)
 
 
 class MetaInformation(LifRecord):
-    """Who wrote the file, when, and in which version of the format."""
+    """Creator, time of export and format version of the file."""
 
     project_identification: str
     creator: str
@@ -21,20 +21,20 @@ class MetaInformation(LifRecord):
 
 
 class Position(LifRecord):
-    """A place in the frame that all layouts of a project share."""
+    """A position in the common frame of all layouts of a project."""
 
     x: Coordinate
     y: Coordinate
 
 
 class StationPosition(Position):
-    """Where a station is drawn."""
+    """Position at which a station is drawn."""
 
     theta: float | None = None
 
 
 class Node(LifRecord):
-    """A place where vehicles can be."""
+    """A node: position where vehicles can be."""
 
     node_id: str = Field(min_length=1)
     node_name: str | None = None
@@ -56,7 +56,7 @@ class Edge(LifRecord):
 
 
 class Station(LifRecord):
-    """A place where something is done, from its interaction nodes."""
+    """A station, served from its interaction nodes."""
 
     station_id: str = Field(min_length=1)
     interaction_node_ids: tuple[str, ...]
@@ -67,7 +67,7 @@ class Station(LifRecord):
 
 
 class Layout(LifRecord):
-    """A level of a plant, or a part of one."""
+    """A level of a plant, or part of a level."""
 
     layout_id: str
     layout_name: str | None = None
@@ -80,7 +80,7 @@ class Layout(LifRecord):
 
 
 class LifFile(LifRecord):
-    """A whole file of one integrator; ids are unique for each kind in all of it."""
+    """A whole file of one integrator; ids are unique for each kind of object in the file."""
 
     meta_information: MetaInformation
     layouts: tuple[Layout, ...]

@@ -1,4 +1,4 @@
-"""Reads LIF 1.0.0: strictly, or leniently with warnings."""
+"""Read LIF 1.0.0 into a plant model: strictly, or leniently with warnings."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain, count
@@ -12,7 +12,7 @@ from nena_shared.plant.checks import find_errors, find_warnings
 from nena_shared.plant.errors import ObjectKind, PlantModelError, Problem
 from nena_shared.plant.exchange import JSON_LIMITS, ImportReport, JsonLimits, parse_json, paused_collector
 from nena_shared.plant.lif import checks, curve
-from nena_shared.plant.lif.checks import faults, put_right, reach_warnings
+from nena_shared.plant.lif.checks import format_problems, reachability_warnings, repair
 from nena_shared.plant.lif.document import Edge, Layout, LifFile, Node, Station, StationPosition
 from nena_shared.plant.model import (
     NO_OPERATION,
@@ -41,27 +41,68 @@ from nena_shared.plant.track import (
 )
 
 
+def read(data: bytes, *, strict: bool = False, limits: JsonLimits = JSON_LIMITS) -> ImportReport:
+    """Read a LIF file into a plant model, in mm, with LIF's rules for each vehicle type.
+
+    Common deviations are repaired with a warning; with `strict` they are errors. Raises PlantModelError with
+    all problems if the file is not LIF 1.0.0, exceeds a limit, or if its objects contradict each other.
+    """
+    with paused_collector():
+        return _read(data, strict=strict, limits=limits)
+
+
+def _read(data: bytes, *, strict: bool, limits: JsonLimits) -> ImportReport:
+    raw = parse_json(data, limits)
+    findings = (*_format_deviations(data), *repair(raw))
+    try:
+        file = LifFile.model_validate(raw)
+    except ValidationError as error:
+        raise PlantModelError(format_problems(error)) from error
+    if problems := tuple(checks.errors(file)):
+        raise PlantModelError(problems)
+    findings = (*findings, *checks.deviations(file))
+    if strict and findings:
+        raise PlantModelError(findings)
+    names = Names(node.node_id for layout in file.layouts for node in layout.nodes)
+    model = to_plant(file, names)
+    if problems := find_errors(model):
+        raise PlantModelError(problems)
+    others: chain[Problem] = chain(
+        names.renamed, checks.unsupported_features(file), reachability_warnings(model), find_warnings(model)
+    )
+    return ImportReport(model, (*findings, *others))
+
+
+def _format_deviations(data: bytes) -> tuple[Problem, ...]:
+    """Return where types and fields deviate from the schema."""
+    try:
+        LifFile.model_validate_json(data, strict=True)
+    except ValidationError as error:
+        return format_problems(error)
+    return ()
+
+
 class Names:
-    """Gives each object a name of its own; `renamed` says which could not be called by their ids."""
+    """Allocate names that are unique over all kinds of objects; `renamed` reports changed ones."""
 
     def __init__(self, taken: Iterable[str]) -> None:
         self._taken = set(taken)
         self.renamed: list[Problem] = []
 
-    def take(self, kind: ObjectKind, wanted: str, prefix: str) -> str:
-        """Return the wanted name if nobody has it, else one with the prefix, and keep it."""
+    def allocate(self, kind: ObjectKind, wanted: str, prefix: str) -> str:
+        """Return and reserve the wanted name if it is free, else one with the prefix."""
         name = wanted
         if name in self._taken:
             tries = (f"{prefix}{'' if number == 1 else number}:{wanted}" for number in count(1))
             name = next(each for each in tries if each not in self._taken)
-            text = f"something else has this id; it is called {name!r}"
+            text = f"another object has this id; it is renamed to {name!r}"
             self.renamed.append(Problem("RENAMED", kind, wanted, text))
         self._taken.add(name)
         return name
 
 
 class StationMaker:
-    """Makes the locations one by one; stations with the same operations share a location type."""
+    """Create locations of stations; stations with the same operations share a location type."""
 
     def __init__(self, points: Mapping[str, Point], names: Names) -> None:
         self._points = points
@@ -70,7 +111,7 @@ class StationMaker:
 
     @property
     def types(self) -> tuple[LocationType, ...]:
-        """The location types of the locations made so far."""
+        """Location types of the locations created so far."""
         return tuple(self._types.values())
 
     def location(self, station: Station, layer_id: int) -> Location:
@@ -79,7 +120,7 @@ class StationMaker:
         operations = tuple(sorted({each for point in points for each in _operations(point)}))
         x_mm, y_mm = _position_mm(station.station_position, points)
         return Location(
-            name=self._names.take(ObjectKind.LOCATION, station.station_id, "station"),
+            name=self._names.allocate(ObjectKind.LOCATION, station.station_id, "station"),
             type=self._type(operations).name,
             x_mm=x_mm,
             y_mm=y_mm,
@@ -95,13 +136,13 @@ class StationMaker:
     def _type(self, operations: tuple[str, ...]) -> LocationType:
         if operations not in self._types:
             wanted = ", ".join(("Station", *operations))
-            name = self._names.take(ObjectKind.LOCATION_TYPE, wanted, "type")
+            name = self._names.allocate(ObjectKind.LOCATION_TYPE, wanted, "type")
             self._types[operations] = LocationType(name=name, allowed_operations=operations)
         return self._types[operations]
 
 
 def _operations(point: Point) -> tuple[str, ...]:
-    """Return what can be done at a point by at least one vehicle type."""
+    """Return the operations that at least one vehicle type can do at a point."""
     actions = (action for use in point.vehicle_types for action in use.actions)
     return tuple(dict.fromkeys(operation_of(action.action_type) for action in actions))
 
@@ -130,19 +171,19 @@ def _properties(station: Station) -> dict[str, str]:
 
 
 UNLIMITED_SPEED_MM_S: Final = 100_000
-"""Of a path on which at least one vehicle type may drive as fast as it can."""
+"""Maximum speed of a path that is unlimited for at least one vehicle type."""
 
 UNLIMITED_SIZE: Final = BoundingBox(length_mm=1_000_000, width_mm=1_000_000, height_mm=1_000_000)
-"""Of vehicles at points: LIF has no limits for them."""
+"""Maximum vehicle size at points: LIF has no limit."""
 
 Use = TypeVar("Use", VehicleTypeAtPoint, VehicleTypeOnPath)
 
 _PIECES: Final = 16
-"""In so many straight pieces a curve is drawn that is no cubic Bezier curve."""
+"""Number of line segments that draw a curve other than a cubic Bezier curve."""
 
 
 def to_plant(file: LifFile, names: Names) -> PlantModel:
-    """Return the plant model; nodes keep their ids as names, for robots are told them."""
+    """Return the plant model. Nodes keep their ids as names, because robots know them by these."""
     meta = file.meta_information
     points = {
         node.node_id: _point(node, layer)
@@ -181,7 +222,7 @@ def _point(node: Node, layer: int) -> Point:
         y_mm=round(node.node_position.y * MM_PER_M),
         orientation_deg=None if theta is None else degrees(theta),
         max_vehicle_bounding_box=UNLIMITED_SIZE,
-        properties=_given(
+        properties=_without_none(
             {
                 keys.VDA5050_MAP_ID: node.map_id,
                 keys.LIF_NAME: node.node_name,
@@ -198,27 +239,27 @@ def _path(edge: Edge, layer: int, points: dict[str, Point], names: Names) -> Pat
     trajectory = next((use.trajectory for use in types if use.trajectory), None)
     a, b = points[edge.start_node_id], points[edge.end_node_id]
     length_m = curve.length(trajectory) if trajectory else hypot(a.x_m - b.x_m, a.y_m - b.y_m)
-    name = names.take(ObjectKind.PATH, edge.edge_id, "edge")
+    name = names.allocate(ObjectKind.PATH, edge.edge_id, "edge")
     return Path(
         name=name,
         source=edge.start_node_id,
         destination=edge.end_node_id,
         length_mm=max(1, round(length_m * MM_PER_M)),
         max_velocity_mm_s=_speed_mm_s(types),
-        properties=_given(
+        properties=_without_none(
             {
                 keys.LIF_ID: edge.edge_id if name != edge.edge_id else None,
                 keys.LIF_NAME: edge.edge_name,
                 keys.LIF_DESCRIPTION: edge.edge_description,
             }
         ),
-        layout=_course(trajectory, layer),
+        layout=_path_layout(trajectory, layer),
         vehicle_types=types,
     )
 
 
 def _first_of_each(uses: Sequence[Use]) -> tuple[Use, ...]:
-    """Return one use for each vehicle type, the first."""
+    """Return the first rule of each vehicle type."""
     found: dict[str, Use] = {}
     for use in uses:
         found.setdefault(use.vehicle_type_id, use)
@@ -226,7 +267,7 @@ def _first_of_each(uses: Sequence[Use]) -> tuple[Use, ...]:
 
 
 def _with_usable_trajectory(use: VehicleTypeOnPath) -> VehicleTypeOnPath:
-    """Leave a trajectory out that cannot be followed, and scale one whose knots are not in 0 to 1."""
+    """Drop an invalid trajectory, and scale one with knots outside 0 to 1."""
     if use.trajectory is None:
         return use
     usable = None if curve.fault(use.trajectory) else curve.scaled(use.trajectory)
@@ -234,12 +275,12 @@ def _with_usable_trajectory(use: VehicleTypeOnPath) -> VehicleTypeOnPath:
 
 
 def _speed_mm_s(uses: Sequence[VehicleTypeOnPath]) -> int:
-    """Return the highest speed that any vehicle type may drive; the router goes by that of each."""
+    """Return the highest speed of any vehicle type; the router uses that of each type."""
     speeds = [UNLIMITED_SPEED_MM_S if use.max_speed is None else use.max_speed * MM_PER_M for use in uses]
     return round(max(speeds))
 
 
-def _course(trajectory: Trajectory | None, layer: int) -> PathLayout:
+def _path_layout(trajectory: Trajectory | None, layer: int) -> PathLayout:
     if trajectory is None:
         return PathLayout(layer_id=layer)
     if curve.is_cubic_bezier(trajectory):
@@ -254,14 +295,14 @@ def _course(trajectory: Trajectory | None, layer: int) -> PathLayout:
 
 
 def _visual_layout(layouts: Sequence[Layout]) -> VisualLayout:
-    """Return a layer for each layout; what else LIF says of it is kept in properties."""
+    """Return a layer for each layout; properties keep the other LIF fields."""
     return VisualLayout(
         layers=tuple(
             Layer(id=number, ordinal=number, name=layout.layout_name or layout.layout_id)
             for number, layout in enumerate(layouts)
         ),
         layer_groups=(LayerGroup(id=0, name="Layouts"),),
-        properties=_given(
+        properties=_without_none(
             {
                 f"{keys.LIF_LAYOUT}.{number}.{key}": value
                 for number, layout in enumerate(layouts)
@@ -277,47 +318,5 @@ def _visual_layout(layouts: Sequence[Layout]) -> VisualLayout:
     )
 
 
-def _given(values: Mapping[str, str | None]) -> dict[str, str]:
+def _without_none(values: Mapping[str, str | None]) -> dict[str, str]:
     return {key: value for key, value in values.items() if value is not None}
-
-
-def read(data: bytes, *, strict: bool = False, limits: JsonLimits = JSON_LIMITS) -> ImportReport:
-    """Read a LIF file into a plant model (mm, with LIF's own rules for each vehicle type beside it).
-
-    What real files get wrong is put right with a warning; with `strict` it is an error. Raises
-    PlantModelError with all problems if the file is no LIF 1.0.0, breaks a limit, or if its objects
-    contradict each other.
-    """
-    with paused_collector():
-        return _read(data, strict=strict, limits=limits)
-
-
-def _read(data: bytes, *, strict: bool, limits: JsonLimits) -> ImportReport:
-    raw = parse_json(data, limits)
-    findings = (*_departures_of_form(data), *put_right(raw))
-    try:
-        file = LifFile.model_validate(raw)
-    except ValidationError as error:
-        raise PlantModelError(faults(error)) from error
-    if problems := tuple(checks.errors(file)):
-        raise PlantModelError(problems)
-    findings = (*findings, *checks.departures(file))
-    if strict and findings:
-        raise PlantModelError(findings)
-    names = Names(node.node_id for layout in file.layouts for node in layout.nodes)
-    model = to_plant(file, names)
-    if problems := find_errors(model):
-        raise PlantModelError(problems)
-    others: chain[Problem] = chain(
-        names.renamed, checks.remarks(file), reach_warnings(model), find_warnings(model)
-    )
-    return ImportReport(model, (*findings, *others))
-
-
-def _departures_of_form(data: bytes) -> tuple[Problem, ...]:
-    """Return where the text does not have the types and fields that the schema demands."""
-    try:
-        LifFile.model_validate_json(data, strict=True)
-    except ValidationError as error:
-        return faults(error)
-    return ()

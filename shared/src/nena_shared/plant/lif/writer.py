@@ -1,4 +1,4 @@
-"""Writes LIF 1.0.0."""
+"""Write plant models as LIF 1.0.0."""
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -38,47 +38,58 @@ from nena_shared.plant.track import (
     VehicleTypeOnPath,
 )
 
-
-def distinct_ids(wanted: Mapping[str, str | None]) -> dict[str, str]:
-    """Give each object, by its name, an id that no other one has: what it wants, else its name.
-
-    People copy and change objects with their properties; an empty id, or one that two want, is nobody's.
-    """
-    ids = {name: own or name for name, own in wanted.items()}
-    # Each round takes a wanted id away, and names are distinct.
-    while twice := {each for each, times in Counter(ids.values()).items() if times > 1}:
-        ids = {name: name if own in twice else own for name, own in ids.items()}
-    return ids
-
-
 LIF_VERSION: Final = "1.0.0"
 _CREATOR: Final = "NeNa"
 _HEIGHT: Final = TypeAdapter(Annotated[float, Field(ge=0, allow_inf_nan=False)])
+DEFAULT_VEHICLE_TYPE: Final = "vehicle"
+"""Vehicle type that may use everything if neither the model nor the caller names one."""
+
+DEFAULT_MAP_ID: Final = "map"
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
-    """What LIF demands and a plant model may not say."""
+class ExportOptions:
+    """Values that LIF requires and a plant model may lack."""
 
     at: datetime
-    """Time of the export; aware of its zone."""
+    """Time of the export, timezone-aware."""
     map_id: str
-    """Of points that name no map."""
+    """mapId of points without one."""
     vehicle_types: tuple[str, ...]
-    """To whom what the model does not keep from anybody is open; at least one."""
+    """Vehicle types that may use whatever the model does not restrict; at least one."""
 
 
-def from_plant(model: PlantModel, given: Given) -> LifFile:
-    """Return the file: a layout for each one that LIF once gave to the model, else one for all of it."""
+def write(
+    model: PlantModel, *, at: datetime, map_id: str | None = None, vehicle_types: Sequence[str] = ()
+) -> ExportReport:
+    """Write a plant model as LIF; warnings name what is lost. `at` (timezone-aware) dates the file.
+
+    `map_id` is the mapId of points without one, by default the map of all vehicles. What the model does not
+    restrict is open to `vehicle_types`, by default those of its vehicles.
+    """
+    maps = {vehicle.map_id for vehicle in model.vehicles if vehicle.map_id}
+    types = {vehicle.vehicle_type for vehicle in model.vehicles if vehicle.vehicle_type}
+    options = ExportOptions(
+        at=at,
+        map_id=map_id or (maps.pop() if len(maps) == 1 else DEFAULT_MAP_ID),
+        vehicle_types=tuple(vehicle_types) or tuple(sorted(types)) or (DEFAULT_VEHICLE_TYPE,),
+    )
+    file = from_plant(model, options)
+    text = file.model_dump_json(by_alias=True, exclude_none=True, exclude_defaults=True, indent=2)
+    return ExportReport(text.encode() + b"\n", tuple(export_warnings(model)))
+
+
+def from_plant(model: PlantModel, options: ExportOptions) -> LifFile:
+    """Return the file: with the layouts of an imported LIF file, else with one layout."""
     numbers = _layout_numbers(model)
     actions = _actions(model)
     nodes, edges, stations = defaultdict(list), defaultdict(list), defaultdict(list)
     home = {point.name: point.layout.layer_id for point in model.points}
     for point in model.points:
-        nodes[_among(numbers, home[point.name])].append(_node(point, actions[point.name], given))
+        nodes[_among(numbers, home[point.name])].append(_node(point, actions[point.name], options))
     edge_ids = distinct_ids({edge.id: _kept_id(edge) for edge in model.edges()})
     for edge in model.edges():
-        edges[_among(numbers, home[edge.source])].append(_edge(edge, edge_ids[edge.id], given))
+        edges[_among(numbers, home[edge.source])].append(_edge(edge, edge_ids[edge.id], options))
     linked = tuple(location for location in model.locations if location.links)
     station_ids = distinct_ids({each.name: each.properties.get(keys.LIF_ID) for each in linked})
     for location in linked:
@@ -88,7 +99,7 @@ def from_plant(model: PlantModel, given: Given) -> LifFile:
         meta_information=MetaInformation(
             project_identification=model.name,
             creator=_CREATOR,
-            export_timestamp=given.at.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
+            export_timestamp=options.at.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
             lif_version=LIF_VERSION,
         ),
         layouts=tuple(
@@ -97,10 +108,22 @@ def from_plant(model: PlantModel, given: Given) -> LifFile:
     )
 
 
+def distinct_ids(wanted: Mapping[str, str | None]) -> dict[str, str]:
+    """Return a unique id for each object, by name: the wanted one if possible, else the name.
+
+    Copied objects keep their properties, so ids may be empty or occur twice: none of these is used.
+    """
+    ids = {name: own or name for name, own in wanted.items()}
+    # Each round takes a wanted id away, and names are distinct.
+    while duplicates := {each for each, times in Counter(ids.values()).items() if times > 1}:
+        ids = {name: name if own in duplicates else own for name, own in ids.items()}
+    return ids
+
+
 def _layout_numbers(model: PlantModel) -> tuple[int, ...]:
-    given = model.visual_layout.properties
+    properties = model.visual_layout.properties
     layers = (layer.id for layer in model.visual_layout.layers)
-    return tuple(number for number in layers if f"{keys.LIF_LAYOUT}.{number}.id" in given) or (0,)
+    return tuple(number for number in layers if f"{keys.LIF_LAYOUT}.{number}.id" in properties) or (0,)
 
 
 def _among(numbers: Sequence[int], number: int) -> int:
@@ -110,15 +133,15 @@ def _among(numbers: Sequence[int], number: int) -> int:
 def _layout(
     model: PlantModel, number: int, nodes: list[Node], edges: list[Edge], stations: list[Station]
 ) -> Layout:
-    def said(what: str) -> str | None:
+    def kept(what: str) -> str | None:
         return model.visual_layout.properties.get(f"{keys.LIF_LAYOUT}.{number}.{what}")
 
     return Layout(
-        layout_id=said("id") or model.name or _CREATOR,
-        layout_name=said("name"),
-        layout_version=said("version") or "1",
-        layout_level_id=said("levelId"),
-        layout_description=said("description"),
+        layout_id=kept("id") or model.name or _CREATOR,
+        layout_name=kept("name"),
+        layout_version=kept("version") or "1",
+        layout_level_id=kept("levelId"),
+        layout_description=kept("description"),
         nodes=tuple(nodes),
         edges=tuple(edges),
         stations=tuple(stations),
@@ -126,7 +149,7 @@ def _layout(
 
 
 def _actions(model: PlantModel) -> defaultdict[str, tuple[TypeAction, ...]]:
-    """Return the actions that locations offer at each point; fleet control sends them as it likes."""
+    """Return the actions that locations allow at each point, as optional actions."""
     found: defaultdict[str, tuple[TypeAction, ...]] = defaultdict(tuple)
     for location in model.locations:
         for link in location.links:
@@ -144,16 +167,16 @@ def _action(action_type: str) -> TypeAction:
     )
 
 
-def _node(point: Point, actions: tuple[TypeAction, ...], given: Given) -> Node:
+def _node(point: Point, actions: tuple[TypeAction, ...], options: ExportOptions) -> Node:
     made = (
         VehicleTypeAtPoint(vehicle_type_id=each, theta=point.heading_rad, actions=actions)
-        for each in given.vehicle_types
+        for each in options.vehicle_types
     )
     return Node(
         node_id=point.name,
         node_name=point.properties.get(keys.LIF_NAME),
         node_description=point.properties.get(keys.LIF_DESCRIPTION),
-        map_id=point.map_id or given.map_id,
+        map_id=point.map_id or options.map_id,
         node_position=Position(x=point.x_m, y=point.y_m),
         vehicle_type_node_properties=point.vehicle_types or tuple(made),
     )
@@ -163,7 +186,7 @@ def _kept_id(edge: DirectedEdge) -> str | None:
     return edge.path.properties.get(keys.LIF_ID) if edge.is_forward else None
 
 
-def _edge(edge: DirectedEdge, edge_id: str, given: Given) -> Edge:
+def _edge(edge: DirectedEdge, edge_id: str, options: ExportOptions) -> Edge:
     own = edge.path.properties
     return Edge(
         edge_id=edge_id,
@@ -171,18 +194,18 @@ def _edge(edge: DirectedEdge, edge_id: str, given: Given) -> Edge:
         edge_description=own.get(keys.LIF_DESCRIPTION),
         start_node_id=edge.source,
         end_node_id=edge.destination,
-        vehicle_type_edge_properties=tuple(_uses(edge, given.vehicle_types)),
+        vehicle_type_edge_properties=tuple(_uses(edge, options.vehicle_types)),
     )
 
 
 def _uses(edge: DirectedEdge, vehicle_types: Iterable[str]) -> Iterator[VehicleTypeOnPath]:
-    """Yield who may drive here; who drives a path backward has its back first."""
-    said = edge.path.vehicle_types
-    if said and edge.is_forward:
-        yield from said
+    """Yield the rule of each vehicle type; backward edges are driven with the back first."""
+    rules = edge.path.vehicle_types
+    if rules and edge.is_forward:
+        yield from rules
         return
     unlimited = edge.max_velocity_mm_s >= UNLIMITED_SPEED_MM_S
-    for name in (use.vehicle_type_id for use in said) if said else vehicle_types:
+    for name in (use.vehicle_type_id for use in rules) if rules else vehicle_types:
         yield VehicleTypeOnPath(
             vehicle_type_id=name,
             rotation_allowed=False,
@@ -192,20 +215,20 @@ def _uses(edge: DirectedEdge, vehicle_types: Iterable[str]) -> Iterator[VehicleT
 
 
 def _station(location: Location, station_id: str) -> Station:
-    said = location.properties
-    imported = keys.LIF_ID in said
+    properties = location.properties
+    imported = keys.LIF_ID in properties
     return Station(
         station_id=station_id,
         interaction_node_ids=tuple(dict.fromkeys(link.point for link in location.links)),
-        station_name=said.get(keys.LIF_NAME, None if imported else location.name),
-        station_description=said.get(keys.LIF_DESCRIPTION),
-        station_height=_height(said.get(keys.LIF_STATION_HEIGHT, "")),
+        station_name=properties.get(keys.LIF_NAME, None if imported else location.name),
+        station_description=properties.get(keys.LIF_DESCRIPTION),
+        station_height=_height(properties.get(keys.LIF_STATION_HEIGHT, "")),
         station_position=_station_position(location, imported=imported),
     )
 
 
 def _height(text: str) -> float:
-    """Return what a property says, which anybody may have changed; 0 m where it is no height."""
+    """Return the height in a property, m; 0 if it is not a valid height."""
     try:
         return _HEIGHT.validate_python(text)
     except ValidationError:
@@ -213,7 +236,7 @@ def _height(text: str) -> float:
 
 
 def _station_position(location: Location, *, imported: bool) -> StationPosition | None:
-    """Return where the station is drawn: as the file had it, which may be nowhere, else where it is."""
+    """Return the station's position as imported, which may be None, else the location's position."""
     try:
         return StationPosition.model_validate_json(location.properties.get(keys.LIF_STATION_POSITION, ""))
     except ValidationError:
@@ -224,11 +247,11 @@ _SAME_LENGTH_MM: Final = 1.0
 _KEPT: Final = ("lif:", keys.VDA5050_MAP_ID)
 
 
-def losses(model: PlantModel) -> Iterator[Problem]:
-    """Yield what an export to LIF leaves out."""
+def export_warnings(model: PlantModel) -> Iterator[Problem]:
+    """Yield a warning for each kind of content that LIF cannot represent."""
     for what, times in (*_of_points(model), *_of_paths(model), *_of_the_rest(model)):
         if times:
-            text = f"{what} ({times} times): LIF has nothing for this"
+            text = f"{what} ({times} times): not representable in LIF"
             yield Problem("NOT_EXPORTED", ObjectKind.MODEL, model.name, text)
 
 
@@ -278,29 +301,3 @@ def _of_the_rest(model: PlantModel) -> Iterator[tuple[str, int]]:
         model.properties,
     )
     yield "properties", sum(not key.startswith(_KEPT) for each in objects for key in each)
-
-
-DEFAULT_VEHICLE_TYPE: Final = "vehicle"
-"""The one to which everything is open, where neither the model nor the caller knows a type."""
-
-DEFAULT_MAP_ID: Final = "map"
-
-
-def write(
-    model: PlantModel, *, at: datetime, map_id: str | None = None, vehicle_types: Sequence[str] = ()
-) -> ExportReport:
-    """Write a plant model as LIF; the warnings name what LIF cannot hold. `at` (aware) dates the file.
-
-    `map_id` is the map of points that name none, by default the one on which all vehicles drive. What the
-    model opens to everybody is opened to `vehicle_types`, by default to those of its vehicles.
-    """
-    maps = {vehicle.map_id for vehicle in model.vehicles if vehicle.map_id}
-    types = {vehicle.vehicle_type for vehicle in model.vehicles if vehicle.vehicle_type}
-    given = Given(
-        at=at,
-        map_id=map_id or (maps.pop() if len(maps) == 1 else DEFAULT_MAP_ID),
-        vehicle_types=tuple(vehicle_types) or tuple(sorted(types)) or (DEFAULT_VEHICLE_TYPE,),
-    )
-    file = from_plant(model, given)
-    text = file.model_dump_json(by_alias=True, exclude_none=True, exclude_defaults=True, indent=2)
-    return ExportReport(text.encode() + b"\n", tuple(losses(model)))

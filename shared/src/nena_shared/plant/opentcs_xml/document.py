@@ -18,7 +18,7 @@ from nena_shared.plant.errors import ObjectKind, PlantModelError, Problem
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What a file may hold at most."""
+    """Limits of a file."""
 
     size_bytes: int = 64 * 1024 * 1024
     depth: int = 16
@@ -29,11 +29,11 @@ DEFAULT_LIMITS: Final = Limits()
 
 
 class _LimitExceededError(Exception):
-    """Stops the parser; the message says which limit was met."""
+    """Stop parsing; the message names the limit."""
 
 
 class _BoundedTreeBuilder(TreeBuilder):
-    """Builds the tree while it counts, so that a hostile file stops before it has filled the memory."""
+    """Tree builder with limits: stops hostile files before they fill the memory."""
 
     def __init__(self, limits: Limits) -> None:
         super().__init__()
@@ -58,7 +58,7 @@ class _BoundedTreeBuilder(TreeBuilder):
 
 
 def parse(data: bytes, limits: Limits) -> Element:
-    """Return the root element `model`; raises PlantModelError with one problem if there is none to be had."""
+    """Parse a document and return its root element `model`; raises PlantModelError with one problem."""
     if len(data) > limits.size_bytes:
         raise _refusal("LIMIT_EXCEEDED", f"the file has {len(data)} bytes, more than {limits.size_bytes}")
     parser = DefusedXMLParser(target=_BoundedTreeBuilder(limits), forbid_dtd=True)
@@ -70,7 +70,7 @@ def parse(data: bytes, limits: Limits) -> Element:
     except DefusedXmlException as error:
         raise _refusal("FORBIDDEN_XML", f"DTDs and entities are not allowed: {error}") from error
     except (ParseError, LookupError, ValueError) as error:
-        raise _refusal("MALFORMED_XML", f"this is no well-formed XML: {error}") from error
+        raise _refusal("MALFORMED_XML", f"the XML is not well-formed: {error}") from error
     if root.tag != "model":
         raise _refusal("NOT_A_PLANT_MODEL", f"the root element is {root.tag!r} instead of 'model'")
     return root
@@ -85,7 +85,7 @@ _NUMBERS = re.compile(r"(\d{1,9})\.(\d{1,9})\.(\d{1,9})")
 
 
 class FormatVersion(IntEnum):
-    """A version of the format; newer versions compare greater."""
+    """Version of the format; newer versions compare greater."""
 
     V0_0_2 = 2
     V0_0_3 = 3
@@ -96,17 +96,17 @@ class FormatVersion(IntEnum):
 
     @property
     def is_old(self) -> bool:
-        """Whether this is a format before 6.0.0, in which many attributes may be missing."""
+        """Whether the format is older than 6.0.0, in which many attributes are optional."""
         return self < FormatVersion.V6_0_0
 
     @property
     def has_layout_elements(self) -> bool:
-        """Whether all drawing data stands in the visualLayout instead of at the objects."""
+        """Whether the visualLayout holds all drawing data instead of the objects."""
         return self <= FormatVersion.V0_0_3
 
     @staticmethod
     def parse(text: str, model_name: str) -> "FormatVersion":
-        """Return the version that a file names; raises PlantModelError for one that is not readable."""
+        """Parse a format version; raises PlantModelError if it is not supported."""
         numbers = _NUMBERS.fullmatch(text)
         if numbers is not None:
             major, minor, patch = (int(number) for number in numbers.groups())
@@ -119,7 +119,7 @@ class FormatVersion(IntEnum):
                     "UNSUPPORTED_VERSION",
                     ObjectKind.MODEL,
                     model_name,
-                    f"format version {text!r} cannot be read; save the model in one of {_READABLE}",
+                    f"format version {text!r} is not supported; save the model in one of {_READABLE}",
                 )
             ]
         )
@@ -137,35 +137,35 @@ _PATCHES: Final = MappingProxyType(
 
 
 @dataclass(slots=True)
-class Notes:
-    """Findings in the order in which they were met; `version` decides what counts as one."""
+class Findings:
+    """Errors and warnings in order of their occurrence in a file of `version`."""
 
     version: FormatVersion
     errors: list[Problem] = field(default_factory=list)
     warnings: list[Problem] = field(default_factory=list)
     is_old: bool = field(init=False)
-    """Whether the file is of a format before 6.0.0, in which many attributes may be missing."""
+    """Whether the format is older than 6.0.0, in which many attributes are optional."""
     _ignored: Counter[tuple[ObjectKind, str]] = field(default_factory=Counter)
 
     def __post_init__(self) -> None:
         self.is_old = self.version.is_old
 
     def error(self, code: str, kind: ObjectKind, name: str, text: str) -> None:
-        """Add an error: the model will be refused when all of it has been read."""
+        """Add an error: the model will be rejected after reading all of it."""
         self.errors.append(Problem(code, kind, name, text))
 
     def warn(self, code: str, kind: ObjectKind, name: str, text: str) -> None:
-        """Add a warning: the model can be used."""
+        """Add a warning: the model stays usable."""
         self.warnings.append(Problem(code, kind, name, text))
 
     def ignore(self, kind: ObjectKind, what: str, times: int = 1) -> None:
-        """Count something that is not read; thousands of paths with one old attribute give one warning."""
+        """Count ignored content: thousands of paths with an old attribute give one warning."""
         self._ignored[kind, what] += times
 
     def ignored(self) -> Iterator[Problem]:
-        """Yield one warning for each kind of thing that was passed over."""
+        """Yield one warning for each kind of ignored content."""
         for (kind, what), times in sorted(self._ignored.items()):
-            yield Problem("IGNORED", kind, "", f"{what} is not used (found {times} times)")
+            yield Problem("IGNORED", kind, "", f"{what} is ignored (found {times} times)")
 
 
 T = TypeVar("T")
@@ -179,14 +179,14 @@ _BOOLEANS: Final = MappingProxyType({"true": True, "1": True, "false": False, "0
 
 
 class XmlObject:
-    """An element that belongs to a plant object. A missing attribute without a default is an error.
+    """Typed access to an element of a plant object. A missing attribute without a default is an error.
 
     After an error a harmless value is returned, so that reading goes on and finds all errors at once.
     """
 
-    __slots__ = ("_children", "_element", "_read", "kind", "name", "notes")
+    __slots__ = ("_children", "_element", "_read", "findings", "kind", "name")
 
-    def __init__(self, element: Element, kind: ObjectKind, name: str, notes: Notes) -> None:
+    def __init__(self, element: Element, kind: ObjectKind, name: str, findings: Findings) -> None:
         self._element = element
         self._read: set[str] = set()
         # By tag; what has been read is taken out. Most elements have none.
@@ -195,18 +195,18 @@ class XmlObject:
             self._children.setdefault(child.tag, []).append(child)
         self.kind = kind
         self.name = name
-        self.notes = notes
+        self.findings = findings
 
     def has(self, attribute: str) -> bool:
-        """Whether the attribute is there."""
+        """Return whether the attribute exists."""
         return attribute in self._element.keys()  # noqa: SIM118 - an Element iterates over its children
 
     def if_old(self, value: T) -> T | None:
-        """Return the value as a default for formats before 6.0.0 only; newer ones need the attribute."""
-        return value if self.notes.is_old else None
+        """Return the value as default for formats before 6.0.0; newer ones require the attribute."""
+        return value if self.findings.is_old else None
 
     def text(self, attribute: str, default: str | None = None) -> str:
-        """Return the attribute exactly as it is written."""
+        """Return the attribute unchanged."""
         value = self._value(attribute)
         if value is None and default is None:
             self._missing(attribute)
@@ -240,7 +240,7 @@ class XmlObject:
         return number
 
     def scale(self, attribute: str, default: float) -> float:
-        """Return a number above 0 and up to MAX_SCALE, so that what is multiplied by it stays finite."""
+        """Return a number above 0 and up to MAX_SCALE, which keeps products finite."""
         value = self._value(attribute)
         if value is None:
             return default
@@ -250,7 +250,7 @@ class XmlObject:
         return number
 
     def angle(self, attribute: str) -> float | None:
-        """Return an angle in degrees; a missing one and `NaN` give None."""
+        """Return an angle in degrees; None if missing or `NaN`."""
         value = self._value(attribute)
         if value is None:
             return None
@@ -260,7 +260,7 @@ class XmlObject:
         return None if isnan(number) else number
 
     def boolean(self, attribute: str, default: bool | None = None) -> bool:  # noqa: FBT001 - it is the value
-        """Return a truth value, written `true` or `false` (or 1, 0)."""
+        """Return a boolean, written `true` or `false` (or 1, 0)."""
         value = self._value(attribute)
         if value is None:
             if default is None:
@@ -278,14 +278,14 @@ class XmlObject:
         *,
         renamed: Mapping[str, E] = NONE_RENAMED,
     ) -> E:
-        """Return a value of an enumeration; `renamed` are values that only formats up to 0.0.4 have."""
+        """Return an enumeration value; `renamed` maps values of formats up to 0.0.4."""
         fallback = next(iter(choices)) if default is None else default
         value = self._value(attribute)
         if value is None:
             if default is None:
                 self._missing(attribute)
             return fallback
-        if value in renamed and self.notes.version <= FormatVersion.V0_0_4:
+        if value in renamed and self.findings.version <= FormatVersion.V0_0_4:
             self.warn("VALUE_REPLACED", f"{attribute} {value} of older formats is read as {renamed[value]}")
             return renamed[value]
         try:
@@ -294,55 +294,55 @@ class XmlObject:
             return self._bad(attribute, f"one of {', '.join(choices)}", fallback)
 
     def color(self, attribute: str) -> str | None:
-        """Return a colour `#RRGGBB`; anything else is dropped with a warning, for it is only drawn."""
+        """Return a colour `#RRGGBB`; drop anything else with a warning."""
         value = self._value(attribute)
         if value is None or COLOR.fullmatch(value):
             return value
-        self.warn("DRAWING_DROPPED", f"{attribute} {value!r} is no colour #RRGGBB; the default is used")
+        self.warn("DRAWING_DROPPED", f"{attribute} {value!r} is not a colour #RRGGBB; the default is used")
         return None
 
     def children(self, tag: str) -> Iterator["XmlObject"]:
-        """Yield the child elements of this tag; notes on them carry this object's name."""
+        """Yield the child elements of this tag; findings on them carry this object's name."""
         for element in self._children.pop(tag, ()):
-            child = XmlObject(element, self.kind, self.name, self.notes)
+            child = XmlObject(element, self.kind, self.name, self.findings)
             yield child
             child.finish()
 
     def objects(self, tag: str, kind: ObjectKind) -> Iterator["XmlObject"]:
-        """Yield the child elements that are plant objects of their own, each under its own name."""
+        """Yield the child elements that are plant objects with names of their own."""
         for element in self._children.pop(tag, ()):
-            child = XmlObject(element, kind, element.get("name", ""), self.notes)
+            child = XmlObject(element, kind, element.get("name", ""), self.findings)
             if not child.text("name", default=""):
                 child.error("MISSING_ATTRIBUTE", "every object needs a name")
             yield child
             child.finish()
 
     def properties(self) -> dict[str, str]:
-        """Return the properties; of two with one name the last counts, with a warning."""
+        """Return the properties; for duplicate names the last value, with a warning."""
         found: dict[str, str] = {}
         for child in self.children("property"):
             key = child.text("name")
             if key in found:
-                self.warn("DUPLICATE_PROPERTY", f"property {key!r} is there twice; the last value is used")
+                self.warn("DUPLICATE_PROPERTY", f"duplicate property {key!r}; the last value is used")
             found[key] = child.text("value", default="")
         return found
 
     def finish(self) -> None:
-        """Note the attributes and children that nobody has read."""
+        """Report attributes and children that were not read."""
         tag = self._element.tag
         for attribute, value in self._element.items():
             if value and attribute not in self._read:
-                self.notes.ignore(self.kind, f"attribute {attribute!r} of element {tag!r}")
+                self.findings.ignore(self.kind, f"attribute {attribute!r} of element {tag!r}")
         for unread, elements in self._children.items():
-            self.notes.ignore(self.kind, f"element {unread!r} in {tag!r}", len(elements))
+            self.findings.ignore(self.kind, f"element {unread!r} in {tag!r}", len(elements))
 
     def error(self, code: str, text: str) -> None:
-        """Note an error of this object."""
-        self.notes.error(code, self.kind, self.name, text)
+        """Report an error of this object."""
+        self.findings.error(code, self.kind, self.name, text)
 
     def warn(self, code: str, text: str) -> None:
-        """Note a warning on this object."""
-        self.notes.warn(code, self.kind, self.name, text)
+        """Report a warning about this object."""
+        self.findings.warn(code, self.kind, self.name, text)
 
     def _value(self, attribute: str) -> str | None:
         self._read.add(attribute)
@@ -354,7 +354,7 @@ class XmlObject:
     def _bad(self, attribute: str, wanted: str, fallback: T) -> T:
         written = self._element.get(attribute)
         self.error(
-            "BAD_VALUE", f"{attribute} of element {self._element.tag!r} is {written!r}, it must be {wanted}"
+            "BAD_VALUE", f"{attribute} of element {self._element.tag!r} is {written!r}; it must be {wanted}"
         )
         return fallback
 

@@ -1,4 +1,4 @@
-"""Reads a whole plant model and collects all that is wrong or odd about it."""
+"""Read plant models in openTCS XML, formats 0.0.2 to 7.0.0, and collect all errors and warnings."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -28,9 +28,9 @@ from nena_shared.plant.opentcs_xml.document import (
     COLOR,
     DEFAULT_LIMITS,
     INTEGER,
+    Findings,
     FormatVersion,
     Limits,
-    Notes,
     XmlObject,
     parse,
 )
@@ -50,9 +50,53 @@ from nena_shared.plant.track import (
 )
 
 
+def read(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> ImportReport:
+    """Read a plant model in openTCS's XML, formats 0.0.2 to 7.0.0.
+
+    Raises PlantModelError with all problems if the file is no plant model, is of a version that cannot be
+    read, breaks a limit, or if its objects contradict each other.
+    """
+    with paused_collector():
+        return _read(parse(data, limits))
+
+
+def _read(element: Element) -> ImportReport:
+    name = element.get("name", "")
+    # Taken out, because all that is left unread is reported.
+    findings = Findings(FormatVersion.parse(element.attrib.pop("version", ""), name))
+    root = XmlObject(element, ObjectKind.MODEL, name, findings)
+    model = _read_model(root)
+    root.finish()
+    errors = (*findings.errors, *find_errors(model))
+    if errors:
+        raise PlantModelError(errors)
+    return ImportReport(model, (*findings.warnings, *findings.ignored(), *find_warnings(model)))
+
+
+def _read_model(root: XmlObject) -> PlantModel:
+    drawing = read_drawing(root.objects("visualLayout", ObjectKind.VISUAL_LAYOUT))
+    track = TrackReader(drawing)
+    points = tuple(track.point(obj) for obj in root.objects("point", ObjectKind.POINT))
+    paths = tuple(track.path(obj) for obj in root.objects("path", ObjectKind.PATH))
+    types = root.objects("locationType", ObjectKind.LOCATION_TYPE)
+    locations = root.objects("location", ObjectKind.LOCATION)
+    track.warn_of_differences(root, paths)
+    return PlantModel(
+        name=root.text("name", root.if_old("")),
+        points=points,
+        paths=paths,
+        location_types=tuple(read_location_type(obj, drawing) for obj in types),
+        locations=tuple(read_location(obj, drawing, same_frame=not track.displaced) for obj in locations),
+        blocks=tuple(read_block(obj, drawing) for obj in root.objects("block", ObjectKind.BLOCK)),
+        vehicles=tuple(read_vehicle(obj, drawing) for obj in root.objects("vehicle", ObjectKind.VEHICLE)),
+        visual_layout=drawing.visual_layout,
+        properties=root.properties(),
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """How one object is drawn: positions in mm of the layout's own frame, control points in its pixels."""
+    """Drawing of one object: position in mm of the layout's frame, control points in its pixels."""
 
     position_mm: tuple[int, int] | None = None
     label: LabelLayout = field(default_factory=LabelLayout)
@@ -64,21 +108,21 @@ class Drawn:
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """The visual layout, and what old formats keep in it for each object by name."""
+    """The visual layout, and the drawings that old formats keep there, by object name."""
 
     visual_layout: VisualLayout = field(default_factory=VisualLayout)
     _elements: Mapping[str, Drawn] = field(default_factory=dict)
 
     def of(self, obj: XmlObject, tag: str) -> Drawn:
-        """Return how an object is drawn; `tag` is the child that says so in newer formats."""
-        if obj.notes.version.has_layout_elements:
+        """Return the drawing of an object; newer formats keep it in the child element `tag`."""
+        if obj.findings.version.has_layout_elements:
             return self._elements.get(obj.name, Drawn())
         drawn = [_drawn_by_child(child, tag) for child in obj.children(tag)]
         return drawn[0] if drawn else Drawn()
 
 
 def read_drawing(layouts: Iterator[XmlObject]) -> Drawing:
-    """Read the first visual layout; a second one is reported and passed over."""
+    """Read the first visual layout; others are ignored with a warning."""
     drawing: Drawing | None = None
     for layout in layouts:
         if drawing is None:
@@ -89,7 +133,7 @@ def read_drawing(layouts: Iterator[XmlObject]) -> Drawing:
 
 
 def _drawing(layout: XmlObject) -> Drawing:
-    elements = dict(_layout_elements(layout)) if layout.notes.version.has_layout_elements else {}
+    elements = dict(_layout_elements(layout)) if layout.findings.version.has_layout_elements else {}
     visual_layout = VisualLayout(
         name=layout.text("name"),
         scale_x_mm_per_px=layout.scale("scaleX", 50.0),
@@ -118,7 +162,7 @@ def _layer_group(child: XmlObject) -> LayerGroup:
 
 
 def _drawn_by_child(child: XmlObject, tag: str) -> Drawn:
-    """Read pointLayout, pathLayout, locationLayout, vehicleLayout and the like, in formats from 0.0.4 on."""
+    """Read pointLayout, pathLayout, locationLayout, vehicleLayout etc. of formats since 0.0.4."""
     match tag:
         case "pathLayout":
             return Drawn(
@@ -141,14 +185,14 @@ def _drawn_by_child(child: XmlObject, tag: str) -> Drawn:
 
 
 def _position_mm(child: XmlObject) -> tuple[int, int] | None:
-    x, y = ("xPosition", "yPosition") if child.notes.is_old else ("positionX", "positionY")
-    if child.notes.version >= FormatVersion.V7_0_0 or not (child.has(x) and child.has(y)):
+    x, y = ("xPosition", "yPosition") if child.findings.is_old else ("positionX", "positionY")
+    if child.findings.version >= FormatVersion.V7_0_0 or not (child.has(x) and child.has(y)):
         return None
     return child.integer(x), child.integer(y)
 
 
 def _label(child: XmlObject) -> LabelLayout:
-    old = child.notes.is_old
+    old = child.findings.is_old
     x, y = ("xLabelOffset", "yLabelOffset") if old else ("labelOffsetX", "labelOffsetY")
     return LabelLayout(
         label_offset_x_px=child.integer(x, -10),
@@ -158,14 +202,14 @@ def _label(child: XmlObject) -> LabelLayout:
 
 
 def _layout_elements(layout: XmlObject) -> Iterator[tuple[str, Drawn]]:
-    """Yield what a layout of format 0.0.2 or 0.0.3 says for each object."""
+    """Yield the drawing of each object in a layout of format 0.0.2 or 0.0.3."""
     for element in layout.children("modelLayoutElement"):
         name = element.text("visualizedObjectName")
         layer_id = element.integer("layer", 0)
         try:
             yield name, _drawn_by_properties(element.properties(), layer_id)
         except ValueError as error:
-            element.warn("DRAWING_DROPPED", f"{name!r} is drawn in the default way: {error}")
+            element.warn("DRAWING_DROPPED", f"{name!r} is drawn with defaults: {error}")
 
 
 def _drawn_by_properties(values: Mapping[str, str], layer_id: int) -> Drawn:
@@ -201,7 +245,7 @@ def _integer(text: str) -> int:
 
 
 FRAME_TOLERANCE_MM: Final = 1
-"""As far apart may an object's place in the model and in the layout be, and still count as the same."""
+"""Maximum distance between model and drawn position of an object that count as equal."""
 
 _CONTROL_POINTS: Final[Mapping[ConnectionType, int]] = MappingProxyType(
     {
@@ -212,13 +256,13 @@ _CONTROL_POINTS: Final[Mapping[ConnectionType, int]] = MappingProxyType(
 
 
 def same_place(model_mm: tuple[int, int], drawn_mm: tuple[int, int]) -> bool:
-    """Whether a position in the model and one in the layout are the same place."""
+    """Return whether a position in the model equals one in the layout."""
     return all(
         abs(model - drawn) <= FRAME_TOLERANCE_MM for model, drawn in zip(model_mm, drawn_mm, strict=True)
     )
 
 
-def course(path: XmlObject, drawn: Drawn, layout: VisualLayout, *, same_frame: bool) -> PathLayout:
+def path_layout(path: XmlObject, drawn: Drawn, layout: VisualLayout, *, same_frame: bool) -> PathLayout:
     """Return the path's layout with control points in mm of the plant frame.
 
     Control points belong to the layout's frame. If the path's ends lie elsewhere there than in the model
@@ -258,22 +302,22 @@ _OLD_TRIGGERS: Final = MappingProxyType({"BEFORE_MOVEMENT": ExecutionTrigger.AFT
 
 
 class TrackReader:
-    """Reads the points first, then the paths between them: the drawn course of a path depends on its ends."""
+    """Read points, then paths: the drawing of a path depends on its end points."""
 
     def __init__(self, drawing: Drawing) -> None:
         self._drawing = drawing
         self._positions_mm: dict[str, tuple[int, int]] = {}
         self._outgoing: dict[str, set[str]] = {}
         self.displaced: set[str] = set()
-        """The points that the drawing shows elsewhere than the model, or not at all."""
+        """Points that are drawn away from their model position, or not at all."""
 
     def point(self, obj: XmlObject) -> Point:
-        """Read one point."""
+        """Read a point."""
         drawn = self._drawing.of(obj, "pointLayout")
         x_mm, y_mm, z_mm = position_mm(obj)
         self._positions_mm[obj.name] = (x_mm, y_mm)
         self._outgoing[obj.name] = {child.text("name") for child in obj.children("outgoingPath")}
-        drawn_mm = (x_mm, y_mm) if obj.notes.version is FormatVersion.V7_0_0 else drawn.position_mm
+        drawn_mm = (x_mm, y_mm) if obj.findings.version is FormatVersion.V7_0_0 else drawn.position_mm
         if drawn_mm is None or not same_place((x_mm, y_mm), drawn_mm):
             self.displaced.add(obj.name)
         return Point(
@@ -290,7 +334,7 @@ class TrackReader:
         )
 
     def path(self, obj: XmlObject) -> Path:
-        """Read one path; its points must have been read."""
+        """Read a path, after its points."""
         source, destination = obj.text("sourcePoint"), obj.text("destinationPoint")
         drawn = self._drawing.of(obj, "pathLayout")
         return Path(
@@ -306,7 +350,7 @@ class TrackReader:
             ),
             envelopes=_envelopes(obj),
             properties=obj.properties(),
-            layout=course(
+            layout=path_layout(
                 obj,
                 drawn,
                 self._drawing.visual_layout,
@@ -315,37 +359,37 @@ class TrackReader:
         )
 
     def warn_of_differences(self, model: XmlObject, paths: Iterable[Path]) -> None:
-        """Note where the file contradicts itself: outgoingPath elements, and a drawing in another frame."""
+        """Report contradictions: wrong outgoingPath elements, and a drawing in another frame."""
         actual: dict[str, set[str]] = {}
         for path in paths:
             actual.setdefault(path.source, set()).add(path.name)
         for point, listed in self._outgoing.items():
             if listed != (expected := actual.get(point, set())):
-                text = f"its outgoingPath elements and the paths differ in {sorted(listed ^ expected)}"
-                model.notes.warn("OUTGOING_PATHS_DIFFER", ObjectKind.POINT, point, text)
-        if self.displaced and model.notes.version is not FormatVersion.V7_0_0:
+                text = f"outgoingPath elements and paths differ in {sorted(listed ^ expected)}"
+                model.findings.warn("OUTGOING_PATHS_DIFFER", ObjectKind.POINT, point, text)
+        if self.displaced and model.findings.version is not FormatVersion.V7_0_0:
             text = f"{len(self.displaced)} of {len(self._positions_mm)} points are not drawn where they are"
-            model.warn("FRAMES_DIFFER", f"{text}, or not at all; the model's positions count")
+            model.warn("FRAMES_DIFFER", f"{text}, or not at all; the model's positions are used")
 
     def _length_mm(self, obj: XmlObject, source: str, destination: str) -> int:
         ends = (self._positions_mm.get(source), self._positions_mm.get(destination))
-        if obj.has("length") or not obj.notes.is_old or ends[0] is None or ends[1] is None:
+        if obj.has("length") or not obj.findings.is_old or ends[0] is None or ends[1] is None:
             return obj.integer("length", obj.if_old(1), minimum=1)
         distance = hypot(ends[0][0] - ends[1][0], ends[0][1] - ends[1][1])
-        obj.warn("DEFAULTED", "length is missing, the distance of the end points is used")
+        obj.warn("DEFAULTED", "length is missing; the distance of the end points is used")
         return max(1, round(distance))
 
 
 def position_mm(obj: XmlObject, *, optional: bool = False) -> tuple[int, int, int]:
     """Read a position in mm of the plant frame; if `optional`, formats before 6.0.0 may leave it out."""
-    x, y, z = _OLD_POSITION if obj.notes.is_old else _POSITION
+    x, y, z = _OLD_POSITION if obj.findings.is_old else _POSITION
     default = obj.if_old(0)
     xy_default = default if optional else None
     return obj.integer(x, xy_default), obj.integer(y, xy_default), obj.integer(z, default)
 
 
 def bounding_box(obj: XmlObject, tag: str) -> BoundingBox:
-    """Read a bounding box; formats that have none give the default of a metre in each direction."""
+    """Read a bounding box; the default is one metre in each direction."""
     boxes = [
         BoundingBox(
             length_mm=child.integer("length", minimum=1),
@@ -360,9 +404,9 @@ def bounding_box(obj: XmlObject, tag: str) -> BoundingBox:
 
 
 def speed_mm_s(obj: XmlObject, attribute: str, default: int) -> int:
-    """Read a speed in mm/s; a missing one in old formats is hardly meant as 0, so `default` is used."""
-    if obj.notes.is_old and not obj.has(attribute):
-        obj.warn("DEFAULTED", f"{attribute} is missing, {default} mm/s is used")
+    """Read a speed in mm/s; a missing one in old formats becomes `default`, not 0."""
+    if obj.findings.is_old and not obj.has(attribute):
+        obj.warn("DEFAULTED", f"{attribute} is missing; {default} mm/s is used")
     return obj.integer(attribute, obj.if_old(default), minimum=0)
 
 
@@ -391,7 +435,7 @@ def _peripheral_operation(child: XmlObject) -> PeripheralOperation:
 
 
 def read_location_type(obj: XmlObject, drawing: Drawing) -> LocationType:
-    """Read one location type."""
+    """Read a location type."""
     return LocationType(
         name=obj.name or "?",
         allowed_operations=_names(obj, "allowedOperation"),
@@ -402,7 +446,7 @@ def read_location_type(obj: XmlObject, drawing: Drawing) -> LocationType:
 
 
 def read_location(obj: XmlObject, drawing: Drawing, *, same_frame: bool) -> Location:
-    """Read one location; `same_frame` says that drawing and model agree on where the points are."""
+    """Read a location; `same_frame`: drawing and model agree on the positions of points."""
     drawn = drawing.of(obj, "locationLayout")
     x_mm, y_mm, z_mm = position_mm(obj, optional=True)
     return Location(
@@ -423,8 +467,8 @@ def read_location(obj: XmlObject, drawing: Drawing, *, same_frame: bool) -> Loca
 
 
 def read_block(obj: XmlObject, drawing: Drawing) -> Block:
-    """Read one block."""
-    optional_type = obj.notes.version is FormatVersion.V0_0_2
+    """Read a block."""
+    optional_type = obj.findings.version is FormatVersion.V0_0_2
     return Block(
         name=obj.name or "?",
         type=obj.choice("type", BlockType, BlockType.SINGLE_VEHICLE_ONLY if optional_type else None),
@@ -445,7 +489,7 @@ def _names(obj: XmlObject, tag: str) -> tuple[str, ...]:
 def _drawn_elsewhere(
     obj: XmlObject, model_mm: tuple[int, int], drawn: Drawn, *, same_frame: bool
 ) -> Vertex | None:
-    """Return where an old drawing shows a location, if that is another place of the same frame."""
+    """Return the drawn position of a location, if it differs from the model in the same frame."""
     if drawn.position_mm is None or same_place(model_mm, drawn.position_mm) or not same_frame:
         return None
     obj.warn(
@@ -456,7 +500,7 @@ def _drawn_elsewhere(
 
 
 def read_vehicle(obj: XmlObject, drawing: Drawing) -> Vehicle:
-    """Read one vehicle."""
+    """Read a vehicle."""
     return Vehicle(
         name=obj.name or "?",
         bounding_box=_bounding_box(obj),
@@ -470,8 +514,8 @@ def read_vehicle(obj: XmlObject, drawing: Drawing) -> Vehicle:
 
 
 def _bounding_box(obj: XmlObject) -> BoundingBox:
-    """Read the size; formats before 6.0.0 know only a length."""
-    if obj.notes.is_old:
+    """Read the size; formats before 6.0.0 have only a length."""
+    if obj.findings.is_old:
         return BoundingBox(length_mm=obj.integer("length", 1000, minimum=1))
     return bounding_box(obj, "boundingBox")
 
@@ -489,62 +533,18 @@ def _thresholds(obj: XmlObject) -> EnergyThresholds:
 
 
 def _level(obj: XmlObject, attribute: str, default: int) -> int:
-    if obj.notes.is_old and not obj.has(attribute):
-        obj.warn("DEFAULTED", f"{attribute} is missing, {default} % is used")
+    if obj.findings.is_old and not obj.has(attribute):
+        obj.warn("DEFAULTED", f"{attribute} is missing; {default} % is used")
     return obj.integer(attribute, obj.if_old(default), minimum=0, maximum=100)
 
 
 def _in_order(obj: XmlObject, low_name: str, low: int, high_name: str, high: int) -> tuple[int, int]:
-    """Return lower and higher threshold; old formats have them crossed at times, newer ones must not."""
+    """Return lower and higher threshold; old formats may have them swapped, newer ones must not."""
     if low <= high:
         return low, high
-    text = f"the energy thresholds are crossed: {low_name} {low} % is above {high_name} {high} %"
-    if obj.notes.is_old:
-        obj.warn("THRESHOLDS_SWAPPED", f"{text}; they are swapped back")
+    text = f"energy thresholds are swapped: {low_name} {low} % is above {high_name} {high} %"
+    if obj.findings.is_old:
+        obj.warn("THRESHOLDS_SWAPPED", f"{text}; corrected")
     else:
         obj.error("THRESHOLDS_CROSSED", text)
     return high, low
-
-
-def read(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> ImportReport:
-    """Read a plant model in openTCS's XML, formats 0.0.2 to 7.0.0.
-
-    Raises PlantModelError with all problems if the file is no plant model, is of a version that cannot be
-    read, breaks a limit, or if its objects contradict each other.
-    """
-    with paused_collector():
-        return _read(parse(data, limits))
-
-
-def _read(element: Element) -> ImportReport:
-    name = element.get("name", "")
-    # Taken out, because all that is left unread is reported.
-    notes = Notes(FormatVersion.parse(element.attrib.pop("version", ""), name))
-    root = XmlObject(element, ObjectKind.MODEL, name, notes)
-    model = _read_model(root)
-    root.finish()
-    errors = (*notes.errors, *find_errors(model))
-    if errors:
-        raise PlantModelError(errors)
-    return ImportReport(model, (*notes.warnings, *notes.ignored(), *find_warnings(model)))
-
-
-def _read_model(root: XmlObject) -> PlantModel:
-    drawing = read_drawing(root.objects("visualLayout", ObjectKind.VISUAL_LAYOUT))
-    track = TrackReader(drawing)
-    points = tuple(track.point(obj) for obj in root.objects("point", ObjectKind.POINT))
-    paths = tuple(track.path(obj) for obj in root.objects("path", ObjectKind.PATH))
-    types = root.objects("locationType", ObjectKind.LOCATION_TYPE)
-    locations = root.objects("location", ObjectKind.LOCATION)
-    track.warn_of_differences(root, paths)
-    return PlantModel(
-        name=root.text("name", root.if_old("")),
-        points=points,
-        paths=paths,
-        location_types=tuple(read_location_type(obj, drawing) for obj in types),
-        locations=tuple(read_location(obj, drawing, same_frame=not track.displaced) for obj in locations),
-        blocks=tuple(read_block(obj, drawing) for obj in root.objects("block", ObjectKind.BLOCK)),
-        vehicles=tuple(read_vehicle(obj, drawing) for obj in root.objects("vehicle", ObjectKind.VEHICLE)),
-        visual_layout=drawing.visual_layout,
-        properties=root.properties(),
-    )

@@ -1,4 +1,4 @@
-"""Writes plant models in openTCS's XML, format 7.0.0 (openTCS 6.7 and 7.x), in the model's own order."""
+"""Write plant models as openTCS XML 7.0.0 (openTCS 6.7 and 7.x), in the model's order."""
 
 import re
 from collections import defaultdict
@@ -83,7 +83,7 @@ def add_path(parent: Element, path: Path, layout: VisualLayout) -> None:
         )
     _add_envelopes(element, path.envelopes)
     add_properties(element, path.properties)
-    _add_course(element, path, layout)
+    _add_path_layout(element, path, layout)
 
 
 def add_vehicle(parent: Element, vehicle: Vehicle) -> None:
@@ -196,7 +196,7 @@ def _add_envelopes(parent: Element, envelopes: Iterable[Envelope]) -> None:
             add(element, "vertex", x=vertex.x_mm, y=vertex.y_mm)
 
 
-def _add_course(parent: Element, path: Path, layout: VisualLayout) -> None:
+def _add_path_layout(parent: Element, path: Path, layout: VisualLayout) -> None:
     drawn = path.layout
     element = add(parent, "pathLayout", connectionType=drawn.connection_type, layerId=drawn.layer_id)
     for point in drawn.control_points:
@@ -217,11 +217,11 @@ def _add_color(parent: Element, tag: str, color: str | None) -> None:
 
 VERSION: Final = "7.0.0"
 _NOT_XML: Final = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""What XML 1.0 cannot hold, not even escaped."""
+"""Characters that XML 1.0 cannot represent, not even escaped."""
 
 
 def write(model: PlantModel) -> ExportReport:
-    """Write a plant model; reading the result gives the same model, save what the warnings name.
+    """Write a plant model. Reading the result gives the same model, except for what the warnings name.
 
     Raises PlantModelError for names and values with characters that XML cannot hold.
     """
@@ -234,7 +234,7 @@ def write(model: PlantModel) -> ExportReport:
         raise PlantModelError(problems)
     indent(root, "    ")
     data: bytes = tostring(root, encoding="UTF-8", xml_declaration=True)
-    return ExportReport(data + b"\n", tuple(_losses(model)))
+    return ExportReport(data + b"\n", tuple(_export_warnings(model)))
 
 
 def _add_objects(root: Element, model: PlantModel) -> None:
@@ -256,7 +256,7 @@ def _add_objects(root: Element, model: PlantModel) -> None:
 
 
 def _layers(model: PlantModel) -> Iterator[Layer]:
-    """Yield the layers, also those that are used and described nowhere; openTCS needs at least one."""
+    """Yield the layers, including those that are used but not defined; openTCS requires at least one."""
     layers = model.visual_layout.layers
     yield from layers
     used = {
@@ -276,20 +276,20 @@ def _layer_groups(model: PlantModel, layers: tuple[Layer, ...]) -> Iterator[Laye
         yield LayerGroup(id=number, name=f"Group {number}")
 
 
-def _losses(model: PlantModel) -> Iterator[Problem]:
+def _export_warnings(model: PlantModel) -> Iterator[Problem]:
     if any(point.vehicle_types for point in model.points) or any(path.vehicle_types for path in model.paths):
-        text = "rules for vehicle types (LIF) are left out: what is closed for some types will be open to all"
+        text = "rules for vehicle types (LIF) are lost: what is closed for some types will be open to all"
         yield Problem("NOT_EXPORTED", ObjectKind.MODEL, model.name, text)
     for location in model.locations:
         if location.layout.position is not None:
-            text = "it is drawn at another place than it has; the drawing will show it where it is"
+            text = "its separate drawing position is lost"
             yield Problem("NOT_EXPORTED", ObjectKind.LOCATION, location.name, text)
 
 
 def _unwritable(root: Element) -> Iterator[Problem]:
-    """Yield each object whose names or values XML cannot hold."""
+    """Yield a problem for each attribute that XML cannot represent."""
     for element in root.iter():
         for attribute, value in element.items():
             if _NOT_XML.search(value):
-                text = f"{attribute} of element {element.tag!r} has a character that XML cannot hold"
+                text = f"{attribute} of element {element.tag!r} has a character that XML cannot represent"
                 yield Problem("UNWRITABLE_TEXT", ObjectKind.MODEL, value, text)

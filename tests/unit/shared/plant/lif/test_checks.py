@@ -13,7 +13,14 @@ from pydantic import ValidationError
 
 from nena_shared.plant import Path, PlantModel, Point
 from nena_shared.plant.errors import Problem
-from nena_shared.plant.lif.checks import departures, errors, faults, put_right, reach_warnings, remarks
+from nena_shared.plant.lif.checks import (
+    deviations,
+    errors,
+    format_problems,
+    reachability_warnings,
+    repair,
+    unsupported_features,
+)
 from nena_shared.plant.lif.document import LifFile
 from nena_shared.plant.track import VehicleTypeAtPoint, VehicleTypeOnPath
 from support.lif_files import action, edge, layout, lif, node, use
@@ -40,7 +47,7 @@ def heading(value: float) -> dict[str, Any]:
 
 def test_a_right_file_has_nothing_to_be_told() -> None:
     right = of(*RING, {"stationId": "S", "interactionNodeIds": ["A"]})
-    assert [*errors(right), *departures(right), *remarks(right)] == []
+    assert [*errors(right), *deviations(right), *unsupported_features(right)] == []
 
 
 @pytest.mark.parametrize(
@@ -51,7 +58,7 @@ def test_only_the_first_version_and_its_draft_are_read(version: str, *, fault: b
     found = file(layout(*RING), version=version)
     assert told(errors(found)) == ([("UNSUPPORTED_VERSION", "")] if fault else [])
     if not fault:
-        assert told(departures(found)) == ([("NOT_LIF", "")] if version == "0.11.0" else [])
+        assert told(deviations(found)) == ([("NOT_LIF", "")] if version == "0.11.0" else [])
 
 
 def test_ids_are_unique_for_their_own_kind_over_all_layouts() -> None:
@@ -73,42 +80,42 @@ def test_each_reference_that_leads_nowhere_is_named() -> None:
 def test_headings_lie_between_minus_pi_and_pi(value: float, *, told_of: bool) -> None:
     at_node = of(heading(value))
     on_edge = of(*RING[:3], edge("B A", use(vehicleOrientation=value)))
-    assert told(departures(at_node)) == ([("NOT_LIF", "A")] if told_of else [])
-    assert told(departures(on_edge)) == ([("NOT_LIF", "B-A")] if told_of else [])
+    assert told(deviations(at_node)) == ([("NOT_LIF", "A")] if told_of else [])
+    assert told(deviations(on_edge)) == ([("NOT_LIF", "B-A")] if told_of else [])
 
 
 @pytest.mark.parametrize(("off", "nodes"), [(0.009, []), (0.011, ["A"])])
 def test_a_trajectory_ends_within_a_centimetre_of_its_nodes(off: float, nodes: list[str]) -> None:
     drawn = {"knotVector": [0, 0, 1, 1], "controlPoints": [{"x": off, "y": 0}, {"x": 3, "y": 4}]}
-    found = list(departures(of(*RING[:2], edge("A B", use(trajectory=drawn)), RING[3])))
+    found = list(deviations(of(*RING[:2], edge("A B", use(trajectory=drawn)), RING[3])))
     assert [each.text for each in found] == [
-        f"its trajectory does not end at node '{each}'; the node's position counts" for each in nodes
+        f"the trajectory does not end at node '{each}'; the node's position is used" for each in nodes
     ]
 
 
 def test_of_a_trajectory_that_cannot_be_followed_its_ends_are_not_looked_at() -> None:
     drawn = {"knotVector": [0, 1], "controlPoints": [{"x": 9, "y": 9}, {"x": 9, "y": 9}]}
-    (only,) = departures(of(*RING[:2], edge("A B", use(trajectory=drawn)), RING[3]))
-    assert only.text.endswith("it is left out")
+    (only,) = deviations(of(*RING[:2], edge("A B", use(trajectory=drawn)), RING[3]))
+    assert only.text.endswith("it is dropped")
 
 
 def test_an_edge_belongs_to_the_layout_of_its_start() -> None:
     down, up = layout(node("A"), edge("A B")), layout(node("B"), edge("B A"), layoutId="up")
-    assert list(departures(file(down, up))) == []
+    assert list(deviations(file(down, up))) == []
     down["edges"], up["edges"] = up["edges"], down["edges"]
-    assert told(departures(file(down, up))) == [("NOT_LIF", "B-A"), ("NOT_LIF", "A-B")]
+    assert told(deviations(file(down, up))) == [("NOT_LIF", "B-A"), ("NOT_LIF", "A-B")]
 
 
 def test_who_may_drive_an_edge_may_be_at_both_its_ends() -> None:
-    found = departures(of(node("A", 0, 0, "t", "u"), node("B"), edge("A B", use("t"), use("u"))))
-    assert [each.text for each in found] == ["vehicle type 'u' may not be at its node 'B'"]
+    found = deviations(of(node("A", 0, 0, "t", "u"), node("B"), edge("A B", use("t"), use("u"))))
+    assert [each.text for each in found] == ["vehicle type 'u' may not use its node 'B'"]
 
 
 @pytest.mark.parametrize(("loaded", "told_of"), [(True, False), (False, True)])
 def test_load_sets_are_for_those_who_may_be_loaded(loaded: bool, told_of: bool) -> None:  # noqa: FBT001 - examples
     load = {"loaded": loaded, "unloaded": True, "loadSetNames": ["pallet"]}
     found = of(*RING[:3], edge("B A", use(loadRestriction=load)))
-    assert told(departures(found)) == ([("NOT_LIF", "B-A")] if told_of else [])
+    assert told(deviations(found)) == ([("NOT_LIF", "B-A")] if told_of else [])
 
 
 def test_what_is_kept_and_not_acted_on_is_counted_by_its_kind() -> None:
@@ -116,7 +123,10 @@ def test_what_is_kept_and_not_acted_on_is_counted_by_its_kind() -> None:
     both = node("A", vehicleTypeNodeProperties=[{"vehicleTypeId": "t", "actions": [required, required]}])
     one = node("B", vehicleTypeNodeProperties=[{"vehicleTypeId": "t", "actions": [required, action("x")]}])
     lying = edge("A B", use(reentryAllowed=False, rotationAtStartNodeAllowed="NONE", minHeight=0.0))
-    texts = [each.text.removesuffix(": kept, and not acted on") for each in remarks(of(both, one, lying))]
+    texts = [
+        each.text.removesuffix(": kept, without effect")
+        for each in unsupported_features(of(both, one, lying))
+    ]
     assert texts == [
         "REQUIRED actions at nodes (found 2 times)",
         "minHeight (found 1 times)",
@@ -130,16 +140,16 @@ TURN = 2 * pi
 
 
 def put(raw: Any) -> list[tuple[str, str]]:
-    return [(each.code, each.text) for each in put_right(raw)]
+    return [(each.code, each.text) for each in repair(raw)]
 
 
 def test_equal_faults_are_told_once_with_their_number_and_first_place() -> None:
     with pytest.raises(ValidationError) as caught:
         LifFile.model_validate({"layouts": [{"nodes": [{"nodeId": "A"}, {"nodeId": "B"}]}]})
-    told = {each.text for each in faults(caught.value)}
+    told = {each.text for each in format_problems(caught.value)}
     place = "nodePosition: is missing (found 2 times, first at layouts.0.nodes.0.nodePosition)"
     assert f"layouts.*.nodes.*.{place}" in told
-    assert {each.code for each in faults(caught.value)} == {"NOT_LIF"}
+    assert {each.code for each in format_problems(caught.value)} == {"NOT_LIF"}
 
 
 def test_missing_stations_are_none_where_there_is_a_layout() -> None:
@@ -167,8 +177,8 @@ def test_required_of_actions_becomes_their_requirement() -> None:
 def test_what_is_not_known_is_told_by_its_name_and_left() -> None:
     raw = [{"colour": 1, "nodeId": "A"}, {"colour": 2, "required": "perhaps"}]
     assert put(raw) == [
-        ("IGNORED", "field 'colour' is not known (found 2 times)"),
-        ("IGNORED", "field 'required' is not known (found 1 times)"),
+        ("IGNORED", "unknown field 'colour' (found 2 times)"),
+        ("IGNORED", "unknown field 'required' (found 1 times)"),
     ]
     assert raw[1] == {"colour": 2, "required": "perhaps"}
 
@@ -232,7 +242,7 @@ def told_of_reach(*objects: Point | Path) -> list[str]:
         points=tuple(each for each in objects if isinstance(each, Point)),
         paths=tuple(each for each in objects if isinstance(each, Path)),
     )
-    return [each.text for each in reach_warnings(model)]
+    return [each.text for each in reachability_warnings(model)]
 
 
 A, B = open_point("A", "t u"), open_point("B", "t u")
@@ -245,7 +255,7 @@ def test_types_that_get_everywhere_and_back_are_not_mentioned() -> None:
 
 def test_a_type_that_cannot_come_back_is_named_with_what_is_cut_off() -> None:
     (only,) = told_of_reach(A, B, THERE, open_path("B A", "t"))
-    assert only.startswith("vehicles of type 'u' cannot get everywhere and back; cut off: ")
+    assert only.startswith("vehicles of type 'u' cannot reach every point and return: ")
     assert only.count("'") == 4, "one type and one point"
 
 

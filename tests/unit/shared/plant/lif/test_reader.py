@@ -184,10 +184,10 @@ DEPARTURES = {
         "'required' of actions is read as",
     ),
     "draft version": (lif(layout(*RING), version="0.11.0"), "never published"),
-    "unknown field": (lif_of(node("A", colour="red")), "'colour' is not known"),
+    "unknown field": (lif_of(node("A", colour="red")), "unknown field 'colour'"),
     "no map": (lif_of(node("A", mapId=None)), "names no map"),
     "a type twice": (lif_of(node("A", 0, 0, "t", "t")), "2 times"),
-    "closed end": (lif_of(node("A"), node("B"), edge("A B", use("u"))), "may not be at its node"),
+    "closed end": (lif_of(node("A"), node("B"), edge("A B", use("u"))), "may not use its node"),
     "half a load": (
         lif_of(
             *RING[:3],
@@ -393,10 +393,10 @@ def test_what_it_does_not_say_is_no_property() -> None:
 
 def test_who_comes_first_is_called_by_its_id_and_the_others_by_their_kind_and_a_number() -> None:
     names = Names(["A"])
-    assert names.take(ObjectKind.PATH, "B", "edge") == "B"
+    assert names.allocate(ObjectKind.PATH, "B", "edge") == "B"
     assert names.renamed == []
-    assert names.take(ObjectKind.PATH, "A", "edge") == "edge:A"
-    assert names.take(ObjectKind.LOCATION, "A", "edge") == "edge2:A"
+    assert names.allocate(ObjectKind.PATH, "A", "edge") == "edge:A"
+    assert names.allocate(ObjectKind.LOCATION, "A", "edge") == "edge2:A"
     assert [(each.kind, each.name) for each in names.renamed] == [
         (ObjectKind.PATH, "A"),
         (ObjectKind.LOCATION, "A"),
@@ -407,7 +407,7 @@ def test_who_comes_first_is_called_by_its_id_and_the_others_by_their_kind_and_a_
 @given(st.lists(st.sampled_from(["A", "B", "edge:A", "edge2:A", "edge:edge:A"])))
 def test_no_name_is_given_twice(wanted: list[str]) -> None:
     names = Names(["A"])
-    given_names = [names.take(ObjectKind.PATH, each, "edge") for each in wanted]
+    given_names = [names.allocate(ObjectKind.PATH, each, "edge") for each in wanted]
     assert len({"A", *given_names}) == len(wanted) + 1
     renamed = [one for one, other in zip(wanted, given_names, strict=True) if one != other]
     assert [each.name for each in names.renamed] == renamed

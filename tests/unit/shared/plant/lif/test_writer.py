@@ -30,7 +30,7 @@ from nena_shared.plant import (
 )
 from nena_shared.plant.lif import read, write
 from nena_shared.plant.lif.reader import UNLIMITED_SIZE
-from nena_shared.plant.lif.writer import distinct_ids, losses
+from nena_shared.plant.lif.writer import distinct_ids, export_warnings
 from nena_shared.plant.opentcs_xml import read as read_opentcs
 from nena_shared.plant.track import Trajectory, TrajectoryPoint, VehicleTypeOnPath
 from support.lif_files import action, edge, layout, lif, lif_of, node, use
@@ -44,7 +44,7 @@ def written(model: PlantModel, **more: Any) -> dict[str, Any]:
     return dict(json.loads(write(model, at=NOW, **more).data))
 
 
-def losses_of_writer(model: PlantModel) -> list[str]:
+def export_warnings_of(model: PlantModel) -> list[str]:
     return [problem.text.split(" (")[0] for problem in write(model, at=NOW).warnings]
 
 
@@ -177,7 +177,7 @@ def test_what_lif_cannot_hold_is_said() -> None:
         vehicles=(Vehicle(name="V"),),
         properties={"tcs:modelFileLastModified": "2026"},
     )
-    assert losses_of_writer(model) == [
+    assert export_warnings_of(model) == [
         "parking positions",
         "heights",
         "locks of paths, which will be open",
@@ -257,9 +257,9 @@ def model(
 
 
 def told(plant: PlantModel) -> list[str]:
-    found = list(losses(plant))
+    found = list(export_warnings(plant))
     assert all((each.code, each.name) == ("NOT_EXPORTED", "m") for each in found)
-    return [each.text.removesuffix(": LIF has nothing for this") for each in found]
+    return [each.text.removesuffix(": not representable in LIF") for each in found]
 
 
 OPERATION = PeripheralOperation(name="open", location="L")

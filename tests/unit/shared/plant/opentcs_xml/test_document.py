@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from nena_shared.plant import PlantModelError
 from nena_shared.plant.errors import ObjectKind
 from nena_shared.plant.opentcs_xml import Limits, read
-from nena_shared.plant.opentcs_xml.document import MAX_SCALE, FormatVersion, Notes, XmlObject
+from nena_shared.plant.opentcs_xml.document import MAX_SCALE, Findings, FormatVersion, XmlObject
 
 DTD = b'<!DOCTYPE model [<!ENTITY a "aaaa">]>'
 EXTERNAL = b'<!DOCTYPE model SYSTEM "file:///etc/passwd">'
@@ -95,20 +95,20 @@ def test_other_versions_are_refused_by_name(text: str) -> None:
 
 
 def test_what_is_passed_over_is_one_warning_for_each_kind_of_object() -> None:
-    notes = Notes(FormatVersion.V7_0_0)
-    notes.ignore(ObjectKind.POINT, "attribute 'b'")
-    notes.ignore(ObjectKind.PATH, "attribute 'a'", 3)
-    notes.ignore(ObjectKind.PATH, "attribute 'a'")
-    assert [(each.code, each.kind, each.name, each.text) for each in notes.ignored()] == [
-        ("IGNORED", ObjectKind.PATH, "", "attribute 'a' is not used (found 4 times)"),
-        ("IGNORED", ObjectKind.POINT, "", "attribute 'b' is not used (found 1 times)"),
+    findings = Findings(FormatVersion.V7_0_0)
+    findings.ignore(ObjectKind.POINT, "attribute 'b'")
+    findings.ignore(ObjectKind.PATH, "attribute 'a'", 3)
+    findings.ignore(ObjectKind.PATH, "attribute 'a'")
+    assert [(each.code, each.kind, each.name, each.text) for each in findings.ignored()] == [
+        ("IGNORED", ObjectKind.PATH, "", "attribute 'a' is ignored (found 4 times)"),
+        ("IGNORED", ObjectKind.POINT, "", "attribute 'b' is ignored (found 1 times)"),
     ]
-    assert (notes.errors, notes.warnings) == ([], [])
+    assert (findings.errors, findings.warnings) == ([], [])
 
 
 @pytest.mark.parametrize("version", FormatVersion)
 def test_formats_before_6_are_old(version: FormatVersion) -> None:
-    assert Notes(version).is_old is (version < FormatVersion.V6_0_0)
+    assert Findings(version).is_old is (version < FormatVersion.V6_0_0)
 
 
 NEW, OLD = FormatVersion.V7_0_0, FormatVersion.V0_0_4
@@ -120,12 +120,12 @@ class Fruit(StrEnum):
 
 
 def element(version: FormatVersion = NEW, **attributes: str) -> XmlObject:
-    return XmlObject(Element("path", attributes), ObjectKind.PATH, "P", Notes(version))
+    return XmlObject(Element("path", attributes), ObjectKind.PATH, "P", Findings(version))
 
 
 def errors(obj: XmlObject) -> list[str]:
-    assert all((each.kind, each.name) == (ObjectKind.PATH, "P") for each in obj.notes.errors)
-    return [each.code for each in obj.notes.errors]
+    assert all((each.kind, each.name) == (ObjectKind.PATH, "P") for each in obj.findings.errors)
+    return [each.code for each in obj.findings.errors]
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_what_is_missing_without_a_default_is_an_error(
     obj = element()
     assert read(obj) == harmless
     assert errors(obj) == ["MISSING_ATTRIBUTE"]
-    assert "'path' needs attribute 'a'" in obj.notes.errors[0].text
+    assert "'path' needs attribute 'a'" in obj.findings.errors[0].text
 
 
 @pytest.mark.parametrize(
@@ -164,7 +164,7 @@ def test_what_is_missing_may_have_a_default(read: Callable[[XmlObject], Any], de
     obj = element()
     assert read(obj) == default
     assert errors(obj) == []
-    assert obj.notes.warnings == []
+    assert obj.findings.warnings == []
 
 
 @pytest.mark.parametrize(
@@ -183,7 +183,7 @@ def test_what_is_no_whole_number_is_an_error(text: str) -> None:
     obj = element(a=text)
     assert obj.integer("a", 5) == 5
     assert errors(obj) == ["BAD_VALUE"]
-    assert obj.notes.errors[0].text.endswith("it must be a whole number")
+    assert obj.findings.errors[0].text.endswith("it must be a whole number")
 
 
 @pytest.mark.parametrize(
@@ -198,7 +198,7 @@ def test_a_number_out_of_bounds_is_an_error_that_tells_them(text: str, bounds: A
     obj = element(a=text)
     assert obj.integer("a", 50, **bounds) == 50
     assert errors(obj) == ["BAD_VALUE"]
-    assert wanted in obj.notes.errors[0].text
+    assert wanted in obj.findings.errors[0].text
 
 
 def test_the_bounds_themselves_are_within() -> None:
@@ -253,12 +253,12 @@ def test_a_value_of_another_list_is_an_error_and_one_that_was_renamed_is_not_in_
     renamed = {"MELON": Fruit.PEAR}
     old = element(OLD, a="MELON")
     assert old.choice("a", Fruit, renamed=renamed) is Fruit.PEAR
-    assert ([each.code for each in old.notes.warnings], errors(old)) == (["VALUE_REPLACED"], [])
+    assert ([each.code for each in old.findings.warnings], errors(old)) == (["VALUE_REPLACED"], [])
 
     new = element(NEW, a="MELON")
     assert new.choice("a", Fruit, renamed=renamed) is Fruit.APPLE
-    assert ([each.code for each in new.notes.warnings], errors(new)) == ([], ["BAD_VALUE"])
-    assert "one of APPLE, PEAR" in new.notes.errors[0].text
+    assert ([each.code for each in new.findings.warnings], errors(new)) == ([], ["BAD_VALUE"])
+    assert "one of APPLE, PEAR" in new.findings.errors[0].text
 
 
 @pytest.mark.parametrize(
@@ -267,7 +267,7 @@ def test_a_value_of_another_list_is_an_error_and_one_that_was_renamed_is_not_in_
 def test_a_colour_that_is_none_costs_a_warning_only(text: str, kept: bool) -> None:  # noqa: FBT001 - an example
     obj = element(a=text)
     assert obj.color("a") == (text if kept else None)
-    assert [each.code for each in obj.notes.warnings] == ([] if kept else ["DRAWING_DROPPED"])
+    assert [each.code for each in obj.findings.warnings] == ([] if kept else ["DRAWING_DROPPED"])
     assert errors(obj) == []
 
 
@@ -281,9 +281,9 @@ def test_of_two_properties_with_one_name_the_last_counts() -> None:
     for key, value in (("a", "1"), ("b", "2"), ("a", "3")):
         SubElement(root, "property", name=key, value=value)
     SubElement(root, "property", name="c")
-    obj = XmlObject(root, ObjectKind.PATH, "P", Notes(NEW))
+    obj = XmlObject(root, ObjectKind.PATH, "P", Findings(NEW))
     assert obj.properties() == {"a": "3", "b": "2", "c": ""}
-    assert [each.code for each in obj.notes.warnings] == ["DUPLICATE_PROPERTY"]
+    assert [each.code for each in obj.findings.warnings] == ["DUPLICATE_PROPERTY"]
     assert obj.properties() == {}, "children are read once"
 
 
@@ -291,11 +291,11 @@ def test_children_speak_for_their_object_and_objects_for_themselves() -> None:
     root = Element("model")
     SubElement(SubElement(root, "path", name="Q"), "hop")
     SubElement(root, "path")
-    model = XmlObject(root, ObjectKind.MODEL, "m", Notes(NEW))
+    model = XmlObject(root, ObjectKind.MODEL, "m", Findings(NEW))
     for path in model.objects("path", ObjectKind.PATH):
         for hop in path.children("hop"):
             hop.text("name")
-    assert [(each.code, each.kind, each.name) for each in model.notes.errors] == [
+    assert [(each.code, each.kind, each.name) for each in model.findings.errors] == [
         ("MISSING_ATTRIBUTE", ObjectKind.PATH, "Q"),
         ("MISSING_ATTRIBUTE", ObjectKind.PATH, ""),
     ]
@@ -305,12 +305,12 @@ def test_what_nobody_has_read_is_told_with_how_often_it_is_there() -> None:
     root = Element("model")
     for _ in range(3):
         SubElement(SubElement(root, "path", name="Q", colour="red", empty=""), "hop")
-    model = XmlObject(root, ObjectKind.MODEL, "m", Notes(NEW))
+    model = XmlObject(root, ObjectKind.MODEL, "m", Findings(NEW))
     list(model.objects("path", ObjectKind.PATH))
     model.finish()
-    assert [each.text for each in model.notes.ignored()] == [
-        "attribute 'colour' of element 'path' is not used (found 3 times)",
-        "element 'hop' in 'path' is not used (found 3 times)",
+    assert [each.text for each in model.findings.ignored()] == [
+        "attribute 'colour' of element 'path' is ignored (found 3 times)",
+        "element 'hop' in 'path' is ignored (found 3 times)",
     ]
 
 

@@ -137,9 +137,9 @@ def test_everything_odd_about_an_old_file_is_told() -> None:
         problem.text for problem in read(drawn_in_layout("0.0.2")).warnings if problem.code == "IGNORED"
     ]
     assert ignored == [
-        "element 'group' in 'model' is not used (found 1 times)",
-        "attribute 'id' of element 'path' is not used (found 1 times)",
-        "attribute 'routingCost' of element 'path' is not used (found 1 times)",
+        "element 'group' in 'model' is ignored (found 1 times)",
+        "attribute 'id' of element 'path' is ignored (found 1 times)",
+        "attribute 'routingCost' of element 'path' is ignored (found 1 times)",
     ]
 
 

@@ -31,12 +31,12 @@ from nena_shared.plant import (
     VisualLayout,
 )
 from nena_shared.plant.opentcs_xml import read, write
-from nena_shared.plant.opentcs_xml.document import FormatVersion, Notes, XmlObject
+from nena_shared.plant.opentcs_xml.document import Findings, FormatVersion, XmlObject
 from nena_shared.plant.opentcs_xml.reader import (
     FRAME_TOLERANCE_MM,
     Drawing,
     Drawn,
-    course,
+    path_layout,
     read_vehicle,
     same_place,
 )
@@ -246,10 +246,10 @@ def test_what_nobody_reads_is_reported_once_for_all() -> None:
     body = POINTS + path + REST + "<weather/>"
     report = read(opentcs_xml(body))
     assert [(problem.code, problem.kind, problem.text) for problem in report.warnings] == [
-        ("IGNORED", "model", "element 'weather' in 'model' is not used (found 1 times)"),
-        ("IGNORED", "path", "attribute 'mood' of element 'path' is not used (found 1 times)"),
-        ("IGNORED", "path", "attribute 'wet' of element 'pathLayout' is not used (found 1 times)"),
-        ("IGNORED", "path", "element 'tunnel' in 'path' is not used (found 1 times)"),
+        ("IGNORED", "model", "element 'weather' in 'model' is ignored (found 1 times)"),
+        ("IGNORED", "path", "attribute 'mood' of element 'path' is ignored (found 1 times)"),
+        ("IGNORED", "path", "attribute 'wet' of element 'pathLayout' is ignored (found 1 times)"),
+        ("IGNORED", "path", "element 'tunnel' in 'path' is ignored (found 1 times)"),
     ]
 
 
@@ -292,12 +292,12 @@ SCALED = VisualLayout(scale_x_mm_per_px=50.0, scale_y_mm_per_px=20.0)
 
 def drawn(kind: ConnectionType, points: int, *, same_frame: bool = True) -> tuple[PathLayout, list[str]]:
     """Give the course of a path with so many control points, and what is said of it."""
-    obj = XmlObject(Element("path"), ObjectKind.PATH, "P", Notes(FormatVersion.V6_0_0))
+    obj = XmlObject(Element("path"), ObjectKind.PATH, "P", Findings(FormatVersion.V6_0_0))
     pixels = tuple((number + 1, 10 * (number + 1)) for number in range(points))
     as_drawn = Drawn(label=LabelLayout(layer_id=4), connection_type=kind, control_points_px=pixels)
-    made = course(obj, as_drawn, SCALED, same_frame=same_frame)
+    made = path_layout(obj, as_drawn, SCALED, same_frame=same_frame)
     assert made.layer_id == 4
-    return made, [each.text for each in obj.notes.warnings]
+    return made, [each.text for each in obj.findings.warnings]
 
 
 def test_pixels_become_millimetres_and_y_points_up() -> None:
@@ -356,12 +356,12 @@ LEVELS = {
 }
 
 
-def vehicle(version: FormatVersion, **attributes: str) -> tuple[Vehicle, Notes]:
+def vehicle(version: FormatVersion, **attributes: str) -> tuple[Vehicle, Findings]:
     element = Element("vehicle", {"name": "V", **attributes})
     if not version.is_old:
         SubElement(element, "boundingBox", length="900", width="600", height="400")
-    notes = Notes(version)
-    return read_vehicle(XmlObject(element, ObjectKind.VEHICLE, "V", notes), Drawing()), notes
+    findings = Findings(version)
+    return read_vehicle(XmlObject(element, ObjectKind.VEHICLE, "V", findings), Drawing()), findings
 
 
 def levels(made: Vehicle) -> tuple[int, int, int, int]:
@@ -372,22 +372,22 @@ def levels(made: Vehicle) -> tuple[int, int, int, int]:
 @pytest.mark.parametrize("version", [NEW, OLD])
 def test_a_whole_vehicle_has_nothing_to_be_told(version: FormatVersion) -> None:
     length = {"length": "900"} if version is OLD else {}
-    made, notes = vehicle(version, **SPEEDS, **LEVELS, **length)
+    made, findings = vehicle(version, **SPEEDS, **LEVELS, **length)
     assert levels(made) == (10, 80, 40, 95)
     assert (made.max_velocity_mm_s, made.max_reverse_velocity_mm_s) == (1000, 500)
     assert made.bounding_box.length_mm == 900
-    assert (notes.errors, notes.warnings) == ([], [])
+    assert (findings.errors, findings.warnings) == ([], [])
 
 
 def test_what_old_files_leave_out_is_told_and_new_ones_need_it() -> None:
-    made, notes = vehicle(OLD)
+    made, findings = vehicle(OLD)
     assert levels(made) == (30, 90, 30, 90)
     assert made.bounding_box.length_mm == 1000
-    assert [each.code for each in notes.warnings] == ["DEFAULTED"] * 6
-    assert notes.errors == []
+    assert [each.code for each in findings.warnings] == ["DEFAULTED"] * 6
+    assert findings.errors == []
 
-    _, notes = vehicle(NEW)
-    assert [each.code for each in notes.errors] == ["MISSING_ATTRIBUTE"] * 6
+    _, findings = vehicle(NEW)
+    assert [each.code for each in findings.errors] == ["MISSING_ATTRIBUTE"] * 6
 
 
 @pytest.mark.parametrize(
@@ -400,23 +400,23 @@ def test_what_old_files_leave_out_is_told_and_new_ones_need_it() -> None:
 def test_crossed_levels_are_swapped_in_old_files_and_refused_in_new_ones(
     crossed: dict[str, str], right: tuple[int, int, int, int]
 ) -> None:
-    made, notes = vehicle(OLD, **SPEEDS, **LEVELS | crossed)
+    made, findings = vehicle(OLD, **SPEEDS, **LEVELS | crossed)
     assert levels(made) == right
-    assert ([each.code for each in notes.warnings], notes.errors) == (["THRESHOLDS_SWAPPED"], [])
+    assert ([each.code for each in findings.warnings], findings.errors) == (["THRESHOLDS_SWAPPED"], [])
 
-    _, notes = vehicle(NEW, **SPEEDS, **LEVELS | crossed)
-    assert ([each.code for each in notes.errors], notes.warnings) == (["THRESHOLDS_CROSSED"], [])
+    _, findings = vehicle(NEW, **SPEEDS, **LEVELS | crossed)
+    assert ([each.code for each in findings.errors], findings.warnings) == (["THRESHOLDS_CROSSED"], [])
 
 
 def test_equal_levels_are_in_order() -> None:
-    _, notes = vehicle(NEW, **SPEEDS, **LEVELS | {"energyLevelCritical": "80"})
-    assert notes.errors == []
+    _, findings = vehicle(NEW, **SPEEDS, **LEVELS | {"energyLevelCritical": "80"})
+    assert findings.errors == []
 
 
 @pytest.mark.parametrize("level", ["-1", "101"])
 def test_a_level_is_a_percentage(level: str) -> None:
-    _, notes = vehicle(NEW, **SPEEDS, **LEVELS | {"energyLevelGood": level})
-    assert "BAD_VALUE" in [each.code for each in notes.errors]
+    _, findings = vehicle(NEW, **SPEEDS, **LEVELS | {"energyLevelGood": level})
+    assert "BAD_VALUE" in [each.code for each in findings.errors]
 
 
 MOST_GROWTH = 8.0
