@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from nena_shared.clock import SystemClock
-from nena_shared.web.event_source import HEARTBEAT
+from nena_shared.web.server_sent_events import HEARTBEAT
 from nena_shared.web.users import Role, User, hash_of, write_users
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.app import make_app

@@ -6,12 +6,10 @@ import asyncio
 import json
 from contextlib import suppress
 
-from nena_shared.web.oidc.bounded_http import BoundedHttp
-from nena_shared.web.oidc.errors import IssuerAwayError, TokenRefusedError
-from nena_shared.web.oidc.key_set import KeySet
-from nena_shared.web.oidc.metadata import metadata_of, place_of
-from nena_shared.web.oidc.settings import OidcSettings
-from nena_shared.web.oidc.token import Header, header_of, verified
+from nena_shared.web.oidc.issuer import BoundedHttp, KeySet, metadata_of, place_of
+from nena_shared.web.oidc.tokens import Header, header_of, verified
+from nena_shared.web.oidc.users import IssuerAwayError, TokenRefusedError
+from nena_shared.web.settings import OidcSettings
 from support.damage import damaged_text
 from support.oidc_issuer import AUDIENCE, DISCOVERY, KEYS, OidcIssuer, ec_key, oidc_issuer, rsa_key
 from support.readers.reader import Make, Place, Reader

@@ -7,7 +7,7 @@ from http import HTTPStatus
 from nena_order_service.settings import HostSettings
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.transport_order import Problem
-from nena_shared.web.rate_limit import RateLimit
+from nena_shared.web.access import RateLimit
 
 REQUESTS_LIMIT = 1000
 """Requests that may be in work at the same time; one more is answered with 503."""

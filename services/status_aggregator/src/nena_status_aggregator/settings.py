@@ -12,8 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, HttpUrl, SecretStr,
 
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix, secret_in
 from nena_shared.vda5050.topics import RobotKey
-from nena_shared.web.oidc.settings import OidcSettings, ProtectedPlace
-from nena_shared.web.settings import HttpSettings
+from nena_shared.web.settings import HttpSettings, OidcSettings, ProtectedPlace
 
 _WRITTEN: Final = re.compile(r"([0-9]{1,3})/([0-9]{1,3})")
 

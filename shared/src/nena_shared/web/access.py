@@ -1,14 +1,15 @@
-"""Who may do what over HTTP: every request shows a token, and the token's user has the role that it takes."""
+"""Who may do what over HTTP: users, roles, cookies, OIDC tokens and rate limits."""
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
 from math import ceil
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -16,14 +17,67 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.log import get_logger
 from nena_shared.settings import ConfigurationError
-from nena_shared.web.lasting_answer import LastingAnswer
-from nena_shared.web.oidc.enabled import access_tokens_of
-from nena_shared.web.oidc.errors import IssuerAwayError, NoRoleError, TokenRefusedError
-from nena_shared.web.oidc.person import OidcUser
+from nena_shared.web.oidc.users import IssuerAwayError, NoRoleError, OidcUser, TokenRefusedError
 from nena_shared.web.problem import refusal
-from nena_shared.web.rate_limit import RateLimit
+from nena_shared.web.server_sent_events import LastingAnswer
 from nena_shared.web.settings import HttpSettings
 from nena_shared.web.users import Role, User, UserBook, users_of
+
+if TYPE_CHECKING:
+    from nena_shared.web.oidc.issuer import AccessTokens
+
+
+KEPT = 10_000
+"""Askers that are remembered; above that the one that has been quiet for longest is forgotten."""
+
+
+@dataclass(slots=True)
+class _Bucket:
+    level: float
+    at: float
+
+
+class RateLimit:
+    """Allows ``burst`` requests at once and ``rate`` per second in the long run, to each asker."""
+
+    def __init__(self, rate: float, burst: int) -> None:
+        self._rate = rate
+        self._burst = burst
+        self._buckets: OrderedDict[str, _Bucket] = OrderedDict()
+
+    def wait(self, asker: str, now: float, *, cost: float = 1.0) -> float:
+        """Count a request; gives the seconds that the asker has to wait, 0 where it may go on.
+
+        A refused request costs nothing, a ``cost`` of 0 only looks. ``now``: seconds of a monotonic clock.
+        """
+        bucket = self._buckets.setdefault(asker, _Bucket(self._burst, now))
+        self._buckets.move_to_end(asker)
+        if len(self._buckets) > KEPT:
+            self._buckets.popitem(last=False)
+        bucket.level = min(self._burst, bucket.level + (now - bucket.at) * self._rate)
+        bucket.at = now
+        if bucket.level < 1.0:
+            return (1.0 - bucket.level) / self._rate
+        bucket.level -= cost
+        return 0.0
+
+
+def access_tokens_of(settings: HttpSettings) -> AccessTokens | None:
+    """Give what knows users by the issuer's tokens; None: no issuer is named.
+
+    Raises:
+        ConfigurationError: the libraries are not installed, or a file cannot be used.
+
+    """
+    if settings.oidc is None:
+        return None
+    try:
+        from nena_shared.web.oidc.issuer import AccessTokens, Issuer  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        problem = f"http.oidc.issuer: {error}; install this service with its extra: pip install SERVICE[oidc]"
+        raise ConfigurationError([problem]) from error
+    return AccessTokens(Issuer(settings.oidc))
+
 
 log = get_logger(__name__)
 
@@ -50,7 +104,7 @@ class TokenReader(Protocol):
     """Knows users by tokens that somebody else has made."""
 
     async def who(self, token: str) -> OidcUser:
-        """Give whose token it is; raises what is in :mod:`nena_shared.web.oidc.errors`."""
+        """Give whose token it is; raises what is in :mod:`nena_shared.web.oidc.tokens`."""
         ...
 
 

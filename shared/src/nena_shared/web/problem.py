@@ -1,10 +1,14 @@
-"""An error as a problem (RFC 9457)."""
+"""Errors over HTTP are problems (RFC 9457), in answers and in OpenAPI descriptions."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from http import HTTPStatus
+from types import MappingProxyType
+from typing import Any
 
+from fastapi import FastAPI
+from pydantic.json_schema import models_json_schema
 from starlette.responses import Response
 
 from nena_shared.fleet_api.transport_order import Problem
@@ -25,3 +29,43 @@ def answer(problem: Problem, headers: Mapping[str, str] | None = None) -> Respon
 def refusal(status: HTTPStatus, detail: str, headers: Mapping[str, str] | None = None) -> Response:
     """Refuse a request; ``detail`` says what to do."""
     return answer(Problem(title=status.phrase, status=status, detail=detail), headers)
+
+
+REFERENCES = "#/components/schemas/{model}"
+METHODS = frozenset({"get", "put", "post", "patch", "delete"})
+VALIDATION = "422"
+"""What FastAPI says of its own of requests that do not fit; they are answered with problems here."""
+ERRORS = {
+    "4XX": "What is wrong with the request, and what to do.",
+    "5XX": "What failed, and what to do.",
+}
+
+
+def describe_problems(app: FastAPI, others: Mapping[str, Any] = MappingProxyType({})) -> None:
+    """Have the OpenAPI description of ``app`` tell of errors at each operation: of problems.
+
+    Errors that a route describes by their exact status stay as they are described.
+
+    Args:
+        app: is described.
+        others: schemas of further forms that errors have, by their media types.
+
+    """
+    plain = app.openapi
+    problem = {"$ref": REFERENCES.format(model=Problem.__name__)}
+    content = {kind: {"schema": schema} for kind, schema in {MEDIA_TYPE: problem, **others}.items()}
+    errors = {status: {"description": text, "content": content} for status, text in ERRORS.items()}
+    _, known = models_json_schema([(Problem, "serialization")], ref_template=REFERENCES)
+
+    def described() -> dict[str, Any]:
+        document = plain()
+        for path in document["paths"].values():
+            for method in METHODS & path.keys():
+                responses = path[method]["responses"]
+                responses.pop(VALIDATION, None)
+                responses |= errors
+        schemas = document.setdefault("components", {}).setdefault("schemas", {})
+        schemas |= known["$defs"]
+        return document
+
+    app.openapi = described  # type: ignore[method-assign]

@@ -1,25 +1,235 @@
-"""The HTTP server: uvicorn inside a program's own life, which keeps its own signals and log."""
+"""Serve HTTP: limits on connections, handshakes and bodies, an orderly start and end."""
 
 from __future__ import annotations
 
+import asyncio
 import logging
+import resource
 import socket
 import ssl
-from collections.abc import Iterator
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
+from typing import Final
 
+import h11
 import uvicorn
 from starlette.types import ASGIApp, Receive, Scope, Send
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from nena_shared.log import get_logger
 from nena_shared.program import StartError
 from nena_shared.settings import ConfigurationError
-from nena_shared.web import connection
-from nena_shared.web.connection import SELDOM, Connection, Listener
-from nena_shared.web.exposure import check_exposure
-from nena_shared.web.settings import HttpSettings
+from nena_shared.web.access import RateLimit
+from nena_shared.web.settings import HttpSettings, check_exposure, network_of
 
 log = get_logger(__name__)
+
+HANDSHAKE_TIMEOUT = 5.0
+"""Seconds from accepting a connection to the end of its TLS handshake."""
+
+HEAD_TIMEOUT = 10.0
+"""Seconds for the head of a request, from the connection or from the head's first byte on."""
+
+BODY_TIMEOUT = 60.0
+"""Seconds for the body of a request, from the end of its head on."""
+
+PER_ADDRESS = 256
+"""Connections of one address, counted from accept on; not behind a proxy, from whose address all come.
+Without a limit one machine could use up all files that the system allows a process, 1024 by default."""
+
+RESERVED_FILES = 128
+"""Files that are left for the store, the broker and the log, however many clients connect."""
+
+ACCEPTED_AT_ONCE = 64
+"""Connections accepted in one turn of the event loop."""
+
+NO_FILES_PAUSE = 1.0
+"""Seconds until accepting is tried again where the system has no more files."""
+
+_logged = RateLimit(rate=1 / 60, burst=1)
+
+
+class _Seldom(logging.Filter):
+    """Passes the same warning once a minute: each broken request would write a line."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._passed: Final = RateLimit(rate=1 / 60, burst=1)
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Return whether a record passes; errors always do."""
+        return record.levelno > logging.WARNING or not self._passed.wait(str(record.msg), time.monotonic())
+
+
+SELDOM: Final = _Seldom()
+"""For uvicorn's own log."""
+
+
+def most_connections() -> int:
+    """Return how many connections leave enough files for the rest of the process."""
+    allowed, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return max(allowed - RESERVED_FILES, allowed // 2)
+
+
+class Connection(H11Protocol):
+    """Speaks HTTP as uvicorn does, with a time limit for heads and bodies; uvicorn alone waits forever."""
+
+    release: Callable[[], None] | None = None
+    """Is called when the connection has ended."""
+    _deadline: asyncio.TimerHandle | None = None
+    _awaited: type[h11.IDLE | h11.SEND_BODY] | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Wait for the first request."""
+        super().connection_made(transport)
+        self._await(h11.IDLE)
+
+    def data_received(self, data: bytes) -> None:
+        """Read a part of a request."""
+        super().data_received(data)
+        state = self.conn.their_state
+        self._await(state if state in (h11.IDLE, h11.SEND_BODY) else None)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Let another connection have the place."""
+        self._await(None)
+        super().connection_lost(exc)
+        if self.release:
+            self.release()
+
+    def _unsupported_upgrade_warning(self) -> None:
+        """Log nothing: Java's client offers HTTP/2 with each request, and is answered all the same."""
+
+    def _await(self, part: type[h11.IDLE | h11.SEND_BODY] | None) -> None:
+        """Abort the connection unless this part of a request ends in time; None: none is awaited."""
+        if part is self._awaited:
+            return
+        if self._deadline is not None:
+            self._deadline.cancel()
+        self._awaited = part
+        seconds = BODY_TIMEOUT if part is h11.SEND_BODY else HEAD_TIMEOUT
+        self._deadline = self.loop.call_later(seconds, self.transport.abort) if part else None
+
+
+class Listener:
+    """Accepts connections, and counts them from there on: before the TLS handshake, not after it.
+
+    asyncio's own server tells nothing of a connection before its handshake has ended, so that clients who
+    never begin one would neither be counted nor, for a minute, closed.
+    """
+
+    def __init__(
+        self,
+        listening: socket.socket,
+        make: Callable[[], Connection],
+        *,
+        encryption: ssl.SSLContext | None,
+        per_address: int | None,
+    ) -> None:
+        """Accept from now on.
+
+        Args:
+            listening: the socket; closed by whoever made it.
+            make: makes the protocol of one connection.
+            encryption: the TLS context; None: no TLS.
+            per_address: connections that one address may have; None: no limit, as behind a proxy.
+
+        """
+        self._socket = listening
+        self._make = make
+        self._encryption = encryption
+        self._per_address = per_address
+        self._most = most_connections()
+        self._open: defaultdict[str, set[socket.socket]] = defaultdict(set)
+        self._count = 0
+        self._handshakes: set[asyncio.Task[None]] = set()
+        self._resuming: asyncio.TimerHandle | None = None
+        self._loop = asyncio.get_running_loop()
+        listening.settimeout(0)
+        self._resume()
+
+    def close(self) -> None:
+        """Accept no more connections, and abort those whose handshake has not ended."""
+        self._loop.remove_reader(self._socket)
+        if self._resuming:
+            self._resuming.cancel()
+        for each in self._handshakes:
+            each.cancel()
+
+    async def wait_closed(self) -> None:
+        """Wait until the aborted handshakes have ended."""
+        await asyncio.gather(*self._handshakes, return_exceptions=True)
+
+    def _resume(self) -> None:
+        self._loop.add_reader(self._socket, self._accept)
+
+    def _accept(self) -> None:
+        for _ in range(ACCEPTED_AT_ONCE):
+            try:
+                accepted, address = self._socket.accept()
+            except (BlockingIOError, InterruptedError, ConnectionAbortedError):
+                return
+            except OSError as error:
+                log.error("cannot accept connections, trying again", reason=error.strerror)  # noqa: TRY400
+                self._loop.remove_reader(self._socket)
+                self._resuming = self._loop.call_later(NO_FILES_PAUSE, self._resume)
+                return
+            self._take(accepted, str(address[0]))
+
+    def _take(self, accepted: socket.socket, address: str) -> None:
+        network = network_of(address)
+        of_network = len(self._open[network]) if network in self._open else 0
+        if self._per_address is not None and of_network >= self._per_address:
+            self._refuse(accepted, "an address has too many connections: more are closed", address)
+        elif self._count >= self._most:
+            self._refuse(accepted, "too many connections: more are closed", address)
+        else:
+            accepted.settimeout(0)
+            self._open[network].add(accepted)
+            self._count += 1
+            task = self._loop.create_task(self._begin(accepted, network), name=f"accept {address}")
+            self._handshakes.add(task)
+            task.add_done_callback(self._handshakes.discard)
+
+    def _refuse(self, accepted: socket.socket, event: str, address: str) -> None:
+        accepted.close()
+        if not _logged.wait(f"{event} {address}", self._loop.time()):
+            log.warning(event, address=address)
+
+    async def _begin(self, accepted: socket.socket, network: str) -> None:
+        release = partial(self._release, accepted, network)
+
+        def make() -> Connection:
+            made = self._make()
+            made.release = release
+            return made
+
+        timeout = HANDSHAKE_TIMEOUT if self._encryption else None
+        try:
+            await self._loop.connect_accepted_socket(
+                make,
+                accepted,
+                ssl=self._encryption,
+                ssl_handshake_timeout=timeout,
+                ssl_shutdown_timeout=timeout,
+            )
+        except OSError:  # no TLS, not in time, or gone: nothing that a client could not cause at will
+            release()
+        except BaseException:
+            release()
+            raise
+
+    def _release(self, accepted: socket.socket, network: str) -> None:
+        of_network = self._open.get(network, set())
+        if accepted in of_network:
+            of_network.remove(accepted)
+            self._count -= 1
+            if not of_network:
+                del self._open[network]
+
 
 SHUTDOWN_TIMEOUT = 3
 """Seconds for open requests to end."""
@@ -42,7 +252,7 @@ class _Server(uvicorn.Server):
             listening,
             lambda: Connection(config, self.server_state, {}),
             encryption=config.ssl,
-            per_address=None if config.proxy_headers else connection.PER_ADDRESS,
+            per_address=None if config.proxy_headers else PER_ADDRESS,
         )
 
     @contextmanager

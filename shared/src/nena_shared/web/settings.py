@@ -1,13 +1,81 @@
-"""Settings of an HTTP service."""
+"""Settings of an HTTP service and its OIDC issuer; beyond loopback it needs TLS and a login."""
 
 from __future__ import annotations
 
+from ipaddress import IPv4Address, ip_address, ip_network
 from pathlib import Path
+from typing import Annotated, Literal
+from urllib.parse import urlsplit
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
-from nena_shared.settings import SettingsGroup
-from nena_shared.web.oidc.settings import OidcSettings
+from nena_shared.settings import ConfigurationError, SettingsGroup
+
+Algorithm = Literal["RS256", "RS384", "RS512", "PS256", "PS384", "PS512", "ES256", "ES384", "ES512", "EdDSA"]
+"""Signatures by a private key. Those by a shared secret (HS256, ...) and ``none`` are no choice."""
+
+RoleName = Literal["viewer", "operator", "admin"]
+
+
+def protected_url(url: str) -> str:
+    """Give ``url`` back where nobody on the way can change what comes from it.
+
+    Raises:
+        ValueError: it is no URL of the kind, or neither https nor of this machine.
+
+    """
+    parts = urlsplit(url)
+    host = parts.hostname or ""
+    if parts.scheme not in ("https", "http") or not host or parts.username is not None:
+        message = "an address such as https://login.example/realms/site is needed"
+        raise ValueError(message)
+    if parts.scheme == "http" and not is_loopback(host):
+        message = "it has to be https: whoever is on the way could put keys of their own in its place"
+        raise ValueError(message)
+    return url
+
+
+def _without_query(url: str) -> str:
+    if "?" in url or "#" in url:
+        message = "the address of a whole place is needed, without ? and #"
+        raise ValueError(message)
+    return url
+
+
+ProtectedUrl = Annotated[str, AfterValidator(protected_url)]
+ProtectedPlace = Annotated[ProtectedUrl, AfterValidator(_without_query)]
+
+
+class OidcSettings(SettingsGroup):
+    """Whose access tokens count beside NeNa's own, and for what."""
+
+    issuer: ProtectedPlace = Field(
+        description="The OpenID Connect issuer, just as it writes its own address: its tokens count too."
+    )
+    audience: str = Field(min_length=1, description="What the issuer's tokens have to be meant for (aud).")
+    roles_claim: str = Field(
+        "roles",
+        min_length=1,
+        description="Claim that names somebody's roles or groups; dots lead into tables: realm_access.roles.",
+    )
+    roles: dict[str, RoleName] = Field(
+        {"nena-viewer": "viewer", "nena-operator": "operator", "nena-admin": "admin"},
+        min_length=1,
+        description="Role here (viewer, operator, admin) for each value of that claim; the highest counts.",
+    )
+    user_claim: str = Field(
+        "preferred_username", min_length=1, description="Claim with the name for panel and log; else sub."
+    )
+    algorithms: tuple[Algorithm, ...] = Field(
+        ("RS256", "ES256"), min_length=1, description="Signatures that count."
+    )
+    leeway: float = Field(
+        30.0, ge=0, le=300, description="Seconds that the clocks of issuer and service may differ."
+    )
+    timeout: float = Field(5.0, gt=0, le=60, description="Seconds that the issuer has to answer.")
+    ca: Path | None = Field(
+        None, description="PEM file: who vouches for the issuer where the system's certificates do not."
+    )
 
 
 class HttpSettings(SettingsGroup):
@@ -37,3 +105,51 @@ class HttpSettings(SettingsGroup):
         500.0, gt=0, description="Requests that one user, or one address, may make in the long run."
     )
     burst: int = Field(1000, ge=1, description="Requests that one user, or one address, may make at once.")
+
+
+OF_ONE_SITE = 64
+"""Bits of an IPv6 address that lead to one site; the rest one machine may choose."""
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether only this machine reaches ``host``; a name other than localhost may lead anywhere."""
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def network_of(address: str) -> str:
+    """Return what counts as one client's address: an IPv4 address, or the /64 network of an IPv6 address."""
+    try:
+        known = ip_address(address.partition("%")[0])
+    except ValueError:
+        return address
+    if isinstance(known, IPv4Address):
+        return str(known)
+    return str(known.ipv4_mapped or ip_network((known, OF_ONE_SITE), strict=False))
+
+
+def check_exposure(settings: HttpSettings) -> None:
+    """See that an address beyond loopback has both TLS and a login.
+
+    Raises:
+        ConfigurationError: it has not; a line for each thing that is missing.
+
+    """
+    problems = []
+    if (settings.tls_certificate is None) is not (settings.tls_key is None):
+        problems.append("http.tls_certificate and http.tls_key belong together: give both, or none.")
+    if not is_loopback(settings.host):
+        where = f"http.host: {settings.host} is reached from other machines"
+        if settings.tls_certificate is None and not settings.reverse_proxy:
+            problems.append(
+                f"{where}, without TLS. Set http.tls_certificate and http.tls_key; or http.reverse_proxy = "
+                "true where a proxy does TLS and nobody gets past it; or listen on 127.0.0.1."
+            )
+        if settings.users is None and settings.oidc is None:
+            problems.append(
+                f"{where}, without a login. Set http.users (see `nena-deploy user add`) or http.oidc.issuer."
+            )
+    if problems:
+        raise ConfigurationError(problems)

@@ -12,7 +12,7 @@ from nena_order_service.parts import OrderService
 from nena_shared.fleet_api.requests import BY_LIMIT
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.web.access import KnownUser
-from nena_shared.web.oidc.person import OidcUser
+from nena_shared.web.oidc.users import OidcUser
 from nena_shared.web.users import Role, User, hash_of
 from support.problems import problem
 

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from collections.abc import AsyncIterator, Iterator
 from datetime import datetime, timedelta
@@ -7,6 +9,8 @@ from pathlib import Path
 
 import httpx
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
@@ -14,11 +18,19 @@ from starlette.routing import Route
 from structlog.testing import capture_logs
 
 from nena_shared.clock import ManualClock, SystemClock
-from nena_shared.web.access import COOKIE, WRONG_TOKENS_AT_ONCE, AccessControl, protect, reading_or
-from nena_shared.web.oidc.enabled import access_tokens_of
-from nena_shared.web.oidc.issuer import LOOKS_AT_ONCE
-from nena_shared.web.oidc.settings import OidcSettings
-from nena_shared.web.settings import HttpSettings
+from nena_shared.settings import ConfigurationError
+from nena_shared.web import access
+from nena_shared.web.access import (
+    COOKIE,
+    WRONG_TOKENS_AT_ONCE,
+    AccessControl,
+    RateLimit,
+    access_tokens_of,
+    protect,
+    reading_or,
+)
+from nena_shared.web.oidc.issuer import LOOKS_AT_ONCE, AccessTokens
+from nena_shared.web.settings import HttpSettings, OidcSettings
 from nena_shared.web.users import Role, User, UserBook, hash_of, write_users
 from support.oidc_issuer import AUDIENCE, DISCOVERY, LIFE, OidcIssuer, ec_key, oidc_issuer
 
@@ -317,3 +329,72 @@ async def test_a_key_that_may_not_be_looked_up_now_is_no_reason_to_refuse(issuer
         answer = await client.get("/orders", headers=showing(issuer.token()))
 
     assert (answer.status_code, answer.headers["retry-after"]) == (503, "10")
+
+
+def test_so_many_at_once_then_as_time_gives() -> None:
+    limit = RateLimit(rate=2.0, burst=3)
+
+    assert [limit.wait("a", 0.0) for _ in range(3)] == [0, 0, 0]
+    assert limit.wait("a", 0.0) == pytest.approx(0.5)
+    assert limit.wait("a", 0.5) == 0
+    assert limit.wait("a", 0.5) > 0
+
+
+def test_each_asker_has_a_bucket() -> None:
+    limit = RateLimit(rate=1.0, burst=1)
+
+    assert limit.wait("a", 0.0) == 0
+    assert limit.wait("b", 0.0) == 0
+    assert limit.wait("a", 0.0) > 0
+
+
+def test_a_look_costs_nothing() -> None:
+    limit = RateLimit(rate=1.0, burst=1)
+
+    assert [limit.wait("a", 0.0, cost=0) for _ in range(5)] == [0] * 5
+    assert limit.wait("a", 0.0) == 0
+    assert limit.wait("a", 0.0, cost=0) > 0
+
+
+def test_it_remembers_a_bounded_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(access, "KEPT", 2)
+    limit = RateLimit(rate=0.001, burst=1)
+    for asker in "abc":
+        assert limit.wait(asker, 0.0) == 0
+
+    assert limit.wait("c", 0.0) > 0
+    assert limit.wait("a", 0.0) == 0, "the quietest was forgotten"
+
+
+@given(st.lists(st.floats(0, 10), max_size=50), st.floats(0.1, 100), st.integers(1, 10))
+def test_never_more_than_burst_and_rate_allow(pauses: list[float], rate: float, burst: int) -> None:
+    limit, now, passed = RateLimit(rate, burst), 0.0, 0
+    for pause in pauses:
+        now += pause
+        passed += limit.wait("a", now) == 0
+
+    assert passed <= burst + rate * now + 1e-6
+
+
+OIDC = OidcSettings(issuer="https://login.example", audience="nena")
+
+
+def test_it_is_off_until_an_issuer_is_named() -> None:
+    assert access_tokens_of(HttpSettings(port=0)) is None
+    assert isinstance(access_tokens_of(HttpSettings(port=0, oidc=OIDC)), AccessTokens)
+
+
+def test_without_its_libraries_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [each for each in sys.modules if each.startswith("nena_shared.web.oidc.")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "jwt", None)
+
+    with pytest.raises(ConfigurationError, match=r"http\.oidc\.issuer: .*jwt.*\[oidc\]"):
+        access_tokens_of(HttpSettings(port=0, oidc=OIDC))
+
+
+def test_a_service_without_it_loads_none_of_its_libraries() -> None:
+    code = "import nena_order_service.app, nena_status_aggregator.__main__, sys; print('jwt' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+
+    assert done.stdout.strip() == "False"

@@ -3,7 +3,7 @@ from __future__ import annotations
 import asyncio
 import ssl
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
 import httpx
@@ -11,13 +11,16 @@ import pytest
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse
 from starlette.types import Receive, Scope, Send
+from structlog.testing import capture_logs
 
 from nena_shared.program import StartError
 from nena_shared.settings import ConfigurationError
+from nena_shared.web import server as server_module
+from nena_shared.web.access import RateLimit
 from nena_shared.web.server import HttpServer
 from nena_shared.web.settings import HttpSettings
 from support.certificates import Authority
-from support.waiting import PATIENCE
+from support.waiting import PATIENCE, awaited
 
 YES = PlainTextResponse("yes")
 
@@ -99,3 +102,211 @@ def test_an_address_of_another_machine_is_told(tmp_path: Path) -> None:
 def test_beyond_loopback_it_does_not_listen_unprotected() -> None:
     with pytest.raises(ConfigurationError, match="without TLS"):
         HttpServer(YES, HttpSettings(host="0.0.0.0", port=0))
+
+
+REQUEST = b"GET / HTTP/1.1\r\nHost: a\r\n\r\n"
+GONE = (ConnectionError, asyncio.IncompleteReadError)
+
+Line = tuple[asyncio.StreamReader, asyncio.StreamWriter]
+
+
+@asynccontextmanager
+async def serving_of_connection(settings: HttpSettings) -> AsyncIterator[HttpServer]:
+    server = HttpServer(PlainTextResponse("yes"), settings)
+    task = asyncio.create_task(server.run())
+    try:
+        yield server
+    finally:
+        server.stop()
+        await asyncio.wait_for(task, PATIENCE)
+
+
+@asynccontextmanager
+async def connected(server: HttpServer, source: str = "127.0.0.1") -> AsyncIterator[Line]:
+    reader, writer = await asyncio.open_connection("127.0.0.1", server.port, local_addr=(source, 0))
+    try:
+        yield reader, writer
+    finally:
+        writer.close()
+
+
+async def answered(line: Line, request: bytes = REQUEST) -> bool:
+    reader, writer = line
+    writer.write(request)
+    async with asyncio.timeout(PATIENCE):
+        try:
+            await reader.readuntil(b"\r\n\r\n")
+            return await reader.readexactly(3) == b"yes"
+        except GONE:
+            return False
+
+
+async def is_closed(line: Line) -> bool:
+    async with asyncio.timeout(PATIENCE):
+        try:
+            return await line[0].read() == b""
+        except ConnectionError:
+            return True
+
+
+@pytest.mark.parametrize("begun", [b"", b"GET / HT"])
+async def test_who_sends_no_request_is_let_go(monkeypatch: pytest.MonkeyPatch, begun: bytes) -> None:
+    monkeypatch.setattr(server_module, "HEAD_TIMEOUT", 0.05)
+    async with serving_of_connection(HttpSettings(port=0)) as server, connected(server) as line:
+        line[1].write(begun)
+        assert await is_closed(line)
+
+
+async def test_the_next_request_has_its_time_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with serving_of_connection(HttpSettings(port=0)) as server, connected(server) as line:
+        assert await answered(line)
+        monkeypatch.setattr(server_module, "HEAD_TIMEOUT", 0.05)
+        line[1].write(REQUEST[:10])
+        assert await is_closed(line)
+
+
+async def test_an_answer_may_take_longer_than_the_head(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server_module, "HEAD_TIMEOUT", 0.05)
+    late = asyncio.Event()
+
+    async def answer(scope: Scope, receive: Receive, send: Send) -> None:
+        asyncio.get_running_loop().call_later(0.2, late.set)
+        await late.wait()
+        await PlainTextResponse("yes")(scope, receive, send)
+
+    async with serving_of_connection(HttpSettings(port=0)) as server, connected(server) as line:
+        server.app = answer
+        assert await answered(line)
+
+
+async def test_an_address_has_a_bounded_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server_module, "PER_ADDRESS", 3)
+    monkeypatch.setattr(server_module, "_logged", RateLimit(rate=1 / 60, burst=1))
+    async with serving_of_connection(HttpSettings(port=0)) as server, AsyncExitStack() as stack:
+        told = stack.enter_context(capture_logs())
+        lines = [await stack.enter_async_context(connected(server)) for _ in range(3)]
+        assert all([await answered(each) for each in lines])
+        for _ in range(2):
+            assert not await answered(await stack.enter_async_context(connected(server)))
+        lines[0][1].close()
+        await lines[0][1].wait_closed()
+        assert await answered(lines[1])
+        assert await answered(await stack.enter_async_context(connected(server)))
+    assert [each.get("address") for each in told if "too many" in each["event"]] == ["127.0.0.1"]
+
+
+async def test_broken_requests_do_not_fill_the_log(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(server_module.SELDOM, "_passed", RateLimit(rate=1 / 60, burst=1))
+    async with serving_of_connection(HttpSettings(port=0)) as server:
+        for _ in range(3):
+            async with connected(server) as line:
+                assert not await answered(line, b"\x16\x03\x01\r\n\r\n")
+    assert [each.getMessage() for each in caplog.records] == ["Invalid HTTP request received."]
+
+
+async def test_those_of_a_proxy_are_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server_module, "PER_ADDRESS", 1)
+    async with (
+        serving_of_connection(HttpSettings(port=0, reverse_proxy=True)) as server,
+        AsyncExitStack() as stack,
+    ):
+        lines = [await stack.enter_async_context(connected(server)) for _ in range(3)]
+        assert all([await answered(each) for each in lines])
+
+
+async def test_an_offer_of_another_protocol_is_answered_and_no_line_of_the_log(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    offer = b"Connection: Upgrade, HTTP2-Settings\r\nUpgrade: %b\r\nHTTP2-Settings: AA\r\n\r\n"
+    async with serving_of_connection(HttpSettings(port=0)) as server, connected(server) as line:
+        for protocol in (b"h2c", b"websocket"):
+            assert await answered(line, REQUEST.removesuffix(b"\r\n") + offer % protocol)
+    assert caplog.records == []
+
+
+async def test_a_body_that_never_ends_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server_module, "BODY_TIMEOUT", 0.05)
+    read = asyncio.Event()
+
+    async def answer(_: Scope, receive: Receive, __: Send) -> None:
+        while (await receive())["type"] != "http.disconnect":
+            pass
+        read.set()
+
+    async with serving_of_connection(HttpSettings(port=0)) as server, connected(server) as line:
+        server.app = answer
+        line[1].write(b"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 9\r\n\r\nbo")
+        assert await is_closed(line)
+        await asyncio.wait_for(read.wait(), PATIENCE)
+
+
+def over_tls(folder: Path) -> tuple[HttpSettings, str]:
+    """Return settings of a server with TLS, and the file of the authority that vouches for it."""
+    authority = Authority(folder)
+    files = authority.sign("server")
+    return HttpSettings(port=0, tls_certificate=files.certificate, tls_key=files.key), str(authority.ca)
+
+
+async def test_who_begins_no_handshake_is_let_go_and_gives_its_place_back(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(server_module, "HANDSHAKE_TIMEOUT", 0.1)
+    monkeypatch.setattr(server_module, "PER_ADDRESS", 2)
+    settings, ca = over_tls(tmp_path)
+    async with serving_of_connection(settings) as server, AsyncExitStack() as stack:
+        for begun in (b"", b"\x16\x03\x01"):
+            line = await stack.enter_async_context(connected(server))
+            line[1].write(begun)
+            assert await is_closed(line)
+        line = await stack.enter_async_context(connected(server))
+        line[1].write(REQUEST)  # no TLS at all
+        assert not await answered(line)
+        async with httpx.AsyncClient(
+            verify=ssl.create_default_context(cafile=ca), timeout=PATIENCE
+        ) as client:
+            assert (await client.get(server.url)).text == "yes"
+
+
+async def test_silent_connections_of_one_address_keep_no_other_one_out(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """They count from accepting them on: no handshake has to end for that."""
+    monkeypatch.setattr(server_module, "PER_ADDRESS", 3)
+    settings, ca = over_tls(tmp_path)
+    trusting = ssl.create_default_context(cafile=ca)
+    async with serving_of_connection(settings) as server, AsyncExitStack() as stack:
+        held = [await stack.enter_async_context(connected(server, "127.0.0.2")) for _ in range(3)]
+        assert await is_closed(await stack.enter_async_context(connected(server, "127.0.0.2")))
+        async with httpx.AsyncClient(verify=trusting, timeout=PATIENCE) as client:
+            assert (await client.get(server.url)).text == "yes"
+        assert not any(line[0].at_eof() for line in held)
+
+        held[0][1].close()
+
+        async def served() -> bool:
+            transport = httpx.AsyncHTTPTransport(verify=trusting, local_address="127.0.0.2")
+            async with httpx.AsyncClient(transport=transport, timeout=PATIENCE) as client:
+                try:
+                    return (await client.get(server.url)).text == "yes"
+                except httpx.HTTPError:
+                    return False
+
+        await awaited(served, bool, what="a connection in the place of a closed one")
+
+
+async def test_connections_leave_files_for_the_rest_of_the_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server_module, "most_connections", lambda: 2)
+    async with (
+        serving_of_connection(HttpSettings(port=0, reverse_proxy=True)) as server,
+        AsyncExitStack() as stack,
+    ):
+        lines = [await stack.enter_async_context(connected(server)) for _ in range(3)]
+        assert [await answered(each) for each in lines] == [True, True, False]
+
+
+def test_at_most_half_of_the_files_are_reserved(monkeypatch: pytest.MonkeyPatch) -> None:
+    for allowed, expected in ((1024, 896), (100, 50)):
+        monkeypatch.setattr("resource.getrlimit", lambda _, allowed=allowed: (allowed, allowed))
+        assert server_module.most_connections() == expected

@@ -23,7 +23,7 @@ from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.settings import EventSettings
 from nena_shared.fleet_api.transport_order import OrderSequenceStatus, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
-from nena_shared.web.event_source import HEARTBEAT, HEARTBEAT_FRAME, News, nothing_within
+from nena_shared.web.server_sent_events import HEARTBEAT, HEARTBEAT_FRAME, News, nothing_within
 
 PAGE = 200
 """Orders that are read from the store at a time."""

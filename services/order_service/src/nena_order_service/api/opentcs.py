@@ -46,7 +46,7 @@ from nena_shared.fleet_api.vehicle import (
 from nena_shared.log import get_logger
 from nena_shared.misfits import TOLD, in_words
 from nena_shared.plant import BoundingBox, PlantModel, Vehicle
-from nena_shared.web.described import describe_problems
+from nena_shared.web.problem import describe_problems
 
 log = get_logger(__name__)
 

@@ -28,7 +28,7 @@ from nena_order_service.rest.body_limit import BodyLimit
 from nena_order_service.rest.responses import as_json
 from nena_order_service.serving import ChangePlant
 from nena_shared.fleet_api.requests import Readiness
-from nena_shared.web.described import describe_problems
+from nena_shared.web.problem import describe_problems
 
 NOT_READY: dict[int | str, dict[str, object]] = {
     503: {"model": Readiness, "description": "What is missing, and what that means."}

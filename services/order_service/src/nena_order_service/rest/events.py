@@ -10,7 +10,7 @@ from starlette.responses import StreamingResponse
 
 from nena_order_service.api.events import EventKind, EventStream, Interest
 from nena_shared.fleet_api.base import ObjectName
-from nena_shared.web.event_source import HEADERS
+from nena_shared.web.server_sent_events import HEADERS
 
 LastId = Annotated[str | None, Header(alias="Last-Event-ID", description="Id of the last event received.")]
 After = Annotated[str | None, Query(max_length=100, description="The same, for who cannot set headers.")]

@@ -14,9 +14,8 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from nena_shared.clock import SystemClock
-from nena_shared.web.access import AccessControl
-from nena_shared.web.described import describe_problems
-from nena_shared.web.oidc.enabled import access_tokens_of
+from nena_shared.web.access import AccessControl, access_tokens_of
+from nena_shared.web.problem import describe_problems
 from nena_shared.web.settings import HttpSettings
 from nena_shared.web.users import users_of
 from nena_status_aggregator import panel

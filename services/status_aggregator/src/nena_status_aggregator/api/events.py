@@ -11,7 +11,7 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Query
 from starlette.responses import StreamingResponse
 
-from nena_shared.web.event_source import HEADERS, HEARTBEAT, HEARTBEAT_FRAME, News, nothing_within
+from nena_shared.web.server_sent_events import HEADERS, HEARTBEAT, HEARTBEAT_FRAME, News, nothing_within
 from nena_status_aggregator.api.problems import ProblemError
 from nena_status_aggregator.settings import EventSettings
 

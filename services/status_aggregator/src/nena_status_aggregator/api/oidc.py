@@ -14,27 +14,24 @@ from hashlib import sha256
 from hmac import compare_digest
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Literal, Self
-from urllib.parse import quote, urlencode
-
-from nena_shared.log import get_logger
-from nena_shared.web.oidc.errors import IssuerAwayError, NoRoleError, TokenRefusedError
-from nena_shared.web.oidc.metadata import Metadata
-from nena_shared.web.oidc.person import OidcUser
-from nena_shared.web.oidc.settings import protected_url
-from nena_status_aggregator.settings import PanelOidcSettings
-
-if TYPE_CHECKING:  # its libraries are an extra
-    from nena_shared.web.oidc.access_tokens import AccessTokens
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlencode, urlsplit
 
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import RedirectResponse
 from typing_extensions import TypedDict
 
 from nena_shared.clock import Clock
-from nena_shared.web.rate_limit import RateLimit
+from nena_shared.log import get_logger
+from nena_shared.web.access import RateLimit
+from nena_shared.web.oidc.users import IssuerAwayError, NoRoleError, OidcUser, TokenRefusedError
+from nena_shared.web.settings import protected_url
 from nena_status_aggregator.api.problems import ProblemError
 from nena_status_aggregator.api.session import SIGN_IN, TOKEN_LIMIT, keep
+from nena_status_aggregator.settings import PanelOidcSettings
+
+if TYPE_CHECKING:
+    from nena_shared.web.oidc.issuer import AccessTokens, Metadata
+
 
 log = get_logger(__name__)
 

@@ -1,22 +1,211 @@
-"""The issuer as this program knows it: asked when it is needed, remembered for a while."""
+"""The OIDC issuer: its metadata and keys, fetched with limits and kept."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+import json
+import ssl
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from http import HTTPStatus
+from typing import Any
 
+import httpx
 from jwt import PyJWK
+from jwt.exceptions import PyJWTError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.log import get_logger
-from nena_shared.web.oidc.bounded_http import BoundedHttp
-from nena_shared.web.oidc.errors import IssuerAwayError, TokenRefusedError
-from nena_shared.web.oidc.key_set import KeySet
-from nena_shared.web.oidc.metadata import Metadata, metadata_of, place_of
-from nena_shared.web.oidc.settings import OidcSettings
-from nena_shared.web.oidc.token import Header
-from nena_shared.web.rate_limit import RateLimit
+from nena_shared.misfits import in_words, shortened
+from nena_shared.settings import ConfigurationError
+from nena_shared.web.access import RateLimit
+from nena_shared.web.oidc.tokens import Header, header_of, verified
+from nena_shared.web.oidc.users import IssuerAwayError, OidcUser, TokenRefusedError, user_of
+from nena_shared.web.settings import OidcSettings, ProtectedUrl
+
+ANSWER_LIMIT = 512 * 1024
+"""Bytes; a discovery document has some 5 KB, keys some more."""
+
+Answer = tuple[int, dict[str, Any]]
+"""Status and JSON object."""
+
+
+class BoundedHttp:
+    """Each request has a connection of its own: they are rare."""
+
+    def __init__(self, settings: OidcSettings) -> None:
+        """Prepare.
+
+        Raises:
+            ConfigurationError: the file of who vouches for the issuer cannot be used.
+
+        """
+        self._timeout = settings.timeout
+        try:
+            self._tls = ssl.create_default_context(cafile=settings.ca)
+        except OSError as error:
+            raise ConfigurationError([f"http.oidc.ca: {settings.ca}: {error}"]) from error
+
+    async def get(self, url: str) -> dict[str, Any]:
+        """Give the JSON object that is there.
+
+        Raises:
+            IssuerAwayError: there is none.
+
+        """
+        status, found = await self.ask("GET", url)
+        if status != HTTPStatus.OK:
+            message = f"{url} answered {status}"
+            raise IssuerAwayError(message)
+        return found
+
+    async def ask(
+        self,
+        method: str,
+        url: str,
+        form: Mapping[str, str] | None = None,
+        login: tuple[str, str] | None = None,
+    ) -> Answer:
+        """Send a request, with ``form`` as its body and ``login`` as user and password.
+
+        Raises:
+            IssuerAwayError: no JSON object came within the time.
+
+        """
+        try:
+            async with (
+                asyncio.timeout(self._timeout),
+                httpx.AsyncClient(verify=self._tls, timeout=self._timeout, trust_env=False) as client,
+                client.stream(method, url, data=form, auth=login, headers=HEADERS) as answer,
+            ):
+                found = json.loads(await _body(answer))
+        except TimeoutError as error:
+            message = f"{url} has not answered within {self._timeout:g} s"
+            raise IssuerAwayError(message) from error
+        except (httpx.HTTPError, httpx.InvalidURL) as error:
+            message = f"{url}: {str(error) or type(error).__name__}"
+            raise IssuerAwayError(message) from error
+        except (ValueError, RecursionError) as error:
+            message = f"{url} answered {answer.status_code}, which is no JSON"
+            raise IssuerAwayError(message) from error
+        if not isinstance(found, dict):
+            message = f"{url} answered with JSON that is no object"
+            raise IssuerAwayError(message)
+        return answer.status_code, found
+
+
+HEADERS = {"accept": "application/json", "accept-encoding": "identity"}
+"""Uncompressed, so that the limit is one of what comes and of what is kept."""
+
+
+async def _body(answer: httpx.Response) -> bytes:
+    body = bytearray()
+    async for chunk in answer.aiter_raw():
+        body += chunk
+        if len(body) > ANSWER_LIMIT:
+            message = f"{answer.url} answered with more than {ANSWER_LIMIT} bytes"
+            raise IssuerAwayError(message)
+    return bytes(body)
+
+
+PROBLEMS_SHOWN = 5
+
+
+class Metadata(BaseModel):
+    """Where an issuer has what; only what is used here."""
+
+    model_config = ConfigDict(frozen=True)
+
+    issuer: str
+    jwks_uri: ProtectedUrl
+    authorization_endpoint: str = ""
+    token_endpoint: str = ""
+    token_endpoint_auth_methods_supported: tuple[str, ...] = Field(default=("client_secret_basic",))
+
+
+def place_of(issuer: str) -> str:
+    """Tell where an issuer describes itself."""
+    return f"{issuer.rstrip('/')}/.well-known/openid-configuration"
+
+
+def metadata_of(document: dict[str, Any], issuer: str) -> Metadata:
+    """Read the description of ``issuer``.
+
+    Raises:
+        IssuerAwayError: it does not say what is needed, or is that of another one.
+
+    """
+    try:
+        found = Metadata.model_validate(document)
+    except ValidationError as error:
+        problems = "; ".join(in_words(error.errors(), whole="all of it", most=PROBLEMS_SHOWN))
+        message = f"{place_of(issuer)} is not what it has to be: {problems}"
+        raise IssuerAwayError(message) from error
+    if found.issuer != issuer:
+        message = f"it calls itself {shortened(repr(found.issuer))}: write http.oidc.issuer in just this way"
+        raise IssuerAwayError(message)
+    return found
+
+
+KEYS_LIMIT = 100
+
+KINDS = {"RS": "RSA", "PS": "RSA", "ES": "EC", "Ed": "OKP"}
+"""The kind of key (kty) that a signature takes, by the first letters of its name. Shared secrets are none."""
+
+
+class KeySet:
+    """Keys by their ids; what is no public key for signatures is passed over."""
+
+    def __init__(self, keys: Sequence[Mapping[str, Any]]) -> None:
+        self._keys = keys
+        self._made: dict[tuple[str | None, str], PyJWK] = {}
+
+    @classmethod
+    def of(cls, document: Mapping[str, Any]) -> KeySet:
+        """Read a JWK Set.
+
+        Raises:
+            ValueError: it is none, or has no key that could be used.
+
+        """
+        listed = document.get("keys")
+        if not isinstance(listed, list) or len(listed) > KEYS_LIMIT:
+            message = f"it has no list of at most {KEYS_LIMIT} keys"
+            raise ValueError(message)
+        usable = [each for each in listed if isinstance(each, dict) and _is_usable(each)]
+        if not usable:
+            message = "none of its keys is a public one for signatures"
+            raise ValueError(message)
+        return cls(usable)
+
+    def has(self, kid: str | None, algorithm: str) -> bool:
+        """Tell whether :meth:`find` gives a key."""
+        return self.find(kid, algorithm) is not None
+
+    def find(self, kid: str | None, algorithm: str) -> PyJWK | None:
+        """Give the one key of this id for signatures of this kind; without an id there must be no choice."""
+        if (made := self._made.get((kid, algorithm))) is not None:
+            return made
+        fitting = [each for each in self._keys if _fits(each, kid, algorithm)]
+        if len(fitting) != 1:
+            return None
+        try:
+            made = PyJWK(dict(fitting[0]), algorithm=algorithm)
+        except PyJWTError:
+            return None
+        self._made[kid, algorithm] = made
+        return made
+
+
+def _is_usable(key: Mapping[str, Any]) -> bool:
+    return key.get("kty") in KINDS.values() and key.get("use", "sig") == "sig"
+
+
+def _fits(key: Mapping[str, Any], kid: str | None, algorithm: str) -> bool:
+    named = kid is None or key.get("kid") == kid
+    return named and key["kty"] == KINDS[algorithm[:2]] and key.get("alg", algorithm) == algorithm
+
 
 log = get_logger(__name__)
 
@@ -149,3 +338,35 @@ class Issuer:
 
     def _is_younger(self, known: _Known, seconds: float) -> bool:
         return self._clock.monotonic() - known.at < seconds
+
+
+class AccessTokens:
+    """Takes tokens that the issuer has made for this service's audience."""
+
+    def __init__(self, issuer: Issuer) -> None:
+        self.issuer = issuer
+
+    async def who(self, token: str) -> OidcUser:
+        """Give whose token it is.
+
+        Raises:
+            TokenRefusedError: it does not count.
+            NoRoleError: its owner has no role here.
+            IssuerAwayError: the issuer's keys are not to be had, so nothing can be said.
+
+        """
+        settings = self.issuer.settings
+        return user_of(await self.claims(token, settings.audience), settings)
+
+    async def claims(self, token: str, audience: str) -> dict[str, Any]:
+        """Give the claims of a token of the issuer for ``audience``.
+
+        Raises:
+            TokenRefusedError: it does not count.
+            IssuerAwayError: as :meth:`who`.
+
+        """
+        settings = self.issuer.settings
+        header = header_of(token, settings.algorithms)
+        key = await self.issuer.key(header)
+        return verified(token, key, header, issuer=settings.issuer, audience=audience, leeway=settings.leeway)

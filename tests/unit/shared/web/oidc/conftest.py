@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from nena_shared.web.oidc.settings import OidcSettings
+from nena_shared.web.settings import OidcSettings
 from support.oidc_issuer import AUDIENCE, OidcIssuer, oidc_issuer
 
 

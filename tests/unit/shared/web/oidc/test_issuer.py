@@ -3,16 +3,34 @@
 from __future__ import annotations
 
 import asyncio
+import gzip
 import json
+from pathlib import Path
+from typing import Any
 
 import pytest
 from structlog.testing import capture_logs
 
 from nena_shared.clock import ManualClock
-from nena_shared.web.oidc.errors import IssuerAwayError, TokenRefusedError
-from nena_shared.web.oidc.issuer import FRESH, KEPT, LOOKS_AT_ONCE, Issuer
-from nena_shared.web.oidc.settings import OidcSettings
-from nena_shared.web.oidc.token import Header
+from nena_shared.settings import ConfigurationError
+from nena_shared.web.oidc.issuer import (
+    ANSWER_LIMIT,
+    FRESH,
+    KEPT,
+    KEYS_LIMIT,
+    LOOKS_AT_ONCE,
+    AccessTokens,
+    BoundedHttp,
+    Issuer,
+    KeySet,
+    metadata_of,
+    place_of,
+)
+from nena_shared.web.oidc.tokens import Header
+from nena_shared.web.oidc.users import IssuerAwayError, NoRoleError, TokenRefusedError
+from nena_shared.web.settings import OidcSettings
+from nena_shared.web.users import Role
+from support.broker import free_port
 from support.oidc_issuer import DISCOVERY, KEYS, OidcIssuer, ec_key, rsa_key
 from support.waiting import PATIENCE, awaited, until
 
@@ -156,3 +174,203 @@ async def test_an_issuer_that_was_never_there_is_told(
     issuer.broken.clear()
 
     assert (await watched.issuer.key(KNOWN)).key_id == "rsa-1"
+
+
+async def test_it_gives_the_object_that_is_there(issuer: OidcIssuer, settings: OidcSettings) -> None:
+    found = await BoundedHttp(settings).get(f"{issuer.address}{DISCOVERY}")
+
+    assert found["issuer"] == issuer.address
+
+
+@pytest.mark.parametrize(
+    ("answer", "reason"),
+    [
+        (b"<html>", "no JSON"),
+        (b"[]", "no object"),
+        (b"[" * 100_000, "no JSON"),
+        (b"\xff", "no JSON"),
+        (gzip.compress(b"{}", mtime=0), "no JSON"),
+        (b" " * (ANSWER_LIMIT + 1), "more than"),
+    ],
+)
+async def test_whatever_is_answered_there_is_a_reason(
+    issuer: OidcIssuer, settings: OidcSettings, answer: bytes, reason: str
+) -> None:
+    issuer.broken[DISCOVERY] = answer
+    with pytest.raises(IssuerAwayError, match=reason):
+        await BoundedHttp(settings).get(f"{issuer.address}{DISCOVERY}")
+
+
+async def test_another_status_is_none(issuer: OidcIssuer, settings: OidcSettings) -> None:
+    with pytest.raises(IssuerAwayError, match="answered 404"):
+        await BoundedHttp(settings).get(f"{issuer.address}/elsewhere")
+
+
+async def test_it_follows_nowhere(issuer: OidcIssuer, settings: OidcSettings) -> None:
+    issuer.moved[DISCOVERY] = "/keys"
+    with pytest.raises(IssuerAwayError, match="answered 302"):
+        await BoundedHttp(settings).get(f"{issuer.address}{DISCOVERY}")
+    assert issuer.asked["/keys"] == 0
+
+
+async def test_silence_ends(issuer: OidcIssuer, settings: OidcSettings) -> None:
+    issuer.silent.add(DISCOVERY)
+    impatient = BoundedHttp(settings.model_copy(update={"timeout": 0.2}))
+    with pytest.raises(IssuerAwayError, match="not answered within"):
+        await impatient.get(f"{issuer.address}{DISCOVERY}")
+
+
+async def test_where_nobody_is_it_says_so(settings: OidcSettings) -> None:
+    with pytest.raises(IssuerAwayError, match=r"127\.0\.0\.1"):
+        await BoundedHttp(settings).get(f"http://127.0.0.1:{free_port()}/")
+
+
+@pytest.mark.parametrize("content", [None, "no certificate"])
+def test_a_file_of_certificates_that_is_none_is_told(
+    settings: OidcSettings, tmp_path: Path, content: str | None
+) -> None:
+    file = tmp_path / "ca.pem"
+    if content:
+        file.write_text(content)
+    with pytest.raises(ConfigurationError, match=r"http\.oidc\.ca"):
+        BoundedHttp(settings.model_copy(update={"ca": file}))
+
+
+RSA = rsa_key().public
+EC = ec_key().public
+SECRET = {"kty": "oct", "k": "c2VjcmV0", "kid": "secret", "alg": "HS256"}
+
+
+def without(key: dict[str, Any], *names: str) -> dict[str, Any]:
+    return {name: value for name, value in key.items() if name not in names}
+
+
+def test_a_key_is_found_by_its_id() -> None:
+    keys = KeySet.of({"keys": [RSA, EC]})
+
+    assert keys.has("rsa-1", "RS256")
+    assert not keys.has("rsa-2", "RS256")
+    found = keys.find("rsa-1", "RS256")
+    assert found is not None
+    assert found.key_id == "rsa-1"
+    assert keys.find("rsa-1", "RS256") is found
+    assert keys.find("rsa-2", "RS256") is None
+
+
+def test_a_key_is_for_signatures_of_its_kind_only() -> None:
+    keys = KeySet.of({"keys": [RSA, EC]})
+
+    assert keys.find("ec-1", "RS256") is None
+    assert keys.find("rsa-1", "ES256") is None
+    assert keys.find("rsa-1", "RS512") is None, "its alg says RS256"
+    assert KeySet.of({"keys": [without(RSA, "alg")]}).find("rsa-1", "RS512") is not None
+
+
+def test_without_an_id_there_must_be_no_choice() -> None:
+    alone = KeySet.of({"keys": [RSA]})
+    assert alone.has(None, "RS256")
+    assert not alone.has(None, "ES256")
+
+    both = KeySet.of({"keys": [RSA, EC]})
+    assert both.has(None, "RS256")
+    assert both.has(None, "ES256")
+    assert not KeySet.of({"keys": [RSA, RSA]}).has(None, "RS256")
+    twins = KeySet.of({"keys": [EC, {**ec_key().public, "kid": EC["kid"]}]})
+    assert twins.find("ec-1", "ES256") is None
+
+
+def test_what_is_no_public_key_for_signatures_is_passed_over() -> None:
+    keys = KeySet.of({"keys": [SECRET, {**EC, "use": "enc"}, 5, {}, RSA]})
+
+    assert not keys.has("secret", "RS256")
+    assert not keys.has("ec-1", "ES256")
+    assert keys.has("rsa-1", "RS256")
+
+
+def test_a_damaged_key_is_none() -> None:
+    keys = KeySet.of({"keys": [{**RSA, "n": "!"}, {**EC, "crv": "P-0"}]})
+
+    assert keys.find("rsa-1", "RS256") is None
+    assert keys.find("ec-1", "ES256") is None
+
+
+@pytest.mark.parametrize(
+    "document", [{}, {"keys": {}}, {"keys": []}, {"keys": [SECRET]}, {"keys": [RSA] * (KEYS_LIMIT + 1)}]
+)
+def test_a_set_without_a_key_is_none(document: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="keys"):
+        KeySet.of(document)
+
+
+ISSUER = "https://login.example/realms/site"
+GOOD = {"issuer": ISSUER, "jwks_uri": "https://login.example/keys", "scopes_supported": ["openid"]}
+
+
+@pytest.mark.parametrize("issuer", [ISSUER, f"{ISSUER}/"])
+def test_it_is_at_one_place(issuer: str) -> None:
+    assert place_of(issuer) == f"{ISSUER}/.well-known/openid-configuration"
+
+
+def test_only_what_is_needed_is_read() -> None:
+    found = metadata_of(GOOD, ISSUER)
+
+    assert found.jwks_uri == "https://login.example/keys"
+    assert found.token_endpoint_auth_methods_supported == ("client_secret_basic",)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"issuer": f"{ISSUER}/"}, "write http.oidc.issuer in just this way"),
+        ({"issuer": "https://evil.example"}, "calls itself 'https://evil.example'"),
+        ({"jwks_uri": "http://login.example/keys"}, "jwks_uri.*https"),
+        ({"jwks_uri": "file:///etc/passwd"}, "jwks_uri"),
+        ({"jwks_uri": None}, "jwks_uri"),
+        ({"token_endpoint": 5}, "token_endpoint"),
+        ({"issuer": "x" * 100_000}, "write http.oidc.issuer in just this way"),
+        ({"token_endpoint_auth_methods_supported": [5] * 10_000}, "token_endpoint_auth_methods"),
+    ],
+)
+def test_a_description_that_does_not_fit_says_why(change: dict[str, Any], reason: str) -> None:
+    with pytest.raises(IssuerAwayError, match=reason) as caught:
+        metadata_of({**GOOD, **change}, ISSUER)
+    assert len(str(caught.value)) < 1000
+
+
+@pytest.fixture
+def tokens(settings: OidcSettings) -> AccessTokens:
+    return AccessTokens(Issuer(settings))
+
+
+async def test_somebody_is_known_by_a_token(tokens: AccessTokens, issuer: OidcIssuer) -> None:
+    ann = await tokens.who(issuer.token("ann"))
+
+    assert (ann.name, ann.role, ann.subject) == ("ann", Role.OPERATOR, "id-of-ann")
+
+
+async def test_keys_change_while_tokens_are_shown(tokens: AccessTokens, issuer: OidcIssuer) -> None:
+    old = issuer.token("ann")
+    await tokens.who(old)
+    issuer.keys.insert(0, ec_key("ec-2"))
+
+    assert (await tokens.who(issuer.token("vic"))).role is Role.VIEWER
+    assert (await tokens.who(old)).name == "ann"
+
+
+async def test_a_key_that_nobody_knows_is_refused(tokens: AccessTokens, issuer: OidcIssuer) -> None:
+    with pytest.raises(TokenRefusedError, match="no such key"):
+        await tokens.who(issuer.token("ann", ec_key("made-up")))
+
+
+async def test_who_has_no_role_is_told(tokens: AccessTokens, issuer: OidcIssuer) -> None:
+    with pytest.raises(NoRoleError, match="bob"):
+        await tokens.who(issuer.token("bob"))
+
+
+async def test_a_kind_of_signature_that_is_not_allowed_asks_nobody(
+    settings: OidcSettings, issuer: OidcIssuer
+) -> None:
+    tokens = AccessTokens(Issuer(settings.model_copy(update={"algorithms": ("ES256",)})))
+    with pytest.raises(TokenRefusedError, match="only ES256"):
+        await tokens.who(issuer.token("ann"))
+    assert not issuer.asked

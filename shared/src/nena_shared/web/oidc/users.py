@@ -1,4 +1,4 @@
-"""Who somebody is by the claims of a token, and which role that gives here."""
+"""OIDC users: who somebody is by the claims of a token, which role that gives, and why a token is refused."""
 
 from __future__ import annotations
 
@@ -7,11 +7,25 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from nena_shared.web.oidc.errors import NoRoleError, TokenRefusedError
-from nena_shared.web.oidc.settings import OidcSettings
+from nena_shared.web.settings import OidcSettings
 from nena_shared.web.users import Role
 
+
+class TokenRefusedError(Exception):
+    """The token does not count; the text says why: "it has expired"."""
+
+
+class NoRoleError(Exception):
+    """The token is good, but its owner has no role here; the text says what to do."""
+
+
+class IssuerAwayError(Exception):
+    """The issuer cannot be asked, so nothing can be said of its tokens; the text says what happened."""
+
+
 NAME_LIMIT = 64
+
+
 SUBJECT_LIMIT = 255
 """Characters, by OpenID Connect Core 1.0, section 2."""
 

@@ -1,4 +1,4 @@
-"""What makes a token count: signature, issuer, audience and times (RFC 7519, RFC 8725, RFC 9068)."""
+"""Check the form, signature and claims of OIDC tokens."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import jwt
 from jwt import PyJWK
 from jwt import exceptions as flaws
 
-from nena_shared.web.oidc.errors import TokenRefusedError
+from nena_shared.web.oidc.users import (
+    TokenRefusedError,
+)
 
 LENGTH_LIMIT = 16_384
 """Characters."""

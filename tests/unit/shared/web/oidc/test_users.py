@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_shared.web.oidc.errors import NoRoleError, TokenRefusedError
-from nena_shared.web.oidc.person import user_of, values_of
-from nena_shared.web.oidc.settings import OidcSettings
+from nena_shared.web.oidc.users import NoRoleError, TokenRefusedError, user_of, values_of
+from nena_shared.web.settings import OidcSettings
 from nena_shared.web.users import Role
 
 END = 1_790_000_000
