@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from nena_order_service.context import Context, EngineSettings, FleetControl
 from nena_order_service.dispatching.way import WayFinder
+from nena_order_service.engine import Engine
 from nena_order_service.fleet import (
     ActionRetriable,
     Availability,
@@ -27,11 +29,9 @@ from nena_order_service.fleet import (
     RobotView,
 )
 from nena_order_service.fleet.mission import grown
-from nena_order_service.kernel import Kernel
-from nena_order_service.kernel.ports import FleetControl
-from nena_order_service.kernel.settings import KernelSettings
-from nena_order_service.orders.vda_orders import MissionPlanner
+from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.routing import Router
+from nena_order_service.state import FleetState
 from nena_order_service.store.changes import Changes
 from nena_order_service.store.database import Unfinished
 from nena_order_service.store.store import Store
@@ -39,7 +39,7 @@ from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.transport_order import FailurePolicy, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleState
-from nena_shared.plant import PlantModel
+from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
@@ -56,6 +56,7 @@ class MemoryStore(Store):
 
     def __init__(self) -> None:
         self.held = False
+        self._answers = set()
         self.found = Unfinished((), {}, 0)
         self._waiting: list[Callable[[], None]] = []
         self._orders: dict[int, object] = {}
@@ -109,7 +110,7 @@ class ScriptedFleet:
     """Whether the broker has not told yet which robots there are."""
     notes: dict[str, str] = field(default_factory=dict)
     """What each robot's mission waits for."""
-    kernel: Kernel | None = None
+    engine: Engine | None = None
     missions: dict[RobotKey, Mission] = field(default_factory=dict)
     sent: list[tuple[str, Mission]] = field(default_factory=list)
     adopted: list[tuple[str, str, bool]] = field(default_factory=list)
@@ -171,7 +172,7 @@ class ScriptedFleet:
             vehicle_state=_vehicle_state(free=free, busy=here and busy),
             availability=Availability(free, "" if free else "is busy" if busy else "is offline"),
             state=self._state(robot) if told else None,
-            state_at=self.kernel.clock.monotonic() + 0.001 if here and self.kernel else None,
+            state_at=self.engine.clock.monotonic() + 0.001 if here and self.engine else None,
             factsheet=None,
             mission_id=None,
             mission_phase=None,
@@ -254,49 +255,62 @@ class ScriptedFleet:
         self._tell(RobotChanged(key(name)))
 
     def _tell(self, news: object) -> None:
-        assert self.kernel is not None
-        self.kernel.on_news(news)  # type: ignore[arg-type] # one of the news above
+        assert self.engine is not None
+        self.engine.on_events(news)  # type: ignore[arg-type] # one of the news above
 
 
-class KernelFleet(FleetControl, Protocol):
-    """Fleet control that tells a kernel its news."""
+class EngineFleet(FleetControl, Protocol):
+    """Fleet control that tells a engine its news."""
 
-    kernel: Kernel | None
+    engine: Engine | None
 
 
-async def make_kernel(
+def make_state(*vehicles: Vehicle) -> FleetState:
+    """Make a state with these vehicles, and without orders."""
+    plant = PlantModel(name="empty", vehicles=vehicles)
+    return FleetState(VehicleRegistry(plant, default_map_id="", adopt_unknown=False))
+
+
+def make_context(
+    plant: PlantModel,
+    *,
+    clock: ManualClock | None = None,
+    settings: EngineSettings | None = None,
+    on_failure: FailurePolicy = (),
+    locks: Mapping[str, bool] | None = None,
+) -> Context:
+    """Make what flows work with, over ``plant``; no robot is connected."""
+    settings = settings or EngineSettings(default_map_id="map")
+    finder = WayFinder(plant, Router(plant), any_day=Router(plant))
+    finder.set_locks(locks or {})
+    planner = OrderPlanner(plant, finder, OperationMap())
+    registry = VehicleRegistry(plant, default_map_id=settings.default_map_id, adopt_unknown=False)
+    return Context(planner, registry, settings, clock or ManualClock(), on_failure=on_failure)
+
+
+async def make_engine(
     plant: PlantModel,
     store: MemoryStore,
-    fleet: KernelFleet,
+    fleet: EngineFleet,
     *,
     release_ahead: int = 0,
     clock: ManualClock | None = None,
-    settings: KernelSettings | None = None,
+    settings: EngineSettings | None = None,
     on_failure: FailurePolicy = (),
     locks: Mapping[str, bool] | None = None,
-) -> Kernel:
-    """Start a kernel, as after a restart, over ``store`` and ``fleet``."""
-    settings = settings or KernelSettings(release_ahead=release_ahead, default_map_id="map")
-    finder = WayFinder(plant, Router(plant), any_day=Router(plant))
-    finder.set_locks(locks or {})
-    kernel = Kernel(
-        plant,
-        store=store,
-        registry=VehicleRegistry(plant, default_map_id=settings.default_map_id, adopt_unknown=False),
-        finder=finder,
-        planner=MissionPlanner(plant, finder, OperationMap()),
-        clock=clock or ManualClock(),
-        settings=settings,
-        on_failure=on_failure,
-    )
-    fleet.kernel = kernel
-    await kernel.start(fleet)
-    return kernel
+) -> Engine:
+    """Start an engine, as after a restart, over ``store`` and ``fleet``."""
+    settings = settings or EngineSettings(release_ahead=release_ahead, default_map_id="map")
+    context = make_context(plant, clock=clock, settings=settings, on_failure=on_failure, locks=locks)
+    engine = Engine(context, store)
+    fleet.engine = engine
+    await engine.start(fleet)
+    return engine
 
 
-def status_of(kernel: Kernel, name: str = "T") -> TransportOrderStatus:
+def status_of(engine: Engine, name: str = "T") -> TransportOrderStatus:
     """Tell how the order of a name stands, which has to be there."""
-    order = kernel.book.visible_named(name)
+    order = engine.state.orders.visible_named(name)
     assert order
     return order.status
 

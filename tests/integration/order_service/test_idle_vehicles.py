@@ -9,13 +9,13 @@ from typing import Any
 import httpx
 import pytest
 
+from nena_order_service.context import EngineSettings
 from nena_order_service.dispatching.settings import (
     DispatchSettings,
     EnergySettings,
     ParkingSettings,
     RechargingSettings,
 )
-from nena_order_service.kernel import KernelSettings
 from support.order_service_fleet import Fleet, order_in
 from support.waiting import PATIENCE, awaited
 
@@ -31,7 +31,7 @@ charging = true
 """
 """What is added to the robot's settings."""
 
-SETTINGS = KernelSettings(
+SETTINGS = EngineSettings(
     dispatch=DispatchSettings(
         energy=EnergySettings(until_fully_recharged=False),
         recharging=RechargingSettings(enabled=True),

@@ -11,7 +11,7 @@ import pytest
 
 from nena_order_service.fleet.outgoing import Outgoing
 from nena_order_service.fleet.outputs import PublishOrder
-from nena_order_service.orders.vda_orders import MissionRecord
+from nena_order_service.orders.vda_orders import SentOrder
 from nena_shared.clock import SystemClock
 from nena_shared.program import EXIT_FAILED
 from nena_shared.vda5050.v2_1 import CODEC
@@ -56,7 +56,7 @@ def assert_kept(before: Any, now: Any) -> None:
 async def robot_takes_its_order(fleet: Fleet, wire: MqttPeer) -> None:
     """Send the robot what the first release had noted to send, as if it had been killed after that."""
     (noted,) = in_first_store("SELECT document FROM missions")
-    record = MissionRecord.model_validate_json(json.dumps(noted))
+    record = SentOrder.model_validate_json(json.dumps(noted))
     topic = f"{fleet.interface}/v2/NeNa/robot-01"
     await wire.wait_for(f"{topic}/state")
     _, message = Outgoing(SystemClock()).message(PublishOrder(record.robot, record.mission), "2.1.0")

@@ -8,6 +8,7 @@ from heapq import heappop, heappush
 from itertools import count
 from random import Random
 
+from nena_order_service.engine import Engine
 from nena_order_service.fleet import (
     FleetController,
     FleetSettings,
@@ -17,7 +18,6 @@ from nena_order_service.fleet import (
     PublishOrder,
     RobotView,
 )
-from nena_order_service.kernel import Kernel
 from nena_shared.clock import ManualClock
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.connection import ConnectionState
@@ -70,11 +70,11 @@ class Wire:
 
 
 class CoreFleet:
-    """The kernel's fleet control without a broker; a new one is made for each life of the kernel."""
+    """The engine's fleet control without a broker; a new one is made for each life of the engine."""
 
     def __init__(self, timeline: Timeline, wire: Wire, robots: dict[RobotKey, DrivingRobot]) -> None:
         self.core = FleetController(FleetSettings())
-        self.kernel: Kernel | None = None
+        self.engine: Engine | None = None
         self.alive = True
         self.on_message: Callable[[DrivingRobot], None] = lambda _robot: None
         self.away: set[RobotKey] = set()
@@ -116,8 +116,8 @@ class CoreFleet:
         for output in outputs:
             if isinstance(output, PublishOrder | PublishInstantActions):
                 self._send(output)
-        if news and self.kernel and self.alive:
-            self.kernel.on_news(*news)
+        if news and self.engine and self.alive:
+            self.engine.on_events(*news)
 
     def _send(self, output: PublishOrder | PublishInstantActions) -> None:
         robot = self._robots[output.robot]

@@ -32,7 +32,7 @@ async def service(settings: OrderServiceSettings) -> AsyncIterator[OrderService]
     async with Supervisor() as supervisor:
         supervisor.start("store", made.store.run())
         await made.hosts.locks.load()
-        await made.kernel.start(made.fleet)
+        await made.engine.start(made.fleet)
         yield made
     made.store.close()
 
@@ -45,7 +45,7 @@ def failing_create(service: OrderService, monkeypatch: pytest.MonkeyPatch) -> st
     def fail(*_: object) -> None:
         raise KeyError(inside)
 
-    monkeypatch.setattr(service.kernel, "create", fail)
+    monkeypatch.setattr(service.engine, "create", fail)
     return inside
 
 

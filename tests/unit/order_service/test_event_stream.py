@@ -66,15 +66,15 @@ def stream(service: OrderService) -> EventStream:
 
 async def create(service: OrderService, *names: str) -> None:
     for name in names:
-        service.kernel.create(order(name), name)
-    await service.kernel.steps.committed()
+        service.engine.create(order(name), name)
+    await service.engine.unit_of_work.committed()
 
 
 async def withdraw(service: OrderService, name: str) -> None:
-    found = service.kernel.book.named(name)
+    found = service.engine.state.orders.named(name)
     assert found is not None
-    service.kernel.withdraw(found.number, "not needed")
-    await service.kernel.steps.committed()
+    service.engine.withdraw(found.number, "not needed")
+    await service.engine.unit_of_work.committed()
 
 
 async def test_a_new_client_is_told_what_there_is_and_then_what_changes(
@@ -122,7 +122,7 @@ async def test_ids_stand_over_a_restart(service: OrderService) -> None:
     await create(service, "T-1", "T-2")
     found = await service.store.unfinished()
     service.store.numbers.begin(found.last_change)
-    restarted = EventStream(service.kernel, EventSettings())
+    restarted = EventStream(service.engine, EventSettings())
     async with aclosing(restarted.follow("1", ORDERS)) as frames:
         assert names(await Client(frames).hear()) == ["T-2"]
 
@@ -164,17 +164,17 @@ async def test_vehicles_are_told_as_they_stand(service: OrderService, stream: Ev
     async with aclosing(stream.follow(None, Interest(vehicle="Robot-02"))) as frames:
         client = Client(frames)
         await client.hear()
-        with service.kernel.step():
-            service.kernel.steps.vehicle_changed("Robot-01")
-            service.kernel.steps.vehicle_changed("Robot-02")
+        with service.engine.change():
+            service.engine.state.vehicle_changed("Robot-01")
+            service.engine.state.vehicle_changed("Robot-02")
         assert [(each.event, each.id, each.data["name"]) for each in await client.hear()] == [
             ("vehicle", None, "Robot-02")
         ]
 
 
 async def test_who_falls_behind_is_brought_up_to_date_and_slows_nobody(service: OrderService) -> None:
-    stream = EventStream(service.kernel, EventSettings(backlog=2))
-    service.kernel.steps.listeners[:] = [stream]
+    stream = EventStream(service.engine, EventSettings(backlog=2))
+    service.engine.unit_of_work.listeners[:] = [stream]
     async with aclosing(stream.follow(None, ORDERS)) as one, aclosing(stream.follow(None, ORDERS)) as other:
         slow, quick = Client(one), Client(other)
         await slow.hear()
@@ -192,7 +192,7 @@ async def test_who_falls_behind_is_brought_up_to_date_and_slows_nobody(service: 
 
 
 async def test_who_missed_too_much_is_told_so(service: OrderService) -> None:
-    stream = EventStream(service.kernel, EventSettings(replay_limit=2))
+    stream = EventStream(service.engine, EventSettings(replay_limit=2))
     await create(service, "T-1", "T-2", "T-3")
     await withdraw(service, "T-1")
     async with aclosing(stream.follow("0", ORDERS)) as frames:
@@ -210,7 +210,7 @@ async def test_silence_is_broken_by_heartbeats(stream: EventStream, monkeypatch:
 
 
 async def test_clients_are_limited_and_their_places_are_given_back(service: OrderService) -> None:
-    stream = EventStream(service.kernel, EventSettings(clients=1))
+    stream = EventStream(service.engine, EventSettings(clients=1))
     async with aclosing(stream.follow(None, ORDERS)) as frames:
         await anext(frames)
         with pytest.raises(TooManyClientsError, match="1 clients"):
@@ -240,21 +240,21 @@ async def test_store_that_cannot_be_read_is_said_before_anything(
 
 
 async def test_order_sequences_are_told_to_who_asks_for_them(service: OrderService) -> None:
-    stream = EventStream(service.kernel, EventSettings())
-    service.kernel.steps.listeners[:] = [stream]
-    with service.kernel.step():
-        service.kernel.sequences.create(OrderSequenceRequest(), "S-1")
-    await service.kernel.steps.committed()
+    stream = EventStream(service.engine, EventSettings())
+    service.engine.unit_of_work.listeners[:] = [stream]
+    with service.engine.change():
+        service.engine.sequences.create(OrderSequenceRequest(), "S-1")
+    await service.engine.unit_of_work.committed()
     interest = Interest(frozenset({EventKind.ORDER_SEQUENCE}))
     async with aclosing(stream.follow(None, interest)) as frames:
         client = Client(frames)
         told = await client.hear()
         assert [each.event for each in told] == ["orderSequence", "synced"]
-        with service.kernel.step():
-            service.kernel.sequences.create(OrderSequenceRequest(), "S-2")
+        with service.engine.change():
+            service.engine.sequences.create(OrderSequenceRequest(), "S-2")
         (told_now,) = await client.hear()
         assert (told_now.event, told_now.id, told_now.data["name"]) == ("orderSequence", None, "S-2")
-    status = service.kernel.sequence_book.visible("S-2")
+    status = service.engine.state.sequences.visible("S-2")
     assert status
     for other in (ORDERS, Interest(transport_order="T-1"), Interest(vehicle="Robot-01")):
         assert not other.wants_sequence(status.status)

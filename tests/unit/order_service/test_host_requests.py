@@ -6,12 +6,11 @@ import asyncio
 from typing import Any
 
 from nena_order_service.host_requests import HostRequests
-from nena_order_service.kernel.settings import KernelSettings
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import NOW, assigned_order, request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
 
 PLANT = PlantModel(
     name="line",
@@ -37,11 +36,11 @@ class AskedStore(MemoryStore):
 
 
 async def test_the_same_request_twice_at_once_makes_one_order() -> None:
-    kernel = await make_kernel(PLANT, AskedStore(askers=2), ScriptedFleet({}))
-    requests = HostRequests(kernel, KernelSettings())
+    engine = await make_engine(PLANT, AskedStore(askers=2), ScriptedFleet({}))
+    requests = HostRequests(engine)
     wanted = request("B", name="T", idempotencyKey="key", dependencies=["D"])
     async with asyncio.timeout(30):
         (one, new), (other, also_new) = await asyncio.gather(requests.create(wanted), requests.create(wanted))
     assert one.name == other.name == "T"
     assert sorted((new, also_new)) == [False, True]
-    assert len(list(kernel.book.present())) == 1
+    assert len(list(engine.state.orders.present())) == 1

@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.kernel import Kernel
+from nena_order_service.engine import Engine
 from nena_order_service.serving import hindrances
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.plant.model import Block, BlockType
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
 
 POINTS = tuple(point(name, 2000 * index) for index, name in enumerate("ABCDEF"))
 PLANT = PlantModel(
@@ -25,22 +25,22 @@ PLANT = PlantModel(
 )
 
 
-async def busy() -> Kernel:
+async def busy() -> Engine:
     """Let V1 drive from A to C, V2 rest at F, V3 be unheard of, and an order for V3 wait."""
     fleet = ScriptedFleet({})
-    kernel = await make_kernel(PLANT, MemoryStore(), fleet)
+    engine = await make_engine(PLANT, MemoryStore(), fleet)
     fleet.appear("V1", "A")
     fleet.appear("V2", "F")
-    kernel.create(request("C", intendedVehicle="V1"), "T-1")
-    kernel.create(request("E", intendedVehicle="V3"), "T-2")
+    engine.create(request("C", intendedVehicle="V1"), "T-1")
+    engine.create(request("E", intendedVehicle="V3"), "T-2")
     assert len(fleet.sent) == 1
-    return kernel
+    return engine
 
 
-def found(kernel: Kernel, **changes: Any) -> tuple[str, ...]:
+def found(engine: Engine, **changes: Any) -> tuple[str, ...]:
     new = PLANT.model_copy(update=changes)
     new = PlantModel.from_json(new.to_json())
-    return hindrances(kernel, new, VehicleRegistry(new, default_map_id="map", adopt_unknown=False))
+    return hindrances(engine, new, VehicleRegistry(new, default_map_id="map", adopt_unknown=False))
 
 
 def without(*points: str) -> dict[str, Any]:
@@ -60,12 +60,12 @@ def moved(name: str) -> dict[str, Any]:
 
 
 async def test_what_nobody_uses_may_change() -> None:
-    kernel = await busy()
-    assert found(kernel) == ()
-    assert found(kernel, **without("D")) == ()
-    assert found(kernel, points=(*POINTS, point("X")), paths=(*PLANT.paths, path("F X"))) == ()
-    assert found(kernel, **moved("E")) == ()
-    assert found(kernel, vehicles=PLANT.vehicles[::2]) == ()  # V2 has nothing to do
+    engine = await busy()
+    assert found(engine) == ()
+    assert found(engine, **without("D")) == ()
+    assert found(engine, points=(*POINTS, point("X")), paths=(*PLANT.paths, path("F X"))) == ()
+    assert found(engine, **moved("E")) == ()
+    assert found(engine, vehicles=PLANT.vehicles[::2]) == ()  # V2 has nothing to do
 
 
 @pytest.mark.parametrize(
@@ -102,8 +102,8 @@ async def test_what_is_in_use_is_named(changes: dict[str, Any], said: str) -> No
 
 async def test_not_everything_is_named() -> None:
     fleet = ScriptedFleet({})
-    kernel = await make_kernel(PLANT, MemoryStore(), fleet)
+    engine = await make_engine(PLANT, MemoryStore(), fleet)
     for number in range(130):
-        kernel.create(request("F"), f"T-{number}")
-    problems = found(kernel, **without("F"))
+        engine.create(request("F"), f"T-{number}")
+    problems = found(engine, **without("F"))
     assert (len(problems), problems[-1]) == (101, "and 30 more")

@@ -40,7 +40,7 @@ async def taken_up(settings: OrderServiceSettings, store: Store, file: PlantFile
     async with Supervisor() as supervisor:
         serving = serving_of(settings, store, supervisor, file)
         await serving.begin()
-        return serving.parts.kernel.plant
+        return serving.parts.engine.plant
 
 
 async def test_model_is_put_in_use_as_a_whole_and_kept(settings: OrderServiceSettings) -> None:
@@ -51,7 +51,7 @@ async def test_model_is_put_in_use_as_a_whole_and_kept(settings: OrderServiceSet
         serving.show = shown.append
         await serving.begin()
         before = serving.parts
-        before.kernel.create(request("South 2"), "T-1")
+        before.engine.create(request("South 2"), "T-1")
 
         with pytest.raises(PlantInUseError) as refused:
             await serving.change_plant(without("South 2"))
@@ -60,11 +60,11 @@ async def test_model_is_put_in_use_as_a_whole_and_kept(settings: OrderServiceSet
         assert (serving.parts, shown) == (before, [])
 
         await serving.change_plant(without("South 3"))
-        assert serving.parts.kernel.plant == without("South 3")
+        assert serving.parts.engine.plant == without("South 3")
         assert shown == [serving.parts.app]
-        assert [order.name for order in serving.parts.kernel.book.unfinished()] == ["T-1"]
+        assert [order.name for order in serving.parts.engine.state.orders.unfinished()] == ["T-1"]
         with pytest.raises(StoreNotReadyError, match=CHANGING):
-            before.kernel.create(request("South 2"), "T-2")
+            before.engine.create(request("South 2"), "T-2")
     assert await taken_up(settings, store) == without("South 3")
     store.close()
 
@@ -112,5 +112,5 @@ async def test_model_that_cannot_be_led_is_refused(settings: OrderServiceSetting
         await serving.begin()
         with pytest.raises(InvalidPlantError):
             await serving.change_plant(SAMPLE.model_copy(update={"vehicles": (strange,)}))
-        assert serving.parts.kernel.plant == SAMPLE
+        assert serving.parts.engine.plant == SAMPLE
     store.close()

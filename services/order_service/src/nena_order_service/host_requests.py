@@ -6,6 +6,7 @@ import asyncio
 from dataclasses import dataclass
 from math import hypot
 
+from nena_order_service.engine import Engine, UnitOfWork
 from nena_order_service.errors import (
     KeyReusedError,
     NameTakenError,
@@ -24,18 +25,15 @@ from nena_order_service.errors import (
 from nena_order_service.fleet import InstantActionEnded, LinkStatus, RobotView
 from nena_order_service.fleet.mission import fresh_id, mission_id
 from nena_order_service.fleet.robot import MissionPhase
-from nena_order_service.kernel.kernel import Kernel
-from nena_order_service.kernel.settings import KernelSettings
-from nena_order_service.kernel.steps import Steps
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder, sortable_id
 from nena_order_service.orders.validation import check_request
-from nena_order_service.routing.path_locks import PathLocks
+from nena_order_service.path_locks import PathLocks
 from nena_order_service.store.database import OrderFilter
 from nena_order_service.store.sequences import SequenceFilter
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import FleetVehicle
-from nena_order_service.vehicles.zone_sets import ZoneSets
+from nena_order_service.zone_sets import ZoneSets
 from nena_shared.fleet_api.transport_order import (
     AssignmentStatus,
     DeliveryPhase,
@@ -87,11 +85,11 @@ def require_store(store: Store) -> None:
         raise StoreNotReadyError(store.why_not_ready)
 
 
-async def committed(steps: Steps, store: Store, seconds: float) -> None:
+async def committed(unit_of_work: UnitOfWork, store: Store, seconds: float) -> None:
     """Wait until all that has been changed so far is committed; raises StoreNotReadyError."""
     try:
         async with asyncio.timeout(seconds):
-            answer = steps.committed()
+            answer = unit_of_work.committed()
             store.fail_on_loss(answer)
             await answer
     except TimeoutError:
@@ -147,9 +145,9 @@ class HostRequests:
     Every method may raise what :mod:`nena_order_service.errors` holds.
     """
 
-    def __init__(self, kernel: Kernel, settings: KernelSettings) -> None:
-        self._kernel = kernel
-        self._settings = settings
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._settings = engine.settings
 
     async def create(self, request: TransportOrderRequest) -> tuple[TransportOrderStatus, bool]:
         """Make an order; False: it is the one that the same request has made before.
@@ -160,7 +158,7 @@ class HostRequests:
             InvalidRequestError: it makes no sense in this plant.
 
         """
-        check_request(request, self._kernel.plant, self._kernel.registry.names())
+        check_request(request, self._engine.plant, self._engine.registry.names())
         name, complete = request.name or ORDER_PREFIX, request.name is None or request.incomplete_name
         if complete:
             name = f"{name}-{sortable_id()}"
@@ -171,7 +169,7 @@ class HostRequests:
             known = self._at_hand(None if complete else name, request.idempotency_key)  # it came in between
         if known is None:
             self._require_store()
-            known = self._kernel.create(request, name, ended)
+            known = self._engine.create(request, name, ended)
             try:
                 await self._committed()
             finally:  # so that no robot waits for its order while a line is written
@@ -195,7 +193,7 @@ class HostRequests:
         vehicle drives to the end of what it was given.
         """
         order = await self._living(name, seen)
-        self._kernel.withdraw(order.number, reason, immediate=immediate)
+        self._engine.withdraw(order.number, reason, immediate=immediate)
         await self._committed()
         return self._visible(order)
 
@@ -209,7 +207,7 @@ class HostRequests:
         order = await self._living(name, seen)
         if order.state is TransportOrderState.WITHDRAWN:
             raise OrderWithdrawnError(name)
-        self._kernel.hold(order.number, by, reason, immediate=immediate)
+        self._engine.hold(order.number, by, reason, immediate=immediate)
         await self._committed()
         return self._visible(order)
 
@@ -218,31 +216,31 @@ class HostRequests:
     ) -> TransportOrderStatus:
         """Let a held order go on; one that nobody holds goes on anyway. ``seen`` as in :meth:`withdraw`."""
         order = await self._living(name, seen)
-        self._kernel.resume(order.number, by, reason)
+        self._engine.resume(order.number, by, reason)
         await self._committed()
         return self._visible(order)
 
     async def order(self, name: str) -> TransportOrderStatus:
         """Give an order."""
-        found = self._kernel.book.visible_named(name) or await self._kernel.store.order(name=name)
+        found = self._engine.state.orders.visible_named(name) or await self._engine.store.order(name=name)
         if found is None:
             raise UnknownOrderError(name)
         return found.status
 
     async def orders(self, wanted: OrderFilter) -> tuple[TransportOrder, ...]:
         """Give a page of orders, newest first."""
-        return await self._kernel.store.orders(wanted)
+        return await self._engine.store.orders(wanted)
 
     async def delivery(self, name: str) -> DeliveryStatus:
         """Tell how far an order has come on its way to its robot."""
         order = await self.order(name)
-        vehicle = self._kernel.registry.named(order.processing_vehicle)
-        return delivery_status(order, self._kernel.view(vehicle) if vehicle else None)
+        vehicle = self._engine.registry.named(order.processing_vehicle)
+        return delivery_status(order, self._engine.view(vehicle) if vehicle else None)
 
     async def assignment(self, name: str, limit: int = VEHICLES_EXPLAINED) -> AssignmentStatus:
         """Tell of each vehicle why it does not do an order, of ``limit`` vehicles at the most."""
-        status, order = await self.order(name), self._kernel.book.named(name)
-        found = [] if order is None or order.state.final else self._kernel.explain(order)
+        status, order = await self.order(name), self._engine.state.orders.named(name)
+        found = [] if order is None or order.state.final else self._engine.explain(order)
         return AssignmentStatus(
             transport_order=status.name,
             state=status.state,
@@ -257,34 +255,34 @@ class HostRequests:
 
     def vehicles(self) -> tuple[VehicleStatus, ...]:
         """Give all vehicles."""
-        return tuple(self._kernel.status(vehicle) for vehicle in self._kernel.registry)
+        return tuple(self._engine.status(vehicle) for vehicle in self._engine.registry)
 
     def vehicle(self, name: str) -> VehicleStatus:
         """Give a vehicle."""
-        return self._kernel.status(self._vehicle(name))
+        return self._engine.status(self._vehicle(name))
 
     async def set_integration_level(self, name: str, level: IntegrationLevel) -> VehicleStatus:
         """Let a vehicle count so much from now on, also after a restart."""
         vehicle = self._vehicle(name)
         self._require_store()
-        self._kernel.set_integration_level(vehicle, level)
+        self._engine.set_integration_level(vehicle, level)
         await self._committed()
-        return self._kernel.status(vehicle)
+        return self._engine.status(vehicle)
 
     async def accept_order_types(self, name: str, types: tuple[AcceptableOrderType, ...]) -> VehicleStatus:
         """Let a vehicle accept orders of these types from now on, also after a restart."""
         vehicle = self._vehicle(name)
         self._require_store()
-        self._kernel.accept_order_types(vehicle, types)
+        self._engine.accept_order_types(vehicle, types)
         await self._committed()
-        return self._kernel.status(vehicle)
+        return self._engine.status(vehicle)
 
     async def reroute(self, name: str, kind: ReroutingType) -> ReroutingAnswer:
         """Plan the way of the order that a vehicle works on anew; see :meth:`Rerouting.request`."""
         vehicle = self._vehicle(name)
         self._require_store()
-        done = self._kernel.reroute(vehicle, kind)
-        order = self._kernel.status(vehicle).transport_order
+        done = self._engine.reroute(vehicle, kind)
+        order = self._engine.status(vehicle).transport_order
         await self._committed()
         return ReroutingAnswer(
             vehicle=name,
@@ -303,7 +301,7 @@ class HostRequests:
     ) -> tuple[Action, InstantActionEnded | None]:
         """Send an instant action to a vehicle and wait a while for its end; None: it goes on."""
         vehicle = self._vehicle(name)
-        link = self._kernel.view(vehicle).link
+        link = self._engine.view(vehicle).link
         if link is not LinkStatus.ONLINE:
             raise VehicleNotReachedError(name, f"it is {link}")
         action = Action(
@@ -312,9 +310,9 @@ class HostRequests:
             blocking_type=blocking_type,
             action_parameters=parameters,
         )
-        end = self._kernel.send_instant_action(vehicle, action)
+        end = self._engine.send_instant_action(vehicle, action)
         seconds = self._settings.instant_action_timeout
-        return action, await self._kernel.instant_actions.wait(action.action_id, end, seconds)
+        return action, await self._engine.state.instant_actions.wait(action.action_id, end, seconds)
 
     def robot_pose(self, name: str, pose: PlantPose, map_id: str | None = None) -> RobotPose:
         """Give a pose of the plant in the words of a vehicle's robot; without a map, on its own."""
@@ -322,7 +320,7 @@ class HostRequests:
         map_id = map_id or profile.map_id
         if not profile.knows_frame(map_id):
             raise VehicleNotReachedError(name, "its factsheet, which says who transforms poses, has not come")
-        points = [each for each in self._kernel.plant.points if (each.map_id or profile.map_id) == map_id]
+        points = [each for each in self._engine.plant.points if (each.map_id or profile.map_id) == map_id]
         near = [each for each in points if _distance(each, pose) <= profile.deviation_xy]
         point = min(near, key=lambda each: _distance(each, pose)).name if near else ""
         return RobotPose(profile.on(map_id).pose_to_map(pose), map_id, point)
@@ -346,8 +344,8 @@ class HostRequests:
         name = request.wrapping_sequence
         if name is None:
             return
-        sequence = self._kernel.sequence_book.named(name) or await self._kernel.store.sequence(name=name)
-        sequence = self._kernel.sequence_book.named(name) or sequence
+        sequence = self._engine.state.sequences.named(name) or await self._engine.store.sequence(name=name)
+        sequence = self._engine.state.sequences.named(name) or sequence
         if sequence is None:
             raise UnknownSequenceError(name)
         if reasons := tuple(sequence.refusals(request)):
@@ -355,7 +353,7 @@ class HostRequests:
 
     async def _living(self, name: str, seen: ETag | None) -> TransportOrder:
         """Give an order that can be changed."""
-        order = self._kernel.book.named(name) or await self._kernel.store.order(name=name)
+        order = self._engine.state.orders.named(name) or await self._engine.store.order(name=name)
         if order is None:
             raise UnknownOrderError(name)
         if order.state.final:
@@ -371,26 +369,28 @@ class HostRequests:
             return found
         if name is None and key is None:
             return None
-        stored = await self._kernel.store.order(name=name, idempotency_key=key)
+        stored = await self._engine.store.order(name=name, idempotency_key=key)
         return stored or self._at_hand(name, key)
 
     def _at_hand(self, name: str | None, key: str | None) -> TransportOrder | None:
-        return self._kernel.book.keyed(key) or (self._kernel.book.named(name) if name else None)
+        return self._engine.state.orders.keyed(key) or (
+            self._engine.state.orders.named(name) if name else None
+        )
 
     def _vehicle(self, name: str) -> FleetVehicle:
-        vehicle = self._kernel.registry.named(name)
+        vehicle = self._engine.registry.named(name)
         if vehicle is None:
             raise UnknownVehicleError(name)
         return vehicle
 
     def _visible(self, order: TransportOrder) -> TransportOrderStatus:
-        return (self._kernel.book.visible(order.number) or order).status
+        return (self._engine.state.orders.visible(order.number) or order).status
 
     def _require_store(self) -> None:
-        require_store(self._kernel.store)
+        require_store(self._engine.store)
 
     async def _committed(self) -> None:
-        await committed(self._kernel.steps, self._kernel.store, self._settings.commit_timeout)
+        await committed(self._engine.unit_of_work, self._engine.store, self._settings.commit_timeout)
 
 
 def _distance(point: Point, pose: PlantPose) -> float:
@@ -407,15 +407,15 @@ class SequenceRequests:
     Every method may raise what :mod:`nena_order_service.errors` holds.
     """
 
-    def __init__(self, kernel: Kernel, settings: KernelSettings) -> None:
-        self._kernel = kernel
-        self._book = kernel.sequence_book
-        self._settings = settings
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._sequences = engine.state.sequences
+        self._settings = engine.settings
 
     async def create(self, request: OrderSequenceRequest) -> tuple[OrderSequenceStatus, bool]:
         """Make a sequence; False: it is the one that the same request has made before."""
         vehicle = request.intended_vehicle
-        if vehicle is not None and vehicle not in self._kernel.registry.names():
+        if vehicle is not None and vehicle not in self._engine.registry.names():
             raise UnknownVehicleError(vehicle)
         prefix = request.name or SEQUENCE_PREFIX
         complete = request.name is None or request.incomplete_name
@@ -436,28 +436,28 @@ class SequenceRequests:
         if seen is not None and not seen.fits(sequence.status.version):
             raise VersionChangedError(name, str(seen), sequence.status.version)
         if not sequence.status.complete:
-            require_store(self._kernel.store)
-            with self._kernel.step():
-                sequence = self._kernel.sequences.complete(sequence)
+            require_store(self._engine.store)
+            with self._engine.change():
+                sequence = self._engine.sequences.complete(sequence)
             log.info("order sequence complete", sequence=name)
         await self._committed()
         return self._visible(sequence)
 
     async def sequence(self, name: str) -> OrderSequenceStatus:
         """Give a sequence."""
-        found = self._book.visible(name) or await self._kernel.store.sequence(name=name)
+        found = self._sequences.visible(name) or await self._engine.store.sequence(name=name)
         if found is None:
             raise UnknownSequenceError(name)
         return found.status
 
     async def sequences(self, wanted: SequenceFilter) -> tuple[OrderSequence, ...]:
         """Give a page of sequences, newest first."""
-        return await self._kernel.store.sequences(wanted)
+        return await self._engine.store.sequences(wanted)
 
     async def _make(self, request: OrderSequenceRequest, name: str) -> OrderSequenceStatus:
-        require_store(self._kernel.store)
-        with self._kernel.step():
-            made = self._kernel.sequences.create(request, name)
+        require_store(self._engine.store)
+        with self._engine.change():
+            made = self._engine.sequences.create(request, name)
         log.info("order sequence created", sequence=name)
         await self._committed()
         return self._visible(made)
@@ -468,23 +468,25 @@ class SequenceRequests:
             return found
         if name is None and key is None:
             return None
-        stored = await self._kernel.store.sequence(name=name, idempotency_key=key)
+        stored = await self._engine.store.sequence(name=name, idempotency_key=key)
         return stored or self._at_hand(name, key)
 
     def _at_hand(self, name: str | None, key: str | None) -> OrderSequence | None:
-        return self._book.keyed(key) or self._book.named(name)
+        return self._sequences.keyed(key) or self._sequences.named(name)
 
     async def _named(self, name: str) -> OrderSequence:
         found = await self._find(name, None)
         if found is None:
             raise UnknownSequenceError(name)
-        return self._book.named(name) or found
+        return self._sequences.named(name) or found
 
     def _visible(self, sequence: OrderSequence) -> OrderSequenceStatus:
-        return (self._book.visible(sequence.name) or self._book.named(sequence.name) or sequence).status
+        return (
+            self._sequences.visible(sequence.name) or self._sequences.named(sequence.name) or sequence
+        ).status
 
     async def _committed(self) -> None:
-        await committed(self._kernel.steps, self._kernel.store, self._settings.commit_timeout)
+        await committed(self._engine.unit_of_work, self._engine.store, self._settings.commit_timeout)
 
 
 def _check_same(known: OrderSequence, request: OrderSequenceRequest, name: str, *, complete: bool) -> None:

@@ -11,8 +11,8 @@ from pydantic import BaseModel
 
 from nena_order_service.api.problems import FORESEEN, problem_of
 from nena_order_service.ended_orders import EndedOrders
+from nena_order_service.engine import Engine
 from nena_order_service.host_requests import HostRequests
-from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.mqtt_limits import MqttLimits
 from nena_order_service.mqtt_requests import read_request, text_in
 from nena_shared.fleet_api.epoch import with_epoch
@@ -51,7 +51,7 @@ class MqttDoor:
         self,
         mqtt: MqttLink,
         topics: FleetTopics,
-        kernel: Kernel,
+        engine: Engine,
         requests: HostRequests,
         *,
         plant_json: bytes,
@@ -62,7 +62,7 @@ class MqttDoor:
     ) -> None:
         self._mqtt = mqtt
         self._topics = topics
-        self._kernel = kernel
+        self._engine = engine
         self._requests = requests
         self._plant_json = plant_json
         self._epoch = epoch
@@ -76,11 +76,11 @@ class MqttDoor:
     def greeting(self) -> Iterator[Outbound]:
         """Give what a broker that may have lost everything is told at each connect."""
         yield Outbound(self._topics.plant_model, self._plant_json, retain=True)
-        for vehicle in self._kernel.registry:
-            yield self._of_vehicle(self._kernel.status(vehicle))
-        for sequence in self._kernel.sequence_book.unfinished():
+        for vehicle in self._engine.registry:
+            yield self._of_vehicle(self._engine.status(vehicle))
+        for sequence in self._engine.state.sequences.unfinished():
             yield self._of_sequence(sequence.status)
-        for order in self._kernel.book.unfinished():
+        for order in self._engine.state.orders.unfinished():
             yield self._of_order(order.status)
         for status in self._ended.statuses():
             yield self._of_order(status)

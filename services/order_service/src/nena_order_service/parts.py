@@ -14,23 +14,24 @@ from starlette.types import ASGIApp
 from nena_order_service.api import opentcs
 from nena_order_service.api.asyncapi import document
 from nena_order_service.api.events import EventStream
+from nena_order_service.context import Context
 from nena_order_service.dispatching.way import WayFinder
+from nena_order_service.engine import Engine
 from nena_order_service.fleet import FleetLink, OperationMap, RobotAddresses
 from nena_order_service.host_requests import HostRequests, HostServices, SequenceRequests
-from nena_order_service.kernel import Kernel
 from nena_order_service.mqtt_commands import MqttCommands, Verbs
 from nena_order_service.mqtt_door import MqttDoor
 from nena_order_service.mqtt_limits import MqttLimits
-from nena_order_service.orders.vda_orders import MissionPlanner
+from nena_order_service.orders.vda_orders import OrderPlanner
+from nena_order_service.path_locks import PathLocks
 from nena_order_service.rest.api import make_app
 from nena_order_service.retained_sweep import RetainedSweep
 from nena_order_service.routing import Router, evaluators
-from nena_order_service.routing.path_locks import PathLocks
 from nena_order_service.serving import ChangePlant
 from nena_order_service.settings import OrderServiceSettings
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import VehicleRegistry
-from nena_order_service.vehicles.zone_sets import ZoneSets
+from nena_order_service.zone_sets import ZoneSets
 from nena_shared.clock import Clock, SystemClock
 from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.topics import FleetTopics
@@ -44,7 +45,7 @@ class OrderService:
     """All parts of the order service, wired up; nothing runs yet."""
 
     store: Store
-    kernel: Kernel
+    engine: Engine
     fleet: FleetLink
     door: MqttDoor
     sweep: RetainedSweep
@@ -57,10 +58,10 @@ class OrderService:
     async def begin(self, start: Callable[..., asyncio.Task[None]]) -> None:
         """Take up what is in the store, then let all parts run; ``start`` starts their tasks."""
         await self.hosts.load()
-        await self.kernel.start(self.fleet)
+        await self.engine.start(self.fleet)
         start("mqtt", self.mqtt.run())
         start("fleet control", self.fleet.run())
-        start("kernel", self.kernel.run())
+        start("kernel", self.engine.run())
         start("zone sets", self.hosts.zones.run())
         start("retained sweep", self.sweep.run(), vital=False)
 
@@ -90,8 +91,7 @@ def build(
 
     """
     clock = SystemClock()
-    finder = _make_finder(settings, plant)
-    kernel = _make_kernel(settings, plant, finder, store, clock)
+    engine = _make_engine(settings, plant, store, clock)
     client_id = _client_id(settings, epoch)
     mqtt = MqttLink(
         settings.mqtt,
@@ -99,20 +99,20 @@ def build(
         on_connected=lambda: door.greeting(),  # noqa: PLW0108 - the door is made below, of this link
         term=term,
     )
-    fleet = _make_fleet(settings, mqtt, kernel, clock)
-    hosts = _make_host_services(settings, plant, finder, kernel, fleet)
+    fleet = _make_fleet(settings, mqtt, engine, clock)
+    hosts = _make_host_services(engine, fleet)
     topics = FleetTopics(settings.topic_prefix)
     plant_json = plant.to_json().encode()
     limits = MqttLimits(settings.hosts, clock)
-    door = _make_door(settings, mqtt, kernel, hosts, plant_json, limits=limits, epoch=epoch)
-    stream = EventStream(kernel, settings.events)
-    kernel.steps.listeners += [door, stream]
+    door = _make_door(settings, mqtt, engine, hosts, plant_json, limits=limits, epoch=epoch)
+    stream = EventStream(engine, settings.events)
+    engine.unit_of_work.listeners += [door, stream]
     sweep = RetainedSweep(
         settings.mqtt,
         topics,
         client_id=f"{client_id}-sweep",
         mqtt=mqtt,
-        kernel=kernel,
+        engine=engine,
         door=door,
         epoch=epoch,
     )
@@ -125,25 +125,25 @@ def build(
         asyncapi=json.dumps(document(topics)).encode(),
         readiness=lambda: readiness(mqtt, store),
         max_body=settings.max_body,
-        mounted=_mounted(settings, plant, kernel, hosts),
+        mounted=_mounted(settings, plant, engine, hosts),
     )
-    return OrderService(store, kernel, fleet, door, sweep, mqtt, app, commands, stream, hosts)
+    return OrderService(store, engine, fleet, door, sweep, mqtt, app, commands, stream, hosts)
 
 
-def _make_fleet(settings: OrderServiceSettings, mqtt: MqttLink, kernel: Kernel, clock: Clock) -> FleetLink:
+def _make_fleet(settings: OrderServiceSettings, mqtt: MqttLink, engine: Engine, clock: Clock) -> FleetLink:
     return FleetLink(
         mqtt,
-        addresses=_make_addresses(settings, kernel.registry),
+        addresses=_make_addresses(settings, engine.registry),
         settings=settings.fleet,
         clock=clock,
-        on_news=kernel.on_news,
+        on_news=engine.on_events,
     )
 
 
 def _make_door(
     settings: OrderServiceSettings,
     mqtt: MqttLink,
-    kernel: Kernel,
+    engine: Engine,
     hosts: HostServices,
     plant_json: bytes,
     *,
@@ -153,7 +153,7 @@ def _make_door(
     return MqttDoor(
         mqtt,
         FleetTopics(settings.topic_prefix),
-        kernel,
+        engine,
         hosts.requests,
         plant_json=plant_json,
         limits=limits,
@@ -163,37 +163,22 @@ def _make_door(
     )
 
 
-def _make_host_services(
-    settings: OrderServiceSettings,
-    plant: PlantModel,
-    finder: WayFinder,
-    kernel: Kernel,
-    fleet: FleetLink,
-) -> HostServices:
-    patience = settings.kernel.commit_timeout
-    locks = PathLocks(
-        plant,
-        kernel.store,
-        apply=finder.set_locks,
-        changed=kernel.plant_changed,
-        closed=lambda: kernel.steps.closed,
-        commit_timeout=patience,
-    )
+def _make_host_services(engine: Engine, fleet: FleetLink) -> HostServices:
     return HostServices(
-        HostRequests(kernel, settings.kernel),
-        SequenceRequests(kernel, settings.kernel),
-        locks,
-        ZoneSets(kernel, fleet.send_zone_set, commit_timeout=patience),
+        HostRequests(engine),
+        SequenceRequests(engine),
+        PathLocks(engine),
+        ZoneSets(engine, fleet.send_zone_set),
     )
 
 
 def _mounted(
-    settings: OrderServiceSettings, plant: PlantModel, kernel: Kernel, hosts: HostServices
+    settings: OrderServiceSettings, plant: PlantModel, engine: Engine, hosts: HostServices
 ) -> dict[str, ASGIApp]:
     """Give other applications by the paths below which they answer."""
     if not settings.opentcs_prefix:
         return {}
-    return {settings.opentcs_prefix: opentcs.make_app(hosts, plant=plant, dispatch=kernel.look)}
+    return {settings.opentcs_prefix: opentcs.make_app(hosts, plant=plant, dispatch=engine.look)}
 
 
 def _client_id(settings: OrderServiceSettings, epoch: int) -> str:
@@ -238,25 +223,13 @@ def _make_addresses(settings: OrderServiceSettings, registry: VehicleRegistry) -
     return addresses
 
 
-def _make_finder(settings: OrderServiceSettings, plant: PlantModel) -> WayFinder:
-    costs = evaluators(settings.routing.costs, plant)
-    return WayFinder(plant, Router(plant, costs), any_day=Router(plant, costs))
-
-
-def _make_kernel(
-    settings: OrderServiceSettings, plant: PlantModel, finder: WayFinder, store: Store, clock: Clock
-) -> Kernel:
-    return Kernel(
-        plant,
-        store=store,
-        registry=VehicleRegistry(
-            plant,
-            default_map_id=settings.kernel.default_map_id,
-            adopt_unknown=settings.kernel.adopt_unknown,
-        ),
-        finder=finder,
-        planner=MissionPlanner(plant, finder, OperationMap(settings.kernel.action_types)),
-        clock=clock,
-        settings=settings.kernel,
-        on_failure=settings.orders.on_failure,
+def _make_engine(settings: OrderServiceSettings, plant: PlantModel, store: Store, clock: Clock) -> Engine:
+    router = Router(plant, evaluators(settings.routing.costs, plant))
+    any_day = Router(plant, evaluators(settings.routing.costs, plant))
+    finder = WayFinder(plant, router, any_day=any_day)
+    planner = OrderPlanner(plant, finder, OperationMap(settings.kernel.action_types))
+    registry = VehicleRegistry(
+        plant, default_map_id=settings.kernel.default_map_id, adopt_unknown=settings.kernel.adopt_unknown
     )
+    context = Context(planner, registry, settings.kernel, clock, on_failure=settings.orders.on_failure)
+    return Engine(context, store)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 
-from nena_order_service.kernel.kernel import Kernel
+from nena_order_service.engine import Engine
 from nena_order_service.mqtt_door import MqttDoor
 from nena_shared.fleet_api.epoch import epoch_of
 from nena_shared.fleet_api.topics import FleetTopics
@@ -39,14 +39,14 @@ class RetainedSweep:
         *,
         client_id: str,
         mqtt: MqttLink,
-        kernel: Kernel,
+        engine: Engine,
         door: MqttDoor,
         epoch: int = 0,
     ) -> None:
         self._epoch = epoch
         self._mqtt = mqtt
         self._topics = topics
-        self._kernel = kernel
+        self._engine = engine
         self._door = door
         self._settings = settings.model_copy(update={"client_id": None})
         self._client_id = client_id
@@ -103,7 +103,7 @@ class RetainedSweep:
 
     def _note_sequence(self, message: Inbound) -> None:
         name = message.topic.split("/")[-2]
-        known = self._kernel.sequence_book.visible(name)
+        known = self._engine.state.sequences.visible(name)
         if message.retained and message.payload and (self._is_stale(message) or not known):
             self._sequences.add(name)
 
@@ -112,18 +112,18 @@ class RetainedSweep:
             self._vehicles.add(message.topic.split("/")[-2])
 
     def _correct_vehicle(self, serial_number: str) -> None:
-        found = [each for each in self._kernel.registry if each.key.serial_number == serial_number]
+        found = [each for each in self._engine.registry if each.key.serial_number == serial_number]
         for vehicle in found:
-            self._door.vehicle_changed(self._kernel.status(vehicle))
+            self._door.vehicle_changed(self._engine.status(vehicle))
         if not found:
             log.warning("clearing the status of an unknown vehicle", serial_number=serial_number)
             self._mqtt.publish(Outbound(self._topics.vehicle_status(serial_number), b"", retain=True))
 
     async def _put_sequence_right(self, name: str) -> None:
-        if sequence := self._kernel.sequence_book.visible(name):
+        if sequence := self._engine.state.sequences.visible(name):
             self._door.sequence_changed(sequence.status)
             return
-        stored = await self._kernel.store.sequence(name=name)
+        stored = await self._engine.store.sequence(name=name)
         if stored and stored.status.finished:
             log.info("the end of an order sequence is told again", sequence=name)
             self._door.sequence_changed(stored.status)
@@ -132,11 +132,11 @@ class RetainedSweep:
             self._mqtt.publish(Outbound(self._topics.sequence_status(name), b"", retain=True))
 
     async def _put_right(self, name: str) -> None:
-        order = self._kernel.book.visible_named(name)
+        order = self._engine.state.orders.visible_named(name)
         if order is not None and not order.state.final:
             self._door.order_changed(order.status)
             return
-        stored = await self._kernel.store.order(name=name)
+        stored = await self._engine.store.order(name=name)
         if stored and stored.state.final:
             log.info("the end of an order is told again", order=name, state=stored.state.value)
             self._door.order_changed(stored.status)
@@ -145,5 +145,5 @@ class RetainedSweep:
             self._mqtt.publish(Outbound(self._topics.order_status(name), b"", retain=True))
 
     def _lives(self, name: str) -> bool:
-        order = self._kernel.book.visible_named(name)
+        order = self._engine.state.orders.visible_named(name)
         return order is not None and not order.state.final

@@ -10,8 +10,8 @@ from typing import Any, Generic, Protocol, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 from starlette.types import ASGIApp
 
+from nena_order_service.engine import Engine
 from nena_order_service.errors import InvalidPlantError, PlantInUseError, StoreNotReadyError
-from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.validation import InvalidRequestError, check_order
@@ -30,16 +30,16 @@ PROBLEMS_NAMED = 100
 """What is named at the most."""
 
 
-def hindrances(kernel: Kernel, new: PlantModel, registry: VehicleRegistry) -> tuple[str, ...]:
+def hindrances(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> tuple[str, ...]:
     """Say what of the present orders and vehicles keeps the plant from being ``new``; nothing: it can be.
 
     ``registry`` is that of the new plant. Orders must find their destinations, and vehicles what they hold
     and have claimed, unchanged: what robots were told to drive they drive, and others keep off it.
     """
     found = [
-        *_of_orders(kernel.book.present(), new, registry),
-        *_of_sequences(kernel.sequence_book.unfinished(), registry),
-        *_of_vehicles(kernel, new, registry),
+        *_of_orders(engine.state.orders.present(), new, registry),
+        *_of_sequences(engine.state.sequences.unfinished(), registry),
+        *_of_vehicles(engine, new, registry),
     ]
     more = len(found) - PROBLEMS_NAMED
     return (*found[:PROBLEMS_NAMED], f"and {more} more") if more > 0 else tuple(found)
@@ -66,14 +66,14 @@ def _of_sequences(sequences: Iterable[OrderSequence], registry: VehicleRegistry)
             yield f"order sequence {each.name!r} is for vehicle {vehicle!r}, which there would not be"
 
 
-def _of_vehicles(kernel: Kernel, new: PlantModel, registry: VehicleRegistry) -> Iterator[str]:
-    differences = _Differences(kernel.plant, new)
-    for vehicle in kernel.registry:
-        journey = kernel.desk.journey(vehicle.name)
-        if kernel.works(vehicle) or journey:
+def _of_vehicles(engine: Engine, new: PlantModel, registry: VehicleRegistry) -> Iterator[str]:
+    differences = _Differences(engine.plant, new)
+    for vehicle in engine.registry:
+        journey = engine.traffic.journey(vehicle.name)
+        if engine.works(vehicle) or journey:
             yield from _of_robot(vehicle, registry)
         ahead = journey.way[journey.allocated :] if journey else ()
-        for place in (*kernel.desk.held(vehicle.name), *ahead):
+        for place in (*engine.traffic.held(vehicle.name), *ahead):
             for problem in differences.of(place, under_way=journey is not None):
                 yield f"vehicle {vehicle.name!r} uses {problem}"
 
@@ -154,7 +154,7 @@ PATIENCE = 20.0
 class Parts(Protocol):
     """All parts of the order service over one plant model."""
 
-    kernel: Kernel
+    engine: Engine
 
     @property
     def app(self) -> ASGIApp:
@@ -264,13 +264,13 @@ class Serving(Generic[P]):
         except ConfigurationError as error:
             raise InvalidPlantError(error.problems) from error
         old = self.parts
-        if problems := hindrances(old.kernel, asked.model, parts.kernel.registry):
+        if problems := hindrances(old.engine, asked.model, parts.engine.registry):
             raise PlantInUseError(problems)
         if not self._store.ready:
             raise StoreNotReadyError(self._store.why_not_ready)
         if asked.check_only:
             return
-        old.kernel.close(CHANGING)  # from here to the check above nothing else has run
+        old.engine.close(CHANGING)  # from here to the check above nothing else has run
         await self._end(old)
         await self._keep(asked.model)
         self.parts = parts

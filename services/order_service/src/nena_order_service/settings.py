@@ -7,8 +7,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, HttpUrl, SecretStr
 
+from nena_order_service.context import EngineSettings
 from nena_order_service.fleet import FleetSettings
-from nena_order_service.kernel.settings import KernelSettings
 from nena_order_service.routing import CostKey
 from nena_shared.fleet_api.transport_order import FailurePolicy
 from nena_shared.settings import ServiceSettings, SettingsGroup, TopicPrefix, secret_in
@@ -122,8 +122,8 @@ class OrderServiceSettings(ServiceSettings):
     fleet: FleetSettings = Field(
         default_factory=FleetSettings, description="How patient fleet control is with robots."
     )
-    kernel: KernelSettings = Field(
-        default_factory=KernelSettings, description="How orders and vehicles are handled."
+    kernel: EngineSettings = Field(
+        default_factory=EngineSettings, description="How orders and vehicles are handled."
     )
     end_kept: float = Field(
         60.0,

@@ -7,15 +7,16 @@ from typing import Any
 
 import pytest
 
+from nena_order_service.context import EngineSettings
 from nena_order_service.dispatching.settings import DispatchSettings
-from nena_order_service.kernel import Kernel, KernelSettings
+from nena_order_service.engine import Engine
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing import graph
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
 
 PLANT = PlantModel(
     name="row",
@@ -29,40 +30,40 @@ def power(percent: float) -> dict[str, Any]:
     return {"power_supply": {"state_of_charge": percent, "charging": False}}
 
 
-async def make(**dispatch: Any) -> tuple[Kernel, ScriptedFleet]:
-    settings = KernelSettings(
+async def make(**dispatch: Any) -> tuple[Engine, ScriptedFleet]:
+    settings = EngineSettings(
         default_map_id="map", traffic=False, dispatch=DispatchSettings.model_validate(dispatch)
     )
     fleet = ScriptedFleet({"V1": "A", "V2": "C"}, fields={"V1": power(5), "V2": power(50)})
-    kernel = await make_kernel(PLANT, MemoryStore(), fleet, settings=settings)
+    engine = await make_engine(PLANT, MemoryStore(), fleet, settings=settings)
     for name, at in list(fleet.at.items()):
         fleet.appear(name, at)
-    return kernel, fleet
+    return engine, fleet
 
 
 async def test_energy_decides_who_may_and_not_at_all_where_it_is_not_respected() -> None:
-    kernel, fleet = await make()
-    kernel.create(request("A"), "T")
+    engine, fleet = await make()
+    engine.create(request("A"), "T")
     assert fleet.sent[0][0] == "V2"
 
-    kernel, fleet = await make(energy={"respected": False})
-    kernel.create(request("A"), "T")
+    engine, fleet = await make(energy={"respected": False})
+    engine.create(request("A"), "T")
     assert fleet.sent[0][0] == "V1"
 
 
 @pytest.mark.clause("7.8/loads")
 async def test_a_vehicle_that_kept_a_load_drops_it_before_it_picks_up_another_one() -> None:
-    kernel, fleet = await make(energy={"respected": False})
+    engine, fleet = await make(energy={"respected": False})
     fleet.fields["V1"] = {"loads": ({"load_id": "of a failed order"},)}
     fleet.appear("V1", "A")
-    kernel.create(request("B:Load", "C:Unload", intendedVehicle="V1"), "T")
-    order = kernel.book.named("T")
+    engine.create(request("B:Load", "C:Unload", intendedVehicle="V1"), "T")
+    order = engine.state.orders.named("T")
     assert order
     carries = "carries a load, and has no room for another one"
     assert order.status.reason == f"waits for vehicle 'V1', which {carries}"
-    assert [each.reason for each in kernel.explain(order) if each.vehicle == "V1"] == [carries]
+    assert [each.reason for each in engine.explain(order) if each.vehicle == "V1"] == [carries]
 
-    kernel.create(request("B:Unload", intendedVehicle="V1"), "drop")
+    engine.create(request("B:Unload", intendedVehicle="V1"), "drop")
     assert [mission.mission_id for _, mission in fleet.sent] == ["drop-0"]
     del fleet.fields["V1"]
     fleet.finish("V1")
@@ -70,22 +71,22 @@ async def test_a_vehicle_that_kept_a_load_drops_it_before_it_picks_up_another_on
 
 
 async def test_a_vehicle_gets_no_order_before_its_map_is_enabled() -> None:
-    kernel, fleet = await make(energy={"respected": False})
+    engine, fleet = await make(energy={"respected": False})
     told = {"map_id": "map", "map_version": "2"}
     fleet.fields["V1"] = {"maps": ({**told, "map_status": "DISABLED"},)}
     fleet.appear("V1", "A")
-    kernel.create(request("B", intendedVehicle="V1"), "T")
-    vehicle = kernel.registry.named("V1")
+    engine.create(request("B", intendedVehicle="V1"), "T")
+    vehicle = engine.registry.named("V1")
     assert vehicle
     assert fleet.sent == []
-    assert kernel.status(vehicle).reason == "has no version of map 'map' enabled (enableMap)"
+    assert engine.status(vehicle).reason == "has no version of map 'map' enabled (enableMap)"
     fleet.fields["V1"] = {"maps": ({**told, "map_status": "ENABLED"},)}
     fleet.appear("V1", "A")
     assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
 
-    kernel, fleet = await make(energy={"respected": False}, maps_respected=False)
+    engine, fleet = await make(energy={"respected": False}, maps_respected=False)
     fleet.fields["V1"] = {"maps": ({**told, "map_status": "DISABLED"},)}
-    kernel.create(request("B", intendedVehicle="V1"), "T")
+    engine.create(request("B", intendedVehicle="V1"), "T")
     assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
 
 
@@ -107,20 +108,20 @@ async def test_the_map_that_counts_is_that_of_the_point_where_a_vehicle_stands(a
         ),
         "mobile_robot_position": {"x": 0.0, "y": 0.0, "theta": 0.0, "map_id": floors[at], "localized": True},
     }
-    settings = KernelSettings(default_map_id="site", traffic=False)
+    settings = EngineSettings(default_map_id="site", traffic=False)
     plant = PlantModel(name="floors", points=points, paths=PLANT.paths, vehicles=PLANT.vehicles)
-    kernel = await make_kernel(plant, MemoryStore(), fleet, settings=settings)
+    engine = await make_engine(plant, MemoryStore(), fleet, settings=settings)
     fleet.appear("V1", at)
-    kernel.create(request("B", intendedVehicle="V1"), "T")
+    engine.create(request("B", intendedVehicle="V1"), "T")
     assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
 
 
 async def test_loads_of_a_vehicle_that_does_a_sequence_are_those_that_its_host_has_planned() -> None:
-    kernel, fleet = await make(energy={"respected": False})
-    with kernel.step():
-        kernel.sequences.create(OrderSequenceRequest(intended_vehicle="V1"), "S")
+    engine, fleet = await make(energy={"respected": False})
+    with engine.change():
+        engine.sequences.create(OrderSequenceRequest(intended_vehicle="V1"), "S")
     for name, destination in (("S-1", "B:Load"), ("S-2", "C:Load")):
-        kernel.create(request(destination, wrappingSequence="S"), name)
+        engine.create(request(destination, wrappingSequence="S"), name)
     fleet.accept("V1")
     fleet.fields["V1"] = {"loads": ({"load_id": "first"},)}
     fleet.finish("V1")
@@ -128,43 +129,43 @@ async def test_loads_of_a_vehicle_that_does_a_sequence_are_those_that_its_host_h
 
 
 async def test_the_end_of_a_load_starts_a_decision_and_the_setting_switches_all_off() -> None:
-    kernel, fleet = await make(energy={"respected": False})
+    engine, fleet = await make(energy={"respected": False})
     fleet.fields["V1"] = {"loads": ({"load_id": ""},)}
     fleet.appear("V1", "A")
-    kernel.create(request("B:Load", intendedVehicle="V1"), "T")
+    engine.create(request("B:Load", intendedVehicle="V1"), "T")
     assert fleet.sent == []
     fleet.fields["V1"] = {"loads": ()}
     fleet.appear("V1", "A")
     assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
 
-    kernel, fleet = await make(energy={"respected": False}, loads_respected=False)
+    engine, fleet = await make(energy={"respected": False}, loads_respected=False)
     fleet.fields["V1"] = {"loads": ({"load_id": ""},)}
-    kernel.create(request("B:Load", intendedVehicle="V1"), "T")
+    engine.create(request("B:Load", intendedVehicle="V1"), "T")
     assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
 
 
 async def test_keys_of_the_settings_decide_who_is_taken() -> None:
-    kernel, fleet = await make(energy={"critical": 0}, vehicle_candidates=["BY_ENERGY_LEVEL"])
+    engine, fleet = await make(energy={"critical": 0}, vehicle_candidates=["BY_ENERGY_LEVEL"])
     fleet.fields["V1"] = power(40)
-    kernel.create(request("A"), "T")
+    engine.create(request("A"), "T")
     assert fleet.sent[0][0] == "V2"
-    order = kernel.book.named("T")
+    order = engine.state.orders.named("T")
     assert order
     assert "first by BY_ENERGY_LEVEL of 2 vehicles" in str(order.status.history)
 
 
 async def test_a_state_that_changes_nothing_starts_no_decision(monkeypatch: pytest.MonkeyPatch) -> None:
-    kernel, fleet = await make()
+    engine, fleet = await make()
     fleet.out_of_order.update(("V1", "V2"))
-    kernel.create(request("B", intendedVehicle="V2"), "T")
+    engine.create(request("B", intendedVehicle="V2"), "T")
     decisions: list[int] = []
-    decide = kernel._orders._dispatch
+    decide = engine._life_cycle._dispatch
 
     def counted(orders: Sequence[TransportOrder]) -> None:
         decisions.append(len(orders))
         decide(orders)
 
-    monkeypatch.setattr(kernel._orders, "_dispatch", counted)
+    monkeypatch.setattr(engine._life_cycle, "_dispatch", counted)
     fleet.appear("V2", "C")
     fleet.appear("V2", "C")
     assert decisions == []
@@ -175,17 +176,17 @@ async def test_a_state_that_changes_nothing_starts_no_decision(monkeypatch: pyte
 
 
 async def test_another_decision_needs_no_other_search(monkeypatch: pytest.MonkeyPatch) -> None:
-    kernel, fleet = await make(energy={"respected": False})
+    engine, fleet = await make(energy={"respected": False})
     fleet.out_of_order.update(("V1", "V2"))
-    kernel.create(request("B"), "T")
-    order = kernel.book.named("T")
+    engine.create(request("B"), "T")
+    order = engine.state.orders.named("T")
     assert order
     assert order.state is TransportOrderState.DISPATCHABLE
     fleet.out_of_order.clear()
-    assert [each.cost for each in kernel.explain(order)] == [4000, 4000]
+    assert [each.cost for each in engine.explain(order)] == [4000, 4000]
 
     def no_search(*_: object) -> None:
         pytest.fail("the costs were known")
 
     monkeypatch.setattr(graph.RoutingGraph, "costs_to", no_search)
-    assert [each.fits for each in kernel.explain(order)] == [True, True]
+    assert [each.fits for each in engine.explain(order)] == [True, True]

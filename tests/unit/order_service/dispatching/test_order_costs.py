@@ -4,24 +4,15 @@ from math import inf
 
 from nena_order_service.dispatching.dispatcher import Pick
 from nena_order_service.dispatching.manager import KnownCosts, OrderFit, OrderKnowledge
-from nena_order_service.dispatching.way import WayFinder
-from nena_order_service.fleet import OperationMap
-from nena_order_service.kernel.order_book import OrderBook
-from nena_order_service.kernel.sequence_book import SequenceBook
-from nena_order_service.kernel.steps import Steps
-from nena_order_service.kernel.vehicle_book import VehicleBook
 from nena_order_service.orders.automatic import park_request
 from nena_order_service.orders.sequences import Sequences
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.orders.vda_orders import MissionPlanner
-from nena_order_service.routing import Router
 from nena_order_service.vehicles.registry import VehicleRegistry
-from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.vehicle import AcceptableOrderType
 from nena_shared.plant import Vehicle
 from support.order_service import NOW, assigned_order, dispatchable_order
 from support.plants import path, plant
-from support.scripted_fleet import MemoryStore
+from support.scripted_fleet import make_context
 
 PLANT = plant(
     path("A B", 1000), path("B C", 3000), path("B A", 1000), vehicles=(Vehicle(name="V1"), Vehicle(name="V2"))
@@ -29,16 +20,12 @@ PLANT = plant(
 
 
 def knowledge() -> tuple[OrderKnowledge, KnownCosts, OrderFit, VehicleRegistry]:
-    registry = VehicleRegistry(PLANT, default_map_id="map", adopt_unknown=False)
-    finder = WayFinder(PLANT, Router(PLANT))
-    costs = KnownCosts(PLANT, finder, registry)
-    book, clock = OrderBook(), ManualClock()
-    steps = Steps(book, MemoryStore(), lambda _: None)
-    fit = OrderFit(VehicleBook(book, str), Sequences(SequenceBook(book, steps), book, steps, clock))
+    context = make_context(PLANT)
+    costs = KnownCosts(context.planner, context.registry)
+    fit = OrderFit(context.state.vehicles, Sequences(context))
     starts = {"V1": "A", "V2": "C"}
-    places = {each.name: (each, starts[each.name]) for each in registry}
-    planner = MissionPlanner(PLANT, finder, OperationMap())
-    return OrderKnowledge(costs, places, planner, fit), costs, fit, registry
+    places = {each.name: (each, starts[each.name]) for each in context.registry}
+    return OrderKnowledge(costs, places, context.planner, fit), costs, fit, context.registry
 
 
 def test_costs_are_those_of_the_destinations_that_are_left() -> None:

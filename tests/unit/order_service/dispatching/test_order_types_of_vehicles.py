@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
-from nena_order_service.kernel import Kernel
+from nena_order_service.engine import Engine
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.vehicle import AcceptableOrderType
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel, status_of
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine, status_of
 
 ONLY_CHARGE = {"nena:acceptableOrderTypes": "Charge, Park"}
 PLANT = PlantModel(
@@ -23,49 +23,49 @@ PLANT = PlantModel(
 ANY = AcceptableOrderType(name="*", priority=3)
 
 
-async def make(store: MemoryStore) -> tuple[Kernel, FleetVehicle]:
+async def make(store: MemoryStore) -> tuple[Engine, FleetVehicle]:
     fleet = ScriptedFleet({"V1": "A"})
-    kernel = await make_kernel(PLANT, store, fleet)
+    engine = await make_engine(PLANT, store, fleet)
     fleet.appear("V1", "A")
-    vehicle = kernel.registry.named("V1")
+    vehicle = engine.registry.named("V1")
     assert vehicle
-    return kernel, vehicle
+    return engine, vehicle
 
 
 async def test_an_order_of_another_type_waits_until_its_type_is_accepted_also_over_a_restart() -> None:
     store = MemoryStore()
-    kernel, vehicle = await make(store)
-    kernel.create(request("B", type="Transport"), "T")
-    kernel.look()
+    engine, vehicle = await make(store)
+    engine.create(request("B", type="Transport"), "T")
+    engine.look()
     said = "accepts no orders of type 'Transport', only 'Charge', 'Park'"
-    assert status_of(kernel, "T").reason == f"waits for a vehicle: each of them {said}"
-    assert "of types that it does not accept" in kernel.status(vehicle).reason
+    assert status_of(engine, "T").reason == f"waits for a vehicle: each of them {said}"
+    assert "of types that it does not accept" in engine.status(vehicle).reason
 
-    kernel.accept_order_types(vehicle, ())
-    assert status_of(kernel, "T").reason.endswith("each of them accepts no orders of any type")
-    kernel.accept_order_types(vehicle, (ANY,))
-    assert status_of(kernel, "T").state is TransportOrderState.BEING_PROCESSED
+    engine.accept_order_types(vehicle, ())
+    assert status_of(engine, "T").reason.endswith("each of them accepts no orders of any type")
+    engine.accept_order_types(vehicle, (ANY,))
+    assert status_of(engine, "T").state is TransportOrderState.BEING_PROCESSED
 
     again, vehicle = await make(store)
     assert again.status(vehicle).acceptable_order_types == (ANY,)
 
 
 async def test_an_intended_vehicle_that_does_not_accept_the_type_is_named() -> None:
-    kernel, _ = await make(MemoryStore())
-    kernel.create(request("B", intendedVehicle="V1"), "T")
-    assert status_of(kernel, "T").reason.startswith(
+    engine, _ = await make(MemoryStore())
+    engine.create(request("B", intendedVehicle="V1"), "T")
+    assert status_of(engine, "T").reason.startswith(
         "waits for vehicle 'V1', which accepts no orders of type '-'"
     )
 
 
 async def test_an_order_whose_deadline_passes_is_late_and_goes_on() -> None:
-    kernel, vehicle = await make(MemoryStore())
-    kernel.create(request("B", type="Charge", deadline=datetime(2000, 1, 1, tzinfo=UTC)), "T")
-    assert not status_of(kernel, "T").late
-    kernel.look()
-    kernel.look()
-    told = status_of(kernel, "T")
+    engine, vehicle = await make(MemoryStore())
+    engine.create(request("B", type="Charge", deadline=datetime(2000, 1, 1, tzinfo=UTC)), "T")
+    assert not status_of(engine, "T").late
+    engine.look()
+    engine.look()
+    told = status_of(engine, "T")
     assert told.late
     assert told.state is TransportOrderState.BEING_PROCESSED
     assert [entry.event_code for entry in told.history].count("nena:deadlinePassed") == 1
-    assert kernel.status(vehicle).transport_order == "T"
+    assert engine.status(vehicle).transport_order == "T"

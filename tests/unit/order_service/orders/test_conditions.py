@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nena_order_service.kernel import Kernel
+from nena_order_service.engine import Engine
 from nena_order_service.traffic.driving import EVASION_PAUSE
 from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.transport_order import (
@@ -24,7 +24,7 @@ from nena_shared.fleet_api.vehicle import ProcessingState, VehicleStatus
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
 
 S = TransportOrderState
 
@@ -40,7 +40,7 @@ PLANT = PlantModel(
 
 @dataclass
 class Site:
-    kernel: Kernel
+    engine: Engine
     fleet: ScriptedFleet
     clock: ManualClock
     ends: dict[str, TransportOrderStatus] = field(default_factory=dict)
@@ -49,7 +49,7 @@ class Site:
     sequences: dict[str, OrderSequenceStatus] = field(default_factory=dict)
 
     def order(self, name: str) -> TransportOrderStatus:
-        found = self.kernel.book.visible_named(name)
+        found = self.engine.state.orders.visible_named(name)
         assert found
         return found.status
 
@@ -57,33 +57,33 @@ class Site:
         return [self.order(name).state for name in names]
 
     def create(self, name: str, stop: str = "B", **fields: Any) -> None:
-        self.kernel.create(
+        self.engine.create(
             request(stop, **fields), name, {each.name: each.state for each in self.ends.values()}
         )
 
     def sequence(self, name: str = "S", **fields: Any) -> None:
         asked = OrderSequenceRequest.model_validate({"name": name, **fields})
-        with self.kernel.step():
-            self.kernel.sequences.create(asked, name)
+        with self.engine.change():
+            self.engine.sequences.create(asked, name)
 
     def complete(self, name: str = "S") -> None:
-        found = self.kernel.sequence_book.named(name)
+        found = self.engine.state.sequences.named(name)
         if found:
-            with self.kernel.step():
-                self.kernel.sequences.complete(found)
+            with self.engine.change():
+                self.engine.sequences.complete(found)
 
     def told(self, name: str = "S") -> OrderSequenceStatus:
         return self.sequences[name]
 
     def vehicle(self, name: str) -> VehicleStatus:
-        vehicle = self.kernel.registry.named(name)
+        vehicle = self.engine.registry.named(name)
         assert vehicle
-        return self.kernel.status(vehicle)
+        return self.engine.status(vehicle)
 
     def withdraw(self, name: str) -> None:
-        found = self.kernel.book.named(name)
+        found = self.engine.state.orders.named(name)
         assert found
-        self.kernel.withdraw(found.number, "not needed")
+        self.engine.withdraw(found.number, "not needed")
 
     def order_changed(self, status: TransportOrderStatus) -> None:
         if status.state.final:
@@ -107,9 +107,9 @@ class Site:
 async def make(store: MemoryStore | None = None, **places: str) -> Site:
     places = places or {"V1": "A", "V2": "D"}
     fleet, clock = ScriptedFleet(places), ManualClock()
-    kernel = await make_kernel(PLANT, store or MemoryStore(), fleet, clock=clock)
-    site = Site(kernel, fleet, clock)
-    kernel.steps.listeners.append(site)
+    engine = await make_engine(PLANT, store or MemoryStore(), fleet, clock=clock)
+    site = Site(engine, fleet, clock)
+    engine.unit_of_work.listeners.append(site)
     for name, at in places.items():
         fleet.appear(name, at)
     return site
@@ -142,7 +142,7 @@ async def test_the_policy_says_what_the_failure_of_a_dependency_means(
     site.create("T-2", "C", dependencies=["T-1"], onDependencyFailure=policy)
     site.create("T-3", "C", dependencies=["T-2"])
     site.fleet.fail("V1")
-    site.kernel.look()
+    site.engine.look()
     assert (site.order("T-2").state, said in site.order("T-2").reason) == (state, True)
     assert site.order("T-2").held is None or policy == "HOLD"
     assert site.order("T-3").state is (S.FAILED if policy == "FAIL" else S.ACTIVE)
@@ -152,22 +152,22 @@ async def test_a_held_order_that_is_resumed_waits_on_and_says_for_what() -> None
     site = await make(V1="A")
     site.create("T-1")
     site.create("T-2", "C", dependencies=["T-1"])
-    number = site.kernel.book.last_number
-    site.kernel.hold(number, "a person", "wait")
+    number = site.engine.state.orders.last_number
+    site.engine.hold(number, "a person", "wait")
     assert site.order("T-2").reason.startswith("held by a person")
-    site.kernel.resume(number, "a person", "go")
+    site.engine.resume(number, "a person", "go")
     assert site.order("T-2").reason == "waits until 'T-1' is FINISHED"
-    site.kernel.hold(number, "a person", "wait")
+    site.engine.hold(number, "a person", "wait")
     site.fleet.finish("V1")
     assert (site.order("T-2").state, site.order("T-2").reason[:4]) == (S.DISPATCHABLE, "held")
-    site.kernel.resume(number, "a person", "go")
+    site.engine.resume(number, "a person", "go")
     assert site.order("T-2").state is S.BEING_PROCESSED
 
 
 async def test_an_order_on_one_that_has_ended_long_ago_is_judged_at_once() -> None:
     site = await make(V1="A")
-    site.kernel.create(request("B", dependencies=["Old"]), "T-1", {"Old": S.FINISHED})
-    site.kernel.create(request("B", dependencies=["Old"]), "T-2", {"Old": S.FAILED})
+    site.engine.create(request("B", dependencies=["Old"]), "T-1", {"Old": S.FINISHED})
+    site.engine.create(request("B", dependencies=["Old"]), "T-2", {"Old": S.FAILED})
     assert site.state("T-1", "T-2") == [S.BEING_PROCESSED, S.FAILED]
 
 
@@ -345,7 +345,7 @@ def _let_go_on(site: Site) -> None:
         if not site.fleet.finish(robot.serial_number) and robot.serial_number in site.fleet.cancelled:
             site.fleet.confirm_cancel(robot.serial_number)
     site.clock.advance(EVASION_PAUSE)
-    site.kernel.look()
+    site.engine.look()
 
 
 def _check(site: Site, asked: dict[str, dict[str, Any]]) -> None:

@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from nena_order_service.orders import transport_order
 from nena_order_service.orders.transport_order import (
     SUCCESSORS,
     EventCode,
@@ -286,7 +285,7 @@ HOLD = Hold(by="Ann", reason="tea", since=NOW)
 
 def test_who_holds_an_order_since_when_and_why_is_said() -> None:
     for order in (dispatchable_order(), assigned_order()):
-        held = transport_order.held(order, HOLD, NOW)
+        held = order.on_hold(HOLD, NOW)
 
         assert held.state is order.state
         assert held.status.reason == "held by Ann since 2026-01-01 00:00:00 UTC: tea"
@@ -297,17 +296,17 @@ def test_who_holds_an_order_since_when_and_why_is_said() -> None:
 
 
 def test_an_order_whose_conditions_come_true_stays_held() -> None:
-    held = transport_order.held(raw_order().activated(), HOLD, NOW).dispatchable()
+    held = raw_order().activated().on_hold(HOLD, NOW).dispatchable()
 
     assert (held.held, held.status.reason) == (True, "held by Ann since 2026-01-01 00:00:00 UTC: tea")
-    assert transport_order.resumed(held, "Bob", "go", NOW).status.reason == "waits for its turn"
+    assert held.resumed("Bob", "go", NOW).status.reason == "waits for its turn"
 
 
 def test_a_resumed_order_has_all_its_tries_again() -> None:
-    order = transport_order.retried(assigned_order(), 2, "blocked", now=NOW)
+    order = assigned_order().retried(2, "blocked", now=NOW)
     assert order.current.measures_taken == 2
 
-    order = transport_order.resumed(transport_order.held(order, HOLD, NOW), "Bob", "go", NOW)
+    order = order.on_hold(HOLD, NOW).resumed("Bob", "go", NOW)
 
     assert (order.held, order.current.measures_taken) == (False, 0)
     assert order.status.reason == "vehicle V-1 travels to destination 1 of 1"
@@ -315,20 +314,20 @@ def test_a_resumed_order_has_all_its_tries_again() -> None:
 
 def test_an_order_at_its_end_is_held_by_nobody() -> None:
     with pytest.raises(IllegalTransitionError):
-        transport_order.held(assigned_order().failed("lost", NOW), HOLD, NOW)
-    assert not transport_order.held(assigned_order(), HOLD, NOW).failed("lost", NOW).held
-    assert not transport_order.held(assigned_order(), HOLD, NOW).withdrawn("not wanted", NOW).held
+        assigned_order().failed("lost", NOW).on_hold(HOLD, NOW)
+    assert not assigned_order().on_hold(HOLD, NOW).failed("lost", NOW).held
+    assert not assigned_order().on_hold(HOLD, NOW).withdrawn("not wanted", NOW).held
 
 
 def test_what_failed_while_it_was_held_is_said_too() -> None:
-    order = transport_order.failed_while_held(transport_order.held(assigned_order(), HOLD, NOW), "wheel lost")
+    order = assigned_order().on_hold(HOLD, NOW).failed_while_held("wheel lost")
 
     assert order.status.reason.endswith("tea; since then: wheel lost")
 
 
 def test_another_vehicle_goes_on_where_the_first_one_came_to() -> None:
     order = assigned_order("A", "B", "C").drive_order_finished(0, NOW)
-    order = transport_order.reassigned(order, 1, "wheel lost", NOW)
+    order = order.reassigned(1, "wheel lost", NOW)
 
     assert (order.state, order.vehicle, order.index) == (TransportOrderState.DISPATCHABLE, None, 1)
     assert order.status.excluded_vehicles == ("V-1",)
@@ -340,7 +339,7 @@ def test_another_vehicle_goes_on_where_the_first_one_came_to() -> None:
 
 
 def test_an_operation_that_is_left_out_counts_as_failed_in_an_order_that_is_done() -> None:
-    order = transport_order.skipped(assigned_order("A:Load", "B"), "jammed", NOW).operating(1, NOW)
+    order = assigned_order("A:Load", "B").skipped("jammed", NOW).operating(1, NOW)
     order = order.drive_order_finished(1, NOW).finished(NOW)
 
     assert [each.state for each in order.status.drive_orders] == ["FAILED", "FINISHED"]
@@ -348,17 +347,15 @@ def test_an_operation_that_is_left_out_counts_as_failed_in_an_order_that_is_done
 
 
 def test_another_way_avoids_more_each_time() -> None:
-    order = transport_order.replanned(assigned_order(), 1, "blocked", now=NOW, avoided=("A --- B", "B"))
-    order = transport_order.replanned(order, 2, "blocked", now=NOW, avoided=("A --- C",))
+    order = assigned_order().replanned(1, "blocked", now=NOW, avoided=("A --- B", "B"))
+    order = order.replanned(2, "blocked", now=NOW, avoided=("A --- C",))
 
     assert order.resources_to_avoid == {"A --- B", "B", "A --- C"}
     assert order.status.history[-1].supplements == ("blocked; avoids A --- C",)
 
 
 def test_a_pause_before_the_next_try_has_an_end() -> None:
-    order = transport_order.retried(
-        assigned_order(), 1, "blocked", now=NOW, next_try=NOW + timedelta(seconds=5)
-    )
+    order = assigned_order().retried(1, "blocked", now=NOW, next_try=NOW + timedelta(seconds=5))
     assert order.status.next_try == NOW + timedelta(seconds=5)
-    assert transport_order.tried(transport_order.begun_again(order)).status.next_try is None
-    assert transport_order.begun_again(order).current.attempts == 1
+    assert order.begun_again().tried().status.next_try is None
+    assert order.begun_again().current.attempts == 1

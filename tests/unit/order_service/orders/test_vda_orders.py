@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from nena_order_service.orders.vda_orders import MissionRecord
+from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.traffic.desk import Journey
 from nena_order_service.traffic.resources import ResourceSet
 from support.fleet import make_mission
 from support.scripted_fleet import key
 
 WAY = tuple(ResourceSet(name, 1000, {name: None}) for name in "BCDE")
-RECORD = MissionRecord.of(key("V1"), make_mission("m", *"ABCDE"), 0, WAY)
+RECORD = SentOrder.of(key("V1"), make_mission("m", *"ABCDE"), 0, WAY)
 
 
-def base(record: MissionRecord) -> list[str]:
+def base(record: SentOrder) -> list[str]:
     return [node.node_id for node in record.as_released().nodes if node.released]
 
 
 def test_it_comes_back_as_it_was() -> None:
     record = RECORD.released(Journey(WAY, 2)).updated(cancelled=True)
 
-    assert MissionRecord.model_validate_json(record.document()) == record
+    assert SentOrder.model_validate_json(record.document()) == record
     assert (record.update_id, record.allocated, record.robot) == (1, 2, key("V1"))
 
 

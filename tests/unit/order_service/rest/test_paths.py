@@ -21,7 +21,7 @@ async def lock(client: httpx.AsyncClient, name: str, *, locked: bool) -> httpx.R
 
 async def test_paths_are_listed_and_locked(client: httpx.AsyncClient, service: OrderService) -> None:
     paths = (await client.get("/v1/paths")).json()["paths"]
-    assert {path["name"] for path in paths} == {path.name for path in service.kernel.plant.paths}
+    assert {path["name"] for path in paths} == {path.name for path in service.engine.plant.paths}
     name = paths[0]["name"]
     answer = await lock(client, name, locked=True)
     assert (answer.status_code, answer.json()["locked"]) == (200, True)
@@ -41,8 +41,8 @@ async def test_unknown_path_and_bad_request_are_problems(client: httpx.AsyncClie
 async def test_routes_keep_off_locked_paths_and_orders_wait_for_them(
     client: httpx.AsyncClient, service: OrderService
 ) -> None:
-    finder = service.kernel.finder
-    plant = service.kernel.plant
+    finder = service.engine.context.finder
+    plant = service.engine.plant
     start, goal = plant.points[0].name, plant.points[-1].name
     before = finder.find(start, [_to(goal)])
     for path in plant.paths:
@@ -62,7 +62,7 @@ async def test_locks_stand_over_a_restart(
 ) -> None:
     name = (await client.get("/v1/paths")).json()["paths"][0]["name"]
     await lock(client, name, locked=True)
-    again = build(settings, service.kernel.plant, service.store)
+    again = build(settings, service.engine.plant, service.store)
     await again.hosts.locks.load()
     assert again.hosts.locks.get(name).locked
 

@@ -33,4 +33,4 @@ async def test_model_of_any_format_is_handed_on_or_refused() -> None:
 
 async def test_plant_model_is_told_as_it_is(client: httpx.AsyncClient, service: OrderService) -> None:
     answer = await client.get("/v1/plantModel")
-    assert PlantModel.from_json(answer.content) == service.kernel.plant
+    assert PlantModel.from_json(answer.content) == service.engine.plant

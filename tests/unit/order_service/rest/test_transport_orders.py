@@ -180,7 +180,7 @@ async def test_store_that_takes_nothing_promises_nothing(
     service.store.problem = "disk full"
     found = problem(await client.post(ORDERS, json=BODY), 503)
     assert "disk full" in found.detail
-    assert service.kernel.book.dispatchable() == ()
+    assert service.engine.state.orders.dispatchable() == ()
 
 
 async def test_version_is_the_tag_of_an_order(client: httpx.AsyncClient) -> None:

@@ -11,7 +11,7 @@ from nena_order_service.store.changes import Changes
 
 async def test_lock_of_a_path_that_is_gone_is_passed_over(service: OrderService) -> None:
     changes = Changes()
-    known = service.kernel.plant.paths[0].name
+    known = service.engine.plant.paths[0].name
     changes.path_locks.update({"gone": True, known: True})
     service.store.commit(changes, lambda: None)
     assert await service.store.drain(30)
@@ -22,17 +22,17 @@ async def test_lock_of_a_path_that_is_gone_is_passed_over(service: OrderService)
 
 
 async def test_lock_holds_only_when_it_is_committed(service: OrderService) -> None:
-    name = service.kernel.plant.paths[0].name
+    name = service.engine.plant.paths[0].name
     locked = await service.hosts.locks.set(name, locked=True)
     assert locked.locked
     assert await service.store.path_locks() == {name: True}
 
 
 async def test_lock_that_is_under_way_when_the_kernel_closes_is_answered(service: OrderService) -> None:
-    name = service.kernel.plant.paths[0].name
+    name = service.engine.plant.paths[0].name
 
     async def close() -> None:
-        service.kernel.close("the plant model is being changed")
+        service.engine.close("the plant model is being changed")
 
     locked, _ = await asyncio.gather(service.hosts.locks.set(name, locked=True), close())
     assert locked.locked

@@ -7,7 +7,7 @@ import pytest
 from nena_order_service.dispatching.way import WayFinder
 from nena_order_service.routing import NoRouteError, Router, evaluators
 from nena_order_service.routing.graph import CostKey
-from nena_order_service.routing.vehicle_routes import VehicleWays
+from nena_order_service.routing.vehicle_routes import VehicleRoutes
 from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.plant import PlantModel, Vehicle
 from support.plants import path, point
@@ -24,9 +24,9 @@ PLANT = PlantModel(
 )
 
 
-def make() -> tuple[WayFinder, VehicleWays]:
+def make() -> tuple[WayFinder, VehicleRoutes]:
     finder = WayFinder(PLANT, Router(PLANT, evaluators([CostKey.EXPLICIT_PROPERTIES], PLANT)))
-    return finder, VehicleWays(finder, VehicleRegistry(PLANT, default_map_id="", adopt_unknown=True))
+    return finder, VehicleRoutes(finder, VehicleRegistry(PLANT, default_map_id="", adopt_unknown=True))
 
 
 def test_each_vehicle_has_the_ways_of_its_routing_group() -> None:

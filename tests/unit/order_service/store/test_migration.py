@@ -14,7 +14,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from nena_order_service.orders.automatic import park_request
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.orders.vda_orders import MissionRecord
+from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.store import schema
 from nena_order_service.store.database import (
     OrderFilter,
@@ -52,7 +52,7 @@ def test_store_of_the_first_release_keeps_all_that_is_in_it(sqlite_url: str) -> 
     }
     found = read_unfinished(engine)
     assert [order.name for order in found.orders] == ["running-4", "waiting-5"]
-    assert [MissionRecord.model_validate_json(text).mission.mission_id for text in found.missions.values()]
+    assert [SentOrder.model_validate_json(text).mission.mission_id for text in found.missions.values()]
     done = read_order(engine, idempotency_key="key-done-1")
     assert done is not None
     assert [entry.event_code for entry in done.status.history][-1] == "nena:finalStateReached"

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 import pytest
 
 from nena_order_service.routing import NoRouteError, Route, Router
-from nena_order_service.traffic.desk import TrafficDesk
+from nena_order_service.traffic.desk import TrafficManager
 from nena_order_service.traffic.resources import Found
 from nena_order_service.traffic.traffic_control import NoWay, Wish
 from nena_shared.plant import PlantModel
@@ -31,7 +31,7 @@ class Bench:
 
     def __init__(self, *, exclusive: bool = True, box: BoundingBox = BOX, **places: str) -> None:
         self.router = Router(ROW)
-        self.desk = TrafficDesk(ROW, self, exclusive=exclusive)
+        self.desk = TrafficManager(ROW, self, exclusive=exclusive)
         for vehicle, at in places.items():
             self.desk.seen(vehicle, Found(at, on_point=True), box)
 

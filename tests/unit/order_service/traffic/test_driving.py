@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from nena_order_service.engine import Engine
 from nena_order_service.fleet import Mission
-from nena_order_service.kernel import Kernel
 from nena_order_service.traffic.driving import EVASION_PAUSE
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_kernel, status_of
+from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine, status_of
 
 pytestmark = pytest.mark.clause("6.1.2/fleet", "6.6.3/fleet")
 
@@ -26,11 +26,11 @@ def base(mission: Mission) -> list[str]:
     return [node.node_id for node in mission.nodes if node.released]
 
 
-async def under_way(store: MemoryStore, fleet: ScriptedFleet, ahead: int) -> Kernel:
-    kernel = await make_kernel(PLANT, store, fleet, release_ahead=ahead)
+async def under_way(store: MemoryStore, fleet: ScriptedFleet, ahead: int) -> Engine:
+    engine = await make_engine(PLANT, store, fleet, release_ahead=ahead)
     fleet.appear("V1", "A")
-    kernel.create(request("E", name="T-1"), "T-1")
-    return kernel
+    engine.create(request("E", name="T-1"), "T-1")
+    return engine
 
 
 async def test_without_a_policy_the_whole_way_is_the_base() -> None:
@@ -69,9 +69,9 @@ async def test_a_robot_that_wants_more_before_gets_more() -> None:
 
 async def test_a_withdrawn_order_is_given_no_more() -> None:
     store, fleet = MemoryStore(), ScriptedFleet({})
-    kernel = await under_way(store, fleet, 1)
+    engine = await under_way(store, fleet, 1)
     (number,) = [order.number for order in store.found.orders]
-    kernel.withdraw(number, "no longer wanted")
+    engine.withdraw(number, "no longer wanted")
 
     fleet.pass_node("V1", 1)
     fleet.want_base("V1")
@@ -86,7 +86,7 @@ async def test_after_a_restart_the_robot_goes_on_with_what_it_was_given() -> Non
     fleet.pass_node("V1", 2)
     again = ScriptedFleet({"V1": "C"})
 
-    await make_kernel(PLANT, store, again, release_ahead=1)
+    await make_engine(PLANT, store, again, release_ahead=1)
     assert base(again.missions[key("V1")]) == ["A", "B", "C", "D"]
     assert again.updates == {"V1": 2}
     again.pass_node("V1", 3)
@@ -102,45 +102,45 @@ TRACK = PlantModel(
 )
 
 
-async def two(store: MemoryStore, fleet: ScriptedFleet, ahead: int = 0) -> Kernel:
-    kernel = await make_kernel(TRACK, store, fleet, release_ahead=ahead)
+async def two(store: MemoryStore, fleet: ScriptedFleet, ahead: int = 0) -> Engine:
+    engine = await make_engine(TRACK, store, fleet, release_ahead=ahead)
     for name, at in tuple(fleet.at.items()):
         fleet.appear(name, at)
-    return kernel
+    return engine
 
 
-def reason(kernel: Kernel, name: str) -> str:
-    return status_of(kernel, name).reason
+def reason(engine: Engine, name: str) -> str:
+    return status_of(engine, name).reason
 
 
 async def test_what_one_robot_holds_another_one_waits_for_and_says_so() -> None:
     fleet = ScriptedFleet({"V1": "A", "V2": "C"})
-    kernel = await two(MemoryStore(), fleet)
-    kernel.create(request("D", intendedVehicle="V2"), "T-2")
-    kernel.create(request("C", intendedVehicle="V1"), "T-1")
+    engine = await two(MemoryStore(), fleet)
+    engine.create(request("D", intendedVehicle="V2"), "T-2")
+    engine.create(request("C", intendedVehicle="V1"), "T-1")
 
     assert [base(mission) for _, mission in fleet.sent] == [["C", "D"], ["A", "B"]]
     assert len(fleet.missions[key("V1")].nodes) == 3
-    assert reason(kernel, "T-1").endswith("but it waits for 'C', which V2 holds")
+    assert reason(engine, "T-1").endswith("but it waits for 'C', which V2 holds")
 
     fleet.finish("V2")
     assert [base(mission) for _, mission in fleet.extended] == [["A", "B", "C"]]
-    assert reason(kernel, "T-1") == "vehicle V1 travels to destination 1 of 1"
+    assert reason(engine, "T-1") == "vehicle V1 travels to destination 1 of 1"
 
 
 async def test_a_robot_that_rests_in_the_way_makes_room_without_an_order() -> None:
     store, fleet = MemoryStore(), ScriptedFleet({"V1": "A", "V2": "B"})
-    kernel = await two(store, fleet)
-    kernel.create(request("C", intendedVehicle="V1"), "T-1")
+    engine = await two(store, fleet)
+    engine.create(request("C", intendedVehicle="V1"), "T-1")
 
     ((robot, evasion),) = fleet.sent
     assert (robot, base(evasion)) == ("V2", ["B", "P"])
     assert evasion.mission_id.startswith("evasion-")
-    assert reason(kernel, "T-1").endswith("but it waits for 'B', where V2 rests")
-    assert kernel.status(kernel.registry.discover(key("V2"))).reason == "makes room for others"
+    assert reason(engine, "T-1").endswith("but it waits for 'B', where V2 rests")
+    assert engine.status(engine.registry.discover(key("V2"))).reason == "makes room for others"
 
     again = ScriptedFleet({"V1": "A", "V2": "B"})
-    restarted = await make_kernel(TRACK, store, again)
+    restarted = await make_engine(TRACK, store, again)
     assert again.adopted == [("V2", evasion.mission_id, False)]
     for name in ("V1", "V2"):
         again.appear(name, again.at[name])
@@ -152,60 +152,60 @@ async def test_a_robot_that_rests_in_the_way_makes_room_without_an_order() -> No
 
 async def test_an_evasion_that_fails_is_tried_again_later() -> None:
     fleet = ScriptedFleet({"V1": "A", "V2": "B"})
-    kernel = await two(MemoryStore(), fleet)
-    kernel.create(request("C", intendedVehicle="V1"), "T-1")
+    engine = await two(MemoryStore(), fleet)
+    engine.create(request("C", intendedVehicle="V1"), "T-1")
     fleet.fail("V2")
     assert len(fleet.sent) == 1
 
-    kernel.clock.advance(EVASION_PAUSE)  # type: ignore[attr-defined] # the clock of make_kernel
-    kernel.look()
+    engine.clock.advance(EVASION_PAUSE)  # type: ignore[attr-defined] # the clock of make_engine
+    engine.look()
 
     assert [robot for robot, _ in fleet.sent] == ["V2", "V2"]
 
 
 async def test_a_regular_withdrawal_lets_the_robot_drive_to_the_end_of_its_base() -> None:
     store, fleet = MemoryStore(), ScriptedFleet({})
-    kernel = await under_way(store, fleet, 2)
+    engine = await under_way(store, fleet, 2)
     (order,) = store.found.orders
-    kernel.withdraw(order.number, "no longer wanted", immediate=False)
+    engine.withdraw(order.number, "no longer wanted", immediate=False)
 
     ((_, update),) = fleet.extended
     assert [node.node_id for node in update.nodes] == base(update) == ["A", "B", "C"]
     assert fleet.cancelled == []
-    assert kernel.desk.journey("V1").all_allocated  # type: ignore[union-attr] # it is there
+    assert engine.traffic.journey("V1").all_allocated  # type: ignore[union-attr] # it is there
 
     assert fleet.finish("V1")
-    assert reason(kernel, "T-1").startswith("withdrawn")
+    assert reason(engine, "T-1").startswith("withdrawn")
 
 
 async def test_what_was_not_sent_is_withdrawn_at_once() -> None:
     fleet = ScriptedFleet({"V1": "A", "V2": "B"})
-    kernel = await two(MemoryStore(), fleet)
-    order = kernel.create(request("C", intendedVehicle="V1"), "T-1")
+    engine = await two(MemoryStore(), fleet)
+    order = engine.create(request("C", intendedVehicle="V1"), "T-1")
     assert [robot for robot, _ in fleet.sent] == ["V2"]
 
-    kernel.withdraw(order.number, "no longer wanted")
+    engine.withdraw(order.number, "no longer wanted")
 
-    assert reason(kernel, "T-1") == "withdrawn, and the vehicle was at nothing for it: no longer wanted"
-    assert kernel.status(kernel.registry.discover(key("V1"))).reason == "has nothing to do: no order waits"
+    assert reason(engine, "T-1") == "withdrawn, and the vehicle was at nothing for it: no longer wanted"
+    assert engine.status(engine.registry.discover(key("V1"))).reason == "has nothing to do: no order waits"
 
 
 async def test_a_cancelled_robot_keeps_what_it_held_until_it_is_seen_standing() -> None:
     fleet = ScriptedFleet({"V1": "A", "V2": "D"})
-    kernel = await two(MemoryStore(), fleet)
-    order = kernel.create(request("C", intendedVehicle="V1"), "T-1")
-    kernel.create(request("B", intendedVehicle="V2"), "T-2")
+    engine = await two(MemoryStore(), fleet)
+    order = engine.create(request("C", intendedVehicle="V1"), "T-1")
+    engine.create(request("B", intendedVehicle="V2"), "T-2")
     fleet.fields["V1"] = {"driving": True}
-    kernel.withdraw(order.number, "not wanted")
+    engine.withdraw(order.number, "not wanted")
     fleet.confirm_cancel("V1")
 
-    assert {each.point for each in kernel.desk.held("V1")} >= {"A", "B", "C"}
-    assert "not been seen standing" in kernel.status(kernel.registry.discover(key("V1"))).reason
+    assert {each.point for each in engine.traffic.held("V1")} >= {"A", "B", "C"}
+    assert "not been seen standing" in engine.status(engine.registry.discover(key("V1"))).reason
     assert not any(robot == "V2" for robot, _ in fleet.sent)
 
     fleet.fields.clear()
     fleet.appear("V1", "A")
-    assert [each.point for each in kernel.desk.held("V1")] == ["A"]
+    assert [each.point for each in engine.traffic.held("V1")] == ["A"]
     assert fleet.finish("V2")
 
 
@@ -220,11 +220,11 @@ async def test_a_robot_that_is_lost_is_driven_around_by_who_was_on_its_way_alrea
         vehicles=TRACK.vehicles,
     )
     fleet = ScriptedFleet({"V1": "A", "V2": "B"})
-    kernel = await make_kernel(ring, MemoryStore(), fleet, release_ahead=1)
+    engine = await make_engine(ring, MemoryStore(), fleet, release_ahead=1)
     for name, at in tuple(fleet.at.items()):
         fleet.appear(name, at)
-    kernel.create(request("G", intendedVehicle="V2"), "T-2")
-    kernel.create(request("D", intendedVehicle="V1"), "T-1")
+    engine.create(request("G", intendedVehicle="V2"), "T-2")
+    engine.create(request("D", intendedVehicle="V1"), "T-1")
     fleet.at["V2"] = "C"
     fleet.pass_node("V2", 1)
     assert base(fleet.missions[key("V1")]) == ["A", "B"]
@@ -235,4 +235,4 @@ async def test_a_robot_that_is_lost_is_driven_around_by_who_was_on_its_way_alrea
     assert fleet.finish("V1")
     assert fleet.sent[-1][1].mission_id == "T-1-0~1"
     assert base(fleet.missions[key("V1")]) == ["B", "E"]
-    assert reason(kernel, "T-2").startswith("wheel lost")
+    assert reason(engine, "T-2").startswith("wheel lost")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from nena_order_service.kernel import Kernel
+from nena_order_service.engine import Engine
 from nena_order_service.traffic.driving import EVASION_PAUSE, Mobility
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
 
 PLANT = PlantModel(
     name="row",
@@ -17,11 +17,11 @@ PLANT = PlantModel(
 )
 
 
-async def make() -> tuple[Kernel, ScriptedFleet, Mobility]:
+async def make() -> tuple[Engine, ScriptedFleet, Mobility]:
     fleet = ScriptedFleet({"V1": "A"})
-    kernel = await make_kernel(PLANT, MemoryStore(), fleet)
+    engine = await make_engine(PLANT, MemoryStore(), fleet)
     fleet.appear("V1", "A")
-    return kernel, fleet, kernel._driving._mobility
+    return engine, fleet, engine._driving.mobility
 
 
 async def test_a_vehicle_that_is_free_may_be_sent_away() -> None:
@@ -31,26 +31,26 @@ async def test_a_vehicle_that_is_free_may_be_sent_away() -> None:
 
 
 async def test_a_vehicle_whose_order_is_held_stays_and_nobody_waits_for_it() -> None:
-    kernel, fleet, mobility = await make()
-    order = kernel.create(request("B"), "T")
-    kernel.hold(order.number, "Ann", "tea")
+    engine, fleet, mobility = await make()
+    order = engine.create(request("B"), "T")
+    engine.hold(order.number, "Ann", "tea")
     fleet.confirm_cancel("V1")
     assert (mobility.movable("V1"), mobility.lost("V1")) == (False, True)
 
 
 async def test_a_vehicle_that_did_not_make_room_is_left_alone_for_a_while() -> None:
-    kernel, _, mobility = await make()
-    vehicle = kernel.registry.named("V1")
+    engine, _, mobility = await make()
+    vehicle = engine.registry.named("V1")
     assert vehicle
     mobility.evasion_failed(vehicle)
     assert (mobility.movable("V1"), mobility.movable("V1", wants=True)) == (False, True)
-    kernel.clock.advance(EVASION_PAUSE)  # type: ignore[attr-defined] # the clock of make_kernel
+    engine.clock.advance(EVASION_PAUSE)  # type: ignore[attr-defined] # the clock of make_engine
     assert mobility.movable("V1")
 
 
 async def test_it_is_said_why_a_vehicle_stays() -> None:
-    kernel, fleet, mobility = await make()
-    vehicle = kernel.registry.named("V1")
+    engine, fleet, mobility = await make()
+    vehicle = engine.registry.named("V1")
     assert vehicle
     assert mobility.why_it_stays(vehicle) == ""
     fleet.out_of_order.add("V1")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from nena_order_service.kernel import Kernel
+from nena_order_service.engine import Engine
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel, status_of
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine, status_of
 
 PLANT = PlantModel(
     name="row",
@@ -17,26 +17,26 @@ PLANT = PlantModel(
 )
 
 
-async def restarted(**places: str) -> tuple[Kernel, ScriptedFleet]:
+async def restarted(**places: str) -> tuple[Engine, ScriptedFleet]:
     """Restart after an order was assigned, before its robot was sent anything."""
     store = MemoryStore()
-    kernel = await make_kernel(PLANT, store, ScriptedFleet({"V1": "A"}))
-    kernel.create(request("B"), "T")
+    engine = await make_engine(PLANT, store, ScriptedFleet({"V1": "A"}))
+    engine.create(request("B"), "T")
     store.found.missions.clear()
     fleet = ScriptedFleet(places)
-    return await make_kernel(PLANT, store, fleet), fleet
+    return await make_engine(PLANT, store, fleet), fleet
 
 
 async def test_a_robot_whose_first_state_does_not_locate_it_is_waited_for() -> None:
-    kernel, fleet = await restarted()
-    kernel.look()
-    assert status_of(kernel).reason.endswith("but the robot is offline")
+    engine, fleet = await restarted()
+    engine.look()
+    assert status_of(engine).reason.endswith("but the robot is offline")
 
     fleet.appear("V1", "nowhere")
-    assert status_of(kernel).state is TransportOrderState.BEING_PROCESSED
-    assert "set its initial pose" in status_of(kernel).reason
+    assert status_of(engine).state is TransportOrderState.BEING_PROCESSED
+    assert "set its initial pose" in status_of(engine).reason
     assert fleet.sent == []
 
     fleet.appear("V1", "A")
     assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
-    assert status_of(kernel).reason == "vehicle V1 travels to destination 1 of 1"
+    assert status_of(engine).reason == "vehicle V1 travels to destination 1 of 1"

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from nena_order_service.context import EngineSettings
 from nena_order_service.traffic.driving import RestartGate
-from nena_order_service.vehicles.registry import VehicleRegistry
 from nena_shared.clock import ManualClock
 from nena_shared.plant import PlantModel, Vehicle
-from support.scripted_fleet import ScriptedFleet
+from support.scripted_fleet import ScriptedFleet, make_context
 
 PLANT = PlantModel(name="two", vehicles=(Vehicle(name="V1"), Vehicle(name="V2")))
 
 
 def make(fleet: ScriptedFleet, clock: ManualClock, *remembered: str) -> RestartGate:
-    registry = VehicleRegistry(PLANT, default_map_id="map", adopt_unknown=False)
-    gate = RestartGate(20.0, clock, fleet=lambda: fleet, view=lambda vehicle: fleet.view(vehicle.key))
-    gate.begin(tuple(vehicle for vehicle in registry if vehicle.name in remembered))
+    context = make_context(PLANT, clock=clock, settings=EngineSettings(restart_patience=20.0))
+    context.connect(fleet)
+    gate = RestartGate(context)
+    gate.begin(tuple(vehicle for vehicle in context.registry if vehicle.name in remembered))
     return gate
 
 

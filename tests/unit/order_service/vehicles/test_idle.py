@@ -1,4 +1,4 @@
-"""Vehicles that have nothing to do, under the kernel."""
+"""Vehicles that have nothing to do, under the engine."""
 
 from __future__ import annotations
 
@@ -6,17 +6,19 @@ from typing import Any
 
 import pytest
 
+from nena_order_service.context import EngineSettings
 from nena_order_service.dispatching.settings import DispatchSettings
-from nena_order_service.kernel import Kernel, KernelSettings
+from nena_order_service.engine import Engine
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.vehicles.idle import BARRED, DISPLACES_AT_MOST
+from nena_order_service.vehicles.idle import DISPLACES_AT_MOST
+from nena_order_service.vehicles.parking import BARRED
 from nena_shared.clock import ManualClock
 from nena_shared.fleet_api.transport_order import TransportOrderState as S
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from nena_shared.plant.track import PointType
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
 
 PARK = PointType.PARK_POSITION
 PLANT = PlantModel(
@@ -42,144 +44,144 @@ def power(percent: float, *, charging: bool = False) -> dict[str, Any]:
 
 async def make(
     places: dict[str, str], store: MemoryStore | None = None, *, charge: float = 95, **dispatch: Any
-) -> tuple[Kernel, ScriptedFleet]:
+) -> tuple[Engine, ScriptedFleet]:
     fleet = ScriptedFleet(places, fields={name: power(charge) for name in places})
-    kernel = await make_kernel(
+    engine = await make_engine(
         PLANT,
         store or MemoryStore(),
         fleet,
-        settings=KernelSettings(
+        settings=EngineSettings(
             default_map_id="map", dispatch=DispatchSettings.model_validate(dispatch or BOTH)
         ),
         clock=ManualClock(),
     )
     for name, at in places.items():
         fleet.appear(name, at)
-    return kernel, fleet
+    return engine, fleet
 
 
-def later(kernel: Kernel, seconds: float) -> None:
-    kernel.clock.advance(seconds)  # type: ignore[attr-defined] # the clock of make
-    kernel.look()
+def later(engine: Engine, seconds: float) -> None:
+    engine.clock.advance(seconds)  # type: ignore[attr-defined] # the clock of make
+    engine.look()
 
 
-def made(kernel: Kernel, kind: str) -> list[TransportOrder]:
-    return [each for each in kernel.book.unfinished() if each.status.type == kind]
+def made(engine: Engine, kind: str) -> list[TransportOrder]:
+    return [each for each in engine.state.orders.unfinished() if each.status.type == kind]
 
 
-def reason(kernel: Kernel, name: str = "V1") -> str:
-    vehicle = kernel.registry.named(name)
+def reason(engine: Engine, name: str = "V1") -> str:
+    vehicle = engine.registry.named(name)
     assert vehicle
-    return kernel.status(vehicle).reason
+    return engine.status(vehicle).reason
 
 
 async def test_nobody_is_sent_anywhere_unless_that_is_switched_on() -> None:
-    kernel, fleet = await make({"V1": "A"}, charge=10, energy={"respected": True})
-    later(kernel, 60)
+    engine, fleet = await make({"V1": "A"}, charge=10, energy={"respected": True})
+    later(engine, 60)
     assert fleet.sent == []
-    assert reason(kernel) == "has to recharge first: its energy is not above 30 %, which is critical"
+    assert reason(engine) == "has to recharge first: its energy is not above 30 %, which is critical"
 
 
 async def test_idle_vehicles_park_at_places_of_their_own() -> None:
-    kernel, fleet = await make({"V1": "A", "V2": "B"})
-    later(kernel, 1)
-    assert {each.name.partition("-")[0] for each in made(kernel, "Park")} == {"Park"}
-    assert all(each.status.dispensable for each in made(kernel, "Park"))
+    engine, fleet = await make({"V1": "A", "V2": "B"})
+    later(engine, 1)
+    assert {each.name.partition("-")[0] for each in made(engine, "Park")} == {"Park"}
+    assert all(each.status.dispensable for each in made(engine, "Park"))
     fleet.finish("V1")
     fleet.finish("V2")
     assert fleet.at == {"V1": "P", "V2": "Q"}
-    later(kernel, 60)
-    assert (len(fleet.sent), made(kernel, "Park")) == (2, [])
+    later(engine, 60)
+    assert (len(fleet.sent), made(engine, "Park")) == (2, [])
 
 
 async def test_a_vehicle_parks_only_after_it_was_idle_for_the_delay() -> None:
-    kernel, fleet = await make({"V1": "A"}, parking={"enabled": True, "delay": 20})
-    later(kernel, 1)
-    later(kernel, 19)
+    engine, fleet = await make({"V1": "A"}, parking={"enabled": True, "delay": 20})
+    later(engine, 1)
+    later(engine, 19)
     assert fleet.sent == []
-    later(kernel, 1)
+    later(engine, 1)
     assert len(fleet.sent) == 1
 
 
 async def test_who_cannot_park_says_so() -> None:
-    kernel, fleet = await make({"V1": "P", "V2": "Q", "V3": "A"})
-    later(kernel, 1)
+    engine, fleet = await make({"V1": "P", "V2": "Q", "V3": "A"})
+    later(engine, 1)
     assert fleet.sent == []
-    assert reason(kernel, "V1").endswith("no order waits")
-    assert reason(kernel, "V3").endswith("it should park, but no parking position is free that it can reach")
+    assert reason(engine, "V1").endswith("no order waits")
+    assert reason(engine, "V3").endswith("it should park, but no parking position is free that it can reach")
 
 
 async def test_parking_gives_way_to_an_order_that_waits() -> None:
-    kernel, fleet = await make({"V1": "A"})
-    later(kernel, 1)
-    park = made(kernel, "Park")[0]
-    kernel.create(request("C"), "T")
+    engine, fleet = await make({"V1": "A"})
+    later(engine, 1)
+    park = made(engine, "Park")[0]
+    engine.create(request("C"), "T")
 
-    waiting = kernel.book.named("T")
+    waiting = engine.state.orders.named("T")
     assert waiting
     assert waiting.status.reason == "waits for vehicle 'V1', which gives up a dispensable order first"
-    assert kernel.book.get(park.number).state is S.WITHDRAWN
-    assert "gives way to order T" in kernel.book.get(park.number).status.reason
+    assert engine.state.orders.get(park.number).state is S.WITHDRAWN
+    assert "gives way to order T" in engine.state.orders.get(park.number).status.reason
     assert fleet.cancelled == []
 
     fleet.finish("V1")
-    assert kernel.book.get(park.number).state is S.FAILED
+    assert engine.state.orders.get(park.number).state is S.FAILED
     assert [mission.mission_id for _, mission in fleet.sent][-1] == "T-0"
 
 
 async def test_a_vehicle_that_gives_up_an_order_is_kept_for_the_one_that_wanted_it() -> None:
-    kernel, fleet = await make({"V1": "A"})
-    later(kernel, 1)
-    kernel.create(request("C"), "T")
-    kernel.create(request("B", priority=9), "U")
+    engine, fleet = await make({"V1": "A"})
+    later(engine, 1)
+    engine.create(request("C"), "T")
+    engine.create(request("B", priority=9), "U")
     fleet.finish("V1")
     assert [mission.mission_id for _, mission in fleet.sent][-1] == "T-0"
 
 
 async def test_a_vehicle_that_was_kept_parks_again_when_nothing_waits_any_more() -> None:
-    kernel, fleet = await make({"V1": "A"})
-    later(kernel, 1)
-    kernel.create(request("C"), "T")
+    engine, fleet = await make({"V1": "A"})
+    later(engine, 1)
+    engine.create(request("C"), "T")
     fleet.finish("V1")
     fleet.finish("V1")
-    later(kernel, 60)
+    later(engine, 60)
     assert fleet.sent[-1][1].mission_id.startswith("Park-")
 
 
 async def test_a_vehicle_is_kept_for_no_order_that_is_held() -> None:
-    kernel, fleet = await make({"V1": "A"})
-    later(kernel, 1)
-    kernel.create(request("C"), "T")
-    kernel.create(request("B"), "U")
-    order = kernel.book.named("T")
+    engine, fleet = await make({"V1": "A"})
+    later(engine, 1)
+    engine.create(request("C"), "T")
+    engine.create(request("B"), "U")
+    order = engine.state.orders.named("T")
     assert order
-    kernel.hold(order.number, "Ann", "tea")
+    engine.hold(order.number, "Ann", "tea")
     fleet.finish("V1")
     assert fleet.sent[-1][1].mission_id == "U-0"
 
 
 async def test_an_order_does_not_wait_for_a_vehicle_that_is_lost_meanwhile() -> None:
-    kernel, fleet = await make({"V1": "A"})
-    later(kernel, 1)
-    kernel.create(request("C"), "T")
+    engine, fleet = await make({"V1": "A"})
+    later(engine, 1)
+    engine.create(request("C"), "T")
     del fleet.at["V1"]
     fleet.appear("V2", "B")
     assert [(name, mission.mission_id) for name, mission in fleet.sent][-1] == ("V2", "T-0")
 
 
 async def test_low_energy_is_recharged_and_nothing_else_is_done() -> None:
-    kernel, fleet = await make({"V1": "A"}, charge=20)
-    kernel.create(request("C"), "T")
-    later(kernel, 1)
-    recharge = made(kernel, "Charge")[0]
+    engine, fleet = await make({"V1": "A"}, charge=20)
+    engine.create(request("C"), "T")
+    later(engine, 1)
+    recharge = made(engine, "Charge")[0]
     assert recharge.name.startswith("Recharge-")
     assert not recharge.status.dispensable
     fleet.finish("V1")
     assert fleet.at["V1"] == "D"
 
     fleet.fields["V1"] = power(60, charging=True)
-    later(kernel, 60)
-    waiting = kernel.book.named("T")
+    later(engine, 60)
+    waiting = engine.state.orders.named("T")
     assert waiting
     assert waiting.status.reason.endswith("recharges, and goes on until it has 90 % of its energy")
     fleet.fields["V1"] = power(90, charging=True)
@@ -188,65 +190,65 @@ async def test_low_energy_is_recharged_and_nothing_else_is_done() -> None:
 
 
 async def test_a_vehicle_that_recharges_inside_of_its_order_is_told_to_cancel() -> None:
-    kernel, fleet = await make({"V1": "D"}, charge=80)
-    later(kernel, 1)
-    recharge = made(kernel, "Charge")[0]
+    engine, fleet = await make({"V1": "D"}, charge=80)
+    later(engine, 1)
+    recharge = made(engine, "Charge")[0]
     assert recharge.status.dispensable
     fleet.operate("V1")
-    kernel.create(request("C"), "T")
+    engine.create(request("C"), "T")
     assert fleet.cancelled == ["V1"]
     fleet.confirm_cancel("V1")
-    assert kernel.book.get(recharge.number).state is S.FAILED
+    assert engine.state.orders.get(recharge.number).state is S.FAILED
     assert fleet.sent[-1][1].mission_id == "T-0"
 
 
 async def test_an_order_of_a_host_is_never_called_away_whatever_its_name_and_type() -> None:
-    kernel, fleet = await make({"V1": "D"}, charge=95)
+    engine, fleet = await make({"V1": "D"}, charge=95)
     asked = request("D:Charge", type="Charge", intended_vehicle="V1")
-    order = kernel.create(asked, "Recharge-1")
+    order = engine.create(asked, "Recharge-1")
     fleet.operate("V1")
-    kernel.create(request("C"), "T")
+    engine.create(request("C"), "T")
     assert fleet.cancelled == []
-    assert kernel.book.get(order.number).state is S.BEING_PROCESSED
+    assert engine.state.orders.get(order.number).state is S.BEING_PROCESSED
 
 
 async def test_a_charger_that_is_held_in_vain_is_asked_for_where_energy_is_critical() -> None:
-    kernel, fleet = await make({"V1": "A", "V2": "D"})
+    engine, fleet = await make({"V1": "A", "V2": "D"})
     fleet.fields["V2"] = power(99, charging=True)
     fleet.fields["V1"] = power(60)
-    later(kernel, 1)
-    assert made(kernel, "Charge") == []
+    later(engine, 1)
+    assert made(engine, "Charge") == []
     fleet.fields["V1"] = power(10)
     fleet.finish("V1")
-    later(kernel, 60)
-    assert [each.status.intended_vehicle for each in made(kernel, "Charge")] == ["V1"]
+    later(engine, 60)
+    assert [each.status.intended_vehicle for each in made(engine, "Charge")] == ["V1"]
 
 
 async def test_orders_of_one_kind_are_not_made_all_the_time() -> None:
-    kernel, fleet = await make({"V1": "A"})
-    later(kernel, 1)
+    engine, fleet = await make({"V1": "A"})
+    later(engine, 1)
     fleet.fail("V1")
-    later(kernel, 1)
-    assert made(kernel, "Park") == []
-    later(kernel, 10)
-    assert len(made(kernel, "Park")) == 1
+    later(engine, 1)
+    assert made(engine, "Park") == []
+    later(engine, 10)
+    assert len(made(engine, "Park")) == 1
 
 
 async def test_others_make_room_for_who_parks_some_times_and_then_not_until_a_host_has_work_for_it() -> None:
     places = {"V1": "B", "V2": "A", "V3": "Q"}
-    kernel, fleet = await make(places, parking=BOTH["parking"], energy={"respected": True})
+    engine, fleet = await make(places, parking=BOTH["parking"], energy={"respected": True})
     fleet.fields["V2"] = power(10)  # it may not even park, and is in the way of who does
     fleet.appear("V2", "A")
     for _ in range(DISPLACES_AT_MOST):
-        later(kernel, 60)
-        (parking,) = made(kernel, "Park")
+        later(engine, 60)
+        (parking,) = made(engine, "Park")
         assert parking.vehicle == "V1"
-        kernel.withdraw(parking.number, "to see whether it tries again")
+        engine.withdraw(parking.number, "to see whether it tries again")
         fleet.finish("V1")  # it has let V2 out
         fleet.appear("V1", "B")
-    later(kernel, 60)
-    assert made(kernel, "Park") == []
-    assert reason(kernel).endswith(f"it should park, but each free parking position near it {BARRED}")
+    later(engine, 60)
+    assert made(engine, "Park") == []
+    assert reason(engine).endswith(f"it should park, but each free parking position near it {BARRED}")
 
     asked: list[str] = []
 
@@ -255,23 +257,23 @@ async def test_others_make_room_for_who_parks_some_times_and_then_not_until_a_ho
         return True
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(kernel.desk, "displaces", displaces)
-        later(kernel, 1)
+        patch.setattr(engine.traffic, "displaces", displaces)
+        later(engine, 1)
         assert asked == [], "what was found out holds for a while"
-        assert BARRED in reason(kernel)
-        later(kernel, 10)
+        assert BARRED in reason(engine)
+        later(engine, 10)
         assert asked == ["P"]
 
-    kernel.create(request("C"), "of a host")
-    later(kernel, 1)
+    engine.create(request("C"), "of a host")
+    later(engine, 1)
     fleet.finish("V1")
-    later(kernel, 60)
-    assert [each.vehicle for each in made(kernel, "Park")] == ["V1"]
+    later(engine, 60)
+    assert [each.vehicle for each in made(engine, "Park")] == ["V1"]
 
 
 async def test_each_vehicle_has_a_reason_for_an_order() -> None:
-    kernel, _ = await make({"V1": "A"}, charge=20, parking={"enabled": False})
-    order = kernel.create(request("C"), "T")
-    found = {each.vehicle: each.reason for each in kernel.explain(order)}
+    engine, _ = await make({"V1": "A"}, charge=20, parking={"enabled": False})
+    order = engine.create(request("C"), "T")
+    found = {each.vehicle: each.reason for each in engine.explain(order)}
     assert "critical" in found["V1"]
     assert found["V2"] == "is offline"

@@ -6,7 +6,14 @@ from math import inf
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.vehicles.idle import BARRED, PARKED, WAYS_TRIED, Parking, ParkingPositions, Prospect
+from nena_order_service.vehicles.parking import (
+    BARRED,
+    PARKED,
+    WAYS_TRIED,
+    Parking,
+    ParkingPositions,
+    Prospect,
+)
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.plant.property_keys import (
     ASSIGNED_PARKING_POSITION,

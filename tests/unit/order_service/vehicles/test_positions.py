@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from nena_order_service.kernel import Kernel
-from nena_order_service.kernel.settings import KernelSettings
+from nena_order_service.context import EngineSettings
+from nena_order_service.engine import Engine
 from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_kernel, status_of
+from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine, status_of
 
 PLANT = PlantModel(
     name="row",
@@ -20,16 +20,16 @@ PLANT = PlantModel(
 )
 
 
-async def make(store: MemoryStore | None = None, **places: str) -> tuple[Kernel, ScriptedFleet]:
+async def make(store: MemoryStore | None = None, **places: str) -> tuple[Engine, ScriptedFleet]:
     fleet = ScriptedFleet(places)
-    kernel = await make_kernel(PLANT, store or MemoryStore(), fleet)
+    engine = await make_engine(PLANT, store or MemoryStore(), fleet)
     for name, at in places.items():
         fleet.appear(name, at)
-    return kernel, fleet
+    return engine, fleet
 
 
-def held(kernel: Kernel, name: str) -> set[str]:
-    return {resource for each in kernel.desk.held(name) for resource in each.uses}
+def held(engine: Engine, name: str) -> set[str]:
+    return {resource for each in engine.traffic.held(name) for resource in each.uses}
 
 
 def pose(x: float, y: float = 0.0, *, localized: bool = True, map_id: str = "map") -> dict[str, Any]:
@@ -37,119 +37,119 @@ def pose(x: float, y: float = 0.0, *, localized: bool = True, map_id: str = "map
     return {"mobile_robot_position": place}
 
 
-def why(kernel: Kernel, name: str) -> str:
-    vehicle = kernel.registry.named(name)
+def why(engine: Engine, name: str) -> str:
+    vehicle = engine.registry.named(name)
     assert vehicle
-    return kernel.status(vehicle).reason
+    return engine.status(vehicle).reason
 
 
 async def test_a_robot_holds_what_it_stands_on_and_lets_go_of_what_it_left() -> None:
-    kernel, fleet = await make(V1="A")
-    assert held(kernel, "V1") == {"A"}
+    engine, fleet = await make(V1="A")
+    assert held(engine, "V1") == {"A"}
 
     fleet.appear("V1", "C")
-    assert held(kernel, "V1") == {"C"}
+    assert held(engine, "V1") == {"C"}
 
 
 async def test_a_robot_that_says_nothing_of_its_place_keeps_what_it_holds() -> None:
-    kernel, fleet = await make(V1="A")
+    engine, fleet = await make(V1="A")
 
     fleet.fields["V1"] = pose(9.0, localized=False)
     fleet.appear("V1", "nowhere")
-    assert held(kernel, "V1") == {"A"}
+    assert held(engine, "V1") == {"A"}
 
     del fleet.at["V1"]  # offline
-    kernel.look()
-    assert held(kernel, "V1") == {"A"}
+    engine.look()
+    assert held(engine, "V1") == {"A"}
 
 
 async def test_a_robot_beside_its_point_holds_the_path_under_it_and_comes_to_the_point_first() -> None:
-    kernel, fleet = await make(V2="A")
+    engine, fleet = await make(V2="A")
     fleet.fields["V1"] = pose(6.2, 0.1)
     fleet.appear("V1", "B")
-    assert held(kernel, "V1") == {"B --- C"}
+    assert held(engine, "V1") == {"B --- C"}
 
-    kernel.create(request("D", intendedVehicle="V1"), "T")
+    engine.create(request("D", intendedVehicle="V1"), "T")
 
     ((_, mission),) = fleet.sent
     assert [node.node_id for node in mission.nodes] == ["start:T-0", "C", "D"]
-    assert {"C", "D", "B --- C"} <= held(kernel, "V1")
+    assert {"C", "D", "B --- C"} <= held(engine, "V1")
 
 
 async def test_a_robot_off_the_plant_holds_nothing_until_it_drives_there() -> None:
-    kernel, fleet = await make()
+    engine, fleet = await make()
     fleet.fields["V1"] = pose(4.0, 30.0)
     fleet.appear("V1", "")
-    assert ("V1" in kernel.desk, held(kernel, "V1")) == (True, set())
+    assert ("V1" in engine.traffic, held(engine, "V1")) == (True, set())
 
-    kernel.create(request("C", intendedVehicle="V1"), "T")
+    engine.create(request("C", intendedVehicle="V1"), "T")
 
-    assert held(kernel, "V1") == {"B", "B --- C", "C"}
+    assert held(engine, "V1") == {"B", "B --- C", "C"}
 
 
 async def test_a_robot_that_is_driven_by_hand_keeps_where_it_was_until_it_stands() -> None:
-    kernel, fleet = await make(V1="A")
+    engine, fleet = await make(V1="A")
     fleet.fields["V1"] = {"driving": True, "operating_mode": "MANUAL"}
     fleet.out_of_order.add("V1")
     fleet.appear("V1", "B")
-    assert held(kernel, "V1") == {"A", "B"}
+    assert held(engine, "V1") == {"A", "B"}
 
     fleet.fields["V1"] = {"operating_mode": "MANUAL"}
     fleet.appear("V1", "B")
-    assert held(kernel, "V1") == {"B"}
+    assert held(engine, "V1") == {"B"}
 
 
 async def test_two_robots_on_one_point_are_told_of_and_can_leave() -> None:
-    kernel, fleet = await make(V1="A", V2="A")
-    assert why(kernel, "V1").endswith("stands on 'A' together with V2")
+    engine, fleet = await make(V1="A", V2="A")
+    assert why(engine, "V1").endswith("stands on 'A' together with V2")
 
-    kernel.create(request("B", intendedVehicle="V2"), "T")
+    engine.create(request("B", intendedVehicle="V2"), "T")
     assert fleet.finish("V2")
-    assert "together" not in why(kernel, "V1")
+    assert "together" not in why(engine, "V1")
 
 
 async def test_a_robot_unknown_to_the_plant_is_kept_away_from_on_the_plants_map_only() -> None:
-    kernel, fleet = await make()
+    engine, fleet = await make()
     fleet.fields["stranger"] = pose(0.0)
     fleet.appear("stranger", "A")
-    assert held(kernel, "stranger") == {"A"}
+    assert held(engine, "stranger") == {"A"}
 
     fleet.fields["alien"] = pose(0.0, map_id="other hall")
     fleet.appear("alien", "A")
-    assert "alien" not in kernel.desk
+    assert "alien" not in engine.traffic
 
 
 async def test_an_operator_frees_what_a_lost_robot_holds() -> None:
     store = MemoryStore()
-    kernel, fleet = await make(store, V1="A", V2="D")
-    kernel.create(request("C", intendedVehicle="V1"), "T-1")
-    kernel.create(request("A", intendedVehicle="V2"), "T-2")
-    vehicle = kernel.registry.discover(key("V1"))
-    assert held(kernel, "V1") >= {"A", "B", "C"}
+    engine, fleet = await make(store, V1="A", V2="D")
+    engine.create(request("C", intendedVehicle="V1"), "T-1")
+    engine.create(request("A", intendedVehicle="V2"), "T-2")
+    vehicle = engine.registry.discover(key("V1"))
+    assert held(engine, "V1") >= {"A", "B", "C"}
 
-    kernel.set_integration_level(vehicle, IntegrationLevel.TO_BE_IGNORED)
+    engine.set_integration_level(vehicle, IntegrationLevel.TO_BE_IGNORED)
 
-    assert "V1" not in kernel.desk
+    assert "V1" not in engine.traffic
     assert fleet.cancelled == ["V1"]
-    assert "TO_BE_IGNORED" in status_of(kernel, "T-1").reason
+    assert "TO_BE_IGNORED" in status_of(engine, "T-1").reason
     assert fleet.finish("V2")
-    assert kernel.status(vehicle).integration_level is IntegrationLevel.TO_BE_IGNORED
+    assert engine.status(vehicle).integration_level is IntegrationLevel.TO_BE_IGNORED
 
     again, fleet = await make(store, V1="B", V2="A")
-    assert "V1" not in again.desk
+    assert "V1" not in again.traffic
 
 
 async def test_a_respected_robot_gets_no_orders_and_is_kept_away_from() -> None:
-    kernel, fleet = await make(V1="A")
-    vehicle = kernel.registry.discover(key("V1"))
-    kernel.set_integration_level(vehicle, IntegrationLevel.TO_BE_RESPECTED)
+    engine, fleet = await make(V1="A")
+    vehicle = engine.registry.discover(key("V1"))
+    engine.set_integration_level(vehicle, IntegrationLevel.TO_BE_RESPECTED)
 
-    kernel.create(request("C"), "T")
+    engine.create(request("C"), "T")
 
     assert fleet.sent == []
-    assert held(kernel, "V1") == {"A"}
-    assert why(kernel, "V1") == "has the integration level TO_BE_RESPECTED"
-    kernel.set_integration_level(vehicle, IntegrationLevel.TO_BE_UTILIZED)
+    assert held(engine, "V1") == {"A"}
+    assert why(engine, "V1") == "has the integration level TO_BE_RESPECTED"
+    engine.set_integration_level(vehicle, IntegrationLevel.TO_BE_UTILIZED)
     assert [robot for robot, _ in fleet.sent] == ["V1"]
 
 
@@ -160,7 +160,7 @@ async def test_a_restart_keeps_the_place_of_a_robot_that_the_plant_does_not_know
     fleet.appear("stranger", "B")
 
     fleet = ScriptedFleet({"V1": "D", "stranger": "B"}, mute={"V1", "stranger"})
-    again = await make_kernel(PLANT, store, fleet, settings=KernelSettings())
+    again = await make_engine(PLANT, store, fleet, settings=EngineSettings())
     again.look()
     assert held(again, "stranger") == {"B"}
 
@@ -174,7 +174,7 @@ async def test_a_restart_keeps_the_place_of_a_robot_that_the_plant_does_not_know
     assert held(again, "stranger") == {"B"}
 
     fleet.fields["stranger"] = pose(4.0, map_id="other hall")
-    again = await make_kernel(PLANT, store, fleet, settings=KernelSettings())
+    again = await make_engine(PLANT, store, fleet, settings=EngineSettings())
     fleet.appear("V1", "D")
     fleet.appear("stranger", "B")
-    assert "stranger" not in again.desk
+    assert "stranger" not in again.traffic

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.vehicles.idle import RechargeLocations, Recharging
+from nena_order_service.vehicles.parking import RechargeLocations, Recharging
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from nena_shared.plant.property_keys import (
     ASSIGNED_RECHARGE_LOCATION,

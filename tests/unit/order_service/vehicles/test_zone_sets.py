@@ -6,7 +6,7 @@ import pytest
 
 from nena_order_service.errors import UnknownZoneSetError, ZoneSetChangedError
 from nena_order_service.parts import OrderService
-from nena_order_service.vehicles.zone_sets import ZoneSets
+from nena_order_service.zone_sets import ZoneSets
 from support.zones import zone, zone_set
 
 ZONE = zone("z", "BLOCKED", 0, 1)
@@ -16,7 +16,7 @@ async def test_one_set_of_each_map_is_in_use_also_after_a_restart(service: Order
     for name, map_id in (("day", "hall"), ("night", "hall"), ("yard", "outside")):
         await service.hosts.zones.put(zone_set(ZONE, zone_set_id=name, map_id=map_id))
         await service.hosts.zones.enable(name)
-    again = ZoneSets(service.kernel, lambda _robot, _set: None, commit_timeout=5.0)
+    again = ZoneSets(service.engine, lambda _robot, _set: None)
     await again.load()
     for kept in (service.hosts.zones, again):
         assert {each.zone_set_id for each in kept.all() if each.enabled} == {"night", "yard"}

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from itertools import islice
 
+from nena_order_service.engine import Engine
 from nena_order_service.errors import StoreNotReadyError, TooManyClientsError
-from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.settings import EventSettings
 from nena_shared.fleet_api.transport_order import OrderSequenceStatus, TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
@@ -96,9 +96,9 @@ class _Event:
 class EventStream:
     """Listens to the kernel; every method is for the event loop's thread."""
 
-    def __init__(self, kernel: Kernel, settings: EventSettings) -> None:
-        self._kernel = kernel
-        self._numbers = kernel.store.numbers
+    def __init__(self, engine: Engine, settings: EventSettings) -> None:
+        self._engine = engine
+        self._numbers = engine.store.numbers
         self._settings = settings
         self._ring: deque[_Event] = deque(maxlen=settings.backlog)
         self._made = 0
@@ -182,7 +182,7 @@ class EventStream:
             return self._present(interest)
         frames: list[bytes] = []
         count = 0
-        while page := await self._kernel.store.changes_after(known, PAGE):
+        while page := await self._engine.store.changes_after(known, PAGE):
             count += len(page)
             if count > self._settings.replay_limit:
                 present, known = self._present(interest)
@@ -194,15 +194,15 @@ class EventStream:
     def _present(self, interest: Interest) -> tuple[bytes, int]:
         """Give all that is not at its end, and the number of the last change."""
         told = self._numbers.told
-        orders = (o.status for o in self._kernel.book.unfinished() if interest.wants_order(o.status))
+        orders = (o.status for o in self._engine.state.orders.unfinished() if interest.wants_order(o.status))
         frames = (_order_frame(status, 0) for status in orders)
         return b"".join([*frames, *self._present_only(interest), _synced(told)]), told
 
     def _present_only(self, interest: Interest) -> Iterator[bytes]:
         """Give that of which only the present counts: sequences that are not finished, and vehicles."""
-        sequences = (each.status for each in self._kernel.sequence_book.unfinished())
+        sequences = (each.status for each in self._engine.state.sequences.unfinished())
         yield from (_sequence_frame(status) for status in sequences if interest.wants_sequence(status))
-        statuses = (self._kernel.status(vehicle) for vehicle in self._kernel.registry)
+        statuses = (self._engine.status(vehicle) for vehicle in self._engine.registry)
         yield from (_vehicle_frame(status) for status in statuses if interest.wants_vehicle(status))
 
     def _number_of(self, last_id: str | None) -> int | None:

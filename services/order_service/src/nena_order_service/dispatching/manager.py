@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
+from nena_order_service.context import Context
 from nena_order_service.dispatching.dispatcher import (
     BUSY,
     Assignment,
@@ -20,42 +21,37 @@ from nena_order_service.dispatching.dispatcher import (
     explain,
     why_not_accepted,
 )
-from nena_order_service.dispatching.settings import DispatchSettings
-from nena_order_service.dispatching.way import OrderCosts, Way, WayCost, WayCosts, WayFinder
+from nena_order_service.dispatching.way import OrderCosts, Way, WayCost, WayCosts
 from nena_order_service.fleet import LinkStatus, NotLocatedError, RobotView, Standing
-from nena_order_service.kernel.mission_book import MissionBook
-from nena_order_service.kernel.order_book import OrderBook
-from nena_order_service.kernel.vehicle_book import VehicleBook
 from nena_order_service.orders.automatic import is_automatic_recharge
 from nena_order_service.orders.sequences import Sequences
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.orders.vda_orders import MissionPlanner
+from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.routing import NoRouteError
+from nena_order_service.state import VehicleRecords
 from nena_order_service.traffic.driving import Driving
 from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry, why_not_on
-from nena_shared.clock import Clock
 from nena_shared.fleet_api.transport_order import Destination, DriveOrderState, TransportOrderState
 from nena_shared.fleet_api.vehicle import AcceptableOrderType, VehicleState
-from nena_shared.plant import PlantModel
 
 
 @dataclass(frozen=True, slots=True)
 class OrderFit:
     """Joins what hosts and the plant model say of vehicles and orders."""
 
-    book: VehicleBook
+    records: VehicleRecords
     sequences: Sequences
 
     def order_types(self, vehicle: FleetVehicle) -> tuple[AcceptableOrderType, ...]:
         """Give the types of orders that a vehicle accepts: what hosts have said, else the plant model."""
-        said = self.book.of(vehicle.key).acceptable_order_types
+        said = self.records.of(vehicle.key).acceptable_order_types
         if said is not None:
             return said
         return acceptable(vehicle.model.acceptable_order_types if vehicle.model else None)
 
     def accept(self, vehicle: FleetVehicle, types: tuple[AcceptableOrderType, ...]) -> None:
         """Let a vehicle accept orders of these types from now on; an order that it has it does to the end."""
-        self.book.change(vehicle.key, acceptable_order_types=types)
+        self.records.change(vehicle.key, acceptable_order_types=types)
 
     def misfit(self, order: TransportOrder, vehicle: FleetVehicle) -> str:
         """Say, as a predicate, why a vehicle must not be given an order; empty where it may."""
@@ -72,10 +68,11 @@ REASONS_KEPT = 1000
 class KnownCosts:
     """Costs of ways, and why there is none; remembered until the plant changes."""
 
-    def __init__(self, plant: PlantModel, finder: WayFinder, registry: VehicleRegistry) -> None:
-        self.finder = finder
+    def __init__(self, planner: OrderPlanner, registry: VehicleRegistry) -> None:
+        self.planner = planner
+        self.finder = planner.finder
         self.registry = registry
-        self.ways = WayCosts(plant, finder)
+        self.ways = WayCosts(planner.plant, planner.finder)
         self._why = lru_cache(REASONS_KEPT)(self._find_out_why)
 
     def forget(self) -> None:
@@ -104,7 +101,7 @@ class OrderKnowledge:
         self,
         costs: KnownCosts,
         places: Mapping[str, tuple[FleetVehicle, str]],
-        planner: MissionPlanner,
+        planner: OrderPlanner,
         fit: OrderFit,
     ) -> None:
         """``places`` gives vehicles that may get orders, and the points from which they would start."""
@@ -189,34 +186,21 @@ class Dispatched:
 class Dispatching:
     """Asks the dispatcher, and says why vehicles have nothing to do."""
 
-    def __init__(
-        self,
-        plant: PlantModel,
-        settings: DispatchSettings,
-        *,
-        registry: VehicleRegistry,
-        book: OrderBook,
-        missions: MissionBook,
-        planner: MissionPlanner,
-        finder: WayFinder,
-        driving: Driving,
-        fit: OrderFit,
-        view: Callable[[FleetVehicle], RobotView],
-        clock: Clock,
-    ) -> None:
+    def __init__(self, context: Context, driving: Driving, fit: OrderFit) -> None:
+        settings = context.settings.dispatch
         self._dispatcher = Dispatcher(settings)
         self._energy = settings.energy
         self._loads_respected = settings.loads_respected
         self._maps_respected = settings.maps_respected
-        self._registry = registry
-        self._book = book
-        self._missions = missions
-        self._planner = planner
+        self._registry = context.registry
+        self._state = context.state
+        self._orders = context.state.orders
+        self._planner = context.planner
         self._driving = driving
-        self._fit = fit
-        self._view = view
-        self._clock = clock
-        self._costs = KnownCosts(plant, finder, registry)
+        self.fit = fit
+        self._view = context.view
+        self._clock = context.clock
+        self._costs = KnownCosts(context.planner, context.registry)
         self._kept: dict[int, str] = {}
         """Vehicles that give up dispensable orders, by the numbers of the orders that they are kept for."""
         self._looked_at: dict[str, tuple[object, ...]] = {}
@@ -278,13 +262,13 @@ class Dispatching:
 
     def is_bound(self, vehicle: FleetVehicle) -> bool:
         """Tell whether a vehicle does nothing but an order sequence."""
-        return self._fit.sequences.bound_to(vehicle.name) is not None
+        return self.fit.sequences.bound_to(vehicle.name) is not None
 
     def consider(self, vehicle: FleetVehicle) -> Candidate:
         """Give a vehicle as the dispatcher sees it now."""
         if vehicle.obstacle:
             return _hindered(vehicle, vehicle.obstacle)
-        order = self._order_of(vehicle)
+        order = self._state.order_of(vehicle.key)
         if order is not None and not self._would_give_up(order):
             return _hindered(vehicle, GIVES_UP if self._is_giving_up(vehicle, order) else BUSY)
         view = self._view(vehicle)
@@ -304,7 +288,7 @@ class Dispatching:
             idle=order is None and not (energy and energy.charging),
             gives_up=order.name if order else "",
             kept_for=next((number for number, name in self._kept.items() if name == vehicle.name), None),
-            order_types=self._fit.order_types(vehicle),
+            order_types=self.fit.order_types(vehicle),
             carried=self._carried(vehicle, view),
         )
         return Candidate(vehicle, seen, standing)
@@ -339,10 +323,6 @@ class Dispatching:
             return None
         return carried(view.state, view.factsheet)
 
-    def _order_of(self, vehicle: FleetVehicle) -> TransportOrder | None:
-        number = self._missions.order_number(vehicle.key)
-        return None if number is None else self._book.get(number)
-
     def _is_giving_up(self, vehicle: FleetVehicle, order: TransportOrder) -> bool:
         """Tell whether a vehicle is about to be free for the order that it is kept for."""
         if order.state is not TransportOrderState.WITHDRAWN or vehicle.name not in self._kept.values():
@@ -375,13 +355,13 @@ class Dispatching:
             for name, each in candidates.items()
             if each.standing is not None
         }
-        return OrderKnowledge(self._costs, places, self._planner, self._fit)
+        return OrderKnowledge(self._costs, places, self._planner, self.fit)
 
     def _forget_kept(self) -> None:
         """Keep vehicles only for orders that wait, and while they are about to be free."""
         for number, name in tuple(self._kept.items()):
             vehicle = self._registry.named(name)
-            order = self._book.at_hand(number)
+            order = self._orders.find(number)
             waits = order is not None and order.state is TransportOrderState.DISPATCHABLE and not order.held
             obstacle = self.consider(vehicle).seen.obstacle if vehicle else BUSY
             if not waits or obstacle not in ("", GIVES_UP):

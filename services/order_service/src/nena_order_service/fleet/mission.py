@@ -400,3 +400,8 @@ def with_other_horizon(held: Mission, base_end: int, tail: Mission) -> Mission:
         nodes=(*held.nodes[: base_end + 1], *nodes),
         edges=(*held.edges[:base_end], *edges),
     )
+
+
+def state_request() -> Action:
+    """Return the instant action that asks a robot for its state (VDA 5050 3.0 section 6.2.3)."""
+    return Action(action_type="stateRequest", action_id=fresh_id(), blocking_type=BlockingType.NONE)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from nena_order_service.kernel.order_book import OrderBook
+from nena_order_service.context import Context
 from nena_order_service.orders.sequences import Sequences
-from nena_order_service.orders.transport_order import TransportOrder, held
-from nena_shared.clock import Clock
+from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.fleet_api.transport_order import DependencyFailure, Hold, TransportOrderState
 
 NAMES_SHOWN = 3
@@ -67,10 +66,10 @@ class Conditions:
     ACTIVE just those dependencies are to be waited for that are not at their end, also after a restart.
     """
 
-    def __init__(self, orders: OrderBook, sequences: Sequences, clock: Clock) -> None:
-        self._orders = orders
+    def __init__(self, context: Context, sequences: Sequences) -> None:
+        self._orders = context.state.orders
         self._sequences = sequences
-        self._clock = clock
+        self._clock = context.clock
         self._dependencies = Dependencies()
 
     def begin(self, order: TransportOrder, ended: Mapping[str, TransportOrderState]) -> TransportOrder:
@@ -145,7 +144,7 @@ class Conditions:
                 return order.failed(reason, self._clock.now())
             case DependencyFailure.HOLD if not order.status.held:
                 now = self._clock.now()
-                return held(order, Hold(by=HOLDER, reason=reason, since=now), now)
+                return order.on_hold(Hold(by=HOLDER, reason=reason, since=now), now)
             case _:
                 return order
 

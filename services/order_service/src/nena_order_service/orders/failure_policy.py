@@ -1,7 +1,8 @@
-"""Which measure of a failure policy is taken next, for a failure as it is.
+"""Which measure of a failure policy is taken next, for a failure in its situation.
 
-Pure: the policy, how far it is used up and the situation go in; a measure comes out. Each call uses up at
-least one step of a list that ends, so the measures end too, in FAIL where nothing else does.
+:func:`decide` is pure: the policy, how far it is used up and the situation go in; a measure comes out. Each
+call uses up at least one step of a list that ends, so the measures end too, in FAIL where nothing else does.
+:class:`FailureAssessment` finds out the situation.
 """
 
 from __future__ import annotations
@@ -11,13 +12,21 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
+from nena_order_service.context import Context
+from nena_order_service.fleet import LinkStatus, NotLocatedError
 from nena_order_service.fleet.failures import FailureKind
+from nena_order_service.fleet.mission import DROP, PICK
+from nena_order_service.orders.transport_order import TransportOrder
+from nena_order_service.routing import NoRouteError
+from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.transport_order import (
     DriveOrderState,
     DriveOrderStatus,
     FailureMeasure,
+    FailurePolicy,
     FailureStep,
 )
+from nena_shared.plant import UnknownObjectError
 
 FAIL: Final = FailureStep(do=FailureMeasure.FAIL)
 
@@ -139,3 +148,86 @@ def is_carrying(
         elif operation in giving and each.state is DriveOrderState.FINISHED:
             carrying = False
     return carrying or bool(reported)
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """How a vehicle has failed, in words too; ``ahead`` names the path and the point that come next."""
+
+    kind: FailureKind
+    words: str
+    ahead: tuple[str, ...] = ()
+
+
+class FailureAssessment:
+    """Decides by an order's policy what is done about its failures."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+
+    def policy(self, order: TransportOrder) -> FailurePolicy:
+        """Give the policy for where an order is: the destination's, the order's or the setting's."""
+        own = order.current.destination.on_failure
+        own = order.status.on_failure if own is None else own
+        return self._context.on_failure if own is None else own
+
+    def retries_actions(self, order: TransportOrder) -> bool:
+        """Tell whether an action that fails may be tried again."""
+        return any(step.do is FailureMeasure.RETRY for step in self.policy(order))
+
+    def decide(self, order: TransportOrder, failure: Failure) -> Decision:
+        """Say what is done about a failure."""
+        situation = self._situation(order, failure)
+        return decide(self.policy(order), order.current.measures_taken, situation)
+
+    def _situation(self, order: TransportOrder, failure: Failure) -> Situation:
+        vehicle = self._vehicle(order)
+        view = self._context.view(vehicle)
+        loads = view.state.loads if view.state else None
+        operations = {each.destination.operation for each in order.status.drive_orders}
+        return Situation(
+            failure.kind,
+            begun=order.current.state is DriveOrderState.OPERATING,
+            carrying=is_carrying(
+                order.with_operation_begun(),
+                picks=[each for each in operations if self._context.planner.action_type(each) == PICK],
+                drops=[each for each in operations if self._context.planner.action_type(each) == DROP],
+                reported=None if loads is None else bool(loads),
+            ),
+            others=self._others(order),
+            other_way=bool(self.detour(order, failure.ahead)),
+            heard=view.link is LinkStatus.ONLINE,
+        )
+
+    def _others(self, order: TransportOrder) -> bool:
+        if order.status.intended_vehicle is not None or order.status.wrapping_sequence is not None:
+            return False  # a sequence is done by one vehicle to its end
+        tried = {order.vehicle, *order.status.excluded_vehicles}
+        return bool(self._context.registry.names() - tried)
+
+    def detour(self, order: TransportOrder, ahead: tuple[str, ...]) -> tuple[str, ...]:
+        """Give what a way around where the vehicle failed avoids: the point there too, if that can be."""
+        paths = self._context.planner.paths(ahead)
+        for avoided in (ahead, paths):
+            if paths and self._leads_on(order, avoided):
+                return avoided
+        return ()
+
+    def _leads_on(self, order: TransportOrder, avoided: tuple[str, ...]) -> bool:
+        vehicle = self._vehicle(order)
+        try:
+            standing = self._context.planner.standing(vehicle, self._context.view(vehicle))
+            self._context.planner.way(order, vehicle, standing, frozenset(avoided))
+        except (NotLocatedError, NoRouteError, UnknownObjectError):
+            return False
+        return True
+
+    def _vehicle(self, order: TransportOrder) -> FleetVehicle:
+        vehicle = self._context.registry.named(order.vehicle)
+        assert vehicle, "who has an order is in the registry"  # noqa: S101 - for the type
+        return vehicle
+
+
+def with_others(words: str, decision: Decision) -> str:
+    """Add why other measures of the policy were not taken."""
+    return f"{words} ({'; '.join(decision.passed_over)})" if decision.passed_over else words

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-from nena_order_service.dispatching.way import Leg, WayFinder
+from nena_order_service.context import Context
+from nena_order_service.dispatching.way import Leg
 from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
-from nena_order_service.fleet import LinkStatus, RobotView, Standing
+from nena_order_service.fleet import LinkStatus, Standing
 from nena_order_service.fleet.mission import with_other_horizon
-from nena_order_service.kernel.mission_book import MissionBook
-from nena_order_service.kernel.order_book import OrderBook
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.orders.vda_orders import MissionPlanner, MissionRecord
+from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.routing import NoRouteError, Route
-from nena_order_service.traffic.desk import TrafficDesk
 from nena_order_service.traffic.driving import Driving
 from nena_order_service.traffic.traffic_control import Hindrance, Refusal
-from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
-from nena_shared.clock import Clock
+from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.transport_order import DriveOrderState, TransportOrderState
 from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType
 from nena_shared.log import get_logger
-from nena_shared.plant import BACKWARD_SUFFIX, PlantModel
+from nena_shared.plant import BACKWARD_SUFFIX
 from nena_shared.vda5050.order import Edge
 
 log = get_logger(__name__)
@@ -48,7 +45,7 @@ class _UnderWay:
     """A vehicle on its way for an order, of which something is not released yet."""
 
     vehicle: FleetVehicle
-    record: MissionRecord
+    record: SentOrder
     order: TransportOrder
     base_end: str
 
@@ -62,30 +59,18 @@ class Rerouting:
     standing, and its transport order goes on from there.
     """
 
-    def __init__(
-        self,
-        plant: PlantModel,
-        desk: TrafficDesk,
-        *,
-        book: OrderBook,
-        missions: MissionBook,
-        driving: Driving,
-        planner: MissionPlanner,
-        finder: WayFinder,
-        registry: VehicleRegistry,
-        clock: Clock,
-        view: Callable[[FleetVehicle], RobotView],
-    ) -> None:
-        self._plant = plant
-        self._desk = desk
-        self._book = book
-        self._missions = missions
+    def __init__(self, context: Context, driving: Driving) -> None:
+        self._plant = context.plant
+        self._traffic = context.traffic
+        self._state = context.state
+        self._orders = context.state.orders
+        self._sent = context.state.sent_orders
         self._driving = driving
-        self._planner = planner
-        self._finder = finder
-        self._registry = registry
-        self._clock = clock
-        self._view = view
+        self._planner = context.planner
+        self._finder = context.finder
+        self._registry = context.registry
+        self._clock = context.clock
+        self._view = context.view
 
     def request(self, vehicle: FleetVehicle, kind: ReroutingType) -> Rerouted:
         """Plan the way of the order that a vehicle works on anew.
@@ -96,7 +81,7 @@ class Rerouting:
 
         """
         order = self._order(vehicle)
-        record = self._missions.of_order(order)
+        record = self._sent.of_order(order)
         if record is None:
             return Rerouted(ReroutingOutcome.UNCHANGED, CHOSEN_LATER)
         if record.cancelled:
@@ -110,11 +95,11 @@ class Rerouting:
 
         What they were told to drive they drive.
         """
-        for record in self._missions:
+        for record in self._sent:
             vehicle = self._registry.discover(record.robot)
             if record.cancelled or not self._leads_over_lock(record):
                 continue
-            order = None if record.evasion else self._book.get(self._number(vehicle))
+            order = None if record.evasion else self._orders.get(self._number(vehicle))
             if order is None or order.state is not TransportOrderState.BEING_PROCESSED:
                 self._driving.end_early(record, partial=False)
                 continue
@@ -125,20 +110,20 @@ class Rerouting:
         self._driving.reconsider(lambda record: self._any_locked(record.mission.edges))
 
     def _order(self, vehicle: FleetVehicle) -> TransportOrder:
-        number = self._missions.order_number(vehicle.key)
+        number = self._sent.order_number(vehicle.key)
         if number is None:
             raise NotReroutableError(vehicle.name, "it works on no transport order")
-        order = self._book.get(number)
+        order = self._orders.get(number)
         if order.state is not TransportOrderState.BEING_PROCESSED:
             raise NotReroutableError(vehicle.name, f"its order {order.name!r} is {order.state}")
         return order
 
     def _number(self, vehicle: FleetVehicle) -> int:
-        number = self._missions.order_number(vehicle.key)
+        number = self._sent.order_number(vehicle.key)
         assert number is not None, "who has an order's mission works for the order"  # noqa: S101 - for the type
         return number
 
-    def _force(self, vehicle: FleetVehicle, order: TransportOrder, record: MissionRecord) -> Rerouted:
+    def _force(self, vehicle: FleetVehicle, order: TransportOrder, record: SentOrder) -> Rerouted:
         if _operating(order):
             raise NotReroutableError(vehicle.name, "it is at its destination, and does its operation there")
         link = self._view(vehicle).link
@@ -146,13 +131,13 @@ class Rerouting:
             raise VehicleNotReachedError(vehicle.name, f"it is {link}")
         self._driving.cancel(record.model_copy(update={"rerouting": True}))
         why = "forced: it stops, and goes on from where it stands"
-        self._book.put(order.rerouted(None, why, self._clock.now()))
+        self._orders.put(order.rerouted(None, why, self._clock.now()))
         return Rerouted(ReroutingOutcome.STOPPING, why)
 
     def _plan_anew(
-        self, vehicle: FleetVehicle, order: TransportOrder, record: MissionRecord, why: str
+        self, vehicle: FleetVehicle, order: TransportOrder, record: SentOrder, why: str
     ) -> Rerouted:
-        journey = self._desk.journey(vehicle.name)
+        journey = self._traffic.journey(vehicle.name)
         if journey is None or record.all_released or journey.all_allocated:
             return Rerouted(ReroutingOutcome.UNCHANGED, NOTHING_AHEAD)
         base_end = record.mission.nodes[journey.allocated].node_id
@@ -194,7 +179,7 @@ class Rerouting:
         if leg.route is None or self._is_present_way(under_way, leg):
             return None
         location = self._planner.wish(under_way.order, under_way.vehicle, leg).location
-        return self._desk.replan(under_way.vehicle.name, leg.route.steps, location)
+        return self._traffic.replan(under_way.vehicle.name, leg.route.steps, location)
 
     def _is_present_way(self, under_way: _UnderWay, leg: Leg) -> bool:
         """Tell whether a leg is what the vehicle is to drive anyway, or nothing to be driven."""
@@ -205,7 +190,7 @@ class Rerouting:
 
     def _occupied(self, refusal: Refusal) -> frozenset[str]:
         """Give the points and paths that those hold who are in the way."""
-        held = (each for name in refusal.vehicles for each in self._desk.held(name))
+        held = (each for name in refusal.vehicles for each in self._traffic.held(name))
         drivable = self._plant.points_by_name.keys() | self._plant.paths_by_name.keys()
         return frozenset(use for each in held for use in each.uses if use in drivable)
 
@@ -215,15 +200,15 @@ class Rerouting:
         retriable = any(each.retriable for each in record.mission.actions)
         tail = self._planner.mission(under_way.order, vehicle, standing, route, retriable=retriable)
         mission = with_other_horizon(record.mission, record.allocated, tail)
-        journey = self._desk.journey(vehicle.name)
+        journey = self._traffic.journey(vehicle.name)
         assert journey, "asked for by the caller"  # noqa: S101 - for the type
         self._driving.send_on(record.updated(mission=mission, way=journey.way))
-        self._driving.due = True
+        self._state.drive_due = True
         points = tuple(n.node_id for n in mission.nodes if n.node_id in self._plant.points_by_name)
-        self._book.put(under_way.order.rerouted(points, why, self._clock.now()))
+        self._orders.put(under_way.order.rerouted(points, why, self._clock.now()))
         log.info("vehicle goes another way", vehicle=vehicle.name, reason=why, route=route.points)
 
-    def _leads_over_lock(self, record: MissionRecord) -> bool:
+    def _leads_over_lock(self, record: SentOrder) -> bool:
         """Tell whether what is not released yet of a mission leads over a path that is locked."""
         return not record.all_released and self._any_locked(record.mission.edges[record.allocated :])
 

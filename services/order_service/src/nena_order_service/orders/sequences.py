@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from nena_order_service.kernel.order_book import OrderBook
-from nena_order_service.kernel.sequence_book import SequenceBook
-from nena_order_service.kernel.steps import Steps
+from nena_order_service.context import Context
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_shared.clock import Clock
 from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderState
 
 MARKED = "marked complete by a host"
@@ -16,19 +13,17 @@ MARKED = "marked complete by a host"
 class Sequences:
     """Changes order sequences as their orders go on."""
 
-    def __init__(self, book: SequenceBook, orders: OrderBook, steps: Steps, clock: Clock) -> None:
-        self._book = book
-        self._orders = orders
-        self._steps = steps
-        self._clock = clock
-        self.freed = False
-        """Whether a sequence has let its vehicle go, until somebody has looked."""
+    def __init__(self, context: Context) -> None:
+        self._state = context.state
+        self._sequences = context.state.sequences
+        self._orders = context.state.orders
+        self._clock = context.clock
 
     def create(self, request: OrderSequenceRequest, name: str) -> OrderSequence:
         """Make a sequence without orders."""
-        number = self._book.next_number()
+        number = self._sequences.next_number()
         sequence = OrderSequence.created(request, number=number, name=name, now=self._clock.now())
-        self._book.put(sequence)
+        self._sequences.put(sequence)
         return sequence
 
     def complete(self, sequence: OrderSequence, why: str = MARKED) -> OrderSequence:
@@ -73,7 +68,7 @@ class Sequences:
 
     def misfit(self, order: TransportOrder, vehicle: str) -> str:
         """Say, as a predicate, why a vehicle must not do an order because of a sequence; empty if it may."""
-        bound, sequence = self._book.of_vehicle(vehicle), self._of(order)
+        bound, sequence = self._sequences.of_vehicle(vehicle), self._of(order)
         if bound and bound is not sequence:
             return f"is bound to order sequence {bound.name!r}"
         if sequence is None:
@@ -85,16 +80,16 @@ class Sequences:
 
     def bound_to(self, vehicle: str) -> str | None:
         """Give the name of the sequence to which a vehicle is bound; None: it is free."""
-        sequence = self._book.of_vehicle(vehicle)
+        sequence = self._sequences.of_vehicle(vehicle)
         return sequence.name if sequence else None
 
     def _of(self, order: TransportOrder) -> OrderSequence | None:
-        return self._book.named(order.status.wrapping_sequence)
+        return self._sequences.named(order.status.wrapping_sequence)
 
     def _put(self, sequence: OrderSequence) -> None:
-        self._book.put(sequence)
-        self._steps.vehicle_changed(sequence.status.processing_vehicle)
-        self.freed |= sequence.status.finished
+        self._sequences.put(sequence)
+        self._state.vehicle_changed(sequence.status.processing_vehicle)
+        self._sequences.freed |= sequence.status.finished
 
     def _is_ended(self, name: str) -> bool:
         """Tell whether an order is at its end; one that is not at hand any more has been so for long."""

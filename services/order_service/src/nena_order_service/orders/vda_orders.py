@@ -30,7 +30,7 @@ from nena_shared.plant import BACKWARD_SUFFIX, PlantModel, UnknownObjectError
 from nena_shared.vda5050.topics import RobotKey
 
 
-class MissionRecord(BaseModel):
+class SentOrder(BaseModel):
     """A mission, whom it was sent to and whether the robot is known to have it.
 
     ``mission`` is the whole plan; ``released_to`` is the sequenceId of the last node that the robot was given
@@ -135,12 +135,12 @@ EVASION_PREFIX = "evasion-"
 """Before what is unique, in the ids of missions that make room for others."""
 
 
-class MissionPlanner:
+class OrderPlanner:
     """Knows the plant, its ways and which action an operation stands for."""
 
     def __init__(self, plant: PlantModel, finder: WayFinder, operations: OperationMap) -> None:
-        self._plant = plant
-        self._finder = finder
+        self.plant = plant
+        self.finder = finder
         self._operations = operations
 
     def recharging(self, operation: str) -> bool:
@@ -151,11 +151,11 @@ class MissionPlanner:
         """Tell where a vehicle stands; raises NotLocatedError."""
         if view.state is None:
             raise NotLocatedError("it has not told its state yet")
-        return locate(self._plant, view.state, vehicle.profile)
+        return locate(self.plant, view.state, vehicle.profile)
 
     def map_id(self, point: str, vehicle: FleetVehicle) -> str:
         """Give the map on which a vehicle is sent to a point."""
-        return self._plant.point(point).map_id or vehicle.profile.map_id
+        return self.plant.point(point).map_id or vehicle.profile.map_id
 
     def action_type(self, operation: str) -> str:
         """Give the VDA 5050 action that an operation stands for; empty for none."""
@@ -163,7 +163,7 @@ class MissionPlanner:
 
     def paths(self, names: Iterable[str]) -> tuple[str, ...]:
         """Give those of the names that are paths."""
-        return tuple(name for name in names if name in self._plant.paths_by_name)
+        return tuple(name for name in names if name in self.plant.paths_by_name)
 
     def way(
         self,
@@ -176,7 +176,7 @@ class MissionPlanner:
 
         Raises NoRouteError.
         """
-        return self._finder.find(
+        return self.finder.find(
             standing.point,
             [each.destination for each in order.status.drive_orders[order.index :]],
             vehicle=vehicle.model,
@@ -203,7 +203,7 @@ class MissionPlanner:
         try:
             self.way(order, vehicle, standing)
         except NoRouteError as error:
-            closed = self._finder.only_locks_close(
+            closed = self.finder.only_locks_close(
                 standing.point,
                 [each.destination for each in order.status.drive_orders[order.index :]],
                 vehicle=vehicle.model,
@@ -218,10 +218,10 @@ class MissionPlanner:
         """Give what a vehicle wants of traffic for the current drive order, whose way is ``leg``."""
         destination = order.status.drive_orders[order.status.current_drive_order_index].destination
         if destination.coordinate:
-            goal = self._finder.nearest(destination.coordinate)
+            goal = self.finder.nearest(destination.coordinate)
             return Wish(vehicle.name, goal, straight_mm=round(leg.cost))
         name = destination.location_name or ""
-        location = name if name in self._plant.locations_by_name else None
+        location = name if name in self.plant.locations_by_name else None
         return Wish(vehicle.name, leg.points[-1], location, order.resources_to_avoid)
 
     def mission(
@@ -238,10 +238,10 @@ class MissionPlanner:
         Where it is ``retriable``, its actions may be tried again at the robot (VDA 5050 3.0 section 6.6.9).
         """
         index, destination = order.index, order.current.destination
-        location = self._plant.locations_by_name.get(destination.location_name or "")
+        location = self.plant.locations_by_name.get(destination.location_name or "")
         return build_mission(
             mission_id(order.name, index, order.current.attempts),
-            plant=self._plant,
+            plant=self.plant,
             standing=standing,
             profile=vehicle.profile,
             route=route,
@@ -258,7 +258,7 @@ class MissionPlanner:
         """Make a mission that takes a vehicle out of the way of others."""
         return build_mission(
             f"{EVASION_PREFIX}{fresh_id()}",
-            plant=self._plant,
+            plant=self.plant,
             standing=standing,
             profile=vehicle.profile,
             route=route,

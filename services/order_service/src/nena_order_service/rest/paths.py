@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from fastapi import APIRouter, Response
 
+from nena_order_service.path_locks import PathLocks
 from nena_order_service.rest.responses import as_json
-from nena_order_service.routing.path_locks import PathLocks
 from nena_shared.fleet_api.plant import PathStatus
 from nena_shared.fleet_api.requests import PathList, PathLockRequest
 

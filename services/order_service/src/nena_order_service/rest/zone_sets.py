@@ -9,7 +9,7 @@ from pydantic import BeforeValidator
 from pydantic_core import to_json
 
 from nena_order_service.rest.responses import as_json
-from nena_order_service.vehicles.zone_sets import ZoneSets
+from nena_order_service.zone_sets import ZoneSets
 from nena_shared.fleet_api.base import ObjectName
 from nena_shared.fleet_api.plant import StoredZoneSet, ZoneSetList, ZoneSetStatus
 from nena_shared.vda5050.zone_set import ZoneSet

@@ -14,7 +14,7 @@ ROUTES_KEPT = 2_000
 """Routes that are remembered, of a few kB each; a wish that waits asks for the same one again and again."""
 
 
-class VehicleWays:
+class VehicleRoutes:
     """Finds routes as the plant model's data of each vehicle let it drive, and remembers them."""
 
     def __init__(self, finder: WayFinder, registry: VehicleRegistry) -> None:

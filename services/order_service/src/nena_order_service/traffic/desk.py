@@ -42,7 +42,7 @@ class Journey:
         return self.allocated == len(self.way)
 
 
-class TrafficDesk:
+class TrafficManager:
     """Keeps account of vehicles, by their names, over one plant.
 
     A vehicle is *seen* where it stands. It *wishes* for a way, and :meth:`decide` lets it depart;

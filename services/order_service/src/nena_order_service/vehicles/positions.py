@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
+from nena_order_service.context import Context
 from nena_order_service.fleet import LinkStatus, NotLocatedError, RobotView, Standing
 from nena_order_service.fleet.robot import State
-from nena_order_service.kernel.vehicle_book import VehicleBook
-from nena_order_service.orders.vda_orders import MissionPlanner
-from nena_order_service.traffic.desk import TrafficDesk
 from nena_order_service.traffic.resources import Found
-from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
-from nena_shared.clock import Clock
+from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.log import get_logger
-from nena_shared.plant import MapPlace, PlantModel
+from nena_shared.plant import MapPlace
 from nena_shared.plant.track import MM_PER_M, BoundingBox
 
 log = get_logger(__name__)
@@ -29,41 +25,30 @@ class _Sighting:
     located: bool
 
 
-class Places:
+class Positions:
     """Tells the traffic desk where vehicles without a way are, by what their robots say.
 
     What a vehicle holds is stored, so that a restart knows it before it hears anything. A vehicle that says
     nothing, or not where it is, keeps what it holds.
     """
 
-    def __init__(
-        self,
-        plant: PlantModel,
-        desk: TrafficDesk,
-        *,
-        book: VehicleBook,
-        registry: VehicleRegistry,
-        planner: MissionPlanner,
-        view: Callable[[FleetVehicle], RobotView],
-        clock: Clock,
-    ) -> None:
-        self._plant = plant
-        self._desk = desk
-        self._book = book
-        self._registry = registry
-        self._planner = planner
-        self._view = view
-        self._clock = clock
+    def __init__(self, context: Context) -> None:
+        self._traffic = context.traffic
+        self._records = context.state.vehicles
+        self._registry = context.registry
+        self._planner = context.planner
+        self._view = context.view
+        self._clock = context.clock
         self._sightings: dict[str, _Sighting] = {}
         self._doubted: dict[str, float] = {}
-        """When ways ended of which the robots said nothing; only what is said later counts."""
+        """When routes ended of which the robots reported nothing; only what they report later counts."""
 
     def see(self, vehicle: FleetVehicle) -> bool:
         """Take in what a vehicle without a way says of its place; tell whether that changes what it holds."""
         name = vehicle.name
         if not self._counts(vehicle):
             return self._take_out(vehicle)
-        if self._desk.journey(name):
+        if self._traffic.journey(name):
             return False
         view = self._view(vehicle)
         if view.state is None or view.link is not LinkStatus.ONLINE or self._is_doubted(name, view):
@@ -77,7 +62,7 @@ class Places:
         except NotLocatedError:
             return False
         sighting.located = True
-        changed = self._desk.seen(
+        changed = self._traffic.seen(
             name, self._found(vehicle, standing), box_of(vehicle), moving=_is_moving(view.state)
         )
         if changed:
@@ -87,7 +72,7 @@ class Places:
     def note(self, vehicle: FleetVehicle) -> None:
         """Have it stored what a vehicle holds."""
         name = vehicle.name
-        self._book.change(vehicle.key, held=self._desk.held(name), beside=self._desk.beside(name))
+        self._records.change(vehicle.key, held=self._traffic.held(name), beside=self._traffic.beside(name))
 
     def forget_sighting(self, vehicle: FleetVehicle, *, doubt: bool = False) -> None:
         """Look anew where a vehicle is; with ``doubt`` only at what it says from now on."""
@@ -98,35 +83,35 @@ class Places:
     def located(self, vehicle: FleetVehicle) -> bool:
         """Tell whether a vehicle has said where it is, and holds that."""
         sighting = self._sightings.get(vehicle.name)
-        return sighting is not None and sighting.located and vehicle.name in self._desk
+        return sighting is not None and sighting.located and vehicle.name in self._traffic
 
     def obstacle(self, vehicle: FleetVehicle, *, working: bool = False) -> str:
         """Say, as a predicate, why a vehicle takes no orders because of its place; empty if it does.
 
         ``working``: it has an order, which one that is to be respected does to the end.
         """
-        level = self._book.of(vehicle.key).integration_level
+        level = self._records.of(vehicle.key).integration_level
         goes_on = working and level is IntegrationLevel.TO_BE_RESPECTED
         if level is not IntegrationLevel.TO_BE_UTILIZED and not goes_on:
             return f"has the integration level {level.value}"
-        if self._desk.broke_off(vehicle.name):
+        if self._traffic.broke_off(vehicle.name):
             return "has broken off its way or drives by itself, and has not been seen standing since"
         return ""
 
     def level(self, vehicle: FleetVehicle) -> IntegrationLevel:
         """Tell how much a vehicle counts."""
-        return self._book.of(vehicle.key).integration_level
+        return self._records.of(vehicle.key).integration_level
 
     def set_level(self, vehicle: FleetVehicle, level: IntegrationLevel) -> None:
         """Let a vehicle count so much from now on."""
-        self._book.change(vehicle.key, integration_level=level)
+        self._records.change(vehicle.key, integration_level=level)
         self.forget_sighting(vehicle)
         self.see(vehicle)
 
     def _take_out(self, vehicle: FleetVehicle) -> bool:
-        if vehicle.name not in self._desk:
+        if vehicle.name not in self._traffic:
             return False
-        self._desk.remove(vehicle.name)
+        self._traffic.remove(vehicle.name)
         self.note(vehicle)
         log.info("vehicle holds nothing any more", vehicle=vehicle.name)
         return True
@@ -141,7 +126,7 @@ class Places:
         map_id, plants = vehicle.profile.map_id, self._registry.map_ids
         if not vehicle.obstacle or map_id in plants:
             return True
-        return vehicle.name in self._desk and not (map_id and plants)
+        return vehicle.name in self._traffic and not (map_id and plants)
 
     def _is_doubted(self, name: str, view: RobotView) -> bool:
         doubted = self._doubted.get(name)

@@ -101,7 +101,7 @@ async def test_vehicles_are_shown_as_the_plant_model_has_them(client: httpx.Asyn
 async def test_paths_are_locked_and_the_dispatcher_is_triggered(
     client: httpx.AsyncClient, service: OrderService
 ) -> None:
-    path = service.kernel.plant.paths[0].name
+    path = service.engine.plant.paths[0].name
     for value in (True, False):
         url = f"{API}/paths/{path}/locked"
         assert (await client.put(url, params={"newValue": str(value).lower()})).status_code == 200

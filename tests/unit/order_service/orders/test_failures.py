@@ -1,4 +1,4 @@
-"""What is done about orders at which vehicles have failed, in the kernel."""
+"""What is done about orders at which vehicles have failed, in the engine."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from datetime import timedelta
 
 import pytest
 
+from nena_order_service.engine import Engine
 from nena_order_service.fleet import FailureKind, Mission
-from nena_order_service.kernel import Kernel
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel, status_of
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine, status_of
 
 S = TransportOrderState
 
@@ -32,16 +32,16 @@ PLANT = PlantModel(
 )
 
 
-async def make(store: MemoryStore, **places: str) -> tuple[Kernel, ScriptedFleet]:
+async def make(store: MemoryStore, **places: str) -> tuple[Engine, ScriptedFleet]:
     fleet = ScriptedFleet(places or {"V1": "A", "V2": "H"})
-    kernel = await make_kernel(PLANT, store, fleet)
+    engine = await make_engine(PLANT, store, fleet)
     for name, at in fleet.at.items():
         fleet.appear(name, at)
-    return kernel, fleet
+    return engine, fleet
 
 
-def codes(kernel: Kernel) -> list[str]:
-    return [entry.event_code.removeprefix("nena:") for entry in status_of(kernel).history]
+def codes(engine: Engine) -> list[str]:
+    return [entry.event_code.removeprefix("nena:") for entry in status_of(engine).history]
 
 
 def sent(fleet: ScriptedFleet) -> list[tuple[str, str]]:
@@ -53,9 +53,9 @@ def way(mission: Mission) -> list[str]:
 
 
 async def test_a_drive_is_tried_again_and_then_another_way() -> None:
-    kernel, fleet = await make(MemoryStore())
+    engine, fleet = await make(MemoryStore())
     policy = [{"do": "RETRY"}, {"do": "REPLAN"}, {"do": "REPLAN"}]
-    kernel.create(request("C", onFailure=policy, intendedVehicle="V1"), "T")
+    engine.create(request("C", onFailure=policy, intendedVehicle="V1"), "T")
     fleet.fail("V1")
     fleet.fail("V1")
 
@@ -65,29 +65,29 @@ async def test_a_drive_is_tried_again_and_then_another_way() -> None:
         ["A", "B", "C"],
         ["A", "D", "E", "C"],
     ]
-    assert codes(kernel)[2:] == ["retried", "replanned"]
-    assert status_of(kernel).history[-1].supplements == ("wheel lost: FATAL wheel; avoids A --- B, B",)
+    assert codes(engine)[2:] == ["retried", "replanned"]
+    assert status_of(engine).history[-1].supplements == ("wheel lost: FATAL wheel; avoids A --- B, B",)
 
     fleet.fail("V1")
-    assert status_of(kernel).state is S.FAILED
-    assert status_of(kernel).reason == "wheel lost: FATAL wheel (no REPLAN: there is no other way)"
+    assert status_of(engine).state is S.FAILED
+    assert status_of(engine).reason == "wheel lost: FATAL wheel (no REPLAN: there is no other way)"
 
 
 async def test_a_pause_before_the_next_try_is_told_and_outlives_a_restart() -> None:
     store = MemoryStore()
-    kernel, fleet = await make(store)
-    kernel.create(request("C", onFailure=[{"do": "RETRY", "after": 60}]), "T")
+    engine, fleet = await make(store)
+    engine.create(request("C", onFailure=[{"do": "RETRY", "after": 60}]), "T")
     fleet.fail("V1")
-    assert "but it is tried again at" in status_of(kernel).reason
-    now = kernel.clock.now()
+    assert "but it is tried again at" in status_of(engine).reason
+    now = engine.clock.now()
 
     again, fleet = await make(store)
-    again.clock.advance(59)  # type: ignore[attr-defined] # the clock of make_kernel
+    again.clock.advance(59)  # type: ignore[attr-defined] # the clock of make_engine
     again.look()
     assert fleet.sent == []
     assert status_of(again).next_try == now + timedelta(seconds=60)
 
-    again.clock.advance(1)  # type: ignore[attr-defined] # the clock of make_kernel
+    again.clock.advance(1)  # type: ignore[attr-defined] # the clock of make_engine
     again.look()
     assert sent(fleet) == [("V1", "T-0~1")]
     assert fleet.finish("V1")
@@ -95,41 +95,41 @@ async def test_a_pause_before_the_next_try_is_told_and_outlives_a_restart() -> N
 
 
 async def test_another_vehicle_goes_on_and_the_first_one_never_gets_it_again() -> None:
-    kernel, fleet = await make(MemoryStore())
-    kernel.create(request("B", "C", onFailure=[{"do": "OTHER_VEHICLE", "times": 2}]), "T")
+    engine, fleet = await make(MemoryStore())
+    engine.create(request("B", "C", onFailure=[{"do": "OTHER_VEHICLE", "times": 2}]), "T")
     fleet.finish("V1")
     fleet.out_of_order.add("V2")
     fleet.fail("V1")
-    assert (status_of(kernel).state, status_of(kernel).processing_vehicle) == (S.DISPATCHABLE, None)
-    kernel.look()
-    assert status_of(kernel).state is S.DISPATCHABLE
+    assert (status_of(engine).state, status_of(engine).processing_vehicle) == (S.DISPATCHABLE, None)
+    engine.look()
+    assert status_of(engine).state is S.DISPATCHABLE
 
     fleet.out_of_order.clear()
     fleet.appear("V2", "H")
     assert sent(fleet)[-1] == ("V2", "T-1")
-    assert status_of(kernel).current_drive_order_index == 1
+    assert status_of(engine).current_drive_order_index == 1
     fleet.fail("V2")
-    assert status_of(kernel).state is S.FAILED
-    assert "no other vehicle" in status_of(kernel).reason
+    assert status_of(engine).state is S.FAILED
+    assert "no other vehicle" in status_of(engine).reason
 
 
 async def test_a_loaded_vehicle_keeps_its_order() -> None:
-    kernel, fleet = await make(MemoryStore())
+    engine, fleet = await make(MemoryStore())
     policy = [{"do": "OTHER_VEHICLE"}, {"do": "HOLD"}]
-    kernel.create(request("L:Load", "M:Unload", onFailure=policy), "T")
+    engine.create(request("L:Load", "M:Unload", onFailure=policy), "T")
     loader = fleet.sent[0][0]
     fleet.finish(loader)
     fleet.fail(loader)
 
-    assert status_of(kernel).processing_vehicle == loader
-    assert status_of(kernel).held
-    assert "no other one can go on with it" in status_of(kernel).reason
+    assert status_of(engine).processing_vehicle == loader
+    assert status_of(engine).held
+    assert "no other one can go on with it" in status_of(engine).reason
 
 
 async def test_a_pick_that_an_earlier_try_has_begun_keeps_the_order_at_its_vehicle() -> None:
-    kernel, fleet = await make(MemoryStore())
+    engine, fleet = await make(MemoryStore())
     policy = [{"do": "RETRY"}, {"do": "OTHER_VEHICLE"}, {"do": "HOLD"}]
-    kernel.create(
+    engine.create(
         request(
             "L:Load",
             onFailure=policy,
@@ -140,43 +140,43 @@ async def test_a_pick_that_an_earlier_try_has_begun_keeps_the_order_at_its_vehic
     fleet.fail_operation(loader)
     fleet.fail(loader)
 
-    assert status_of(kernel).processing_vehicle == loader
-    assert "no other one can go on with it" in status_of(kernel).reason
+    assert status_of(engine).processing_vehicle == loader
+    assert "no other one can go on with it" in status_of(engine).reason
 
 
 async def test_an_operation_is_left_out_where_the_destination_says_so() -> None:
-    kernel, fleet = await make(MemoryStore())
+    engine, fleet = await make(MemoryStore())
     stops = [
         {"locationName": "L", "operation": "Wash", "onFailure": [{"do": "SKIP"}]},
         {"locationName": "M", "operation": "Wash"},
     ]
-    kernel.create(request("A").model_validate({"destinations": stops, "intendedVehicle": "V1"}), "T")
+    engine.create(request("A").model_validate({"destinations": stops, "intendedVehicle": "V1"}), "T")
     fleet.fail_operation("V1")
     assert sent(fleet) == [("V1", "T-0"), ("V1", "T-1")]
-    assert codes(kernel)[-1] == "skipped"
+    assert codes(engine)[-1] == "skipped"
 
     fleet.fail_operation("V1")
-    assert status_of(kernel).state is S.FAILED
-    assert [each.state for each in status_of(kernel).drive_orders] == ["FAILED", "FAILED"]
+    assert status_of(engine).state is S.FAILED
+    assert [each.state for each in status_of(engine).drive_orders] == ["FAILED", "FAILED"]
 
 
 async def test_the_last_operation_is_left_out_and_the_order_is_done() -> None:
-    kernel, fleet = await make(MemoryStore())
-    kernel.create(request("L:Wash", onFailure=[{"do": "SKIP"}]), "T")
+    engine, fleet = await make(MemoryStore())
+    engine.create(request("L:Wash", onFailure=[{"do": "SKIP"}]), "T")
     fleet.fail_operation("V1")
-    assert (status_of(kernel).state, fleet.missions) == (S.FINISHED, {})
+    assert (status_of(engine).state, fleet.missions) == (S.FINISHED, {})
 
 
 async def test_after_a_failure_a_person_lets_it_go_on() -> None:
     store = MemoryStore()
-    kernel, fleet = await make(store)
-    order = kernel.create(request("C", onFailure=[{"do": "HOLD"}]), "T")
+    engine, fleet = await make(store)
+    order = engine.create(request("C", onFailure=[{"do": "HOLD"}]), "T")
     fleet.fail("V1", at="B")
-    assert status_of(kernel).state is S.BEING_PROCESSED
-    assert status_of(kernel).reason.startswith("held by failure policy since")
-    vehicle = kernel.registry.named("V1")
+    assert status_of(engine).state is S.BEING_PROCESSED
+    assert status_of(engine).reason.startswith("held by failure policy since")
+    vehicle = engine.registry.named("V1")
     assert vehicle
-    assert kernel.status(vehicle).reason == status_of(kernel).reason
+    assert engine.status(vehicle).reason == status_of(engine).reason
 
     again, fleet = await make(store, V1="B", V2="H")
     again.look()
@@ -192,39 +192,39 @@ async def test_the_setting_counts_where_the_order_says_nothing() -> None:
     fleet = ScriptedFleet({"V1": "A"})
     policy = request("A", onFailure=[{"do": "HOLD"}]).on_failure
     assert policy
-    kernel = await make_kernel(PLANT, MemoryStore(), fleet, on_failure=policy)
-    kernel.create(request("C"), "T")
+    engine = await make_engine(PLANT, MemoryStore(), fleet, on_failure=policy)
+    engine.create(request("C"), "T")
     fleet.fail("V1")
-    assert status_of(kernel).held
+    assert status_of(engine).held
 
-    kernel.withdraw(kernel.book.get(1).number, "not wanted")
-    kernel.create(request("C", onFailure=[]), "T2")
+    engine.withdraw(engine.state.orders.get(1).number, "not wanted")
+    engine.create(request("C", onFailure=[]), "T2")
     fleet.fail("V1")
-    assert status_of(kernel, "T2").state is S.FAILED
+    assert status_of(engine, "T2").state is S.FAILED
 
 
 @pytest.mark.parametrize("kind", list(FailureKind))
 async def test_an_order_ends_whatever_fails_and_however_often(kind: FailureKind) -> None:
-    kernel, fleet = await make(MemoryStore())
+    engine, fleet = await make(MemoryStore())
     steps = [{"do": "RETRY", "times": 3}, {"do": "REPLAN", "times": 3}, {"do": "OTHER_VEHICLE", "times": 9}]
-    kernel.create(request("L:Load", onFailure=[*steps, {"do": "SKIP"}]), "T")
+    engine.create(request("L:Load", onFailure=[*steps, {"do": "SKIP"}]), "T")
     for _ in range(40):
         for robot in tuple(fleet.missions):
             fleet.fail(robot.serial_number, "no", kind)
 
-    assert status_of(kernel).state.final
+    assert status_of(engine).state.final
     ids = [(robot, mission.mission_id) for robot, mission in fleet.sent]
     assert len(ids) == len(set(ids))
 
 
 async def test_a_way_that_is_locked_in_between_is_waited_for() -> None:
-    kernel, fleet = await make(MemoryStore(), V1="F")
-    kernel.create(request("G", "H", onFailure=[{"do": "RETRY", "times": 2, "after": 10}]), "T")
-    kernel.finder.set_locks({"G --- H": True})
-    kernel.plant_changed()
+    engine, fleet = await make(MemoryStore(), V1="F")
+    engine.create(request("G", "H", onFailure=[{"do": "RETRY", "times": 2, "after": 10}]), "T")
+    engine.context.finder.set_locks({"G --- H": True})
+    engine.plant_changed()
     fleet.finish("V1")
-    assert "waits until a path is unlocked" in status_of(kernel).reason
+    assert "waits until a path is unlocked" in status_of(engine).reason
 
-    kernel.finder.set_locks({"G --- H": False})
-    kernel.plant_changed()
+    engine.context.finder.set_locks({"G --- H": False})
+    engine.plant_changed()
     assert sent(fleet)[-1] == ("V1", "T-1")

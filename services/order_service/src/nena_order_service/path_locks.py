@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
 
+from nena_order_service.engine import Engine
 from nena_order_service.errors import StoreNotReadyError, UnknownPathError
 from nena_order_service.store.changes import Changes
-from nena_order_service.store.store import Store
 from nena_shared.fleet_api.plant import PathStatus
 from nena_shared.log import get_logger
-from nena_shared.plant import Path, PlantModel
+from nena_shared.plant import Path
 
 log = get_logger(__name__)
 
@@ -18,33 +17,11 @@ log = get_logger(__name__)
 class PathLocks:
     """Routes that are made from now on keep to it, and vehicles under way behind their bases."""
 
-    def __init__(
-        self,
-        plant: PlantModel,
-        store: Store,
-        *,
-        apply: Callable[[Mapping[str, bool]], None],
-        changed: Callable[[], None],
-        closed: Callable[[], str],
-        commit_timeout: float,
-    ) -> None:
-        """Begin with what the plant model says.
-
-        Args:
-            plant: the plant.
-            store: where it is kept.
-            apply: is given all that hosts have said, by the paths' names, whenever that changes.
-            changed: is told when a host has changed it.
-            closed: says why nothing is changed here any more; empty while things are.
-            commit_timeout: seconds that the store has to take a change.
-
-        """
-        self._plant = plant
-        self._store = store
-        self._apply = apply
-        self._changed = changed
-        self._closed = closed
-        self._commit_timeout = commit_timeout
+    def __init__(self, engine: Engine) -> None:
+        """Start with the locks of the plant model."""
+        self._engine = engine
+        self._plant = engine.plant
+        self._store = engine.store
         self._locks: dict[str, bool] = {}
 
     async def load(self) -> None:
@@ -52,7 +29,7 @@ class PathLocks:
         stored = await self._store.path_locks()
         self._locks = {name: locked for name, locked in stored.items() if name in self._plant.paths_by_name}
         if self._locks:
-            self._apply(self._locks)
+            self._engine.context.finder.set_locks(self._locks)
 
     def all(self) -> tuple[PathStatus, ...]:
         """Give all paths."""
@@ -73,14 +50,14 @@ class PathLocks:
         path = self._path(name)
         if not self._store.ready:
             raise StoreNotReadyError(self._store.why_not_ready)
-        if closed := self._closed():
+        if closed := self._engine.unit_of_work.closed:
             raise StoreNotReadyError(closed)  # those locks count from now on that were committed before
         changes = Changes()
         changes.path_locks[name] = locked
         done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._store.commit(changes, lambda: self._committed(name, locked=locked, done=done))
         try:
-            async with asyncio.timeout(self._commit_timeout):
+            async with asyncio.timeout(self._engine.settings.commit_timeout):
                 await done
         except TimeoutError:
             raise StoreNotReadyError(self._store.why_not_answered) from None
@@ -89,11 +66,11 @@ class PathLocks:
     def _committed(self, name: str, *, locked: bool, done: asyncio.Future[None]) -> None:
         self._locks[name] = locked
         log.info("path locked" if locked else "path unlocked", path=name)
-        self._apply(self._locks)
+        self._engine.context.finder.set_locks(self._locks)
         if not done.done():
             done.set_result(None)
-        if not self._closed():  # else the new parts take it up from the store
-            self._changed()
+        if not self._engine.unit_of_work.closed:  # else the new parts take it up from the store
+            self._engine.plant_changed()
 
     def _path(self, name: str) -> Path:
         path = self._plant.paths_by_name.get(name)

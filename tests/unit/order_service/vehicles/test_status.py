@@ -4,16 +4,16 @@ from typing import Any
 
 import pytest
 
+from nena_order_service.engine import Engine
 from nena_order_service.fleet import LinkStatus
-from nena_order_service.kernel import Kernel
-from nena_order_service.kernel.vehicle_status import Essentials
+from nena_order_service.vehicles.status import Essentials
 from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.state import PowerSupply
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine
 
 PLANT = PlantModel(
     name="line",
@@ -40,19 +40,19 @@ class Ear:
         self.vehicles.append(status)
 
 
-async def looked_at() -> tuple[Kernel, ScriptedFleet, Ear]:
-    """Give a kernel that has told how its two vehicles stand; one works, of the other nothing is heard."""
+async def looked_at() -> tuple[Engine, ScriptedFleet, Ear]:
+    """Give a engine that has told how its two vehicles stand; one works, of the other nothing is heard."""
     fleet, ear = ScriptedFleet({"V1": "A"}), Ear()
-    kernel = await make_kernel(PLANT, MemoryStore(), fleet)
-    kernel.create(request("B", intendedVehicle="V1"), "T")
-    kernel.steps.listeners.append(ear)
-    kernel.look()
-    return kernel, fleet, ear
+    engine = await make_engine(PLANT, MemoryStore(), fleet)
+    engine.create(request("B", intendedVehicle="V1"), "T")
+    engine.unit_of_work.listeners.append(ear)
+    engine.look()
+    return engine, fleet, ear
 
 
 async def test_status_says_how_a_vehicle_stands() -> None:
-    kernel, _, _ = await looked_at()
-    working, unheard = (kernel.status(vehicle) for vehicle in kernel.registry)
+    engine, _, _ = await looked_at()
+    working, unheard = (engine.status(vehicle) for vehicle in engine.registry)
     assert (working.processing_state, working.transport_order) == (ProcessingState.PROCESSING_ORDER, "T")
     assert (working.current_position, working.last_state is None) == ("A", False)
     assert (unheard.state, unheard.connection) == (VehicleState.UNKNOWN, LinkStatus.OFFLINE)
@@ -69,15 +69,15 @@ async def test_status_says_how_a_vehicle_stands() -> None:
     ],
 )
 async def test_a_look_tells_of_what_matters_alone(at: str, fields: dict[str, Any], told: list[str]) -> None:
-    kernel, fleet, ear = await looked_at()
+    engine, fleet, ear = await looked_at()
     ear.vehicles.clear()
     fleet.at["V1"], fleet.fields["V1"] = at, fields
-    kernel.look()
+    engine.look()
     assert [status.name for status in ear.vehicles] == told
 
 
 async def test_essentials_of_a_status_are_its_own() -> None:
-    kernel, _, _ = await looked_at()
-    for vehicle in kernel.registry:
-        status = kernel.status(vehicle)
+    engine, _, _ = await looked_at()
+    for vehicle in engine.registry:
+        status = engine.status(vehicle)
         assert status.model_copy(update=Essentials.of(status)._asdict()) == status

@@ -1,6 +1,6 @@
-"""A fleet under the real kernel: orders, traffic and fleet control as they run, with time compressed.
+"""A fleet under the real engine: orders, traffic and fleet control as they run, with time compressed.
 
-Messages are late and some are lost; robots lose their links while they drive; the kernel is killed and
+Messages are late and some are lost; robots lose their links while they drive; the engine is killed and
 starts anew from what it has stored; orders are withdrawn. What the robots are really on is looked at with
 every move.
 """
@@ -14,12 +14,13 @@ from dataclasses import dataclass
 from random import Random
 from typing import NoReturn
 
+from nena_order_service.context import EngineSettings
 from nena_order_service.dispatching.settings import DispatchSettings
+from nena_order_service.engine import Engine
 from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
-from nena_order_service.kernel import Kernel, KernelSettings
-from nena_order_service.kernel.mission_flow import BEGUN_MEANWHILE
+from nena_order_service.orders.life_cycle import BEGUN_MEANWHILE
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.vehicles.idle import BARRED
+from nena_order_service.vehicles.parking import BARRED
 from nena_shared.fleet_api.transport_order import (
     DriveOrderState,
     OrderSequenceStatus,
@@ -32,7 +33,7 @@ from nena_shared.plant.track import PointType
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey
 from support.order_service import request
-from support.scripted_fleet import MemoryStore, key, make_kernel
+from support.scripted_fleet import MemoryStore, key, make_engine
 from support.traffic.driving_robot import DrivingRobot
 from support.traffic.fitted_plant import with_docks, with_stations
 from support.traffic.simulation import CollisionError, StandstillError
@@ -69,10 +70,10 @@ class Adversity:
     reroute: float = 0.0
 
 
-class KernelSimulation:
+class EngineSimulation:
     """Transport orders of two stations each for a fleet, from first to last."""
 
-    kernel: Kernel
+    engine: Engine
 
     def __init__(
         self,
@@ -92,7 +93,7 @@ class KernelSimulation:
             self.plant = with_docks(self.plant)
         self.random = random
         self.store = MemoryStore()
-        self.settings = KernelSettings(
+        self.settings = EngineSettings(
             release_ahead=ahead, default_map_id="hall", dispatch=dispatch or DispatchSettings()
         )
         self.adversity = adversity or Adversity()
@@ -141,7 +142,7 @@ class KernelSimulation:
         return sum(robot.progress for robot in self.robots.values())
 
     async def _run(self) -> None:
-        await self._start_kernel()
+        await self._start_engine()
         for number, stops in enumerate(self.orders):
             self._later(number, stops)
         self.timeline.after(TICK, self._tick)
@@ -171,7 +172,7 @@ class KernelSimulation:
 
     def _restless(self) -> bool:
         """Tell whether anybody has still to park or to recharge, and could."""
-        if next(self.kernel.book.unfinished(), None) is not None:
+        if next(self.engine.state.orders.unfinished(), None) is not None:
             return True
         return any(
             not (robot.charging or self._parks(robot) or self._barred(robot))
@@ -180,8 +181,8 @@ class KernelSimulation:
 
     def _barred(self, robot: DrivingRobot) -> bool:
         """Tell whether a robot does not park for the sake of others, which have made room often enough."""
-        vehicle = self.kernel.registry.of(robot.key)
-        return vehicle is not None and BARRED in self.kernel.status(vehicle).reason
+        vehicle = self.engine.registry.of(robot.key)
+        return vehicle is not None and BARRED in self.engine.status(vehicle).reason
 
     def _parks(self, robot: DrivingRobot) -> bool:
         return self.plant.point(robot.last_node_id).type is PointType.PARK_POSITION
@@ -190,13 +191,13 @@ class KernelSimulation:
         """Let a host create an order: some at once, the others one after the other."""
 
         def create() -> None:
-            self.kernel.create(request(*(f"at {stop}:Load" for stop in stops)), f"{HOSTS}{number}")
+            self.engine.create(request(*(f"at {stop}:Load" for stop in stops)), f"{HOSTS}{number}")
             self._left_to_create -= 1
 
         self.timeline.after(2.0 + max(0, number - len(self.robots)) * 2.0, create)
 
     def _left(self) -> bool:
-        return bool(self._left_to_create) or any(map(_of_host, self.kernel.book.unfinished()))
+        return bool(self._left_to_create) or any(map(_of_host, self.engine.state.orders.unfinished()))
 
     def _strikes(self, mean: float) -> bool:
         """Tell whether something bad happens, at about each tick."""
@@ -205,12 +206,12 @@ class KernelSimulation:
         self._next_look_for_trouble = self.timeline.clock.seconds + TICK
         return self.random.random() < TICK / mean
 
-    async def _start_kernel(self) -> None:
+    async def _start_engine(self) -> None:
         away = self.fleet.away
         self.fleet = CoreFleet(self.timeline, self.wire, self.robots)
         self.fleet.away = away
         self.fleet.on_message = self._told
-        self.kernel = await make_kernel(
+        self.engine = await make_engine(
             self.plant,
             self.store,
             self.fleet,
@@ -218,14 +219,14 @@ class KernelSimulation:
             settings=self.settings,
             locks=self.locks,
         )
-        self.kernel.steps.listeners.append(self)
+        self.engine.unit_of_work.listeners.append(self)
         self.fleet.connect()
 
     async def _kill(self) -> None:
         """End the order service without a word, and start it anew."""
         self.kills += 1
         self.fleet.alive = False
-        await self._start_kernel()
+        await self._start_engine()
 
     def _tick(self) -> None:
         self.timeline.after(TICK, self._tick)
@@ -245,7 +246,7 @@ class KernelSimulation:
 
     def _look(self) -> None:
         self.timeline.after(LOOK, self._look)
-        self.kernel.look()
+        self.engine.look()
 
     def _report(self, robot: DrivingRobot) -> None:
         self.timeline.after(REPORT_EACH, lambda: self._report(robot))
@@ -267,26 +268,26 @@ class KernelSimulation:
         self.timeline.after(self.random.uniform(5, 60), back)
 
     def _withdraw(self) -> None:
-        orders = filter(_of_host, self.kernel.book.unfinished())
+        orders = filter(_of_host, self.engine.state.orders.unfinished())
         alive = [each for each in orders if each.state in HOLDABLE]
         if alive:
             order = self.random.choice(alive)
             self.withdrawn.add(order.name)
-            self.kernel.withdraw(order.number, "not needed", immediate=self.random.random() < 0.5)
+            self.engine.withdraw(order.number, "not needed", immediate=self.random.random() < 0.5)
 
     def _hold(self) -> None:
         """Let a person hold an order for a while."""
-        orders = filter(_of_host, self.kernel.book.unfinished())
+        orders = filter(_of_host, self.engine.state.orders.unfinished())
         alive = [each for each in orders if each.state in HOLDABLE and not each.held]
         if not alive:
             return
         order = self.random.choice(alive)
-        self.kernel.hold(order.number, "Ann", "tea", immediate=self.random.random() < 0.5)
+        self.engine.hold(order.number, "Ann", "tea", immediate=self.random.random() < 0.5)
 
         def resume() -> None:
-            known = self.kernel.book.at_hand(order.number)
+            known = self.engine.state.orders.find(order.number)
             if known and known.held:
-                self.kernel.resume(order.number, "Ann", "go")
+                self.engine.resume(order.number, "Ann", "go")
 
         self.timeline.after(self.random.uniform(5, 120), resume)
 
@@ -299,14 +300,14 @@ class KernelSimulation:
 
     def _set_lock(self, path: str, *, locked: bool) -> None:
         self.locks[path] = locked
-        self.kernel.finder.set_locks(self.locks)
-        self.kernel.plant_changed()
+        self.engine.context.finder.set_locks(self.locks)
+        self.engine.plant_changed()
 
     def _reroute(self) -> None:
         """Ask for another way of a vehicle that works on an order."""
-        vehicle = self.random.choice(list(self.kernel.registry))
+        vehicle = self.random.choice(list(self.engine.registry))
         try:
-            done = self.kernel.reroute(vehicle, self.random.choice(list(ReroutingType)))
+            done = self.engine.reroute(vehicle, self.random.choice(list(ReroutingType)))
         except (NotReroutableError, VehicleNotReachedError):
             return
         self.rerouted[done.outcome] += 1
@@ -344,7 +345,7 @@ class KernelSimulation:
         for other in self.robots.values():
             if other is not robot and (shared := on & other.resources()):
                 self._collided(f"{name} and {other.key.serial_number} are at {sorted(shared)}")
-        held = {resource for each in self.kernel.desk.held(name) for resource in each.uses}
+        held = {resource for each in self.engine.traffic.held(name) for resource in each.uses}
         if not on <= held:
             self._collided(f"{name} is on {sorted(on - held)}, which it does not hold")
 
@@ -382,13 +383,13 @@ class KernelSimulation:
 
     def _story(self) -> str:
         lines = [f"{self.timeline.clock.seconds:.1f} s, {self.kills} kills, {self.breaks} breaks"]
-        for vehicle in self.kernel.registry:
-            status, held = self.kernel.status(vehicle), self.kernel.desk.held(vehicle.name)
+        for vehicle in self.engine.registry:
+            status, held = self.engine.status(vehicle), self.engine.traffic.held(vehicle.name)
             lines.append(
                 f"{vehicle.name} {status.connection} on {self.robots[vehicle.key].body}, "
                 f"holds {[each.point for each in held]}, {status.transport_order}: {status.reason}"
             )
-        lines += [f"{each.name}: {each.status.reason}" for each in self.kernel.book.unfinished()]
+        lines += [f"{each.name}: {each.status.reason}" for each in self.engine.state.orders.unfinished()]
         return "\n".join(lines)
 
 

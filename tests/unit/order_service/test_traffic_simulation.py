@@ -1,4 +1,4 @@
-"""Fleets on random plants under the real kernel: orders end, nobody collides, nothing stands for good."""
+"""Fleets on random plants under the real engine: orders end, nobody collides, nothing stands for good."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 
 from nena_order_service.dispatching.settings import DispatchSettings, ParkingSettings, RechargingSettings
 from support.examples import KERNEL_PLANTS
-from support.traffic.kernel_simulation import Adversity, KernelSimulation
+from support.traffic.engine_simulation import Adversity, EngineSimulation
 from support.traffic.random_plant import random_plant
 
 ORDERS = 50
@@ -29,10 +29,10 @@ IDLE_ONES_MOVE = DispatchSettings(
 )
 
 
-def simulated(seed: int, random: Random, robots: int, dispatch: DispatchSettings) -> KernelSimulation:
+def simulated(seed: int, random: Random, robots: int, dispatch: DispatchSettings) -> EngineSimulation:
     """Give a simulation that has run."""
     plant, stations = random_plant(random, robots)
-    simulation = KernelSimulation(
+    simulation = EngineSimulation(
         plant,
         stations,
         random,

@@ -1,12 +1,17 @@
-"""Puts what is known of a vehicle into what hosts are told."""
+"""The status of vehicles as hosts see it, with the reason why a vehicle has no order."""
 
 from __future__ import annotations
 
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import NamedTuple, Self
 
+from nena_order_service.context import Context
+from nena_order_service.dispatching.manager import Dispatching
 from nena_order_service.fleet import NotLocatedError, RobotView, locate
 from nena_order_service.fleet.robot import ErrorEntry, State
+from nena_order_service.orders.sequences import Sequences
+from nena_order_service.vehicles.idle import IdleVehicles
+from nena_order_service.vehicles.positions import Positions
 from nena_order_service.vehicles.registry import FleetVehicle, robot_maps
 from nena_shared.fleet_api.vehicle import (
     AcceptableOrderType,
@@ -115,3 +120,63 @@ def _precise_position(vehicle: FleetVehicle, state: State) -> PrecisePosition | 
 def _in_words(error: ErrorEntry) -> str:
     text = f"{error.error_level} {error.error_type}"
     return f"{text}: {error.error_description}" if error.error_description else text
+
+
+class StatusReporter:
+    """Tells how vehicles stand, and why those without an order have none."""
+
+    def __init__(
+        self,
+        context: Context,
+        positions: Positions,
+        dispatching: Dispatching,
+        sequences: Sequences,
+        idle: IdleVehicles,
+    ) -> None:
+        self._context = context
+        self._state = context.state
+        self._positions = positions
+        self._dispatching = dispatching
+        self._sequences = sequences
+        self._idle = idle
+
+    def status_of(self, name: str) -> VehicleStatus | None:
+        """Tell how the vehicle of a name stands, None: there is none."""
+        vehicle = self._context.registry.named(name)
+        return self.status(vehicle) if vehicle else None
+
+    def status(self, vehicle: FleetVehicle) -> VehicleStatus:
+        """Tell how a vehicle stands."""
+        view = self._context.view(vehicle)
+        age = (
+            None
+            if view.state_at is None
+            else timedelta(seconds=self._context.clock.monotonic() - view.state_at)
+        )
+        last_state = None if age is None else self._context.clock.now() - age
+        return vehicle_status(vehicle, view, self._essentials(vehicle, view), last_state)
+
+    def essentials(self, vehicle: FleetVehicle) -> Essentials:
+        """Tell what matters of how a vehicle stands; a tenth of the work of telling all."""
+        return self._essentials(vehicle, self._context.view(vehicle))
+
+    def _essentials(self, vehicle: FleetVehicle, view: RobotView) -> Essentials:
+        order = self._state.orders.visible(self._state.sent_orders.order_number(vehicle.key))
+        order = order if order and order.vehicle == vehicle.name else None
+        return essentials(
+            vehicle,
+            view,
+            plant=self._context.plant,
+            level=self._positions.level(vehicle),
+            order_types=self._dispatching.fit.order_types(vehicle),
+            transport_order=order.name if order else None,
+            order_sequence=self._sequences.bound_to(vehicle.name),
+            reason=order.status.reason if order else self._idle_reason(vehicle),
+        )
+
+    def _idle_reason(self, vehicle: FleetVehicle) -> str:
+        reason = self._dispatching.idle_reason(vehicle, orders_wait=self._state.orders.any_waiting)
+        bound = self._sequences.bound_to(vehicle.name)
+        awaits = f"awaits the next order of order sequence {bound!r}" if bound else ""
+        more = (awaits, self._idle.note(vehicle), self._context.traffic.sharing(vehicle.name))
+        return "; ".join(filter(None, (reason, *more)))

@@ -10,10 +10,10 @@ from functools import partial
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from nena_order_service.engine import Engine
 from nena_order_service.errors import StoreNotReadyError, UnknownZoneSetError, ZoneSetChangedError
 from nena_order_service.fleet import InstantActionEnded, LinkStatus
 from nena_order_service.fleet.mission import fresh_id
-from nena_order_service.kernel.kernel import Kernel
 from nena_order_service.store.changes import Changes
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.plant import ZoneSetAtVehicle, ZoneSetPhase, ZoneSetStatus
@@ -127,13 +127,10 @@ LOOK_INTERVAL = 1.0
 class ZoneSets:
     """Robots that come later get what was put here before; what stands under an id never changes."""
 
-    def __init__(
-        self, kernel: Kernel, send: Callable[[RobotKey, ZoneSet], None], *, commit_timeout: float
-    ) -> None:
-        """Keep zone sets in the kernel's store; ``send`` publishes one to a robot."""
-        self._kernel = kernel
+    def __init__(self, engine: Engine, send: Callable[[RobotKey, ZoneSet], None]) -> None:
+        """Keep zone sets in the engine's store; ``send`` publishes one to a robot."""
+        self._engine = engine
         self._send = send
-        self._commit_timeout = commit_timeout
         self._wanted: dict[str, Wanted] = {}
         self._asked: dict[str, Wanted] = {}
         """As it will be when all is committed that hosts have asked for: what decisions are made by."""
@@ -141,7 +138,7 @@ class ZoneSets:
 
     async def load(self) -> None:
         """Take up what hosts have put here before a restart."""
-        for name, document in (await self._kernel.store.documents(KIND)).items():
+        for name, document in (await self._engine.store.documents(KIND)).items():
             try:
                 self._wanted[name] = self._asked[name] = Wanted.model_validate_json(document)
             except ValidationError:
@@ -190,11 +187,11 @@ class ZoneSets:
         )
 
     async def _change(self, wanted: Wanted, *others: Wanted) -> ZoneSetStatus:
-        store = self._kernel.store
+        store = self._engine.store
         if not store.ready:
             raise StoreNotReadyError(store.why_not_ready)
-        if self._kernel.steps.closed:
-            raise StoreNotReadyError(self._kernel.steps.closed)
+        if self._engine.unit_of_work.closed:
+            raise StoreNotReadyError(self._engine.unit_of_work.closed)
         changes, done = Changes(), asyncio.Event()
         for each in (wanted, *others):
             changes.documents[KIND, each.zone_set.zone_set_id] = each.model_dump_json(
@@ -203,7 +200,7 @@ class ZoneSets:
         self._asked.update({each.zone_set.zone_set_id: each for each in (wanted, *others)})
         store.commit(changes, lambda: self._committed((wanted, *others), done))
         try:
-            async with asyncio.timeout(self._commit_timeout):
+            async with asyncio.timeout(self._engine.settings.commit_timeout):
                 await done.wait()
         except TimeoutError:
             raise StoreNotReadyError("it has not answered in time") from None
@@ -232,9 +229,9 @@ class ZoneSets:
         """Bring to robots what they lack and can be told now."""
         if not self._wanted:
             return
-        now = self._kernel.clock.monotonic()
-        for vehicle in self._kernel.registry:
-            view = self._kernel.view(vehicle)
+        now = self._engine.clock.monotonic()
+        for vehicle in self._engine.registry:
+            view = self._engine.view(vehicle)
             if view.link is LinkStatus.ONLINE and view.state and self._knows_zones(vehicle):
                 states = view.state.zone_sets or ()
                 for due in self._distribution.due(vehicle.key, states, self._wanted, now):
@@ -251,7 +248,7 @@ class ZoneSets:
             blocking_type=BlockingType.NONE,
             action_parameters=(ActionParameter(key="zoneSetId", value=due.zone_set_id),),
         )
-        end = self._kernel.send_instant_action(vehicle, action)
+        end = self._engine.send_instant_action(vehicle, action)
         end.add_done_callback(partial(self._ended, due))
 
     def _ended(self, due: Due, end: asyncio.Future[InstantActionEnded]) -> None:
@@ -261,7 +258,7 @@ class ZoneSets:
             self._distribution.note(due.robot, due.zone_set_id, f"{due.step} failed: {words}")
 
     def _knows_zones(self, vehicle: FleetVehicle) -> bool:
-        state = self._kernel.view(vehicle).state
+        state = self._engine.view(vehicle).state
         rules = RULES.get(state.version) if state else None
         return rules is not None and rules.zones
 
@@ -275,13 +272,13 @@ class ZoneSets:
             deleted=wanted.deleted,
             vehicles=tuple(
                 self._at(vehicle, zone_set.zone_set_id)
-                for vehicle in self._kernel.registry
-                if self._kernel.view(vehicle).state is None or self._knows_zones(vehicle)
+                for vehicle in self._engine.registry
+                if self._engine.view(vehicle).state is None or self._knows_zones(vehicle)
             ),
         )
 
     def _at(self, vehicle: FleetVehicle, name: str) -> ZoneSetAtVehicle:
-        state = self._kernel.view(vehicle).state
+        state = self._engine.view(vehicle).state
         phase = ZoneSetPhase.UNKNOWN if state is None else ZoneSetPhase.MISSING
         for each in (state.zone_sets or ()) if state else ():
             if each.zone_set_id == name:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from nena_order_service.kernel import Kernel
+from nena_order_service.engine import Engine
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
 from support.plants import path, point
-from support.scripted_fleet import MemoryStore, ScriptedFleet, make_kernel, status_of
+from support.scripted_fleet import MemoryStore, ScriptedFleet, make_engine, status_of
 
 PLANT = PlantModel(
     name="row",
@@ -17,42 +17,42 @@ PLANT = PlantModel(
 )
 
 
-async def make(store: MemoryStore, **places: str) -> tuple[Kernel, ScriptedFleet]:
+async def make(store: MemoryStore, **places: str) -> tuple[Engine, ScriptedFleet]:
     fleet = ScriptedFleet(places)
-    kernel = await make_kernel(PLANT, store, fleet)
+    engine = await make_engine(PLANT, store, fleet)
     for name, at in places.items():
         fleet.appear(name, at)
-    return kernel, fleet
+    return engine, fleet
 
 
 async def test_the_next_drive_order_waits_for_traffic_and_says_so() -> None:
-    kernel, fleet = await make(MemoryStore(), V1="A", V2="C")
+    engine, fleet = await make(MemoryStore(), V1="A", V2="C")
     fleet.out_of_order.add("V2")
-    kernel.create(request("B", "C", intendedVehicle="V1"), "T")
+    engine.create(request("B", "C", intendedVehicle="V1"), "T")
     assert fleet.finish("V1")
 
-    assert status_of(kernel, "T").current_drive_order_index == 1
-    assert status_of(kernel, "T").reason.endswith("but it waits for 'C', where V2 rests")
+    assert status_of(engine, "T").current_drive_order_index == 1
+    assert status_of(engine, "T").reason.endswith("but it waits for 'C', where V2 rests")
     fleet.out_of_order.clear()
     fleet.appear("V2", "P")
     assert [mission.mission_id for _, mission in fleet.sent] == ["T-0", "T-1"]
 
 
 async def test_a_robot_that_is_gone_before_its_order_is_sent_is_named() -> None:
-    kernel, fleet = await make(MemoryStore(), V1="A", V2="B")
-    kernel.create(request("C", intendedVehicle="V1"), "T")
+    engine, fleet = await make(MemoryStore(), V1="A", V2="B")
+    engine.create(request("C", intendedVehicle="V1"), "T")
     del fleet.at["V1"]
-    kernel.look()
+    engine.look()
 
-    assert status_of(kernel, "T").reason.endswith("but the robot is offline")
-    assert status_of(kernel, "T").state is TransportOrderState.BEING_PROCESSED
+    assert status_of(engine, "T").reason.endswith("but the robot is offline")
+    assert status_of(engine, "T").state is TransportOrderState.BEING_PROCESSED
 
 
 async def test_an_order_between_two_drive_orders_goes_on_after_a_restart() -> None:
     store = MemoryStore()
-    kernel, fleet = await make(store, V1="A", V2="C")
+    engine, fleet = await make(store, V1="A", V2="C")
     fleet.out_of_order.add("V2")
-    kernel.create(request("B", "C", intendedVehicle="V1"), "T")
+    engine.create(request("B", "C", intendedVehicle="V1"), "T")
     assert fleet.finish("V1")
 
     again, fleet = await make(store, V1="B", V2="P")

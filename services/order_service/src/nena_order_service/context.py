@@ -1,0 +1,141 @@
+"""What every flow of the engine works with: plant, state, traffic, fleet, settings and clock."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from pydantic import Field
+
+from nena_order_service.dispatching.settings import DispatchSettings
+from nena_order_service.fleet import Mission, RobotView
+from nena_order_service.orders.vda_orders import OrderPlanner
+from nena_order_service.routing.vehicle_routes import VehicleRoutes
+from nena_order_service.state import FleetState
+from nena_order_service.traffic.desk import TrafficManager
+from nena_order_service.vehicles.registry import FleetVehicle, VehicleRegistry
+from nena_shared.clock import Clock
+from nena_shared.fleet_api.transport_order import FailurePolicy
+from nena_shared.settings import SettingsGroup
+from nena_shared.vda5050.action import Action
+from nena_shared.vda5050.topics import RobotKey
+
+
+class EngineSettings(SettingsGroup):
+    """How orders and vehicles are handled."""
+
+    adopt_unknown: bool = Field(
+        default=False,
+        description="Whether robots that are heard of, but not in the plant model, get orders too.",
+    )
+    default_map_id: str = Field(
+        "", description="Map of robots whose plant model names none; empty: the map that the robot reports."
+    )
+    release_ahead: int = Field(
+        0,
+        ge=0,
+        le=1000,
+        description="Nodes that a robot is given ahead of it (preventive: without its link it stops after so "
+        "many), the rest is shown as horizon; 0: its whole way at once (assertive).",
+    )
+    restart_patience: float = Field(
+        20.0,
+        ge=0,
+        description="Seconds after the start in which robots are waited for that were there before; later "
+        "the others drive on, and those keep what they held.",
+    )
+    traffic: bool = Field(
+        default=True,
+        description="Whether points, paths and blocks are given to one robot at a time; false: robots are "
+        "sent wherever they are to go, and have to avoid each other by themselves.",
+    )
+    dispatch: DispatchSettings = Field(
+        default_factory=DispatchSettings, description="Which order is given to which vehicle."
+    )
+    action_types: dict[str, str] = Field(
+        default_factory=dict,
+        description="VDA 5050 action types by the plant's operations, laid over the usual ones.",
+    )
+    commit_timeout: float = Field(
+        10.0, gt=0, description="Seconds that a host waits at most for the store to take its request."
+    )
+    instant_action_timeout: float = Field(
+        10.0, gt=0, description="Seconds that a caller waits at most for the end of an instant action."
+    )
+
+
+class FleetControl(Protocol):
+    """Sends to robots what it is told, and tells how they are; its news go to the kernel's ``on_news``."""
+
+    def start_mission(self, robot: RobotKey, mission: Mission) -> None:
+        """Send a mission; raises RobotBusyError."""
+        ...
+
+    def adopt_mission(self, robot: RobotKey, mission: Mission, *, accepted: bool, update_id: int = 0) -> None:
+        """Take up a mission from before a restart; raises RobotBusyError."""
+        ...
+
+    def extend_mission(self, robot: RobotKey, mission: Mission) -> None:
+        """Give the robot's mission a newer plan; raises BaseChangedError."""
+        ...
+
+    def cancel_mission(self, robot: RobotKey) -> None:
+        """End the robot's mission early."""
+        ...
+
+    def instant_action(self, robot: RobotKey, action: Action) -> None:
+        """Send an instant action."""
+        ...
+
+    def all_known(self) -> bool:
+        """Tell whether each robot that the broker knows to be there has told its state."""
+        ...
+
+    def connected_for(self) -> float:
+        """Tell for how many seconds the link to the broker stands; 0 while it does not."""
+        ...
+
+    def view(self, robot: RobotKey) -> RobotView:
+        """Tell what is known of a robot."""
+        ...
+
+
+class Context:
+    """The state, and what flows need to change it; each flow receives it."""
+
+    def __init__(
+        self,
+        planner: OrderPlanner,
+        registry: VehicleRegistry,
+        settings: EngineSettings,
+        clock: Clock,
+        *,
+        on_failure: FailurePolicy = (),
+    ) -> None:
+        """``on_failure`` is the failure policy of orders that have none of their own."""
+        self.planner = planner
+        self.finder = planner.finder
+        self.plant = planner.plant
+        self.registry = registry
+        self.settings = settings
+        self.on_failure = on_failure
+        self.clock = clock
+        self.state = FleetState(registry)
+        self.routes = VehicleRoutes(planner.finder, registry)
+        self.traffic = TrafficManager(planner.plant, self.routes, exclusive=settings.traffic)
+        self._fleet: FleetControl | None = None
+
+    def connect(self, fleet: FleetControl) -> None:
+        """Use this port to the robots from now on."""
+        self._fleet = fleet
+
+    @property
+    def fleet(self) -> FleetControl:
+        """The port to the robots; RuntimeError before :meth:`connect`."""
+        if self._fleet is None:
+            message = "connect the fleet before it is used"
+            raise RuntimeError(message)
+        return self._fleet
+
+    def view(self, vehicle: FleetVehicle) -> RobotView:
+        """Return what is known of a vehicle's robot."""
+        return self.fleet.view(vehicle.key)

@@ -1,0 +1,496 @@
+"""The state of the order service: orders, sequences, vehicles, VDA 5050 orders, and pending changes.
+
+Plain data with small queries. Only the flows of the engine change it, in a unit of work; each change is noted
+in :class:`PendingChanges`, which the engine commits, then publishes and sends.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from bisect import bisect_left
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from nena_order_service.fleet import FleetOutput, InstantActionEnded
+from nena_order_service.orders.order_sequence import OrderSequence
+from nena_order_service.orders.transport_order import TransportOrder, Urgency
+from nena_order_service.orders.vda_orders import SentOrder
+from nena_order_service.store.changes import Changes
+from nena_order_service.traffic.resources import ResourceSet
+from nena_order_service.vehicles.registry import VehicleRegistry
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.fleet_api.vehicle import AcceptableOrderType, IntegrationLevel
+from nena_shared.log import get_logger
+from nena_shared.vda5050.malformed import problems_of
+from nena_shared.vda5050.topics import RobotKey
+
+log = get_logger(__name__)
+
+RECENT_LIMIT = 1000
+"""Ended orders that are kept in memory; older ones are in the store only."""
+
+Effect = Callable[[], FleetOutput | None]
+"""Sends something once a change is committed; may return an event that follows from it."""
+
+
+@dataclass(slots=True)
+class PendingChanges:
+    """What a unit of work has changed: committed together, then published and sent."""
+
+    stored: Changes = field(default_factory=Changes)
+    orders: list[TransportOrder] = field(default_factory=list)
+    """Versions to publish; of versions in a row that are in the same state only the last."""
+    sequences: list[OrderSequence] = field(default_factory=list)
+    vehicles: set[str] = field(default_factory=set)
+    effects: list[Effect] = field(default_factory=list)
+
+    def __bool__(self) -> bool:
+        return bool(self.stored or self.effects or self.vehicles)
+
+    def take(self) -> PendingChanges:
+        """Return the changes so far, and begin with none."""
+        taken = replace(self)
+        self.stored, self.orders, self.sequences, self.vehicles, self.effects = Changes(), [], [], set(), []
+        return taken
+
+
+class Orders:
+    """Transport orders that have not ended, each twice: as it is, and as it is committed.
+
+    Only the committed version may be shown to hosts.
+    """
+
+    def __init__(self, pending: PendingChanges) -> None:
+        self.last_number = 0
+        """The greatest number of an order in the store."""
+        self._pending = pending
+        self._orders: dict[int, TransportOrder] = {}
+        self._by_name: dict[str, int] = {}
+        self._by_key: dict[str, int] = {}
+        self._queue: list[Urgency] = []
+        self._committed: dict[int, TransportOrder] = {}
+        self._recent: OrderedDict[int, None] = OrderedDict()
+        self._ended: list[TransportOrder] = []
+
+    def next_number(self) -> int:
+        """Return the number of a new order."""
+        self.last_number += 1
+        return self.last_number
+
+    def load(self, order: TransportOrder) -> None:
+        """Add an order that the store has as it is."""
+        self._index(order)
+        self._committed[order.number] = order
+
+    def put(self, order: TransportOrder) -> None:
+        """Add a new order, or the new version of one; the same version again changes nothing."""
+        before = self._orders.get(order.number)
+        if before is order:
+            return
+        self._index(order)
+        self._pending.stored.put_order(order, before)
+        if order.state.final:
+            self._ended.append(order)
+        publish = self._pending.orders
+        if publish and (publish[-1].number, publish[-1].state) == (order.number, order.state):
+            publish.pop()
+        publish.append(order)
+
+    @property
+    def any_ended(self) -> bool:
+        """Whether orders have ended that :meth:`take_ended` has not returned yet."""
+        return bool(self._ended)
+
+    def take_ended(self) -> list[TransportOrder]:
+        """Return the orders that have ended since the last call."""
+        ended, self._ended = self._ended, []
+        return ended
+
+    def committed(self, orders: Iterable[TransportOrder]) -> None:
+        """Show these versions to hosts: they are in the store."""
+        for order in orders:
+            self._committed[order.number] = order
+            if order.state.final:
+                self._recent[order.number] = None
+        while len(self._recent) > RECENT_LIMIT:
+            self._forget(self._recent.popitem(last=False)[0])
+
+    def get(self, number: int) -> TransportOrder:
+        """Return an order as it is; KeyError if it is not in memory."""
+        return self._orders[number]
+
+    def find(self, number: int) -> TransportOrder | None:
+        """Return an order as it is; None if it is not in memory."""
+        return self._orders.get(number)
+
+    def is_over(self, number: int) -> bool:
+        """Return whether an order has ended."""
+        order = self._orders.get(number)
+        return order is None or order.state.final
+
+    def named(self, name: str) -> TransportOrder | None:
+        """Return the order of this name as it is; None if it is not in memory."""
+        number = self._by_name.get(name)
+        return None if number is None else self._orders[number]
+
+    def keyed(self, idempotency_key: str | None) -> TransportOrder | None:
+        """Return the order created under this key, as it is; None if it is not in memory."""
+        number = self._by_key.get(idempotency_key) if idempotency_key is not None else None
+        return None if number is None else self._orders[number]
+
+    def visible(self, number: int | None) -> TransportOrder | None:
+        """Return an order as it is committed; None if it is not in memory or was never committed."""
+        return self._committed.get(number) if number is not None else None
+
+    def visible_named(self, name: str) -> TransportOrder | None:
+        """Return the order of this name as it is committed; None if there is none in memory."""
+        return self.visible(self._by_name.get(name))
+
+    @property
+    def any_waiting(self) -> bool:
+        """Whether any order waits for a vehicle."""
+        return bool(self._queue)
+
+    def dispatchable(self) -> tuple[TransportOrder, ...]:
+        """Return the orders that wait for a vehicle, most urgent first."""
+        return tuple(self._orders[urgency[-1]] for urgency in self._queue)
+
+    def present(self) -> Iterator[TransportOrder]:
+        """Yield the orders that have not ended, as they are."""
+        return (order for order in self._orders.values() if not order.state.final)
+
+    def unfinished(self) -> Iterator[TransportOrder]:
+        """Yield the committed orders that have not ended."""
+        return (order for order in self._committed.values() if not order.state.final)
+
+    def _index(self, order: TransportOrder) -> None:
+        self._orders[order.number] = order
+        self._by_name[order.name] = order.number
+        if order.idempotency_key is not None:
+            self._by_key[order.idempotency_key] = order.number
+        self._queue_or_not(order)
+
+    def _queue_or_not(self, order: TransportOrder) -> None:
+        """Keep an order in the queue exactly while it is dispatchable; its urgency never changes."""
+        place = bisect_left(self._queue, order.urgency)
+        queued = place < len(self._queue) and self._queue[place] == order.urgency
+        waits = order.state is TransportOrderState.DISPATCHABLE
+        if waits and not queued:
+            self._queue.insert(place, order.urgency)
+        elif queued and not waits:
+            del self._queue[place]
+
+    def _forget(self, number: int) -> None:
+        order = self._orders.pop(number)
+        self._committed.pop(number, None)
+        self._by_name.pop(order.name, None)
+        if order.idempotency_key is not None:
+            self._by_key.pop(order.idempotency_key, None)
+
+
+class OrderSequences:
+    """Order sequences that are not finished, each twice: as it is, and as it is committed."""
+
+    def __init__(self, pending: PendingChanges) -> None:
+        self.freed = False
+        """Whether a sequence has released its vehicle since this was last reset."""
+        self._pending = pending
+        self._last_number = 0
+        self._sequences: dict[str, OrderSequence] = {}
+        self._by_key: dict[str, str] = {}
+        self._visible: dict[str, OrderSequence] = {}
+        self._bound: dict[str, str] = {}
+        """Names of sequences by the vehicles bound to them."""
+
+    def load(self, sequences: Iterable[OrderSequence], last_number: int) -> None:
+        """Add the sequences of the store; ``last_number`` is the greatest number of one."""
+        self._last_number = last_number
+        for sequence in sequences:
+            self._index(sequence)
+            self._visible[sequence.name] = sequence
+
+    def rebind(self, present_name: Callable[[str], str]) -> None:
+        """Keep sequences with their robots, whose vehicles may have other names since the restart."""
+        bound = [(each, each.bound_vehicle) for each in self._visible.values() if each.bound_vehicle]
+        moved = [(each, name, now) for each, name in bound if (now := present_name(name)) != name]
+        for _, name, _ in moved:
+            del self._bound[name]
+        for sequence, _, now in moved:
+            self.put(sequence.rebound(now))
+
+    def next_number(self) -> int:
+        """Return the number of a new sequence."""
+        self._last_number += 1
+        return self._last_number
+
+    def put(self, sequence: OrderSequence) -> None:
+        """Add a new sequence, or the new version of one; the same version again changes nothing."""
+        if self._sequences.get(sequence.name) is sequence:
+            return
+        self._index(sequence)
+        self._pending.stored.put_sequence(sequence)
+        self._pending.sequences.append(sequence)
+
+    def committed(self, sequences: Iterable[OrderSequence]) -> None:
+        """Show these versions to hosts: they are in the store, and finished ones only there."""
+        for sequence in sequences:
+            if sequence.status.finished:
+                self._forget(sequence)
+            else:
+                self._visible[sequence.name] = sequence
+
+    def named(self, name: str | None) -> OrderSequence | None:
+        """Return the sequence of this name as it is; None if it is not in memory."""
+        return None if name is None else self._sequences.get(name)
+
+    def keyed(self, idempotency_key: str | None) -> OrderSequence | None:
+        """Return the sequence created under this key, as it is; None if it is not in memory."""
+        return self.named(self._by_key.get(idempotency_key)) if idempotency_key is not None else None
+
+    def visible(self, name: str) -> OrderSequence | None:
+        """Return the sequence of this name as it is committed; None if it is not in memory."""
+        return self._visible.get(name)
+
+    def unfinished(self) -> Iterator[OrderSequence]:
+        """Yield the committed sequences."""
+        return iter(tuple(self._visible.values()))
+
+    def of_vehicle(self, vehicle: str) -> OrderSequence | None:
+        """Return the sequence to which a vehicle is bound; None if it is free."""
+        return self.named(self._bound.get(vehicle))
+
+    def _index(self, sequence: OrderSequence) -> None:
+        self._sequences[sequence.name] = sequence
+        if sequence.idempotency_key is not None:
+            self._by_key[sequence.idempotency_key] = sequence.name
+        vehicle = sequence.status.processing_vehicle
+        if sequence.bound_vehicle:
+            self._bound[sequence.bound_vehicle] = sequence.name
+        elif vehicle and self._bound.get(vehicle) == sequence.name:
+            del self._bound[vehicle]
+
+    def _forget(self, sequence: OrderSequence) -> None:
+        del self._sequences[sequence.name]
+        self._visible.pop(sequence.name, None)
+        if sequence.idempotency_key is not None:
+            del self._by_key[sequence.idempotency_key]
+
+
+class VehicleRecord(BaseModel):
+    """What is stored of one vehicle, so that a restart knows it before it reports anything."""
+
+    model_config = ConfigDict(frozen=True)
+
+    manufacturer: str
+    serial_number: str
+    name: str = ""
+    """The vehicle's last name; empty: not stored."""
+    integration_level: IntegrationLevel = IntegrationLevel.TO_BE_UTILIZED
+    acceptable_order_types: tuple[AcceptableOrderType, ...] | None = None
+    """As hosts have set them; None: those of the plant model."""
+    held: tuple[ResourceSet, ...] = ()
+    """The resources that it held when it began what it does now, oldest first."""
+    beside: tuple[ResourceSet, ...] | None = None
+    """Resources that it may also be on since it broke off its route or was moved; None: it did not."""
+    evasion: SentOrder | None = None
+    """The VDA 5050 order by which it makes room for others."""
+
+    @property
+    def robot(self) -> RobotKey:
+        """The key of its robot."""
+        return RobotKey(self.manufacturer, self.serial_number)
+
+
+class VehicleRecords:
+    """What is stored of vehicles: integration levels, order types, and the resources that they held last."""
+
+    def __init__(self, pending: PendingChanges, registry: VehicleRegistry) -> None:
+        self._pending = pending
+        self._registry = registry
+        self._records: dict[RobotKey, VehicleRecord] = {}
+        self._names_before: dict[RobotKey, str] = {}
+        """The names of vehicles before the restart, where stored."""
+
+    def load(self, documents: Mapping[str, str]) -> None:
+        """Read the documents of the store; unreadable ones are logged and left out."""
+        for robot, document in documents.items():
+            try:
+                record = VehicleRecord.model_validate_json(document)
+            except ValidationError as error:
+                log.warning("stored vehicle is unreadable", robot=robot, problems=problems_of(error))
+            else:
+                self._records[record.robot] = record
+                if record.name:
+                    self._names_before[record.robot] = record.name
+
+    def name_before(self, robot: RobotKey) -> str | None:
+        """Return the name of a robot's vehicle before the restart; None if it was not stored."""
+        return self._names_before.get(robot)
+
+    def robot_before(self, name: str) -> RobotKey | None:
+        """Return the robot that had this name before the restart; None if it was not stored."""
+        return next((robot for robot, had in self._names_before.items() if had == name), None)
+
+    def __iter__(self) -> Iterator[VehicleRecord]:
+        """Yield all records."""
+        return iter(tuple(self._records.values()))
+
+    def of(self, robot: RobotKey) -> VehicleRecord:
+        """Return the record of a robot; an empty one for a new robot."""
+        known = self._records.get(robot)
+        return known or VehicleRecord(manufacturer=robot.manufacturer, serial_number=robot.serial_number)
+
+    def change(self, robot: RobotKey, **changes: object) -> None:
+        """Change fields of a robot's record."""
+        before = self.of(robot)
+        name = self._registry.discover(robot).name
+        record = before.model_copy(update={"name": name, **changes})
+        if record != before:
+            self._records[robot] = record
+            self._pending.stored.put_vehicle(str(robot), record.model_dump_json)
+
+
+class SentOrders:
+    """Which robot works on which transport order, and the VDA 5050 order that it was sent.
+
+    A robot works on one transport order at most, and has one VDA 5050 order at most: that of the transport
+    order's drive order, or one to make room for others.
+    """
+
+    def __init__(self, pending: PendingChanges, vehicles: VehicleRecords) -> None:
+        self._pending = pending
+        self._vehicles = vehicles
+        self._sent: dict[RobotKey, SentOrder] = {}
+        self._by_id: dict[str, RobotKey] = {}
+        self._order_of: dict[RobotKey, int] = {}
+        self._robot_of: dict[int, RobotKey] = {}
+
+    def __iter__(self) -> Iterator[SentOrder]:
+        """Yield all VDA 5050 orders under way."""
+        return iter(tuple(self._sent.values()))
+
+    def assign(self, order: TransportOrder, robot: RobotKey) -> None:
+        """Let a robot work on an order until :meth:`release`."""
+        self._order_of[robot] = order.number
+        self._robot_of[order.number] = robot
+
+    def release(self, order: TransportOrder) -> RobotKey | None:
+        """Take an order from its robot, and return that robot; None if it had none."""
+        robot = self._robot_of.pop(order.number, None)
+        if robot is None:
+            return None
+        del self._order_of[robot]
+        sent = self._sent.get(robot)
+        if sent and not sent.evasion:
+            self._forget(sent)
+            self._pending.stored.put_mission(order.number, None)
+        return robot
+
+    def load(self, sent: SentOrder) -> None:
+        """Add one that the store has as it is; its transport order is assigned already."""
+        self._sent[sent.robot] = sent
+        self._by_id[sent.mission.mission_id] = sent.robot
+
+    def put(self, sent: SentOrder) -> None:
+        """Add a new one, or the new version of one."""
+        self.load(sent)
+        if sent.evasion:
+            self._vehicles.change(sent.robot, evasion=sent)
+        else:
+            self._pending.stored.put_mission(self._order_of[sent.robot], sent.document)
+
+    def end(self, sent: SentOrder) -> None:
+        """Remove one that has ended; the robot goes on working on its transport order, if it has one."""
+        self._forget(sent)
+        if sent.evasion:
+            self._vehicles.change(sent.robot, evasion=None)
+        else:
+            self._pending.stored.put_mission(self._order_of[sent.robot], None)
+
+    def find(self, order_id: str) -> SentOrder | None:
+        """Return one by its VDA 5050 orderId."""
+        robot = self._by_id.get(order_id)
+        return None if robot is None else self._sent[robot]
+
+    def of_robot(self, robot: RobotKey) -> SentOrder | None:
+        """Return the one that a robot has."""
+        return self._sent.get(robot)
+
+    def of_order(self, order: TransportOrder) -> SentOrder | None:
+        """Return the one that a transport order's robot has for it."""
+        robot = self._robot_of.get(order.number)
+        sent = None if robot is None else self._sent.get(robot)
+        return None if sent is None or sent.evasion else sent
+
+    def order_number(self, robot: RobotKey) -> int | None:
+        """Return the number of the transport order that a robot works on."""
+        return self._order_of.get(robot)
+
+    def _forget(self, sent: SentOrder) -> None:
+        del self._sent[sent.robot]
+        del self._by_id[sent.mission.mission_id]
+
+
+class PendingInstantActions:
+    """Instant actions whose end a host waits for."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[str, asyncio.Future[InstantActionEnded]] = {}
+
+    def ended(self, end: InstantActionEnded) -> None:
+        """Hand over the end of an action, if a host waits for it."""
+        waiting = self._waiting.pop(end.action.action_id, None)
+        if waiting and not waiting.done():
+            waiting.set_result(end)
+
+    def expect(self, action_id: str) -> asyncio.Future[InstantActionEnded]:
+        """Return a future of the end of an action that is about to be sent."""
+        return self._waiting.setdefault(action_id, asyncio.get_running_loop().create_future())
+
+    async def wait(
+        self, action_id: str, end: asyncio.Future[InstantActionEnded], seconds: float
+    ) -> InstantActionEnded | None:
+        """Wait at most ``seconds`` for the end of an action; return None if it has not come."""
+        try:
+            async with asyncio.timeout(seconds):
+                return await end
+        except TimeoutError:
+            return None
+        finally:
+            self._waiting.pop(action_id, None)
+
+
+class FleetState:
+    """Everything that the engine's flows change, but for the resources that traffic has given to vehicles."""
+
+    def __init__(self, registry: VehicleRegistry) -> None:
+        self.registry = registry
+        self.pending = PendingChanges()
+        self.orders = Orders(self.pending)
+        self.sequences = OrderSequences(self.pending)
+        self.vehicles = VehicleRecords(self.pending, registry)
+        self.sent_orders = SentOrders(self.pending, self.vehicles)
+        self.instant_actions = PendingInstantActions()
+        self.pauses: dict[str, int] = {}
+        """Numbers of orders whose vehicles are sent nothing for now, by the vehicles' names."""
+        self.dispatch_due = False
+        """Whether a vehicle or an order may have become free."""
+        self.drive_due = False
+        """Whether a vehicle may be able to begin or continue driving."""
+
+    def after_commit(self, effect: Effect) -> None:
+        """Run ``effect`` once the changes of this unit of work are committed."""
+        self.pending.effects.append(effect)
+
+    def vehicle_changed(self, name: str | None) -> None:
+        """Publish a vehicle's status once the changes of this unit of work are committed."""
+        if name is not None:
+            self.pending.vehicles.add(name)
+
+    def order_of(self, robot: RobotKey) -> TransportOrder | None:
+        """Return the transport order that a robot works on, as it is."""
+        number = self.sent_orders.order_number(robot)
+        return None if number is None else self.orders.get(number)

@@ -1,0 +1,217 @@
+"""Parking and recharging positions for vehicles without an order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from math import inf
+
+from nena_shared.plant import Location, PlantModel, Point, Vehicle
+from nena_shared.plant.property_keys import (
+    ASSIGNED_PARKING_POSITION,
+    ASSIGNED_RECHARGE_LOCATION,
+    PARKING_POSITION_PRIORITY,
+    PREFERRED_PARKING_POSITION,
+    PREFERRED_RECHARGE_LOCATION,
+    VDA5050_RECHARGE_OPERATION,
+)
+from nena_shared.plant.track import PointType
+
+WAYS_TRIED = 8
+"""Positions whose ways are looked at for one vehicle; what is farther away is hardly better."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prospect:
+    """What a vehicle would find at points where it could park, and on its ways there."""
+
+    cost: Callable[[str], float]
+    """Of the way to a point; infinity where there is none."""
+    taken: Callable[[str], bool]
+    """Whether another vehicle is at a point or is to come there."""
+    displaces: Callable[[str], bool]
+    """Whether others that rest have to make room for the drive to a point."""
+    may_displace: bool = True
+    """Whether they are asked to, where there is no other way."""
+
+    def why_not(self, point: str) -> str:
+        """Say what keeps the vehicle from parking at a point; empty: nothing."""
+        if self.taken(point):
+            return "is taken"
+        if self.cost(point) == inf:
+            return "cannot be reached"
+        return "" if self.may_displace or not self.displaces(point) else BARRED
+
+
+@dataclass(frozen=True, slots=True)
+class Parking:
+    """Where to park; without a ``point`` no drive is needed, or ``reason`` says why none is possible."""
+
+    point: str = ""
+    reason: str = ""
+
+
+PARKED = Parking()
+BARRED = "has others in its way, who have made room often enough"
+
+
+class ParkingPositions:
+    """The parking positions of one plant."""
+
+    def __init__(self, plant: PlantModel, *, priorities: bool, repark: bool) -> None:
+        """By ``priorities`` a position of a smaller number is better than a near one.
+
+        With ``repark`` a vehicle that is parked may go to a better one, too.
+        """
+        self._points = plant.points_by_name
+        self._priorities = priorities
+        self._repark = priorities and repark
+        self._positions = {
+            point.name: _priority(point) for point in plant.points if point.type is PointType.PARK_POSITION
+        }
+
+    def choose(self, model: Vehicle | None, here: str | None, prospect: Prospect) -> Parking:
+        """Give the best position for a vehicle that stands at ``here``, None: beside any point."""
+        properties = model.properties if model else {}
+        if assigned := properties.get(ASSIGNED_PARKING_POSITION):
+            return self._assigned(assigned, here, prospect)
+        parked = here in self._positions
+        if parked and not self._repark:
+            return PARKED
+        preferred = properties.get(PREFERRED_PARKING_POSITION, "")
+        if not parked and here is not None and here == preferred:
+            return PARKED
+        if not parked and preferred in self._points and not prospect.why_not(preferred):
+            return Parking(preferred)
+        free = sorted(self._free(prospect))
+        if parked:
+            better = _best([each for each in free if each[0] < self._rank(here or "")], prospect)
+            return Parking(better[-1]) if better else PARKED
+        best = _best(free, prospect)
+        return Parking(best[-1]) if best else Parking(reason=self._why_none(free))
+
+    def _assigned(self, point: str, here: str | None, prospect: Prospect) -> Parking:
+        if point == here:
+            return PARKED
+        named = f"its assigned parking position {point!r}"
+        if point not in self._points:
+            return Parking(reason=f"{named} is no point of the plant model")
+        why_not = prospect.why_not(point)
+        return Parking(reason=f"{named} {why_not}") if why_not else Parking(point)
+
+    def _free(self, prospect: Prospect) -> Iterator[_Ranked]:
+        for name in self._positions:
+            costs = inf if prospect.taken(name) else prospect.cost(name)
+            if costs < inf:
+                yield self._rank(name), costs, name
+
+    def _rank(self, name: str) -> float:
+        return self._positions.get(name, inf) if self._priorities else 0.0
+
+    def _why_none(self, free: Sequence[_Ranked]) -> str:
+        if not self._positions:
+            return "the plant model has no parking positions"
+        if free:
+            return f"each free parking position near it {BARRED}"
+        return "no parking position is free that it can reach"
+
+
+_Ranked = tuple[float, float, str]
+"""A position's rank, the cost of the way there, and its name."""
+
+
+def _best(free: Sequence[_Ranked], prospect: Prospect) -> _Ranked | None:
+    """Give the first one for which nobody has to make room; where there is none, and they may: the first."""
+    quiet = (each for each in islice(free, WAYS_TRIED) if not prospect.displaces(each[-1]))
+    return next(quiet, free[0] if free and prospect.may_displace else None)
+
+
+def _priority(point: Point) -> float:
+    """Give the priority of a position; those that have none come last."""
+    try:
+        return float(int(point.properties[PARKING_POSITION_PRIORITY]))
+    except (KeyError, ValueError):
+        return inf
+
+
+@dataclass(frozen=True, slots=True)
+class Recharging:
+    """Where to recharge by which operation; without a ``location`` nowhere, and ``reason`` says why."""
+
+    location: str = ""
+    operation: str = ""
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """One way to recharge."""
+
+    cost: float
+    location: str
+    operation: str
+    point: str
+
+
+class RechargeLocations:
+    """The locations of one plant at which vehicles recharge."""
+
+    def __init__(self, plant: PlantModel, recharges: Callable[[str], bool]) -> None:
+        """``recharges`` tells of an operation whether it recharges a vehicle that says no other one."""
+        self._plant = plant
+        self._recharges = recharges
+
+    def choose(
+        self,
+        model: Vehicle | None,
+        *,
+        cost: Callable[[str], float],
+        taken: Callable[[str], bool],
+        held_in_vain: Callable[[str], bool] = lambda _point: False,
+    ) -> Recharging:
+        """Give the best location for a vehicle.
+
+        ``cost`` is that of the way to a point, infinity where there is none; ``taken`` tells of a point
+        whether another vehicle is there or is to come there, ``held_in_vain`` whether that one has no need
+        to be there: such a place is taken where none is free.
+        """
+        properties = model.properties if model else {}
+        assigned = properties.get(ASSIGNED_RECHARGE_LOCATION)
+        places = sorted(self._places(model, assigned, cost), key=lambda each: (each.cost, each.point))
+        if not places:
+            return Recharging(reason=_why_none(assigned))
+        free = [each for each in places if not taken(each.point)]
+        wished = [each for each in free if each.location == properties.get(PREFERRED_RECHARGE_LOCATION)]
+        cleared = [each for each in places if held_in_vain(each.point)]
+        if found := (wished or free or cleared):
+            return Recharging(found[0].location, found[0].operation)
+        whose = f"its assigned recharge location {assigned!r}" if assigned else "each recharge location"
+        return Recharging(reason=f"{whose} is taken")
+
+    def _places(
+        self, model: Vehicle | None, assigned: str | None, cost: Callable[[str], float]
+    ) -> Iterator[_Place]:
+        for location in self._plant.locations:
+            if location.locked or assigned not in (None, location.name):
+                continue
+            for operation in self._operations(model, location)[:1]:
+                for point in self._plant.access_points(location.name, operation):
+                    if (costs := cost(point)) < inf:
+                        yield _Place(costs, location.name, operation, point)
+
+    def _operations(self, model: Vehicle | None, location: Location) -> Sequence[str]:
+        """Give the operations by which the vehicle recharges at a location."""
+        own = model.properties.get(VDA5050_RECHARGE_OPERATION) if model else None
+        possible = dict.fromkeys(
+            operation for link in location.links for operation in self._plant.link_operations(location, link)
+        )
+        return [each for each in possible if (each == own if own else self._recharges(each))]
+
+
+def _why_none(assigned: str | None) -> str:
+    if assigned is None:
+        return "there is no recharge location that it can reach"
+    return (
+        f"it cannot recharge at its assigned recharge location {assigned!r}: there is none, or no way to it"
+    )

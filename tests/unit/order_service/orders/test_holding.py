@@ -1,0 +1,185 @@
+"""Orders that a person holds, and lets go on."""
+
+from __future__ import annotations
+
+from nena_order_service.engine import Engine
+from nena_shared.fleet_api.transport_order import TransportOrderState
+from nena_shared.plant import PlantModel, Vehicle
+from support.order_service import request
+from support.plants import path, point
+from support.scripted_fleet import MemoryStore, ScriptedFleet, key, make_engine, status_of
+
+S = TransportOrderState
+
+ROW = PlantModel(
+    name="row",
+    points=tuple(point(name, 2000 * index) for index, name in enumerate("ABCDP")),
+    paths=tuple(path(ends, 2000, max_reverse_velocity_mm_s=1000) for ends in ("A B", "B C", "C D", "B P")),
+    vehicles=(Vehicle(name="V1"), Vehicle(name="V2")),
+)
+
+
+async def make(store: MemoryStore, ahead: int = 0, **places: str) -> tuple[Engine, ScriptedFleet]:
+    fleet = ScriptedFleet(places)
+    engine = await make_engine(ROW, store, fleet, release_ahead=ahead)
+    for name, at in places.items():
+        fleet.appear(name, at)
+    return engine, fleet
+
+
+async def test_an_order_that_waits_is_given_to_nobody_while_it_is_held() -> None:
+    store = MemoryStore()
+    engine, fleet = await make(store)
+    order = engine.create(request("C"), "T")
+    engine.hold(order.number, "Ann", "tea")
+    fleet.appear("V1", "A")
+    assert (status_of(engine).state, fleet.sent) == (S.DISPATCHABLE, [])
+    assert status_of(engine).reason.startswith("held by Ann")
+
+    again, fleet = await make(store, V1="A")
+    again.look()
+    assert fleet.sent == []
+    again.resume(order.number, "Ann", "go")
+    assert status_of(again).processing_vehicle == "V1"
+
+
+async def test_a_robot_under_way_is_told_to_cancel_and_goes_on_when_the_order_is_resumed() -> None:
+    store = MemoryStore()
+    engine, fleet = await make(store, V1="A")
+    order = engine.create(request("D"), "T")
+    engine.hold(order.number, "Ann", "tea")
+    engine.hold(order.number, "Bob", "me too")
+    assert fleet.cancelled == ["V1"]
+    fleet.at["V1"] = "B"
+    fleet.confirm_cancel("V1")
+    assert status_of(engine).state is S.BEING_PROCESSED
+    assert status_of(engine).reason.startswith("held by Ann since 1970") or "Ann" in status_of(engine).reason
+
+    again, fleet = await make(store, V1="B")
+    again.resume(order.number, "Bob", "go")
+    ((_, mission),) = fleet.sent
+    assert (mission.mission_id, mission.nodes[0].node_id) == ("T-0~1", "B")
+    assert fleet.finish("V1")
+    assert status_of(again).state is S.FINISHED
+
+
+async def test_a_restart_between_the_hold_and_the_cancel_cancels_again() -> None:
+    store = MemoryStore()
+    engine, _ = await make(store, V1="A")
+    order = engine.create(request("D"), "T")
+    engine.hold(order.number, "Ann", "tea")
+
+    again, fleet = await make(store, V1="A")
+    assert fleet.cancelled == ["V1"]
+    again.resume(order.number, "Ann", "go")
+    fleet.confirm_cancel("V1")
+
+    assert [mission.mission_id for _, mission in fleet.sent] == ["T-0~1"]
+
+
+async def test_an_operation_that_was_broken_off_is_told_and_not_done_again_by_itself() -> None:
+    engine, fleet = await make(MemoryStore(), V1="A")
+    order = engine.create(request("D", onFailure=[{"do": "RETRY"}]), "T")
+    engine.hold(order.number, "Ann", "tea")
+    fleet.operate("V1")
+    engine.resume(order.number, "Ann", "go")
+    fleet.confirm_cancel("V1")
+    assert len(fleet.sent) == 1
+    assert status_of(engine).state is S.FAILED
+    assert "look what is done" in status_of(engine).reason
+
+
+async def test_who_resumes_hears_that_an_operation_was_broken_off() -> None:
+    engine, fleet = await make(MemoryStore(), V1="A")
+    order = engine.create(request("D"), "T")
+    engine.hold(order.number, "Ann", "tea")
+    fleet.operate("V1")
+    fleet.confirm_cancel("V1")
+    held = status_of(engine).held
+    assert held
+    assert "since then: the vehicle had begun its operation" in held.reason
+
+
+async def test_a_gentle_hold_ends_where_the_base_does() -> None:
+    engine, fleet = await make(MemoryStore(), ahead=1, V1="A")
+    order = engine.create(request("D"), "T")
+    engine.hold(order.number, "Ann", "tea", immediate=False)
+    assert fleet.finish("V1")
+    assert fleet.at["V1"] == "B"
+    assert (status_of(engine).held is not None, fleet.cancelled) == (True, [])
+
+    engine.resume(order.number, "Ann", "go")
+    assert fleet.sent[-1][1].mission_id == "T-0~1"
+
+
+async def test_a_gentle_hold_becomes_an_immediate_one() -> None:
+    engine, fleet = await make(MemoryStore(), V1="A")
+    order = engine.create(request("D"), "T")
+    engine.hold(order.number, "Ann", "tea", immediate=False)
+    engine.hold(order.number, "Ann", "now")
+    assert fleet.cancelled == ["V1"]
+
+
+async def test_an_operation_is_done_to_its_end_and_the_next_destination_waits() -> None:
+    engine, fleet = await make(MemoryStore(), V1="A")
+    order = engine.create(request("B", "C"), "T")
+    fleet.operate("V1")
+    engine.hold(order.number, "Ann", "tea")
+    assert fleet.cancelled == []
+    fleet.finish("V1")
+
+    assert (status_of(engine).current_drive_order_index, len(fleet.sent)) == (1, 1)
+    engine.resume(order.number, "Ann", "go")
+    assert fleet.sent[-1][1].mission_id == "T-1"
+
+
+async def test_what_fails_while_it_is_held_is_said_and_waits() -> None:
+    engine, fleet = await make(MemoryStore(), V1="A")
+    order = engine.create(request("D"), "T")
+    engine.hold(order.number, "Ann", "tea")
+    fleet.fail("V1")
+    assert status_of(engine).state is S.BEING_PROCESSED
+    assert status_of(engine).reason.endswith("tea; since then: wheel lost: FATAL wheel")
+    engine.withdraw(order.number, "not wanted")
+    assert status_of(engine).reason == "withdrawn, and the vehicle was at nothing for it: not wanted"
+
+
+async def test_a_held_robot_keeps_its_place_and_others_say_why_they_wait() -> None:
+    engine, fleet = await make(MemoryStore(), V1="B", V2="A")
+    order = engine.create(request("D", intendedVehicle="V1"), "T")
+    engine.hold(order.number, "Ann", "tea")
+    fleet.confirm_cancel("V1")
+    engine.create(request("C", intendedVehicle="V2"), "T2")
+    engine.look()
+
+    assert [robot for robot, _ in fleet.sent] == ["V1"]
+    assert status_of(engine, "T2").reason.endswith("but it waits for 'B', where V1 rests")
+    assert not engine.traffic.journey("V1")
+
+    engine.resume(order.number, "Ann", "go")
+    assert fleet.finish("V1")
+    engine.look()
+    assert key("V2") in fleet.missions
+
+
+async def test_what_is_not_sent_yet_is_not_sent_while_it_is_held() -> None:
+    engine, fleet = await make(MemoryStore(), V1="A", V2="C")
+    fleet.out_of_order.add("V2")
+    order = engine.create(request("D", intendedVehicle="V1"), "T")
+    assert fleet.sent == []
+    engine.hold(order.number, "Ann", "tea")
+    fleet.out_of_order.clear()
+    fleet.appear("V2", "P")
+    engine.look()
+    assert fleet.sent == []
+
+    engine.resume(order.number, "Ann", "go")
+    assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
+
+
+async def test_nothing_is_resumed_that_nobody_holds() -> None:
+    engine, fleet = await make(MemoryStore(), V1="A")
+    order = engine.create(request("D"), "T")
+    version = status_of(engine).version
+    engine.resume(order.number, "Ann", "go")
+    assert (status_of(engine).version, len(fleet.sent)) == (version, 1)
