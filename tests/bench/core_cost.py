@@ -98,7 +98,7 @@ def _building(version: str, sent: Order) -> float:
 
 
 def _work(bench: Bench) -> None:
-    for each in tuple(bench.core.parts.actions):
+    for each in tuple(bench.core.robot.actions):
         if each.active:
             bench.runs(each.action.action_id)
             bench.finishes(each.action.action_id)

@@ -19,7 +19,7 @@ from nena_edge_agent.driver.port import (
     PoseReport,
 )
 from nena_edge_agent.protocol.capabilities import Capabilities
-from nena_edge_agent.protocol.declaration import PREDEFINED, ActionDeclaration, Parameter, spoken
+from nena_edge_agent.protocol.declaration import PREDEFINED, ActionDeclaration, Parameter, supported_actions
 from nena_edge_agent.protocol.events import (
     ActionReport,
     Drive,
@@ -146,7 +146,7 @@ class Bench:
 
     def __init__(self, *, memory: Memory | None = None, ready: bool = True, **capabilities: Any) -> None:
         chosen = replace(CAPABILITIES, **capabilities)
-        self.capabilities = replace(chosen, actions=spoken(chosen.actions, chosen.rules.standard))
+        self.capabilities = replace(chosen, actions=supported_actions(chosen.actions, chosen.rules.standard))
         self.core = RobotCore(self.capabilities, memory)
         self.now = 100.0
         self.effects: list[Effect] = []
@@ -214,7 +214,7 @@ class Bench:
         return next(state.action_status.value for state in states if state.action_id == action_id)
 
     def statuses(self) -> dict[str, str]:
-        return {state.action_id: state.action_status.value for state in self.core.parts.actions.states}
+        return {state.action_id: state.action_status.value for state in self.core.robot.actions.states}
 
     def waits(self) -> bool:
         return self.core.waits
@@ -224,4 +224,4 @@ class Bench:
 
     @property
     def idle(self) -> bool:
-        return self.core.parts.idle
+        return self.core.robot.idle

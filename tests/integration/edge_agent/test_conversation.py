@@ -12,7 +12,8 @@ import pytest
 
 from nena_edge_agent.driver.port import DriveGoal
 from nena_edge_agent.loopback.driver import LoopbackDriver
-from nena_edge_agent.protocol.order_intake import OrderIntake
+from nena_edge_agent.protocol import orders
+from nena_edge_agent.protocol.robot_state import RobotState
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.topics import Topic
 from support.broker import Broker, MqttPeer
@@ -274,15 +275,15 @@ async def test_a_disk_that_hangs_is_shown_and_waited_for(fleet: FleetControl, tm
 async def test_a_fault_in_the_core_costs_one_message_and_not_the_robot(
     fleet: FleetControl, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    take = OrderIntake.take
+    receive = orders.receive
 
-    def take_or_fail(intake: OrderIntake, order: Order) -> object:
+    def receive_or_fail(robot: RobotState, order: Order) -> object:
         if order.order_id == "fatal":
             message = "a fault of the program"
             raise RuntimeError(message)
-        return take(intake, order)
+        return receive(robot, order)
 
-    monkeypatch.setattr(OrderIntake, "take", take_or_fail)
+    monkeypatch.setattr(orders, "receive", receive_or_fail)
     fleet.send(order("n0", "n1", order_id="fatal"))
     fleet.send(order("n0", "n1", order_id="good"))
 

@@ -104,7 +104,7 @@ class Replay:
 
     def follow(self, state: State) -> None:
         """Let the driver and the plug-ins do what ``state`` tells of them."""
-        goal = self.bench.core.parts.goal
+        goal = self.bench.core.robot.goal
         while self.bench.state.last_node_sequence_id < state.last_node_sequence_id:
             self.bench.arrive()
         if state.mobile_robot_position:
@@ -112,7 +112,7 @@ class Replay:
         if goal.halting and not state.driving:
             self.bench.halted()
         for each in (*state.action_states, *state.instant_action_states):
-            mine = self.bench.core.parts.actions.get(each.action_id)
+            mine = self.bench.core.robot.actions.get(each.action_id)
             if mine is None or mine.action.action_type == "waitForTrigger":
                 continue
             failed = each.action_status in (ActionStatus.FAILED, ActionStatus.RETRIABLE)

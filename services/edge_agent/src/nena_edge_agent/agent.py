@@ -42,7 +42,7 @@ from nena_edge_agent.protocol.events import (
     TimePassed,
 )
 from nena_edge_agent.protocol.robot import RobotCore
-from nena_edge_agent.protocol.state_report import as_recorded
+from nena_edge_agent.protocol.state import as_recorded
 from nena_edge_agent.queues import Mailbox, Postponed, StateSchedule, VisualizationSchedule
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.clock import Clock
@@ -116,7 +116,7 @@ class RobotAgent:
         self._inbox = Inbox(
             self._messages.codec, self.robot, self._mailbox.put, clock, strict=settings.strict
         )
-        self._driver = make_driver(self._mailbox.put, self._core.last_place)
+        self._driver = make_driver(self._mailbox.put, self._core.last_position)
         if own_goals := self._core.own_goals:
             self._driver.reclaim(own_goals)
         self._runner = ActionRunner(registry, self._mailbox.put, settings.actions.patience)
@@ -208,7 +208,7 @@ class RobotAgent:
 
     def _log_new_errors(self) -> None:
         """Log each error that the state shows from now on; one whose text alone changes is logged once."""
-        shown = self._core.parts.errors.entries
+        shown = self._core.robot.errors.entries
         if shown is self._logged_errors:
             return
         before = {error_key(each) for each in self._logged_errors}
@@ -233,7 +233,7 @@ class RobotAgent:
 
     def _tell_journal(self, problem: str) -> None:
         """Have the state show whether the journal works, once for each change."""
-        if problem != self._core.parts.journal_problem:
+        if problem != self._core.robot.journal_problem:
             self._log.warning("journal", works=not problem, problem=problem)
             self._mailbox.put(JournalReport(problem))
 

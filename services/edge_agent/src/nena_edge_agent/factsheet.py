@@ -6,7 +6,7 @@ from typing import Any
 
 from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.protocol.capabilities import RULES, Capabilities, supported
-from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter, spoken
+from nena_edge_agent.protocol.declaration import ActionDeclaration, Parameter, supported_actions
 from nena_edge_agent.protocol.geometry import Footprint
 from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT
 from nena_edge_agent.protocol.zone_sets import ZONES_IN_A_SET
@@ -52,7 +52,7 @@ def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> 
     return Capabilities(
         map_id=settings.map_id,
         map_version=settings.map_version,
-        actions=spoken(registry.declarations, RULES[settings.version].standard),
+        actions=supported_actions(registry.declarations, RULES[settings.version].standard),
         maximum_speed=settings.description.maximum_speed,
         limits_speed=settings.driver == "loopback",  # Nav2 takes no limit by its topics
         default_deviation_xy=drive.deviation_xy,
@@ -65,7 +65,7 @@ def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> 
         base_request_distance=drive.base_request_distance,
         external_goals=drive.external_goals,
         link_loss=drive.link_loss,
-        link_loss_patience=drive.link_loss_patience,
+        link_loss_timeout=drive.link_loss_patience,
         drive_retries=drive.retries,
         retry_wait=drive.retry_wait,
         tolerated_parameters=frozenset(settings.tolerated_parameters),

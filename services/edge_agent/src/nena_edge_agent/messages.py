@@ -166,7 +166,7 @@ M = TypeVar("M", Order, InstantActions, ZoneSetTransfer, Responses)
 
 _UNTIL = {
     Topic.INSTANT_ACTIONS: Until.INSTANT_ACTION_ACCEPTED,
-    Topic.ZONE_SET: Until.ZONE_SET_TAKEN,
+    Topic.ZONE_SET: Until.ZONE_SET_ACCEPTED,
 }
 """What ends the report of a message that was refused, where it is not the next order."""
 

@@ -313,7 +313,7 @@ def test_a_sensor_has_the_last_word_and_knows_no_names() -> None:
 
     def seen(*, loaded: bool) -> tuple[Load, ...]:
         bench.do(LoadSensed(loaded=loaded))
-        return bench.core.parts.loads
+        return bench.core.robot.loads
 
     assert seen(loaded=True) == (BOX,)
     assert seen(loaded=False) == ()

@@ -2,11 +2,29 @@
 
 from __future__ import annotations
 
-from nena_edge_agent.driver.port import BlockedReport, Pose, PoseReport
+import pytest
+
+from nena_edge_agent.driver.port import BlockedReport, NavigationReport, Pose, PoseReport, SessionReport
 from nena_edge_agent.protocol.conditions import ACTION_PLUGIN_UNUSABLE, ROBOT_BLOCKED
-from nena_edge_agent.protocol.events import Halt, PluginsReport, ReportState
-from nena_shared.vda5050.error import ErrorLevel, ErrorType
-from support.robot_core import MAP, Bench, order
+from nena_edge_agent.protocol.declaration import ActionDeclaration
+from nena_edge_agent.protocol.events import (
+    ErrorSwitched,
+    Event,
+    Halt,
+    PauseAction,
+    PauseButton,
+    PluginsReport,
+    ReportState,
+    ResumeAction,
+    SafetyReport,
+    StartAction,
+)
+from nena_edge_agent.ros.session_state import SessionState
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
+from nena_shared.vda5050.factsheet import ActionScope
+from nena_shared.vda5050.own_actions import ROS_SESSION, START_ROS_SESSION, STOP_ROS_SESSION
+from nena_shared.vda5050.state import EmergencyStop, OperatingMode
+from support.robot_core import ACTIONS, MAP, Bench, action, at, order
 
 STANDS = BlockedReport(blocked=True, seconds=20.0)
 
@@ -49,3 +67,183 @@ def test_plug_ins_that_cannot_be_used_are_a_warning_and_no_hindrance() -> None:
     assert "plug-in 'lift' cannot be loaded; plug-in 'forks' failed" in str(error.error_description)
     bench.send(order("n0", "n1"))
     assert len(bench.goals) == 1
+
+
+def broken(level: ErrorLevel) -> ErrorEntry:
+    return ErrorEntry(error_type="bumper", error_level=level)
+
+
+HINDRANCES: list[tuple[str, Event, Event]] = [
+    ("emergency stop", SafetyReport(EmergencyStop.MANUAL), SafetyReport()),
+    ("field violation", SafetyReport(field_violation=True), SafetyReport()),
+    ("pause button", PauseButton(pressed=True), PauseButton(pressed=False)),
+    (
+        "critical error",
+        ErrorSwitched(broken(ErrorLevel.CRITICAL), active=True),
+        ErrorSwitched(broken(ErrorLevel.CRITICAL), active=False),
+    ),
+]
+NAMES = [each[0] for each in HINDRANCES]
+
+
+@pytest.mark.clause("6.6.5.1", "7.8/safety")
+@pytest.mark.parametrize(("_", "begin", "end"), HINDRANCES, ids=NAMES)
+def test_a_hindrance_stops_the_drive_and_its_end_gives_the_goal_again(
+    _: str, begin: Event, end: Event
+) -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+
+    bench.do(begin)
+    assert len(bench.effects_of(Halt)) == 1
+    bench.halted()
+    assert not bench.state.driving
+    bench.do(end)
+
+    assert [goal.generation for goal in bench.goals] == [1, 2]
+
+
+@pytest.mark.clause("6.6.5.1", "7.8/safety")
+@pytest.mark.parametrize(("_", "begin", "end"), HINDRANCES, ids=NAMES)
+def test_a_hindrance_holds_the_actions_that_can_be_held(_: str, begin: Event, end: Event) -> None:
+    bench = Bench()
+    work = [action("a", "SOFT"), action("b", "SOFT", "press"), action("c", "HARD")]
+    bench.send(order("n0", node_actions={"n0": work}))
+    bench.runs("a", "b")
+
+    bench.do(begin)
+    assert [effect.action_id for effect in bench.effects_of(PauseAction)] == ["a"]
+    bench.do(end)
+    assert [effect.action_id for effect in bench.effects_of(ResumeAction)] == []  # it never said PAUSED
+
+
+@pytest.mark.clause("6.6.5.1")
+@pytest.mark.parametrize("level", [ErrorLevel.WARNING, ErrorLevel.URGENT])
+def test_with_a_small_error_the_robot_goes_on(level: ErrorLevel) -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+
+    bench.do(ErrorSwitched(broken(level), active=True))
+
+    assert (bench.errors, bench.effects_of(Halt)) == (["bumper"], [])
+    bench.do(ErrorSwitched(broken(level), active=False))
+    assert not bench.errors
+
+
+@pytest.mark.clause("6.2.3/stopPause", "7.8/paused")
+def test_the_pause_button_is_a_pause_that_fleet_control_cannot_end() -> None:
+    bench = Bench()
+    bench.do(PauseButton(pressed=True))
+    assert bench.state.paused
+
+    bench.instant(action("p", "NONE", "startPause"), action("s", "NONE", "stopPause"))
+    assert bench.status("s") == "FAILED"
+    bench.do(PauseButton(pressed=False))
+
+    assert not bench.state.paused
+
+
+@pytest.mark.clause("7.8/paused")
+def test_a_pause_of_fleet_control_outlives_the_button() -> None:
+    bench = Bench()
+    bench.instant(action("p", "NONE", "startPause"))
+    bench.do(PauseButton(pressed=True), PauseButton(pressed=False))
+
+    assert bench.state.paused
+
+
+@pytest.mark.clause("7.8/safety")
+def test_the_state_shows_emergency_stop_and_field_at_once() -> None:
+    bench = Bench()
+
+    assert bench.do(SafetyReport(EmergencyStop.REMOTE, field_violation=True))
+
+    safety = bench.state.safety_state
+    assert (safety.active_emergency_stop, safety.field_violation) == (EmergencyStop.REMOTE, True)
+    assert bench.state.operating_mode is OperatingMode.AUTOMATIC
+
+
+STOP = ActionDeclaration(STOP_ROS_SESSION, (ActionScope.INSTANT,), needs_idle=True)
+START = ActionDeclaration(START_ROS_SESSION, (ActionScope.INSTANT,))
+NONE = NavigationReport(available=False, reason="its ROS session is not active")
+
+
+def bench() -> Bench:
+    made = Bench(actions={**ACTIONS, STOP.action_type: STOP, START.action_type: START})
+    made.do(session(SessionState.ACTIVE))
+    return made
+
+
+def session(state: SessionState, reason: str = "") -> SessionReport:
+    return SessionReport(state, "/r1", 7, reason)
+
+
+def told(robot: Bench) -> dict[str, str]:
+    (information,) = (each for each in robot.state.information or () if each.info_type == ROS_SESSION)
+    return {each.reference_key: each.reference_value for each in information.info_references}
+
+
+@pytest.mark.parametrize("off", [SessionState.NOT_ACTIVE, SessionState.TERMINATING])
+def test_an_order_is_refused_while_the_session_is_off(off: SessionState) -> None:
+    robot = bench()
+    robot.do(session(off), NONE, at(0.0, localized=False))
+    assert robot.errors == ["NAVIGATION_NOT_AVAILABLE"]
+
+    robot.send(order("n0", "n1"))
+    assert robot.nodes == []
+    assert robot.errors == ["NAVIGATION_NOT_AVAILABLE", "MOBILE_ROBOT_NOT_AVAILABLE"]
+
+    robot.do(session(SessionState.ACTIVE), at(0.0), NavigationReport(available=True, reason=""))
+    assert robot.errors == []
+    robot.send(order("n0", "n1"))
+    assert robot.nodes == ["n1"]
+
+
+@pytest.mark.parametrize("state", [SessionState.INITIATING, SessionState.FAILED])
+def test_an_order_waits_while_the_session_starts_or_is_about_to(state: SessionState) -> None:
+    robot = bench()
+    robot.do(session(state, "no network"), NavigationReport(available=False, reason="no session"))
+    robot.send(order("n0", "n1"))
+    assert robot.nodes == ["n1"]
+    assert robot.goals == []
+    robot.do(session(SessionState.ACTIVE), NavigationReport(available=True, reason=""))
+    assert len(robot.goals) == 1
+
+
+def test_the_session_is_not_stopped_while_an_order_is_active() -> None:
+    robot = bench()
+    robot.send(order("n0", "n1"))
+    robot.instant(action("s1", action_type=STOP_ROS_SESSION))
+    assert robot.status("s1") == "FAILED"
+    (error,) = robot.state.errors
+    assert "order 'o1' is active" in (error.error_description or "")
+    assert robot.effects_of(StartAction) == []
+
+
+def test_the_session_may_be_started_while_an_order_is_active() -> None:
+    robot = bench()
+    robot.send(order("n0", "n1"))
+    robot.instant(action("s1", action_type=START_ROS_SESSION))
+    assert [effect.action.action_id for effect in robot.effects_of(StartAction)] == ["s1"]
+
+
+def test_an_order_that_comes_while_the_session_is_being_stopped_is_refused() -> None:
+    robot = bench()
+    robot.instant(action("s1", action_type=STOP_ROS_SESSION))
+    robot.send(order("n0", "n1"))
+    assert robot.nodes == []
+    assert robot.errors == ["MOBILE_ROBOT_NOT_AVAILABLE"]
+
+
+def test_the_state_tells_of_the_session_at_each_change() -> None:
+    robot = bench()
+    assert told(robot) == {"state": "ACTIVE", "namespace": "/r1", "domainId": "7"}
+    assert robot.do(session(SessionState.FAILED, "no network"))
+    assert told(robot)["state"] == "FAILED"
+    texts = [each.info_descriptor for each in robot.state.information or () if each.info_type == ROS_SESSION]
+    assert texts == ["the ROS session is FAILED: no network"]
+    assert robot.do(session(SessionState.FAILED, "no network")) == []
+
+
+def test_a_robot_without_ros_tells_of_no_session() -> None:
+    assert [each for each in Bench().state.information or () if each.info_type == ROS_SESSION] == []

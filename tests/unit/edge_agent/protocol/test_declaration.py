@@ -12,7 +12,7 @@ from nena_edge_agent.protocol.declaration import (
     ActionDeclaration,
     LoadChange,
     Parameter,
-    spoken,
+    supported_actions,
 )
 from nena_shared.vda5050.action import BlockingType
 from nena_shared.vda5050.factsheet import ActionScope, ValueDataType
@@ -148,7 +148,7 @@ OF_PLUG_INS = {
     ],
 )
 def test_a_robot_knows_those_of_its_version(version: str, known: set[str]) -> None:
-    assert set(spoken(PREDEFINED | OF_PLUG_INS, RULES[version].standard)) == known
+    assert set(supported_actions(PREDEFINED | OF_PLUG_INS, RULES[version].standard)) == known
 
 
 @pytest.mark.clause("6.2.3/cancelOrder")

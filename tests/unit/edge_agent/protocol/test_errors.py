@@ -19,19 +19,19 @@ def lost(text: str = "lost") -> ErrorEntry:
 @pytest.mark.clause("6.6.5")
 def test_there_is_one_entry_per_type_and_references() -> None:
     errors = ActiveErrors()
-    errors.show(refusal("o1"), Until.ORDER_ACCEPTED)
-    errors.show(refusal("o2"), Until.ORDER_ACCEPTED)
-    errors.show(refusal("o1", "still no"), Until.ORDER_ACCEPTED)
+    errors.report(refusal("o1"), Until.ORDER_ACCEPTED)
+    errors.report(refusal("o2"), Until.ORDER_ACCEPTED)
+    errors.report(refusal("o1", "still no"), Until.ORDER_ACCEPTED)
 
     assert [each.error_description for each in errors.entries] == ["no", "still no"]
 
 
 def test_the_same_error_again_is_no_change() -> None:
     errors = ActiveErrors()
-    errors.show(refusal("o1"), Until.ORDER_ACCEPTED)
+    errors.report(refusal("o1"), Until.ORDER_ACCEPTED)
     revision = errors.revision
 
-    errors.show(refusal("o1"), Until.ORDER_ACCEPTED)
+    errors.report(refusal("o1"), Until.ORDER_ACCEPTED)
 
     assert errors.revision == revision
 
@@ -39,8 +39,8 @@ def test_the_same_error_again_is_no_change() -> None:
 @pytest.mark.clause("6.6.5")
 def test_an_error_ends_with_its_own_cause_only() -> None:
     errors = ActiveErrors()
-    errors.show(refusal("o1"), Until.ORDER_ACCEPTED)
-    errors.show(lost(), Until.CONDITION_OVER)
+    errors.report(refusal("o1"), Until.ORDER_ACCEPTED)
+    errors.report(lost(), Until.CONDITION_OVER)
 
     errors.end(Until.INSTANT_ACTION_ACCEPTED)
     assert len(errors.entries) == 2
@@ -51,11 +51,11 @@ def test_an_error_ends_with_its_own_cause_only() -> None:
 @pytest.mark.clause("6.6.5")
 def test_a_condition_is_shown_once_and_goes_with_its_cause() -> None:
     errors = ActiveErrors()
-    errors.condition(ErrorType.LOCALIZATION_ERROR, lost("a"))
-    errors.condition(ErrorType.LOCALIZATION_ERROR, lost("b"))
+    errors.set_condition(ErrorType.LOCALIZATION_ERROR, lost("a"))
+    errors.set_condition(ErrorType.LOCALIZATION_ERROR, lost("b"))
     assert list(errors.entries) == [lost("b")]
 
-    errors.condition(ErrorType.LOCALIZATION_ERROR, None)
+    errors.set_condition(ErrorType.LOCALIZATION_ERROR, None)
     assert list(errors.entries) == []
 
 
@@ -63,7 +63,7 @@ def test_a_condition_about_something_else_replaces_the_old_one() -> None:
     errors = ActiveErrors()
     for order_id in ("o1", "o2"):
         entry = error(ErrorType.NAVIGATION_NOT_AVAILABLE, "gone", order_id=order_id)
-        errors.condition(ErrorType.NAVIGATION_NOT_AVAILABLE, entry)
+        errors.set_condition(ErrorType.NAVIGATION_NOT_AVAILABLE, entry)
 
     assert list(errors.entries) == [entry]
 
@@ -72,7 +72,7 @@ def test_a_condition_about_something_else_replaces_the_old_one() -> None:
 def test_the_number_of_errors_is_bounded_and_the_oldest_goes() -> None:
     errors = ActiveErrors()
     for number in range(LIMIT + 1):
-        errors.show(refusal(f"o{number}"), Until.ORDER_ACCEPTED)
+        errors.report(refusal(f"o{number}"), Until.ORDER_ACCEPTED)
 
     assert len(errors.entries) == LIMIT
     assert errors.entries[0] == refusal("o1")
@@ -83,7 +83,7 @@ def test_a_message_sent_again_under_another_header_id_is_no_other_error() -> Non
     errors = ActiveErrors()
     for number in (1, 2):
         entry = error(ErrorType.OTHER_ORDER_ACTIVE, "no", header_id=number, order_id="o1")
-        errors.show(entry, Until.ORDER_ACCEPTED)
+        errors.report(entry, Until.ORDER_ACCEPTED)
 
     assert errors.entries == (entry,)
 
@@ -92,9 +92,9 @@ def test_a_message_sent_again_under_another_header_id_is_no_other_error() -> Non
 def test_refusals_do_not_push_out_why_the_robot_stands() -> None:
     errors = ActiveErrors()
     stands = error(ErrorType.NODE_UNREACHABLE, "blocked", node_id="n1")
-    errors.show(stands, Until.ORDER_OVER)
+    errors.report(stands, Until.ORDER_OVER)
     for number in range(LIMIT + 1):
-        errors.show(refusal(f"o{number}"), Until.ORDER_ACCEPTED)
+        errors.report(refusal(f"o{number}"), Until.ORDER_ACCEPTED)
 
     assert len(errors.entries) == LIMIT
     assert stands in errors.entries

@@ -4,12 +4,24 @@ from __future__ import annotations
 
 import pytest
 
+from nena_edge_agent.driver.port import Pose, PositionInitialized
 from nena_edge_agent.protocol.action_states import DESCRIPTOR_SHOWN
 from nena_edge_agent.protocol.capabilities import RULES
-from nena_edge_agent.protocol.events import ReportState, SendFactsheet, StartAction
-from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT, STATES_KEPT
+from nena_edge_agent.protocol.events import (
+    ActionReport,
+    Halt,
+    PauseAction,
+    ReportState,
+    ResumeAction,
+    SendFactsheet,
+    SetPosition,
+    StartAction,
+    TimePassed,
+)
+from nena_edge_agent.protocol.instant_actions import INSTANT_ACTIONS_SHOWN, MESSAGE_LIMIT
+from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
-from support.robot_core import Bench, action, order
+from support.robot_core import MAP, Bench, action, at, order
 
 
 @pytest.mark.clause("6.2.3/stateRequest")
@@ -125,13 +137,13 @@ def test_the_number_of_states_is_bounded_and_the_oldest_ended_go_first() -> None
     bench = Bench()
     bench.instant(action("running"))
 
-    for number in range(STATES_KEPT + 5):
+    for number in range(INSTANT_ACTIONS_SHOWN + 5):
         bench.instant(action(f"i{number}", "NONE", "stateRequest"))
 
     ids = [state.action_id for state in bench.state.instant_action_states]
-    assert len(ids) == STATES_KEPT
+    assert len(ids) == INSTANT_ACTIONS_SHOWN
     assert ids[0] == "running"
-    assert ids[-1] == f"i{STATES_KEPT + 4}"
+    assert ids[-1] == f"i{INSTANT_ACTIONS_SHOWN + 4}"
 
 
 @pytest.mark.clause("6.2.1/limits")
@@ -152,11 +164,11 @@ def test_a_message_with_too_many_actions_is_refused_as_a_whole() -> None:
 def test_no_more_actions_are_begun_than_states_are_shown() -> None:
     bench = Bench()
 
-    for number in range(STATES_KEPT + 10):
+    for number in range(INSTANT_ACTIONS_SHOWN + 10):
         bench.instant(action(f"i{number}"))
 
-    assert len(bench.effects_of(StartAction)) == STATES_KEPT
-    assert len(bench.state.instant_action_states) <= STATES_KEPT + 1
+    assert len(bench.effects_of(StartAction)) == INSTANT_ACTIONS_SHOWN
+    assert len(bench.state.instant_action_states) <= INSTANT_ACTIONS_SHOWN + 1
     (full,) = [each for each in bench.state.errors if each.error_type == "INSTANT_ACTION_STATES_FULL"]
     assert full.error_level is ErrorLevel.URGENT
     bench.instant(action("pause", "NONE", "startPause"))
@@ -213,3 +225,237 @@ def test_a_failed_instant_action_names_no_order_and_is_shown_until_the_next_one(
     assert {each.reference_key for each in entry.error_references} == {"actionId"}
     bench.instant(action("i2", "NONE", "stateRequest"))
     assert bench.errors == []
+
+
+START = action("p", "NONE", "startPause")
+STOP = action("s", "NONE", "stopPause")
+
+
+@pytest.mark.clause("6.2.3/startPause", "6.2.3/stopPause")
+def test_a_pause_stops_the_drive_and_its_end_gives_the_goal_again() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+
+    bench.instant(START)
+    assert (bench.status("p"), bench.state.paused) == ("RUNNING", True)
+    assert len(bench.effects_of(Halt)) == 1
+    bench.halted()
+    assert bench.status("p") == "FINISHED"
+    assert not bench.state.driving
+
+    bench.instant(STOP)
+    assert (bench.status("s"), bench.state.paused) == ("FINISHED", False)
+    assert [goal.generation for goal in bench.goals] == [1, 2]
+    bench.arrive()
+    assert bench.state.last_node_id == "n1"
+
+
+@pytest.mark.clause("6.2.3/startPause", "6.2.3/stopPause")
+def test_a_standing_robot_is_paused_at_once_and_begins_no_action() -> None:
+    bench = Bench()
+    bench.instant(START)
+    assert bench.status("p") == "FINISHED"
+
+    bench.send(order("n0", "n1", node_actions={"n0": [action("a")]}))
+    assert (bench.status("a"), bench.goals) == ("WAITING", [])
+
+    bench.instant(STOP)
+    assert bench.status("a") == "INITIALIZING"
+    assert len(bench.goals) == 1
+
+
+@pytest.mark.clause("6.2.3/startPause", "6.2.3/stopPause", "6.6.9")
+def test_actions_that_can_be_held_are_held() -> None:
+    bench = Bench()
+    actions = [action("a", "SOFT"), action("b", "SOFT", "press")]
+    bench.send(order("n0", "n1", node_actions={"n0": actions}))
+    bench.runs("a", "b")
+
+    bench.instant(START)
+    assert [effect.action_id for effect in bench.effects_of(PauseAction)] == ["a"]
+    bench.do(ActionReport("a", ActionStatus.PAUSED))
+    assert bench.statuses() == {"a": "PAUSED", "b": "RUNNING"}
+
+    bench.instant(STOP)
+    assert [effect.action_id for effect in bench.effects_of(ResumeAction)] == ["a"]
+    bench.runs("a")
+    assert bench.status("a") == "RUNNING"
+
+
+@pytest.mark.clause("6.2.3/startPause")
+def test_a_second_pause_finishes_like_the_first() -> None:
+    bench = Bench()
+    bench.instant(START)
+    bench.instant(action("q", "NONE", "startPause"))
+
+    assert bench.status("q") == "FINISHED"
+
+
+@pytest.mark.clause("6.2.3/stopPause")
+def test_a_pause_that_has_not_come_to_a_stand_is_taken_back() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.instant(START)
+
+    bench.instant(STOP)
+    assert (bench.status("p"), bench.status("s")) == ("FAILED", "FINISHED")
+    assert len(bench.goals) == 1
+    bench.halted()
+
+    assert len(bench.goals) == 2
+
+
+@pytest.mark.clause("6.2.3/stopPause")
+def test_a_held_action_is_resumed_and_not_begun_again() -> None:
+    bench = Bench()
+    bench.send(order("n0", node_actions={"n0": [action("a")]}))
+    bench.runs("a")
+    bench.instant(START)
+    bench.do(ActionReport("a", ActionStatus.PAUSED))
+
+    bench.instant(STOP)
+
+    assert len(bench.effects_of(StartAction)) == 1
+    assert len(bench.effects_of(ResumeAction)) == 1
+
+
+DONE = PositionInitialized(succeeded=True, description="")
+
+
+def be_at(
+    node: str = "n5", action_id: str = "i", *, map_id: str = MAP, theta: float = 0.5, x: float = 50.0
+) -> Action:
+    return action(
+        action_id,
+        "NONE",
+        "initializePosition",
+        x=x,
+        y=0,
+        theta=theta,
+        mapId=map_id,
+        lastNodeId=node,
+    )
+
+
+@pytest.mark.clause("6.2.3/initializePosition")
+def test_the_position_is_handed_over_and_finished_when_it_is_taken() -> None:
+    bench = Bench()
+
+    bench.instant(be_at())
+    assert bench.effects_of(SetPosition) == [SetPosition(Pose(50.0, 0.0, 0.5, MAP))]
+    assert bench.status("i") == "RUNNING"
+    bench.do(at(50.0), DONE)
+
+    assert bench.status("i") == "FINISHED"
+    assert bench.state.last_node_id == "n5"
+    bench.send(order("n5", "n6"))
+    assert bench.state.order_id == "o1"
+
+
+@pytest.mark.clause("6.2.3/initializePosition")
+def test_a_position_that_the_localisation_refuses_fails() -> None:
+    bench = Bench()
+    bench.instant(be_at())
+
+    bench.do(PositionInitialized(succeeded=False, description="no pose came back"))
+
+    assert bench.status("i") == "FAILED"
+    assert bench.state.instant_action_states[0].action_result == "no pose came back"
+    assert bench.state.last_node_id == ""
+
+
+@pytest.mark.clause("6.2.3/initializePosition")
+def test_a_silent_localisation_fails_the_action_after_a_time() -> None:
+    bench = Bench()
+    bench.instant(be_at())
+    assert bench.waits()
+
+    bench.now += 31
+    bench.do(TimePassed())
+
+    assert bench.status("i") == "FAILED"
+    assert not bench.waits()
+    bench.do(DONE)
+    assert bench.state.last_node_id == ""
+
+
+@pytest.mark.clause("6.2.3/initializePosition")
+@pytest.mark.parametrize(
+    "wrong", [be_at(map_id="cellar"), be_at(theta=4.0)], ids=["unknown map", "impossible heading"]
+)
+def test_an_impossible_position_fails_at_once(wrong: Action) -> None:
+    bench = Bench()
+
+    bench.instant(wrong)
+
+    assert bench.status("i") == "FAILED"
+    assert not bench.effects_of(SetPosition)
+
+
+def test_one_position_at_a_time() -> None:
+    bench = Bench()
+    bench.instant(be_at())
+
+    bench.instant(be_at("n6", "j"))
+
+    assert (bench.status("i"), bench.status("j")) == ("RUNNING", "FAILED")
+    bench.do(DONE)
+    assert bench.state.last_node_id == "n5"
+
+
+@pytest.mark.clause("6.2.3/initializePosition")
+def test_a_driving_robot_is_not_moved_to_another_place() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+
+    bench.instant(be_at())
+
+    assert bench.status("i") == "FAILED"
+    assert bench.state.last_node_id == "n0"
+
+
+@pytest.mark.clause("6.2.3/initializePosition", "6.6.5.4/localisation")
+def test_an_order_goes_on_when_its_lost_robot_is_told_where_it_is() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.do(at(3.0, localized=False))
+    bench.halted()
+
+    bench.instant(be_at("n9"))
+    assert bench.status("i") == "FAILED"
+    bench.instant(be_at("n0", "j", x=3.0))
+    bench.do(at(3.0), DONE)
+
+    assert bench.status("j") == "FINISHED"
+    assert len(bench.goals) == 2
+    assert bench.nodes == ["n1"]
+
+
+def test_a_number_that_no_float_can_hold_is_refused_and_blocks_nothing() -> None:
+    bench = Bench()
+
+    bench.instant(be_at(x=10**400, action_id="huge"))
+    bench.instant(be_at())
+
+    assert bench.status("huge") == "FAILED"
+    assert bench.status("i") == "RUNNING"
+
+
+@pytest.mark.clause("6.1.2/B5")
+def test_an_ended_order_does_not_go_on_from_a_place_that_the_robot_was_taken_away_from() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.arrive()
+    bench.instant(be_at("n1", x=10.0, action_id="same"))
+    bench.do(at(10.0), DONE)
+    assert (bench.state.last_node_id, bench.state.last_node_sequence_id) == ("n1", 2)
+
+    bench.instant(be_at("n5"))
+    bench.do(at(50.0), DONE)
+    bench.send(order("n1", "n2", update=1, first=2))
+
+    assert bench.state.order_update_id == 0
+    assert len(bench.goals) == 1
+    (refusal,) = bench.state.errors
+    assert refusal.error_type == ErrorType.OUTDATED_ORDER_UPDATE
+    assert refusal.error_hint == "send a new order"

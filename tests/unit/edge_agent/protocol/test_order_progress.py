@@ -10,7 +10,7 @@ from nena_edge_agent.driver.port import NavigationReport
 from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import Started
 from nena_edge_agent.protocol.memory import Memory
-from nena_edge_agent.protocol.order_progress import CLOCK_TOLERANCE, ENDED_ORDERS_KEPT, BaseWay, OrderHistory
+from nena_edge_agent.protocol.order_progress import CLOCK_TOLERANCE, ENDED_ORDERS_KEPT, BasePath, OrderHistory
 from nena_shared.vda5050.order import Order
 from support.robot_core import HEADER, Bench, at, order
 
@@ -154,7 +154,7 @@ def test_what_is_remembered_does_not_grow_with_the_length_of_order_ids() -> None
 def test_it_leads_over_the_nodes_of_the_base() -> None:
     nodes = order("n0", "n1", "n2", "n3", released=3).nodes
 
-    path = BaseWay(nodes[1:]).path(nodes[0], 2)
+    path = BasePath(nodes[1:]).path(nodes[0], 2)
 
     assert path is not None
     assert [point.x for point in path.trajectory.control_points] == [0.0, 10.0, 20.0]
@@ -167,8 +167,8 @@ def test_it_leads_over_the_nodes_of_the_base() -> None:
 def test_without_a_base_ahead_there_is_none() -> None:
     nodes = order("n0", "n1", released=1).nodes
 
-    assert BaseWay(nodes[1:]).path(nodes[0], 2) is None
-    assert BaseWay().path(None, 0) is None
+    assert BasePath(nodes[1:]).path(nodes[0], 2) is None
+    assert BasePath().path(None, 0) is None
 
 
 @pytest.mark.clause("6.6.2/path")
@@ -186,6 +186,6 @@ def test_it_becomes_shorter_as_the_robot_drives() -> None:
 
 @pytest.mark.clause("6.6.2/path")
 def test_the_way_that_is_left_is_measured_from_each_node() -> None:
-    way = BaseWay(order("n0", "n1", "n2", "n3", released=3).nodes[1:])
+    way = BasePath(order("n0", "n1", "n2", "n3", released=3).nodes[1:])
 
     assert [way.length_from(number) for number in (2, 4, 6, 99)] == [10.0, 0.0, 0.0, 0.0]

@@ -19,9 +19,9 @@ from nena_edge_agent.protocol.events import (
     StartAction,
     Started,
 )
-from nena_edge_agent.protocol.instant_actions import STATES_KEPT
 from nena_edge_agent.protocol.memory import Memory
-from nena_edge_agent.protocol.state_report import as_recorded
+from nena_edge_agent.protocol.robot_state import INSTANT_ACTIONS_SHOWN
+from nena_edge_agent.protocol.state import as_recorded
 from nena_shared.vda5050.action import ActionStatus
 from support.robot_core import MAP, Bench, action, at, order
 
@@ -211,16 +211,16 @@ def test_an_action_that_was_held_can_be_cancelled_after_the_restart() -> None:
 
 def test_actions_that_have_ended_do_not_fill_the_disk() -> None:
     bench = Bench()
-    for number in range(2 * STATES_KEPT):
+    for number in range(2 * INSTANT_ACTIONS_SHOWN):
         bench.instant(action(f"i{number}", text="x" * 10_000))
         bench.finishes(f"i{number}")
     bench.instant(action("running", text="y" * 10_000))
 
     memory = bench.core.memory()
 
-    assert len(memory.model_dump_json(exclude_defaults=True)) < 100 * STATES_KEPT + 200_000
+    assert len(memory.model_dump_json(exclude_defaults=True)) < 100 * INSTANT_ACTIONS_SHOWN + 200_000
     assert "yyy" in memory.model_dump_json()
-    assert restarted(bench).status(f"i{2 * STATES_KEPT - 1}") == "FINISHED"
+    assert restarted(bench).status(f"i{2 * INSTANT_ACTIONS_SHOWN - 1}") == "FINISHED"
 
 
 def test_a_position_that_was_being_set_fails() -> None:

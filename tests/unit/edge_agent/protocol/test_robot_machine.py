@@ -136,10 +136,10 @@ class RobotMachine(RuleBasedStateMachine):
     @rule(back=st.integers(1, 3))
     def late_arrival(self, back: int) -> None:
         before = self.bench.state
-        self.follow(self.bench.do(Arrived(self.bench.core.parts.goal.generation - back)))
+        self.follow(self.bench.do(Arrived(self.bench.core.robot.goal.generation - back)))
         assert self.bench.state == before
 
-    @precondition(lambda self: self.bench.core.parts.goal.halting)
+    @precondition(lambda self: self.bench.core.robot.goal.halting)
     @rule()
     def stands_still(self) -> None:
         self.follow(self.bench.halted())
@@ -163,7 +163,7 @@ class RobotMachine(RuleBasedStateMachine):
     @rule(data=st.data(), again=st.booleans())
     def retry_comes(self, data: st.DataObject, again: bool) -> None:  # noqa: FBT001
         failed = self.actions_in("RETRIABLE")
-        if failed and self.oracle.takes("retry") and not self.bench.core.parts.held:
+        if failed and self.oracle.takes("retry") and not self.bench.core.robot.held:
             self.try_again(data.draw(st.sampled_from(failed)), again=again)
 
     @rule()
@@ -239,18 +239,18 @@ class RobotMachine(RuleBasedStateMachine):
         self.follow(effects)
 
     def expected(self, made: Order) -> str:
-        progress, parts = self.bench.core.parts.progress, self.bench.core.parts
+        progress, robot = self.bench.core.robot.progress, self.bench.core.robot
         busy = self.bench.state.node_states or self.actions_in("WAITING", *ACTIVE)
         return self.oracle.expected(
             made,
             busy=bool(busy),
-            clearing=parts.clearing,
+            clearing=robot.clearing,
             stands=self.stands_on(made.nodes[0]),
             forgotten=not progress.last_node_id,
         )
 
     def stands_on(self, node: Node) -> bool:
-        progress = self.bench.core.parts.progress
+        progress = self.bench.core.robot.progress
         reached = progress.on_last_node and progress.last_node_id == node.node_id
         return reached or (self.localized and abs(self.x - place(node.node_id)) <= 0.3)
 
@@ -295,7 +295,7 @@ class RobotMachine(RuleBasedStateMachine):
         assert action_id not in self.oracle.horizon_actions
 
     def goes_to_the_next_node_of_the_base(self, goal: DriveGoal) -> None:
-        if goal.generation == self.bench.core.parts.goal.generation and self.driving:
+        if goal.generation == self.bench.core.robot.goal.generation and self.driving:
             state = self.bench.state
             last = self.oracle.base.index((state.last_node_id, state.last_node_sequence_id))
             assert goal.pose.x == place(self.oracle.base[last + 1][0])
@@ -313,7 +313,7 @@ class RobotMachine(RuleBasedStateMachine):
 
     @property
     def driving(self) -> bool:
-        return self.bench.core.parts.goal.target is not None
+        return self.bench.core.robot.goal.target is not None
 
     # What must always hold
 
@@ -328,7 +328,7 @@ class RobotMachine(RuleBasedStateMachine):
     def what_is_left_is_the_base_that_was_released_and_the_horizon(self) -> None:
         oracle, state = self.oracle, self.bench.state
         left = [(node.node_id, node.sequence_id) for node in state.node_states]
-        over = (oracle.cancelled or oracle.cleared) and not self.bench.core.parts.clearing
+        over = (oracle.cancelled or oracle.cleared) and not self.bench.core.robot.clearing
         assert left == ([] if over or not oracle.base else oracle.base[oracle.reached + 1 :] + oracle.horizon)
         assert len(state.edge_states) == len(left)
 
@@ -357,15 +357,15 @@ class RobotMachine(RuleBasedStateMachine):
         for _ in range(300):
             if not self.goes_on():
                 break
-        failed = self.bench.core.parts.goal.failed_at is not None
+        failed = self.bench.core.robot.goal.failed_at is not None
         assert self.bench.idle or self.oracle.horizon or failed, self.bench.state
         ended_early = self.oracle.cancelled or self.oracle.cleared
         if not failed and not ended_early and self.oracle.base:
-            assert self.bench.core.parts.progress.last_node_sequence_id == self.oracle.base[-1][1]
+            assert self.bench.core.robot.progress.last_node_sequence_id == self.oracle.base[-1][1]
 
     def goes_on(self) -> bool:
         running = self.actions_in(*ACTIVE)
-        if self.bench.core.parts.goal.halting:
+        if self.bench.core.robot.goal.halting:
             self.stands_still()
         elif self.driving:
             self.arrives()

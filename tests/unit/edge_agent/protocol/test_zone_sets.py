@@ -19,8 +19,8 @@ from nena_edge_agent.protocol.zone_sets import (
     DuplicateZoneSetError,
     EnabledZone,
     NoRoomForZoneSetError,
-    ZoneAccess,
     ZoneKey,
+    ZoneRequests,
     ZoneSetRefusedError,
     ZoneSets,
 )
@@ -157,20 +157,20 @@ def response(request_id: str, grant: GrantType, *, lasting: float | None = None)
     return Response(request_id=request_id, grant_type=grant, lease_expiry=until)
 
 
-def asked(*, status: RequestStatus = RequestStatus.REQUESTED, lasting: float | None = None) -> ZoneAccess:
+def asked(*, status: RequestStatus = RequestStatus.REQUESTED, lasting: float | None = None) -> ZoneRequests:
     """Give one that asked for A, and has been answered if the status says so."""
     expiry = None if lasting is None else NOON + timedelta(seconds=lasting)
-    return ZoneAccess([AccessRequest(*A.key, "zone-1", status, expiry)], last_number=1)
+    return ZoneRequests([AccessRequest(*A.key, "zone-1", status, expiry)], last_number=1)
 
 
-def ids(access: ZoneAccess) -> list[str]:
+def ids(access: ZoneRequests) -> list[str]:
     return [each.request_id for each in access.requests]
 
 
 def test_each_zone_is_asked_for_once_by_a_request_of_its_own() -> None:
-    access = ZoneAccess(last_number=7)
-    access.want([A, B], now=0.0)
-    access.want([B, A], now=1.0)
+    access = ZoneRequests(last_number=7)
+    access.request([A, B], now=0.0)
+    access.request([B, A], now=1.0)
     assert [(each.zone_id, each.request_id) for each in access.requests] == [("a", "zone-8"), ("b", "zone-9")]
     assert [each.request_status for each in access.states] == [RequestStatus.REQUESTED] * 2
     assert access.last_number == 9
@@ -178,10 +178,10 @@ def test_each_zone_is_asked_for_once_by_a_request_of_its_own() -> None:
 
 def test_zones_of_one_name_in_two_sets_are_two_zones() -> None:
     other = EnabledZone(MAP, "t", A.zone, A.contour, A.box)
-    access = ZoneAccess()
-    access.want([A, other], now=0.0)
+    access = ZoneRequests()
+    access.request([A, other], now=0.0)
     assert [each.zone_set_id for each in access.states] == ["s", "t"]
-    access.answer(response("zone-2", GrantType.GRANTED), NOWHERE, 0.0)
+    access.apply(response("zone-2", GrantType.GRANTED), NOWHERE, 0.0)
     assert (access.status(A.key), access.status(other.key)) == (
         RequestStatus.REQUESTED,
         RequestStatus.GRANTED,
@@ -190,11 +190,11 @@ def test_zones_of_one_name_in_two_sets_are_two_zones() -> None:
 
 def test_a_refused_zone_is_asked_for_again_after_a_pause_and_not_before() -> None:
     access = asked()
-    access.answer(response("zone-1", GrantType.REJECTED), NOWHERE, now=50.0)
+    access.apply(response("zone-1", GrantType.REJECTED), NOWHERE, now=50.0)
     assert access.waits, "time alone lets it ask again"
-    access.want([A, B], now=50.0 + PAUSE_AFTER_REFUSAL - 0.01)
+    access.request([A, B], now=50.0 + PAUSE_AFTER_REFUSAL - 0.01)
     assert [each.zone_id for each in access.requests] == ["b"]
-    access.want([A, B], now=50.0 + PAUSE_AFTER_REFUSAL)
+    access.request([A, B], now=50.0 + PAUSE_AFTER_REFUSAL)
     assert (ids(access), access.waits) == (["zone-2", "zone-3"], False)
 
 
@@ -204,7 +204,7 @@ def test_a_grant_that_is_taken_back_is_shown_while_the_robot_is_in_the_zone(
     grant: GrantType, inside: frozenset[ZoneKey]
 ) -> None:
     access = asked(status=RequestStatus.GRANTED, lasting=60)
-    access.answer(response("zone-1", grant), inside, 0.0)
+    access.apply(response("zone-1", grant), inside, 0.0)
     assert access.status(A.key) is (RequestStatus.REVOKED if inside else None)
     access.expire(NOON + timedelta(seconds=60), inside)
     assert access.status(A.key) is (RequestStatus.REVOKED if inside else None), "its lease went with it"
@@ -214,16 +214,16 @@ def test_a_grant_that_is_taken_back_is_shown_while_the_robot_is_in_the_zone(
 
 def test_what_was_never_granted_is_gone_when_refused_even_within_the_zone() -> None:
     access = asked()
-    access.answer(response("zone-1", GrantType.REJECTED), IN_A, 0.0)
+    access.apply(response("zone-1", GrantType.REJECTED), IN_A, 0.0)
     assert access.requests == ()
-    access.want([A], now=1.0)
+    access.request([A], now=1.0)
     assert access.requests == ()
 
 
 def test_a_grant_taken_back_before_the_zone_is_asked_for_again_at_once() -> None:
     access = asked(status=RequestStatus.GRANTED)
-    access.answer(response("zone-1", GrantType.REVOKED), NOWHERE, 0.0)
-    access.want([A], now=0.0)
+    access.apply(response("zone-1", GrantType.REVOKED), NOWHERE, 0.0)
+    access.request([A], now=0.0)
     assert ids(access) == ["zone-2"]
 
 
@@ -251,7 +251,7 @@ def test_a_grant_without_an_end_lasts_and_a_longer_lease_counts() -> None:
     assert for_ever.status(A.key) is RequestStatus.GRANTED
 
     longer = asked(status=RequestStatus.GRANTED, lasting=60)
-    longer.answer(response("zone-1", GrantType.GRANTED, lasting=120), NOWHERE, 0.0)
+    longer.apply(response("zone-1", GrantType.GRANTED, lasting=120), NOWHERE, 0.0)
     longer.expire(NOON + timedelta(seconds=119), NOWHERE)
     assert longer.status(A.key) is RequestStatus.GRANTED
     longer.expire(NOON + timedelta(seconds=120), NOWHERE)
@@ -263,13 +263,13 @@ def test_a_grant_without_an_end_lasts_and_a_longer_lease_counts() -> None:
 )
 def test_an_answer_that_says_nothing_new_changes_nothing(request_id: str, grant: GrantType) -> None:
     access = asked()
-    access.answer(response(request_id, grant), IN_A, 0.0)
+    access.apply(response(request_id, grant), IN_A, 0.0)
     assert (access.status(A.key), access.revision) == (RequestStatus.REQUESTED, 0)
 
 
 def test_only_what_is_wanted_is_kept() -> None:
-    access = ZoneAccess()
-    access.want([A, B], now=0.0)
+    access = ZoneRequests()
+    access.request([A, B], now=0.0)
     access.keep_only(frozenset({B.key}))
     assert [each.zone_id for each in access.requests] == ["b"]
 
@@ -283,7 +283,7 @@ class AccessMachine(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.access = ZoneAccess()
+        self.access = ZoneRequests()
         self.now = 0.0
         self.inside: frozenset[ZoneKey] = NOWHERE
         self.given: dict[str, ZoneKey] = {}
@@ -293,7 +293,7 @@ class AccessMachine(RuleBasedStateMachine):
     def want(self, zones: list[EnabledZone], seconds: float) -> None:
         self.now += seconds
         known = set(self.given)
-        self.access.want(zones, self.now)
+        self.access.request(zones, self.now)
         new = {each.request_id: each.key for each in self.access.requests if each.request_id not in known}
         assert all(int(each.split("-")[1]) > len(known) for each in new), "no id is used twice"
         self.given |= new
@@ -309,7 +309,7 @@ class AccessMachine(RuleBasedStateMachine):
     ) -> None:
         self.inside = inside
         lasting = None if lasting is None else self.now + lasting
-        self.access.answer(response(f"zone-{number}", grant, lasting=lasting), inside, self.now)
+        self.access.apply(response(f"zone-{number}", grant, lasting=lasting), inside, self.now)
         self.access.keep_only(frozenset({A.key, B.key}), inside)
 
     @rule(seconds=SECONDS, inside=INSIDE)

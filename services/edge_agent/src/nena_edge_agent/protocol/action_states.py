@@ -91,8 +91,8 @@ class ActionStates:
         self._touch(action_id)
         return True
 
-    def begin_anew(self, action_id: str) -> None:
-        """Take an action back to its start: an interrupted run of the program knows nothing of it."""
+    def restart(self, action_id: str) -> None:
+        """Return an action to its start: the plug-ins of this run do not know it."""
         self._records[action_id].status = ActionStatus.INITIALIZING
         self._touch(action_id)
 

@@ -62,32 +62,6 @@ class LinkLossPolicy(StrEnum):
     """It drives to the next node, and waits there."""
 
 
-@dataclass(slots=True)
-class LinkWatch:
-    """Since when the link is lost, as a monotonic time in s; None: it stands.
-
-    The robot may be without it for ``patience`` seconds.
-    """
-
-    policy: LinkLossPolicy
-    patience: float
-    lost_since: float | None = None
-
-    @property
-    def waits(self) -> bool:
-        """Whether a loss may come to last too long."""
-        return self.lost_since is not None and self.policy is not LinkLossPolicy.ASSERTIVE
-
-    def out_of_reach(self, now: float) -> bool:
-        """Tell whether the robot must not begin to drive to another node."""
-        since = self.lost_since
-        return self.waits and since is not None and now - since >= self.patience
-
-    def must_stand(self, now: float) -> bool:
-        """Tell whether the robot must stop where it is."""
-        return self.policy is LinkLossPolicy.PREVENTIVE_AT_ONCE and self.out_of_reach(now)
-
-
 class DriveStrategy(StrEnum):
     """How nodes are driven to."""
 
@@ -120,7 +94,7 @@ class Capabilities:
     ``braking_distance`` is the way in m in which the robot becomes slower, from its full speed; ``footprint``
     is its contour.
 
-    ``link_loss`` holds once the link to the broker has been lost for ``link_loss_patience`` seconds.
+    ``link_loss`` holds once the link to the broker has been lost for ``link_loss_timeout`` seconds.
 
     A drive that has failed is tried again ``drive_retries`` times, each time after ``retry_wait`` seconds.
 
@@ -145,7 +119,7 @@ class Capabilities:
     base_request_distance: float = 2.0
     external_goals: ExternalGoals = ExternalGoals.PAUSE
     link_loss: LinkLossPolicy = LinkLossPolicy.ASSERTIVE
-    link_loss_patience: float = 10.0
+    link_loss_timeout: float = 10.0
     drive_retries: int = 0
     retry_wait: float = 5.0
     maximum_nodes: int = 1000

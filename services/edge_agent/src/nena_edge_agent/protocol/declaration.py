@@ -229,7 +229,9 @@ PREDEFINED: dict[str, ActionDeclaration] = {
 """Declarations by action type."""
 
 
-def spoken(declarations: Mapping[str, ActionDeclaration], rules: Rules) -> dict[str, ActionDeclaration]:
+def supported_actions(
+    declarations: Mapping[str, ActionDeclaration], rules: Rules
+) -> dict[str, ActionDeclaration]:
     """Leave out the predefined actions that a version of the standard does not have."""
     unknown: set[str] = set()
     if ActionStatus.RETRIABLE not in rules.action_statuses:

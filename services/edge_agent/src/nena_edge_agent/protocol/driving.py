@@ -1,129 +1,365 @@
-"""The goal that the driver has, and how the next one is made."""
+"""Driving along the order: edges entered, goals sent, nodes traversed (sections 6.6.1 to 6.6.3)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from math import atan2
+from itertools import islice, pairwise
+from math import atan2, dist, hypot, pi, sin
 
-from nena_edge_agent.driver.port import DriveGoal, OwnGoals, Pose
-from nena_edge_agent.protocol.capabilities import Capabilities
-from nena_edge_agent.protocol.geometry import distance, radius
-from nena_shared.vda5050.order import NodePosition
+from nena_edge_agent.driver.port import (
+    Arrived,
+    DriveFailed,
+    DriveFailure,
+    DriveGoal,
+    NavigationReport,
+    Pose,
+)
+from nena_edge_agent.protocol import actions, zones
+from nena_edge_agent.protocol.action_states import lets_drive
+from nena_edge_agent.protocol.capabilities import Capabilities, DriveStrategy, ExternalGoals
+from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.events import Drive, Halt
+from nena_edge_agent.protocol.geometry import distance, heading_fits, in_place, radius, same_place, turn
+from nena_edge_agent.protocol.robot_state import RobotState
+from nena_shared.vda5050.error import ErrorType, error
+from nena_shared.vda5050.order import Edge, Node, NodePosition
 
-HALT_PATIENCE = 5.0
-"""Seconds after which a halt without an answer is asked for again."""
-
-
-@dataclass(slots=True)
-class GoalInFlight:
-    """What the driver was told last.
-
-    ``target`` is the sequenceId of the node that it drives to, None: it has no goal. ``halting_since`` is the
-    time in s when it was asked to stop and has not answered; ``halt_problem`` says why it cannot be shown to
-    stand, where the driver has said so. ``failed_at`` is the sequenceId of a node that
-    was not reached; it is not tried again until the order changes. ``failures`` are the drives to the next
-    node that have failed and are tried again, at ``retry_at`` in s; ``problem`` says why the last one did.
-    ``pose`` is where the last goal led to, ``ahead`` the places that it was told come behind, ``own`` what
-    navigation has or may have of our goals, and ``listed_ids`` those that it listed last. ``unsettled``: what
-    they have come to has not been told yet.
-    """
-
-    generation: int = 0
-    target: int | None = None
-    halting_since: float | None = None
-    halt_problem: str = ""
-    failed_at: int | None = None
-    failures: int = 0
-    retry_at: float | None = None
-    problem: str = ""
-    pose: Pose | None = None
-    ahead: tuple[Pose, ...] = ()
-    own: OwnGoals | None = None
-    listed_ids: tuple[str, ...] = ()
-    unsettled: bool = False
-
-    def listed(self, goal_ids: tuple[str, ...]) -> None:
-        """Note which goals of ours navigation drives to; a new one is the one that was given last."""
-        own, self.listed_ids = self.own, goal_ids
-        if not goal_ids:
-            self.own = own if self.unsettled else None  # what they have come to is told in a moment
-        elif own and set(goal_ids) <= set(own.goal_ids):
-            self.own = replace(own, goal_ids=goal_ids)
-        else:
-            self.own = OwnGoals(goal_ids, self.pose) if self.pose else None
-
-    def give(self, pose: Pose, behind: str) -> None:
-        """Note that a goal to ``pose`` is about to be given, and which goal is listed last before it.
-
-        An earlier run may have given it already: then it is listed behind what was listed at that time.
-        """
-        own = self.own or OwnGoals((), pose)
-        again = self.unsettled and own.given is not None and _place(own.given) == _place(pose)
-        self.own = OwnGoals(own.goal_ids, own.pose, pose, own.behind if again else behind)
-        self.pose, self.unsettled = pose, True
-
-    def settle(self) -> None:
-        """Note that the drive is over; goals that navigation still drives to are ours as before."""
-        self.unsettled = False
-        if self.own:
-            self.own = OwnGoals(self.listed_ids, self.own.pose) if self.listed_ids else None
-
-    def forget_failures(self) -> None:
-        """Begin anew: another node is driven to, or the order has changed."""
-        self.failed_at, self.failures, self.retry_at, self.problem = None, 0, None, ""
-
-    def retry(self, at: float, problem: str) -> None:
-        """Note that the drive has failed and is tried again ``at`` a time in s."""
-        self.target, self.failures, self.retry_at, self.problem = None, self.failures + 1, at, problem
-
-    def restore(self, own: OwnGoals) -> None:
-        """Take over what an earlier run knew; what has become of it is not told yet."""
-        self.own, self.pose, self.unsettled = own, own.given or own.pose, True
-
-    @property
-    def moving(self) -> bool:
-        """Whether the robot drives or has not stopped yet."""
-        return self.target is not None or self.halting_since is not None
-
-    @property
-    def halting(self) -> bool:
-        """Whether a halt has not been answered."""
-        return self.halting_since is not None
-
-    def is_current(self, generation: int) -> bool:
-        """Tell whether an event of ``generation`` is about the goal that the driver has now."""
-        return self.target is not None and generation == self.generation
+HALT_TIMEOUT = 5.0
+"""Seconds after which a halt without an answer is requested again."""
+POSES_AHEAD = 20
+"""Poses ahead that a goal carries at most; the others follow while the robot drives."""
+CUT_WITHIN = 0.7
+"""Metres before a pose at which Nav2's default tree drops it and heads for the next one."""
+TRANSIENT = frozenset(
+    {
+        DriveFailure.ABORTED,
+        DriveFailure.NOT_TAKEN_UP,
+        DriveFailure.OUTSIDE_TOLERANCE,
+        DriveFailure.NAVIGATION_GONE,
+    }
+)
+"""Failures that another try may overcome; a canceled or replaced goal was ended on purpose."""
 
 
-def make_goal(
-    position: NodePosition,
-    pose: Pose,
-    capabilities: Capabilities,
-    *,
-    generation: int,
-    maximum_speed: float | None,
-    ahead: tuple[Pose, ...] = (),
-) -> DriveGoal:
-    """Make the goal for ``position``; where no heading is demanded the robot arrives looking ahead."""
-    demanded = position.theta is not None
-    allowed = position.allowed_deviation_theta or capabilities.default_deviation_theta
-    theta = position.theta if position.theta is not None else heading(pose, position)
-    return DriveGoal(
-        generation=generation,
-        pose=Pose(position.x, position.y, theta, position.map_id),
-        deviation_xy=radius(position, capabilities.default_deviation_xy),
-        deviation_theta=allowed if demanded else None,
-        maximum_speed=maximum_speed,
-        ahead=ahead,
+def advance(robot: RobotState) -> None:
+    """Do what the state allows: repeat a halt, stop, or drive on."""
+    _repeat_halt(robot)
+    if _must_stop(robot):
+        halt(robot)
+        return
+    _update_ahead(robot)
+    while _may_drive(robot):
+        if goals := robot.reports.goals.external:
+            text = f"navigation drives to a goal of another program ({goals[0].goal_id})"
+            _fail(robot, DriveFailure.TAKEN_OVER, text)
+            return
+        _enter_edge(robot)
+        if not robot.queue.driving_allowed or not _drive_to_next_node(robot):
+            return
+
+
+def halt(robot: RobotState) -> None:
+    """Stop the robot, unless it has no goal."""
+    if robot.goal.target is not None:
+        robot.goal.target = None
+        request_halt(robot)
+
+
+def request_halt(robot: RobotState) -> None:
+    """Stop the robot whatever it does: after a restart that is not known."""
+    robot.goal.halting_since = robot.now
+    robot.effects.append(Halt())
+
+
+def has_leftover_goal(robot: RobotState) -> bool:
+    """Return whether navigation may still drive to a goal of ours that the order does not need."""
+    wanted = robot.progress.next_node is not None and robot.queue.driving_allowed
+    return robot.goal.own is not None and not wanted
+
+
+def new_base_request(robot: RobotState) -> bool:
+    """Return whether the end of the base is near while a horizon is left (section 6.6.3)."""
+    if not robot.progress.horizon_left or robot.clearing:
+        return False
+    return _base_length_left(robot) <= robot.capabilities.base_request_distance
+
+
+# Reports of the driver
+
+
+def arrived(robot: RobotState, event: Arrived) -> None:
+    """Count the goal's node as traversed."""
+    if robot.goal.is_current(event.generation):
+        _traverse(robot)
+
+
+def failed(robot: RobotState, event: DriveFailed) -> None:
+    """Retry later, or stop and report the failure; the order stays, and fleet control decides."""
+    if not robot.goal.is_current(event.generation):
+        return
+    robot.goal.settle()
+    if event.failure is DriveFailure.NAVIGATION_GONE:
+        request_halt(robot)  # the controller may drive on without the navigator
+    pauses = robot.capabilities.external_goals is ExternalGoals.PAUSE
+    if event.failure is DriveFailure.TAKEN_OVER and pauses:
+        robot.goal.target = None  # sent again when the other drive has ended
+    elif event.failure in TRANSIENT and robot.goal.failures < robot.capabilities.drive_retries:
+        problem = f"{event.description} ({event.failure})"
+        robot.goal.retry(robot.now + robot.capabilities.retry_wait, problem)
+    else:
+        _fail(robot, event.failure, event.description)
+
+
+def halted(robot: RobotState) -> None:
+    """Note that the robot has stopped and has no goal."""
+    robot.goal.halting_since, robot.goal.halt_problem = None, ""
+    robot.goal.target = None
+    robot.goal.settle()
+
+
+def halt_failed(robot: RobotState, description: str) -> None:
+    """Note that the robot's standstill is not confirmed; it is asked to stop again and again."""
+    robot.goal.halt_problem = description
+    if robot.goal.halting_since is None:
+        robot.goal.halting_since = robot.now
+
+
+def navigation_changed(robot: RobotState, report: NavigationReport) -> None:
+    """Send the goal again once navigation is back: it may have lost it."""
+    if report.available and not robot.reports.navigation.available:
+        robot.goal.target = None
+    robot.reports.navigation = report
+
+
+def pose_changed(robot: RobotState) -> None:
+    """Traverse the next node if the robot is within its deviation and need not stop there."""
+    node = robot.progress.next_node
+    passing = robot.capabilities.strategy is DriveStrategy.PASS_THROUGH
+    if passing and node and robot.goal.target is not None and _may_pass(robot, node):
+        _traverse(robot)
+
+
+# Conditions
+
+
+def _must_stop(robot: RobotState) -> bool:
+    return (
+        robot.hold_applied
+        or robot.clearing
+        or robot.link.must_stop(robot.now)
+        or robot.reports.localized_pose is None
+        or (robot.goal.target is not None and zones.must_stop(robot))
     )
 
 
-def _place(pose: Pose) -> tuple[float, float, str]:
-    return pose.x, pose.y, pose.map_id
+def _may_drive(robot: RobotState) -> bool:
+    node = robot.progress.next_node
+    return (
+        node is not None
+        and robot.reports.navigation.available
+        and not robot.goal.halting
+        and not robot.waits_for_external_goal
+        and not robot.link.out_of_reach(robot.now)
+        and (robot.goal.retry_at is None or robot.now >= robot.goal.retry_at)
+        and robot.goal.failed_at != node.sequence_id
+        and robot.goal.target is None
+        and robot.queue.driving_allowed
+        and not zones.must_stop(robot)
+    )
 
 
-def heading(pose: Pose, position: NodePosition) -> float:
-    """Give the direction from ``pose`` to ``position``; on the spot that is the robot's own."""
+def _may_pass(robot: RobotState, node: Node) -> bool:
+    """Return whether the robot is within the deviation of ``node`` and can drive on without a stop."""
+    pose, position = robot.reports.localized_pose, node.node_position
+    following = next(islice(robot.progress.edges, 1, None), None)
+    if pose is None or position is None or following is None or not following.released:
+        return False
+    capabilities = robot.capabilities
+    return (
+        robot.queue.driving_allowed
+        and not robot.link.out_of_reach(robot.now)
+        and lets_drive(node.actions)
+        and lets_drive(following.actions)
+        and (capabilities.drives_ahead or distance(pose, position) <= _pass_radius(robot))
+        and in_place(pose, position, capabilities.default_deviation_xy)
+        and heading_fits(pose, position, capabilities.default_deviation_theta)
+        and not _barred_behind(robot, position)
+    )
+
+
+def _pass_radius(robot: RobotState) -> float:
+    """Return the distance in m from a passed node at which the next goal is sent, at the present speed."""
+    capabilities, speed = robot.capabilities, robot.reports.velocity.vx or 0.0
+    early = capabilities.hand_over_distance + abs(speed) * capabilities.hand_over_time
+    return max(capabilities.pass_radius, early)
+
+
+def _barred_behind(robot: RobotState, position: NodePosition) -> bool:
+    """Return whether a zone keeps the robot from driving on behind the next node, at ``position``."""
+    following = next(islice(robot.progress.nodes, 1, None), None)
+    end = following.node_position if following else None
+    return end is not None and zones.first_barred(robot, position, end) is not None
+
+
+def _stands_at(robot: RobotState, position: NodePosition, pose: Pose) -> bool:
+    """Return whether an edge of no length leads to ``position``, and the robot is really there."""
+    last = robot.progress.last_node if robot.progress.on_last_node else None
+    same = last and last.node_position and same_place(last.node_position, position)
+    return bool(same) and in_place(pose, position, robot.capabilities.default_deviation_xy)
+
+
+def _base_length_left(robot: RobotState) -> float:
+    """Return the straight length in m from the robot over the base's nodes to its end."""
+    pose = robot.reports.localized_pose
+    if pose is None:
+        return 0.0
+    base = (node.node_position for node in robot.progress.nodes if node.released)
+    path = [(pose.x, pose.y), *((position.x, position.y) for position in base if position)]
+    return sum(dist(start, end) for start, end in pairwise(path))
+
+
+# Steps
+
+
+def _repeat_halt(robot: RobotState) -> None:
+    since = robot.goal.halting_since
+    if since is not None and robot.now - since >= HALT_TIMEOUT:
+        request_halt(robot)
+
+
+def _enter_edge(robot: RobotState) -> None:
+    if not robot.progress.edge_entered:
+        edge = robot.progress.enter_edge()
+        actions.enqueue(robot, edge.actions)
+
+
+def _drive_to_next_node(robot: RobotState) -> bool:
+    """Send the next goal; return whether the node is traversed at once, as it is where the robot stands."""
+    node, pose = robot.progress.next_node, robot.reports.localized_pose
+    if node is None or node.node_position is None or pose is None:
+        return False  # excluded by the acceptance of the order and by the callers
+    if _stands_at(robot, node.node_position, pose):
+        _traverse(robot)
+        return True
+    _send_goal(robot, node, node.node_position, pose)
+    return False
+
+
+def _send_goal(robot: RobotState, node: Node, position: NodePosition, pose: Pose) -> None:
+    goal = robot.goal
+    goal.generation += 1
+    goal.ahead = _poses_ahead(robot)
+    goal.target, goal.retry_at = node.sequence_id, None
+    robot.progress.leave_node()
+    robot.charging = False
+    drive = _make_goal(robot, position, pose)
+    robot.reports.progress = None  # belongs to the goal before
+    listed = robot.reports.goals.goals
+    goal.give(drive.pose, listed[-1].goal_id if listed else "")
+    robot.effects.append(Drive(drive))
+
+
+def _make_goal(robot: RobotState, position: NodePosition, pose: Pose) -> DriveGoal:
+    """Make the goal for ``position``; without a theta the robot arrives with its heading of travel."""
+    capabilities = robot.capabilities
+    allowed = position.allowed_deviation_theta or capabilities.default_deviation_theta
+    theta = position.theta if position.theta is not None else _heading(pose, position)
+    return DriveGoal(
+        generation=robot.goal.generation,
+        pose=Pose(position.x, position.y, theta, position.map_id),
+        deviation_xy=radius(position, capabilities.default_deviation_xy),
+        deviation_theta=allowed if position.theta is not None else None,
+        maximum_speed=robot.progress.edges[0].maximum_speed,
+        ahead=robot.goal.ahead,
+    )
+
+
+def _heading(pose: Pose, position: NodePosition) -> float:
+    """Return the direction from ``pose`` to ``position``; on the spot that is the robot's own."""
     if distance(pose, position) == 0:
         return pose.theta
     return atan2(position.y - pose.y, position.x - pose.x)
+
+
+def _traverse(robot: RobotState) -> None:
+    robot.goal.target = None
+    robot.goal.settle()
+    robot.goal.forget_failures()
+    node, edge = robot.progress.traverse()
+    actions.end_with_edge(robot, edge)
+    actions.enqueue(robot, node.actions)
+
+
+def _fail(robot: RobotState, failure: DriveFailure, description: str) -> None:
+    node = robot.progress.nodes[0]
+    robot.goal.failed_at, robot.goal.target = node.sequence_id, None
+    robot.errors.report(
+        error(
+            ErrorType.NODE_UNREACHABLE,
+            f"node '{node.node_id}' was not reached: {description} ({failure})",
+            hint="remove the cause, then update the order or cancel it",
+            node_id=node.node_id,
+            order_id=robot.progress.order_id,
+            order_update_id=robot.progress.order_update_id,
+            failure=failure,
+        ),
+        Until.ORDER_OVER,
+    )
+
+
+# Poses behind the next node, for a driver that drives over several without a stop
+
+
+def _update_ahead(robot: RobotState) -> None:
+    """Send the goal again when other poses follow it than the driver knows."""
+    node, pose = robot.progress.next_node, robot.reports.localized_pose
+    if robot.goal.target is None or node is None or node.node_position is None or pose is None:
+        return
+    if _poses_ahead(robot) != robot.goal.ahead:
+        _send_goal(robot, node, node.node_position, pose)
+
+
+def _poses_ahead(robot: RobotState) -> tuple[Pose, ...]:
+    """Return the poses behind the next node, up to the next stop or the end of the base.
+
+    A stop is a node with a theta or with actions that need one, a bend that navigation would cut by more than
+    the node allows, and a zone that keeps the robot out.
+    """
+    capabilities, pose = robot.capabilities, robot.reports.localized_pose
+    passes = capabilities.strategy is DriveStrategy.PASS_THROUGH and capabilities.drives_ahead
+    if not passes or pose is None or robot.link.out_of_reach(robot.now):
+        return ()
+    progress = robot.progress
+    before: Pose | NodePosition = (progress.last_node and progress.last_node.node_position) or pose
+    poses: list[Pose] = []
+    edges = islice(progress.edges, 1, POSES_AHEAD + 1)
+    for node, edge, following in zip(progress.nodes, edges, islice(progress.nodes, 1, None), strict=False):
+        here, there = node.node_position, following.node_position
+        if here is None or there is None or not _drives_over(node, edge, before, there, capabilities):
+            break
+        if zones.first_barred(robot, here, there) is not None:
+            break
+        theta = there.theta if there.theta is not None else atan2(there.y - here.y, there.x - here.x)
+        poses.append(Pose(there.x, there.y, theta, there.map_id))
+        before = here
+    return tuple(poses)
+
+
+def _drives_over(
+    node: Node, edge: Edge, before: Pose | NodePosition, there: NodePosition, capabilities: Capabilities
+) -> bool:
+    """Return whether nothing at ``node`` or on ``edge`` behind it needs a stop, and the bend is allowed."""
+    here = node.node_position
+    if here is None or here.theta is not None or not edge.released:
+        return False
+    if not lets_drive(node.actions) or not lets_drive(edge.actions):
+        return False
+    return _cut(before, here, there) <= radius(here, capabilities.default_deviation_xy)
+
+
+def _cut(before: Pose | NodePosition, here: NodePosition, there: NodePosition) -> float:
+    """Return how far from ``here`` navigation passes it, in m, where the path bends there."""
+    if (before.x, before.y) == (here.x, here.y) or hypot(there.x - here.x, there.y - here.y) == 0:
+        return 0.0
+    inward = atan2(here.y - before.y, here.x - before.x)
+    bend = abs(turn(inward, atan2(there.y - here.y, there.x - here.x)))
+    return CUT_WITHIN * sin(min(bend, pi / 2))

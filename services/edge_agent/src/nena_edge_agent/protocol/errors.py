@@ -21,17 +21,17 @@ class Until(Enum):
     """As ORDER_ACCEPTED, or the order is cancelled."""
     INSTANT_ACTION_ACCEPTED = auto()
     """The next instant action is accepted."""
-    ZONE_SET_TAKEN = auto()
+    ZONE_SET_ACCEPTED = auto()
     """The next zone set is taken."""
     CONDITION_OVER = auto()
     """Its cause is gone."""
-    TAKEN_BACK = auto()
+    WITHDRAWN = auto()
     """Who has shown it takes it back."""
     AVAILABLE = auto()
     """The robot takes orders again."""
 
 
-REFUSED = (Until.ORDER_ACCEPTED, Until.INSTANT_ACTION_ACCEPTED, Until.ZONE_SET_TAKEN, Until.AVAILABLE)
+REFUSED = (Until.ORDER_ACCEPTED, Until.INSTANT_ACTION_ACCEPTED, Until.ZONE_SET_ACCEPTED, Until.AVAILABLE)
 """How long errors of refused messages last."""
 
 
@@ -48,7 +48,7 @@ class ActiveErrors:
         self.worst_reported: ErrorLevel | None = None
         """The level of the worst error that somebody has shown and not taken back."""
 
-    def show(self, error: ErrorEntry, until: Until) -> None:
+    def report(self, error: ErrorEntry, until: Until) -> None:
         """Add ``error``, in place of an older one of the same type and references."""
         key = error_key(error)
         if self._active.get(key) == (error, until):
@@ -67,17 +67,17 @@ class ActiveErrors:
         if ended:
             self._changed()
 
-    def take_back(self, error: ErrorEntry) -> None:
+    def withdraw(self, error: ErrorEntry) -> None:
         """Take away ``error``; one that is not active is passed over."""
         if self._active.pop(error_key(error), None):
             self._changed()
 
     @property
-    def hindering(self) -> bool:
+    def stop_robot(self) -> bool:
         """Whether somebody has shown an error with which the robot cannot go on (section 6.6.5.1)."""
         return self.worst_reported in (ErrorLevel.CRITICAL, ErrorLevel.FATAL)
 
-    def condition(self, kind: ErrorType | str, error: ErrorEntry | None) -> None:
+    def set_condition(self, kind: ErrorType | str, error: ErrorEntry | None) -> None:
         """Show ``error`` as the only one of its ``kind`` for as long as its cause lasts, None: it is gone."""
         if error is None and not self._active:
             return
@@ -88,7 +88,7 @@ class ActiveErrors:
             if old:
                 self._changed()
         if error is not None:
-            self.show(error, Until.CONDITION_OVER)
+            self.report(error, Until.CONDITION_OVER)
 
     def _other_than(self, error: ErrorEntry) -> bool:
         return any(key[0] == error.error_type and key != error_key(error) for key in self._conditions)
@@ -105,7 +105,7 @@ class ActiveErrors:
     def _changed(self) -> None:
         self.revision += 1
         self.entries = tuple(entry for entry, _ in self._active.values())
-        reported = {entry.error_level for entry, until in self._active.values() if until is Until.TAKEN_BACK}
+        reported = {entry.error_level for entry, until in self._active.values() if until is Until.WITHDRAWN}
         self.worst_reported = next((each for each in reversed(ErrorLevel) if each in reported), None)
 
 

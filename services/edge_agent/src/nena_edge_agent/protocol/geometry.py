@@ -159,12 +159,12 @@ class Footprint:
     length: float
     width: float
 
-    def stand(self, pose: Pose) -> tuple[Polygon, ...]:
+    def at(self, pose: Pose) -> tuple[Polygon, ...]:
         """Give what the robot covers where it stands."""
         place = (pose.x, pose.y)
         return (rectangle(place, place, length=self.length, width=self.width, theta=pose.theta),)
 
-    def way(self, start: Pose | NodePosition, end: NodePosition) -> tuple[Polygon, ...]:
+    def along_path(self, start: Pose | NodePosition, end: NodePosition) -> tuple[Polygon, ...]:
         """Give what the robot covers on the straight way to ``end``, where it may turn."""
         begin, place = (start.x, start.y), (end.x, end.y)
         return (

@@ -1,11 +1,15 @@
-"""Actions beside the order (sections 6.2.1 and 7.4): each is judged for itself, and none runs twice."""
+"""Instant actions, which fleet control sends beside the order (sections 6.2.1, 6.2.3 and 7.4).
+
+Each action is judged for itself, and none runs twice.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from math import pi
 
-from nena_edge_agent.protocol.action_flow import OwnAction
+from nena_edge_agent.driver.port import Pose, PositionInitialized
+from nena_edge_agent.protocol import actions, driving, orders, zones
 from nena_edge_agent.protocol.action_states import ActionRecord
 from nena_edge_agent.protocol.declaration import (
     CANCEL_ORDER,
@@ -22,162 +26,293 @@ from nena_edge_agent.protocol.declaration import (
     TRIGGER,
 )
 from nena_edge_agent.protocol.errors import Until
-from nena_edge_agent.protocol.events import SendFactsheet, StartAction
-from nena_edge_agent.protocol.instant_refusal import refuse
-from nena_edge_agent.protocol.order_cancel import OrderCancel
-from nena_edge_agent.protocol.parts import RobotParts
-from nena_edge_agent.protocol.pause import Pause
-from nena_edge_agent.protocol.position_setting import PositionSetting
-from nena_edge_agent.protocol.retry import Retry
-from nena_edge_agent.protocol.trigger import Trigger
-from nena_edge_agent.protocol.zone_keeping import ZoneKeeping
+from nena_edge_agent.protocol.events import SendFactsheet, SetPosition, StartAction
+from nena_edge_agent.protocol.order_acceptance import map_list
+from nena_edge_agent.protocol.robot_state import INSTANT_ACTIONS_SHOWN, PositionRequest, RobotState
 from nena_shared.vda5050.action import Action, ActionStatus, InstantActions
 from nena_shared.vda5050.error import ErrorType, error
 from nena_shared.vda5050.factsheet import ActionScope
 
 MESSAGE_LIMIT = 100
-"""Actions that one message may hold; none of a longer one is begun."""
-STATES_KEPT = 200
-"""States of instant actions shown at most; beyond it the oldest ended ones go, then none more is begun."""
-HARMLESS = frozenset({STATE_REQUEST, FACTSHEET_REQUEST})
-"""Taken in every operating mode."""
+"""Actions that one message may hold; a longer one is refused as a whole."""
 IDS_KNOWN = 1000
-"""Ids of instant actions that are recognised when they come again."""
+"""Ids of instant actions that are recognised when they are sent again."""
+IN_EVERY_MODE = frozenset({STATE_REQUEST, FACTSHEET_REQUEST})
+"""Accepted in every operating mode."""
+POSITION_TIMEOUT = 30.0
+"""Seconds that the localisation has to accept a position."""
+FLEET_CONTROL = "FLEET_CONTROL"
+"""The type of trigger that fleet control releases."""
 
 
-def under_way(parts: RobotParts) -> int:
-    """Count the instant actions that have not ended."""
-    return sum(not record.status.ended for record in parts.instants)
-
-
-class InstantActionFlow:
-    """Takes in instant actions and hands each to what does it."""
-
-    def __init__(
-        self,
-        parts: RobotParts,
-        *,
-        cancel: OrderCancel,
-        pause: Pause,
-        position: PositionSetting,
-        retry: Retry,
-        trigger: Trigger,
-        zones: ZoneKeeping,
-    ) -> None:
-        self._parts = parts
-        self.on_nodes: dict[str, OwnAction] = {
-            CLEAR_INSTANT_ACTIONS: self._clear,
-            ENABLE_ZONE_SET: zones.enable,
-        }
-        """Those that the order may name as well."""
-        self._own: dict[str, Callable[[Action], None]] = {
-            CANCEL_ORDER: cancel.request,
-            START_PAUSE: pause.start,
-            STOP_PAUSE: pause.stop,
-            INITIALIZE_POSITION: position.request,
-            STATE_REQUEST: self._finish,
-            FACTSHEET_REQUEST: self._send_factsheet,
-            CLEAR_INSTANT_ACTIONS: partial(self._end, self._clear),
-            ENABLE_ZONE_SET: partial(self._end, zones.enable),
-            DELETE_ZONE_SET: partial(self._end, zones.delete),
-            RETRY: retry.retry,
-            SKIP_RETRY: retry.skip,
-            TRIGGER: trigger.request,
-        }
-
-    def take(self, message: InstantActions) -> None:
-        """Begin or refuse each action; one that came before is passed over."""
-        if len(message.actions) > MESSAGE_LIMIT:
-            self._show_excess(message)
-            return
-        for action in message.actions:
-            if action.action_id in self._parts.known_instant_ids:
-                continue
-            self._remember(action)
-            problem = self._problem(action)
-            if problem:
-                self._refuse(action, problem, message)
-            else:
-                self._begin(action)
-
-    def _problem(self, action: Action) -> str | None:
-        if action.action_id in self._parts.actions:
-            return "the actionId is used by an action of the order"
-        if problem := self._mode_problem(action):
-            return problem
-        declaration = self._parts.capabilities.actions.get(action.action_type)
-        if declaration is None:
-            return f"the robot knows no action '{action.action_type}'"
-        if action.action_type not in self._own and under_way(self._parts) > STATES_KEPT:
-            return f"{STATES_KEPT} instant actions are under way already"
-        if declaration.needs_idle and (problem := self._order_problem()):
-            return problem
-        loaded = bool(self._parts.loads)
-        return declaration.problem(action, ActionScope.INSTANT) or declaration.load_problem(loaded=loaded)
-
-    def _order_problem(self) -> str | None:
-        """Say which order keeps the robot from an action that none may be active for."""
-        parts = self._parts
-        if parts.idle and not parts.clearing and not parts.goal.moving:
-            return None
-        return f"order '{parts.progress.order_id}' is active; wait for its end or cancel it"
-
-    def _mode_problem(self, action: Action) -> str | None:
-        """Say if fleet control may not ask for this while a person has the robot (section 6.6.6)."""
-        mode = self._parts.coming_mode
-        if mode.fleet_controls or action.action_type in HARMLESS:
-            return None
-        if mode.takes_orders and action.action_type == CANCEL_ORDER:
-            return None
-        return f"the robot is in mode {mode}"
-
-    def _begin(self, action: Action) -> None:
-        parts = self._parts
-        parts.errors.end(Until.INSTANT_ACTION_ACCEPTED)
-        own = self._own.get(action.action_type)
-        if own:
-            own(action)
+def receive(robot: RobotState, message: InstantActions) -> None:
+    """Start or refuse each action; one that was received before is ignored."""
+    if len(message.actions) > MESSAGE_LIMIT:
+        _refuse_message(robot, message)
+        return
+    for action in message.actions:
+        if action.action_id in robot.known_instant_ids:
+            continue
+        _remember(robot, action)
+        if problem := _problem(robot, action):
+            hint = "the factsheet lists the robot's actions"
+            _refuse(robot, action, problem, hint=hint, header_id=message.header_id)
         else:
-            parts.instants.change(action.action_id, ActionStatus.INITIALIZING)
-            parts.effects.append(StartAction(action, parts.loads))
+            _start(robot, action)
 
-    def _refuse(self, action: Action, problem: str, message: InstantActions) -> None:
-        hint = "the factsheet lists the robot's actions"
-        refuse(self._parts, action, problem, hint=hint, header_id=message.header_id)
 
-    def _show_excess(self, message: InstantActions) -> None:
-        entry = error(
-            ErrorType.INSUFFICIENT_MEMORY,
-            f"the message has {len(message.actions)} instant actions, the robot takes {MESSAGE_LIMIT}",
-            hint="send them in parts",
-            topic="instantActions",
-            header_id=message.header_id,
-        )
-        self._parts.errors.show(entry, Until.INSTANT_ACTION_ACCEPTED)
+def _problem(robot: RobotState, action: Action) -> str | None:
+    if action.action_id in robot.actions:
+        return "the actionId is used by an action of the order"
+    if problem := _mode_problem(robot, action):
+        return problem
+    declaration = robot.capabilities.actions.get(action.action_type)
+    if declaration is None:
+        return f"the robot knows no action '{action.action_type}'"
+    if action.action_type not in _CORE_ACTIONS and robot.instant_actions_running > INSTANT_ACTIONS_SHOWN:
+        return f"{INSTANT_ACTIONS_SHOWN} instant actions are running already"
+    if declaration.needs_idle and (problem := _order_problem(robot)):
+        return problem
+    loaded = bool(robot.loads)
+    return declaration.problem(action, ActionScope.INSTANT) or declaration.load_problem(loaded=loaded)
 
-    def _remember(self, action: Action) -> None:
-        parts = self._parts
-        parts.known_instant_ids[action.action_id] = None
-        while len(parts.known_instant_ids) > IDS_KNOWN:
-            del parts.known_instant_ids[next(iter(parts.known_instant_ids))]
-        if action.action_id not in parts.actions:
-            parts.instants.add([ActionRecord(action, ActionScope.INSTANT)])
-        surplus = len(list(parts.instants)) - STATES_KEPT
-        if surplus > 0:
-            ended = [record for record in parts.instants if record.status.ended][:surplus]
-            parts.instants.remove(lambda record: record in ended)
 
-    def _finish(self, action: Action) -> None:
-        self._parts.instants.change(action.action_id, ActionStatus.FINISHED)
+def _order_problem(robot: RobotState) -> str | None:
+    """Return which order keeps the robot from an action that needs an idle robot."""
+    if robot.idle and not robot.clearing and not robot.goal.moving:
+        return None
+    return f"order '{robot.progress.order_id}' is active; wait for its end or cancel it"
 
-    def _end(self, do: OwnAction, action: Action) -> None:
-        self._parts.instants.change(action.action_id, *do(action))
 
-    def _clear(self, _: Action) -> tuple[ActionStatus, str | None]:
-        """Forget what has ended; the clearing itself is shown until the next one."""
-        self._parts.instants.remove(lambda record: record.status.ended)
-        return ActionStatus.FINISHED, None
+def _mode_problem(robot: RobotState, action: Action) -> str | None:
+    """Return why fleet control may not send this while a person controls the robot (section 6.6.6)."""
+    mode = robot.next_mode
+    if mode.fleet_controls or action.action_type in IN_EVERY_MODE:
+        return None
+    if mode.takes_orders and action.action_type == CANCEL_ORDER:
+        return None
+    return f"the robot is in mode {mode}"
 
-    def _send_factsheet(self, action: Action) -> None:
-        self._parts.effects.append(SendFactsheet())
-        self._finish(action)
+
+def _start(robot: RobotState, action: Action) -> None:
+    robot.errors.end(Until.INSTANT_ACTION_ACCEPTED)
+    core_action = _CORE_ACTIONS.get(action.action_type)
+    if core_action:
+        core_action(robot, action)
+    else:
+        robot.instant_actions.change(action.action_id, ActionStatus.INITIALIZING)
+        robot.effects.append(StartAction(action, robot.loads))
+
+
+def _refuse(
+    robot: RobotState, action: Action, problem: str, *, hint: str, header_id: int | None = None
+) -> None:
+    """Fail ``action``, and report why until the next instant action is accepted (section 6.6.5.4)."""
+    robot.instant_actions.change(action.action_id, ActionStatus.FAILED, problem)
+    entry = error(
+        ErrorType.INVALID_INSTANT_ACTION,
+        problem,
+        hint=hint,
+        topic="instantActions",
+        header_id=header_id,
+        action_id=action.action_id,
+    )
+    robot.errors.report(entry, Until.INSTANT_ACTION_ACCEPTED)
+
+
+def _refuse_message(robot: RobotState, message: InstantActions) -> None:
+    entry = error(
+        ErrorType.INSUFFICIENT_MEMORY,
+        f"the message has {len(message.actions)} instant actions, the robot takes {MESSAGE_LIMIT}",
+        hint="send them in parts",
+        topic="instantActions",
+        header_id=message.header_id,
+    )
+    robot.errors.report(entry, Until.INSTANT_ACTION_ACCEPTED)
+
+
+def _remember(robot: RobotState, action: Action) -> None:
+    robot.known_instant_ids[action.action_id] = None
+    while len(robot.known_instant_ids) > IDS_KNOWN:
+        del robot.known_instant_ids[next(iter(robot.known_instant_ids))]
+    if action.action_id not in robot.actions:
+        robot.instant_actions.add([ActionRecord(action, ActionScope.INSTANT)])
+    surplus = len(list(robot.instant_actions)) - INSTANT_ACTIONS_SHOWN
+    if surplus > 0:
+        ended = [record for record in robot.instant_actions if record.status.ended][:surplus]
+        robot.instant_actions.remove(lambda record: record in ended)
+
+
+# startPause and stopPause, and whatever else holds the robot (section 6.2.3)
+
+
+def apply_hold(robot: RobotState) -> None:
+    """Hold the robot and its actions, or let them continue, if that has changed.
+
+    Fleet control, the pause button, an emergency stop, a field violation, the mode INTERVENED and an error
+    that stops the robot hold it in the same way: it continues when the last of them is over.
+    """
+    if robot.held == robot.hold_applied:
+        return
+    robot.hold_applied = robot.held
+    if robot.hold_applied:
+        actions.pause(robot)
+        driving.halt(robot)
+    else:
+        actions.resume(robot)
+        actions.schedule(robot)
+
+
+def advance_pause(robot: RobotState) -> None:
+    """Finish startPause when the robot has stopped."""
+    if robot.paused and not robot.goal.moving:
+        robot.end_instant_actions(START_PAUSE, ActionStatus.FINISHED)
+
+
+def _start_pause(robot: RobotState, action: Action) -> None:
+    robot.instant_actions.change(action.action_id, ActionStatus.RUNNING)
+    robot.paused = True
+
+
+def _stop_pause(robot: RobotState, action: Action) -> None:
+    """End the pause; a startPause that still runs fails. The pause button cannot be released remotely."""
+    robot.end_instant_actions(START_PAUSE, ActionStatus.FAILED, "taken back by stopPause")
+    robot.paused = False
+    if robot.reports.pause_button:
+        text = "the pause button is pressed"
+        robot.instant_actions.change(action.action_id, ActionStatus.FAILED, text)
+    else:
+        robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)
+
+
+# initializePosition, initPosition in 2.x (section 6.2.3)
+
+
+def _initialize_position(robot: RobotState, action: Action) -> None:
+    """Send the position to the localisation, unless that contradicts what the robot is doing."""
+    if problem := _position_problem(robot, action):
+        robot.instant_actions.change(action.action_id, ActionStatus.FAILED, problem)
+        return
+    robot.instant_actions.change(action.action_id, ActionStatus.RUNNING)
+    robot.position_request = PositionRequest(_text(action, "lastNodeId"), robot.now)
+    pose = Pose(_number(action, "x"), _number(action, "y"), _number(action, "theta"), _text(action, "mapId"))
+    robot.effects.append(SetPosition(pose))
+
+
+def position_initialized(robot: RobotState, answer: PositionInitialized) -> None:
+    """Finish with the localisation's answer, and note the node that came with the position."""
+    request, robot.position_request = robot.position_request, None
+    if request is None:
+        return
+    if not answer.succeeded:
+        robot.end_instant_actions(INITIALIZE_POSITION, ActionStatus.FAILED, answer.description)
+        return
+    if request.node_id != robot.progress.last_node_id or robot.idle:
+        robot.progress.place_at(request.node_id)
+    robot.end_instant_actions(INITIALIZE_POSITION, ActionStatus.FINISHED)
+
+
+def position_interrupted(robot: RobotState) -> None:
+    """Fail what a restart of the agent has interrupted."""
+    text = "the agent was interrupted before the localisation answered"
+    robot.end_instant_actions(INITIALIZE_POSITION, ActionStatus.FAILED, text)
+
+
+def advance_position(robot: RobotState) -> None:
+    """Fail when the localisation takes too long."""
+    request = robot.position_request
+    if request and robot.now - request.requested_at >= POSITION_TIMEOUT:
+        robot.position_request = None
+        text = f"the localisation has not answered in {POSITION_TIMEOUT:.0f} s"
+        robot.end_instant_actions(INITIALIZE_POSITION, ActionStatus.FAILED, text)
+
+
+def _position_problem(robot: RobotState, action: Action) -> str | None:
+    node_id, map_id = _text(action, "lastNodeId"), _text(action, "mapId")
+    if map_id not in robot.map_ids:
+        return f"the robot has {map_list(robot.map_ids)}, not '{map_id}'"
+    if abs(_number(action, "theta")) > pi + 1e-6:
+        return "theta must be within -π and π"
+    if robot.goal.moving:
+        return "the robot drives; pause it or cancel its order first"
+    if not robot.idle and node_id != robot.progress.last_node_id:
+        return f"an order is active at node '{robot.progress.last_node_id}'; cancel it first"
+    if len(robot.running_instant_actions(INITIALIZE_POSITION)) > 1:
+        return "another position is being set"
+    return None
+
+
+def _number(action: Action, key: str) -> float:
+    value = action.parameter(key)
+    return float(value) if isinstance(value, int | float) else 0.0
+
+
+def _text(action: Action, key: str) -> str:
+    value = action.parameter(key)
+    return value if isinstance(value, str) else ""
+
+
+# The other actions of the core (section 6.2.3)
+
+
+def _trigger(robot: RobotState, action: Action) -> None:
+    """Release all actions that wait for fleet control; the standard does not say which, if there are more."""
+    if actions.release(robot, FLEET_CONTROL):
+        robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)
+    else:
+        text = "no action waits for a trigger of fleet control"
+        robot.instant_actions.change(action.action_id, ActionStatus.FAILED, text)
+
+
+def _retry(robot: RobotState, action: Action) -> None:
+    _finish_retry(robot, action, actions.retry(robot, action))
+
+
+def _skip_retry(robot: RobotState, action: Action) -> None:
+    _finish_retry(robot, action, actions.skip_retry(robot, action))
+
+
+def _finish_retry(robot: RobotState, action: Action, problem: str | None) -> None:
+    if problem:
+        hint = "the robot's state shows which actions are RETRIABLE"
+        _refuse(robot, action, problem, hint=hint)
+    else:
+        robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)
+
+
+def _state_request(robot: RobotState, action: Action) -> None:
+    robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)  # each message is answered by one
+
+
+def _factsheet_request(robot: RobotState, action: Action) -> None:
+    robot.effects.append(SendFactsheet())
+    robot.instant_actions.change(action.action_id, ActionStatus.FINISHED)
+
+
+def _clear_instant_actions(robot: RobotState, action: Action) -> None:
+    robot.instant_actions.change(action.action_id, *actions.clear_instant_actions(robot, action))
+
+
+def _enable_zone_set(robot: RobotState, action: Action) -> None:
+    robot.instant_actions.change(action.action_id, *zones.enable(robot, action))
+
+
+def _delete_zone_set(robot: RobotState, action: Action) -> None:
+    robot.instant_actions.change(action.action_id, *zones.delete(robot, action))
+
+
+_CORE_ACTIONS: dict[str, Callable[[RobotState, Action], None]] = {
+    CANCEL_ORDER: orders.cancel,
+    START_PAUSE: _start_pause,
+    STOP_PAUSE: _stop_pause,
+    INITIALIZE_POSITION: _initialize_position,
+    STATE_REQUEST: _state_request,
+    FACTSHEET_REQUEST: _factsheet_request,
+    CLEAR_INSTANT_ACTIONS: _clear_instant_actions,
+    ENABLE_ZONE_SET: _enable_zone_set,
+    DELETE_ZONE_SET: _delete_zone_set,
+    RETRY: _retry,
+    SKIP_RETRY: _skip_retry,
+    TRIGGER: _trigger,
+}
+"""Instant actions that no plug-in does, by action type."""

@@ -1,11 +1,18 @@
-"""What a robot must still know after its agent was killed."""
+"""What the journal keeps of a robot: the form on disk, and from and to its state."""
 
 from __future__ import annotations
 
+from collections import deque
 from datetime import datetime
 
 from pydantic import BaseModel, ConfigDict
 
+from nena_edge_agent.driver.port import OwnGoals, Pose
+from nena_edge_agent.protocol.action_states import ActionRecord
+from nena_edge_agent.protocol.capabilities import Capabilities
+from nena_edge_agent.protocol.order_progress import BasePath, OrderHeader, OrderHistory, OrderProgress
+from nena_edge_agent.protocol.robot_state import RobotState
+from nena_edge_agent.protocol.zone_sets import AccessRequest, ZoneRequests
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.factsheet import ActionScope
 from nena_shared.vda5050.order import Edge, Node
@@ -139,3 +146,94 @@ class Memory(BaseModel):
     last_order_header: OrderHeaderMemory | None = None
     header_ids: tuple[tuple[Topic, int], ...] = ()
     """The headerId of each topic from which the next run of the program counts on."""
+
+
+def memory_of(robot: RobotState) -> Memory:
+    """Return what must survive the end of the process."""
+    last_header = robot.history.last_header
+    return Memory(
+        format=FORMAT,
+        progress=ProgressMemory.model_validate(robot.progress),
+        actions=tuple(_kept(record) for record in robot.actions),
+        queue=tuple(robot.queue),
+        instant_actions=tuple(_kept(record) for record in robot.instant_actions),
+        known_instant_ids=tuple(robot.known_instant_ids),
+        clearing=robot.clearing,
+        paused=robot.paused,
+        charging=robot.charging,
+        loads=robot.loads,
+        operating_mode=robot.operating_mode,
+        wanted_mode=robot.wanted_mode,
+        zone_sets=tuple(ZoneSetMemory(zone_set=one, enabled=on) for one, on in robot.zone_sets.held),
+        zone_requests=tuple(AccessMemory.model_validate(each) for each in robot.zone_requests.requests),
+        last_zone_request=robot.zone_requests.last_number,
+        own_goals=OwnGoalsMemory.model_validate(robot.goal.own) if robot.goal.own else None,
+        ended_orders=robot.history.ended,
+        last_order_header=OrderHeaderMemory.model_validate(last_header) if last_header else None,
+        header_ids=robot.header_ids,
+        frame=robot.capabilities.frame,
+    )
+
+
+def restored(memory: Memory, capabilities: Capabilities) -> RobotState:
+    """Return the state of a robot as the journal has it."""
+    header = memory.last_order_header
+    robot = RobotState(
+        capabilities,
+        history=OrderHistory(
+            memory.ended_orders, OrderHeader(header.header_id, header.timestamp) if header else None
+        ),
+        progress=_progress(memory.progress),
+        known_instant_ids=dict.fromkeys(memory.known_instant_ids),
+        clearing=memory.clearing,
+        paused=memory.paused,
+        hold_applied=memory.paused,
+        charging=memory.charging,
+        loads=memory.loads,
+        operating_mode=memory.operating_mode,
+        wanted_mode=memory.wanted_mode,
+        header_ids=memory.header_ids,
+        zone_requests=ZoneRequests(
+            (AccessRequest(**dict(each)) for each in memory.zone_requests), memory.last_zone_request
+        ),
+    )
+    if own := memory.own_goals:
+        given = _pose(own.given) if own.given else None
+        robot.goal.restore(OwnGoals(own.goal_ids, _pose(own.pose), given, own.behind))
+    robot.zone_sets.restore(tuple((each.zone_set, each.enabled) for each in memory.zone_sets))
+    robot.actions.add(_record(kept) for kept in memory.actions)
+    robot.instant_actions.add(_record(kept) for kept in memory.instant_actions)
+    queued = (robot.actions.get(action_id) for action_id in memory.queue)
+    robot.queue.append(record.action for record in queued if record)
+    return robot
+
+
+def _progress(memory: ProgressMemory) -> OrderProgress:
+    progress = OrderProgress()
+    for name in ProgressMemory.model_fields:
+        setattr(progress, name, getattr(memory, name))
+    progress.nodes, progress.edges = deque(memory.nodes), deque(memory.edges)
+    progress.base_path = BasePath(memory.nodes)
+    return progress
+
+
+def _pose(kept: PoseMemory) -> Pose:
+    return Pose(kept.x, kept.y, kept.theta, kept.map_id)
+
+
+def _kept(record: ActionRecord) -> ActionMemory:
+    """Return what is kept of an action; an ended one is only shown, and needs no parameters."""
+    action = record.action
+    if record.status.ended and action.action_parameters:
+        action = action.model_copy(update={"action_parameters": ()})
+    return ActionMemory(
+        action=action,
+        scope=record.scope,
+        sequence_id=record.sequence_id,
+        status=record.status,
+        result=record.result,
+    )
+
+
+def _record(kept: ActionMemory) -> ActionRecord:
+    return ActionRecord(kept.action, kept.scope, kept.sequence_id, kept.status, kept.result)

@@ -184,7 +184,7 @@ def map_fault(order: Order, situation: Situation) -> ErrorEntry | None:
             return refusal(
                 ErrorType.UNKNOWN_MAP_ID,
                 order,
-                f"node '{node.node_id}' is on '{position.map_id}', the robot has {listed(situation.maps)}",
+                f"node '{node.node_id}' is on '{position.map_id}', the robot has {map_list(situation.maps)}",
                 hint="bring the map to the robot, or compare the plant model with the agent's setting map_id",
                 node_id=node.node_id,
             )
@@ -220,14 +220,14 @@ def _way_fault(
         return text, "the robot does not drive from map to map; set its position on the other one"
     if not situation.closed:
         return None
-    zone = first_closed(zones_in(footprint.way(begin, place), place.map_id, situation.closed))
+    zone = first_closed(zones_in(footprint.along_path(begin, place), place.map_id, situation.closed))
     if zone is None:
         return None
     text = f"the way to node '{node.node_id}' leads through zone '{zone.zone.zone_id}'"
     return text, f"the zone is {zone.zone.zone_type}: lead the order around it, or enable another zone set"
 
 
-def listed(maps: Iterable[str]) -> str:
+def map_list(maps: Iterable[str]) -> str:
     """Name the maps that a robot has."""
     return ", ".join(f"'{each}'" for each in sorted(maps)) or "none"
 

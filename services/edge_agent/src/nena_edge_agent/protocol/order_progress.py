@@ -10,13 +10,12 @@ from hashlib import sha256
 from math import dist
 from typing import Final, NamedTuple, Protocol
 
-from nena_edge_agent.protocol.memory import ProgressMemory
 from nena_shared.vda5050.base import Header, WireObject
 from nena_shared.vda5050.order import ControlPoint, Edge, Node, Order, Trajectory
 from nena_shared.vda5050.state import EdgeState, NodeState, PlannedPath
 
 
-class BaseWay:
+class BasePath:
     """Straight from node to node; what lies before a node is known by its sequenceId.
 
     Navigation chooses its own way between the nodes; what is planned for certain are the nodes.
@@ -226,21 +225,11 @@ class OrderProgress:
         self.content: HeldContent | None = None
         self.nodes: deque[Node] = deque()
         self.edges: deque[Edge] = deque()
-        self.base_way = BaseWay()
+        self.base_path = BasePath()
         self.revision = 0
         self._ahead: Ahead | None = None
         self._node_states: dict[int, NodeState] = {}
         self._edge_states: dict[int, EdgeState] = {}
-
-    @classmethod
-    def restored(cls, memory: ProgressMemory) -> OrderProgress:
-        """Make the progress that ``memory`` tells of."""
-        progress = cls()
-        for name in ProgressMemory.model_fields:
-            setattr(progress, name, getattr(memory, name))
-        progress.nodes, progress.edges = deque(memory.nodes), deque(memory.edges)
-        progress.base_way = BaseWay(memory.nodes)
-        return progress
 
     def begin(self, order: Order) -> None:
         """Take a new order; its first node counts as reached."""
@@ -335,14 +324,14 @@ class OrderProgress:
         return shown
 
     def _planned_path(self) -> PlannedPath | None:
-        return self.base_way.path(self.last_node, self.nodes[0].sequence_id) if self.nodes else None
+        return self.base_path.path(self.last_node, self.nodes[0].sequence_id) if self.nodes else None
 
     def _append(self, order: Order) -> None:
         self._node_states.clear()
         self._edge_states.clear()
         self.nodes.extend(order.nodes[1:])
         self.edges.extend(order.edges)
-        self.base_way = BaseWay(self.nodes)
+        self.base_path = BasePath(self.nodes)
         self.decision_point = _decision_point(order.nodes)
         self.content = OrderContent(order)
 

@@ -1,4 +1,4 @@
-"""The mobile robot's protocol core: joins the parts, one event at a time."""
+"""The protocol core of one robot: one event at a time changes its state and has effects."""
 
 from __future__ import annotations
 
@@ -25,12 +25,11 @@ from nena_edge_agent.driver.port import (
     SessionReport,
     VelocityReport,
 )
-from nena_edge_agent.protocol.action_flow import ActionFlow
+from nena_edge_agent.protocol import actions, driving, instant_actions, orders, route_progress, zones
 from nena_edge_agent.protocol.action_states import sensed
 from nena_edge_agent.protocol.capabilities import Capabilities
-from nena_edge_agent.protocol.clearing import Clearing
 from nena_edge_agent.protocol.conditions import check_conditions
-from nena_edge_agent.protocol.declaration import CANCEL_ORDER, START_PAUSE, WAIT_FOR_TRIGGER
+from nena_edge_agent.protocol.declaration import CANCEL_ORDER, START_PAUSE
 from nena_edge_agent.protocol.errors import Until
 from nena_edge_agent.protocol.events import (
     ActionReport,
@@ -56,29 +55,16 @@ from nena_edge_agent.protocol.events import (
     TimePassed,
     ZoneSetReceived,
 )
-from nena_edge_agent.protocol.instant_actions import InstantActionFlow
-from nena_edge_agent.protocol.journey import Journey
-from nena_edge_agent.protocol.memory import Memory
-from nena_edge_agent.protocol.mode_switch import ModeSwitch
-from nena_edge_agent.protocol.order_cancel import OrderCancel
-from nena_edge_agent.protocol.order_intake import OrderIntake
-from nena_edge_agent.protocol.parts import RobotParts
-from nena_edge_agent.protocol.pause import Pause
-from nena_edge_agent.protocol.position_setting import PositionSetting
-from nena_edge_agent.protocol.recollection import recall, recollect
-from nena_edge_agent.protocol.retry import Retry
-from nena_edge_agent.protocol.state_report import make_state, make_visualization
-from nena_edge_agent.protocol.travel import Travel
-from nena_edge_agent.protocol.trigger import Trigger
-from nena_edge_agent.protocol.zone_guard import ZoneGuard
-from nena_edge_agent.protocol.zone_keeping import ZoneKeeping
+from nena_edge_agent.protocol.memory import Memory, memory_of, restored
+from nena_edge_agent.protocol.robot_state import RobotState
+from nena_edge_agent.protocol.state import make_state, make_visualization
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.visualization import Visualization
 
 REQUESTS = (OrderReceived, InstantActionsReceived, MessageRefused)
-"""Events that are answered by a state even if nothing has changed: the sender waits for an echo."""
+"""Events that are answered by a state even if nothing has changed: the sender waits for it."""
 
 FULL = 100.0
 """Percent."""
@@ -87,270 +73,297 @@ FULL = 100.0
 class RobotCore:
     """One robot as VDA 5050 sees it.
 
-    Each call of :meth:`handle` takes one event to its end and gives the effects, to be done in their order by
-    the shell, after it has made :meth:`memory` durable if :attr:`durable_version` has changed.
+    Each call of :meth:`handle` handles one event completely and returns the effects. The shell performs them
+    in their order, after it has made :meth:`memory` durable if :attr:`durable_version` has changed.
     """
 
     def __init__(self, capabilities: Capabilities, memory: Memory | None = None) -> None:
-        parts = recollect(memory, capabilities) if memory else RobotParts(capabilities)
-        self._parts = parts
-        self._flow = ActionFlow(parts)
-        self._zones = ZoneGuard(parts)
-        self._zone_keeping = ZoneKeeping(parts)
-        self._travel = Travel(parts, self._flow, self._zones)
-        self._clearing = Clearing(parts, self._flow, self._travel)
-        self._cancel = OrderCancel(parts, self._clearing)
-        self._mode = ModeSwitch(parts, self._clearing)
-        self._journey = Journey(parts)
-        self._pause = Pause(parts, self._flow, self._travel)
-        self._position = PositionSetting(parts)
-        self._trigger = Trigger(parts, self._flow)
-        self._instants = InstantActionFlow(
-            parts,
-            cancel=self._cancel,
-            pause=self._pause,
-            position=self._position,
-            retry=Retry(parts, self._flow),
-            trigger=self._trigger,
-            zones=self._zone_keeping,
-        )
-        self._flow.own |= self._instants.on_nodes | {WAIT_FOR_TRIGGER: lambda _: (ActionStatus.RUNNING, None)}
-        self._intake = OrderIntake(parts, self._flow)
-        self._handlers = self._make_handlers()
+        self._robot = restored(memory, capabilities) if memory else RobotState(capabilities)
         self._shown = self._visible()
 
     def handle(self, event: Event, now: float) -> tuple[Effect, ...]:
-        """Take in ``event`` at the monotonic time ``now`` in s; gives what is to be done."""
-        parts = self._parts
-        parts.now, parts.effects = now, []
-        self._handlers[type(event)](event)
-        self._pause.apply()
-        self._zones.expire()
-        self._travel.advance()
-        self._pause.advance()
-        self._clearing.advance()
-        self._mode.advance()
-        self._position.advance()
-        self._zones.advance()
-        self._journey.advance()
-        check_conditions(parts)
+        """Handle ``event`` at the monotonic time ``now`` in s, and return its effects."""
+        robot = self._robot
+        robot.now, robot.effects = now, []
+        _HANDLERS[type(event)](robot, event)
+        instant_actions.apply_hold(robot)
+        zones.expire(robot)
+        driving.advance(robot)
+        instant_actions.advance_pause(robot)
+        orders.advance_clearing(robot)
+        orders.advance_mode(robot)
+        instant_actions.advance_position(robot)
+        zones.advance(robot)
+        route_progress.advance(robot)
+        check_conditions(robot)
         shown = self._visible()
         if shown != self._shown or isinstance(event, REQUESTS):
             self._shown = shown
-            parts.effects.append(ReportState())
-        return tuple(parts.effects)
+            robot.effects.append(ReportState())
+        return tuple(robot.effects)
 
     def state(self, header: dict[str, Any]) -> State:
         """Make the state message under ``header``, its five header fields by their neutral names."""
-        asks = self._travel.new_base_request
-        return make_state(header, self._parts, self._journey, new_base_request=asks)
+        return make_state(header, self._robot)
 
     def visualization(self, header: dict[str, Any], state_header_id: int) -> Visualization:
-        """Make the visualization message that goes with the state of ``state_header_id``."""
-        return make_visualization(header, self._parts, self._journey, state_header_id=state_header_id)
+        """Make the visualization message that belongs to the state of ``state_header_id``."""
+        return make_visualization(header, self._robot, state_header_id=state_header_id)
 
     @property
-    def parts(self) -> RobotParts:
-        """What the robot is made of, to be read."""
-        return self._parts
+    def robot(self) -> RobotState:
+        """The robot's state, to be read."""
+        return self._robot
 
     @property
-    def last_place(self) -> Pose | None:
-        """The place of the node that was reached last, None if that is not known."""
-        node = self._parts.progress.last_node
-        place = node.node_position if node else None
-        return Pose(place.x, place.y, place.theta or 0.0, place.map_id) if place else None
+    def last_position(self) -> Pose | None:
+        """The position of the last node, None if it is not known."""
+        node = self._robot.progress.last_node
+        position = node.node_position if node else None
+        return Pose(position.x, position.y, position.theta or 0.0, position.map_id) if position else None
 
     @property
     def own_goals(self) -> OwnGoals | None:
-        """The goals that navigation drove to for this robot when last heard, None: there were none."""
-        return self._parts.goal.own
+        """The goals that navigation drove to for this robot when last reported, None: there were none."""
+        return self._robot.goal.own
 
     @property
     def header_ids(self) -> tuple[tuple[Topic, int], ...]:
         """The headerId of each topic that the next run of the program begins with."""
-        return self._parts.header_ids
+        return self._robot.header_ids
 
     @header_ids.setter
     def header_ids(self, header_ids: tuple[tuple[Topic, int], ...]) -> None:
-        self._parts.header_ids = header_ids
+        self._robot.header_ids = header_ids
 
     @property
     def waits(self) -> bool:
-        """Whether an answer is outstanding that may be overdue; then :class:`TimePassed` is wanted."""
-        parts = self._parts
-        retries = parts.goal.retry_at is not None
-        own = parts.goal.halting or retries or parts.link.waits
-        return own or self._position.waits or parts.zone_access.waits
+        """Whether a timeout is running; then :class:`TimePassed` events are needed."""
+        robot = self._robot
+        retries = robot.goal.retry_at is not None
+        own = robot.goal.halting or retries or robot.link.waits
+        return own or robot.position_request is not None or robot.zone_requests.waits
 
     @property
     def durable_version(self) -> tuple[object, ...]:
-        """Something that differs when :meth:`memory` does."""
-        return (*self._lasting(), self._parts.header_ids)
+        """A value that differs when :meth:`memory` does."""
+        return (*self._durable(), self._robot.header_ids)
 
     def memory(self) -> Memory:
-        """Give what must survive the end of the process."""
-        return recall(self._parts)
+        """Return what must survive the end of the process."""
+        return memory_of(self._robot)
 
-    def _lasting(self) -> tuple[object, ...]:
-        """Give what differs when the memory does, but for the ids of messages."""
-        parts = self._parts
+    def _durable(self) -> tuple[object, ...]:
+        """Return what differs when the memory does, except for the header ids."""
+        robot = self._robot
         return (
-            parts.progress.revision,
-            parts.actions.revision,
-            parts.instants.revision,
-            parts.loads,
-            parts.charging,
-            parts.paused,
-            parts.clearing,
-            parts.operating_mode,
-            parts.wanted_mode,
-            parts.zone_sets.revision,
-            parts.zone_access.revision,
-            parts.goal.own,
+            robot.progress.revision,
+            robot.actions.revision,
+            robot.instant_actions.revision,
+            robot.loads,
+            robot.charging,
+            robot.paused,
+            robot.clearing,
+            robot.operating_mode,
+            robot.wanted_mode,
+            robot.zone_sets.revision,
+            robot.zone_requests.revision,
+            robot.goal.own,
         )
 
     def _visible(self) -> tuple[object, ...]:
-        """Give what a state is sent for when it changes (section 6.6, triggers)."""
-        parts = self._parts
-        pose, battery = parts.senses.pose, parts.senses.battery
+        """Return what triggers a state when it changes (section 6.6)."""
+        robot = self._robot
+        pose, battery = robot.reports.pose, robot.reports.battery
         return (
-            *self._lasting(),
-            parts.errors.revision,
-            parts.goal.moving,
-            parts.senses.velocity.moves,
-            self._travel.new_base_request,
+            *self._durable(),
+            robot.errors.revision,
+            robot.goal.moving,
+            robot.reports.velocity.moves,
+            driving.new_base_request(robot),
             pose is not None and pose.localized,
             battery is not None and battery.charging,
-            parts.senses.goals.external,
-            parts.senses.safety,
-            parts.senses.pause_button,
-            parts.senses.session,
-            parts.maps,
+            robot.reports.goals.external,
+            robot.reports.safety,
+            robot.reports.pause_button,
+            robot.reports.session,
+            robot.maps,
         )
 
-    def _make_handlers(self) -> dict[type, Callable[[Any], object]]:
-        return {
-            Started: self._started,
-            OrderReceived: lambda event: self._intake.take(event.order),
-            InstantActionsReceived: lambda event: self._instants.take(event.message),
-            ZoneSetReceived: lambda event: self._zone_keeping.take(event.message.zone_set),
-            ResponsesReceived: lambda event: self._zones.answered(event.message, event.utc),
-            MapsReport: self._maps_reported,
-            MessageRefused: lambda event: self._parts.errors.show(event.error, event.until),
-            ActionReport: self._action_reported,
-            LoadSensed: self._load_sensed,
-            PluginsReport: self._plugins_reported,
-            JournalReport: self._journal_reported,
-            LinkReport: self._link_reported,
-            SubscriptionsReport: self._subscriptions_reported,
-            OperatingModeSwitched: self._mode.switch,
-            SafetyReport: self._safety_reported,
-            PauseButton: self._pause_button,
-            ErrorSwitched: self._error_switched,
-            LocalTrigger: lambda event: self._trigger.pull(event.trigger_type),
-            TimePassed: lambda _: None,
-            Arrived: self._travel.arrived,
-            DriveFailed: self._travel.failed,
-            Halted: lambda _: self._travel.halted(),
-            HaltFailed: self._halt_failed,
-            VelocityReport: self._velocity_reported,
-            NavigationReport: self._travel.navigation_changed,
-            PlanReport: self._plan_reported,
-            DriveProgress: self._progress_reported,
-            BlockedReport: self._blocked_reported,
-            NoRouteReport: self._no_route_reported,
-            PoseReport: self._pose_reported,
-            BatteryReport: self._battery_reported,
-            PositionInitialized: self._position.answered,
-            GoalTable: self._goals_reported,
-            SessionReport: self._session_reported,
-        }
 
-    def _started(self, event: Started) -> None:
-        """Go on with what was going on: nobody knows what the robot did meanwhile."""
-        parts = self._parts
-        parts.utc = (event.utc, parts.now) if event.utc else None
-        parts.link.lost_since = parts.now
-        self._position.interrupted()
-        if parts.clearing or parts.paused or self._travel.leftover:
-            self._travel.resume_halt()
-        self._flow.take_up_again()
-        self._flow.schedule()
+def _started(robot: RobotState, event: Started) -> None:
+    """Continue what was under way: what the robot did meanwhile is not known."""
+    robot.utc = (event.utc, robot.now) if event.utc else None
+    robot.link.lost_since = robot.now
+    instant_actions.position_interrupted(robot)
+    if robot.clearing or robot.paused or driving.has_leftover_goal(robot):
+        driving.request_halt(robot)
+    actions.continue_after_restart(robot)
+    actions.schedule(robot)
 
-    def _action_reported(self, event: ActionReport) -> None:
-        if event.zone_set and (problem := self._zone_keeping.take(event.zone_set)):
-            event = ActionReport(event.action_id, ActionStatus.FAILED, problem)
-        self._flow.report(event)
-        self._flow.schedule()
 
-    def _load_sensed(self, event: LoadSensed) -> None:
-        self._parts.loads = sensed(self._parts.loads, loaded=event.loaded)
+def _order_received(robot: RobotState, event: OrderReceived) -> None:
+    orders.receive(robot, event.order)
 
-    def _plugins_reported(self, event: PluginsReport) -> None:
-        self._parts.plugin_problems = event.problems
 
-    def _journal_reported(self, event: JournalReport) -> None:
-        self._parts.journal_problem = event.problem
+def _instant_actions_received(robot: RobotState, event: InstantActionsReceived) -> None:
+    instant_actions.receive(robot, event.message)
 
-    def _maps_reported(self, event: MapsReport) -> None:
-        self._parts.maps = event.maps
 
-    def _subscriptions_reported(self, event: SubscriptionsReport) -> None:
-        self._parts.refused_topics = event.refused
+def _zone_set_received(robot: RobotState, event: ZoneSetReceived) -> None:
+    zones.accept(robot, event.message.zone_set)
 
-    def _link_reported(self, event: LinkReport) -> None:
-        self._parts.link.lost_since = None if event.connected else self._parts.now
 
-    def _safety_reported(self, event: SafetyReport) -> None:
-        self._parts.senses.safety = event
+def _responses_received(robot: RobotState, event: ResponsesReceived) -> None:
+    zones.apply_responses(robot, event.message, event.utc)
 
-    def _pause_button(self, event: PauseButton) -> None:
-        self._parts.senses.pause_button = event.pressed
 
-    def _error_switched(self, event: ErrorSwitched) -> None:
-        if event.active:
-            self._parts.errors.show(event.error, Until.TAKEN_BACK)
-        else:
-            self._parts.errors.take_back(event.error)
+def _message_refused(robot: RobotState, event: MessageRefused) -> None:
+    robot.errors.report(event.error, event.until)
 
-    def _pose_reported(self, event: PoseReport) -> None:
-        """Take a pose; one that is no place at all is passed over."""
-        if all(isfinite(each) for each in (event.pose.x, event.pose.y, event.pose.theta)):
-            self._parts.senses.pose = event
-            self._parts.senses.velocity = VelocityReport(event.vx, event.omega)
-            self._journey.pose_changed()
-            self._travel.pose_changed()
 
-    def _velocity_reported(self, event: VelocityReport) -> None:
-        self._parts.senses.velocity = event
+def _action_reported(robot: RobotState, event: ActionReport) -> None:
+    if event.zone_set and (problem := zones.accept(robot, event.zone_set)):
+        event = ActionReport(event.action_id, ActionStatus.FAILED, problem)
+    actions.apply_report(robot, event)
+    actions.schedule(robot)
 
-    def _halt_failed(self, event: HaltFailed) -> None:
-        """Fail what waits for the robot to stand; the order is cleared once it stands."""
-        self._travel.halt_failed(event.description)
-        for action_type in (CANCEL_ORDER, START_PAUSE):
-            self._parts.end_instants(action_type, ActionStatus.FAILED, event.description)
 
-    def _battery_reported(self, event: BatteryReport) -> None:
-        """Take a battery report; one without a charge between 0 and 100 % is passed over."""
-        if 0.0 <= event.state_of_charge <= FULL:
-            self._parts.senses.battery = event
+def _load_sensed(robot: RobotState, event: LoadSensed) -> None:
+    robot.loads = sensed(robot.loads, loaded=event.loaded)
 
-    def _session_reported(self, event: SessionReport) -> None:
-        self._parts.senses.session = event
 
-    def _progress_reported(self, event: DriveProgress) -> None:
-        self._parts.senses.progress = event
+def _plugins_reported(robot: RobotState, event: PluginsReport) -> None:
+    robot.plugin_problems = event.problems
 
-    def _blocked_reported(self, event: BlockedReport) -> None:
-        self._parts.senses.blocked = event if event.blocked else None
 
-    def _plan_reported(self, event: PlanReport) -> None:
-        self._parts.senses.plan = event
+def _journal_reported(robot: RobotState, event: JournalReport) -> None:
+    robot.journal_problem = event.problem
 
-    def _no_route_reported(self, event: NoRouteReport) -> None:
-        self._parts.senses.no_route = event.areas
 
-    def _goals_reported(self, event: GoalTable) -> None:
-        self._parts.senses.goals = event
-        self._parts.goal.listed(event.own)
+def _maps_reported(robot: RobotState, event: MapsReport) -> None:
+    robot.maps = event.maps
+
+
+def _subscriptions_reported(robot: RobotState, event: SubscriptionsReport) -> None:
+    robot.refused_topics = event.refused
+
+
+def _link_reported(robot: RobotState, event: LinkReport) -> None:
+    robot.link.lost_since = None if event.connected else robot.now
+
+
+def _safety_reported(robot: RobotState, event: SafetyReport) -> None:
+    robot.reports.safety = event
+
+
+def _pause_button(robot: RobotState, event: PauseButton) -> None:
+    robot.reports.pause_button = event.pressed
+
+
+def _error_switched(robot: RobotState, event: ErrorSwitched) -> None:
+    if event.active:
+        robot.errors.report(event.error, Until.WITHDRAWN)
+    else:
+        robot.errors.withdraw(event.error)
+
+
+def _local_trigger(robot: RobotState, event: LocalTrigger) -> None:
+    actions.release(robot, event.trigger_type)
+
+
+def _time_passed(_: RobotState, __: TimePassed) -> None:
+    """Only the time has changed."""
+
+
+def _halted(robot: RobotState, _: Halted) -> None:
+    driving.halted(robot)
+
+
+def _pose_reported(robot: RobotState, event: PoseReport) -> None:
+    """Store a pose; one with NaN or infinity is ignored."""
+    if all(isfinite(each) for each in (event.pose.x, event.pose.y, event.pose.theta)):
+        robot.reports.pose = event
+        robot.reports.velocity = VelocityReport(event.vx, event.omega)
+        route_progress.pose_changed(robot)
+        driving.pose_changed(robot)
+
+
+def _velocity_reported(robot: RobotState, event: VelocityReport) -> None:
+    robot.reports.velocity = event
+
+
+def _halt_failed(robot: RobotState, event: HaltFailed) -> None:
+    """Fail what waits for the robot's standstill; a cancelled order is cleared once it is confirmed."""
+    driving.halt_failed(robot, event.description)
+    for action_type in (CANCEL_ORDER, START_PAUSE):
+        robot.end_instant_actions(action_type, ActionStatus.FAILED, event.description)
+
+
+def _battery_reported(robot: RobotState, event: BatteryReport) -> None:
+    """Store a battery report; one with a charge outside of 0 to 100 % is ignored."""
+    if 0.0 <= event.state_of_charge <= FULL:
+        robot.reports.battery = event
+
+
+def _session_reported(robot: RobotState, event: SessionReport) -> None:
+    robot.reports.session = event
+
+
+def _progress_reported(robot: RobotState, event: DriveProgress) -> None:
+    robot.reports.progress = event
+
+
+def _blocked_reported(robot: RobotState, event: BlockedReport) -> None:
+    robot.reports.blocked = event if event.blocked else None
+
+
+def _plan_reported(robot: RobotState, event: PlanReport) -> None:
+    robot.reports.plan = event
+
+
+def _no_route_reported(robot: RobotState, event: NoRouteReport) -> None:
+    robot.reports.no_route = event.areas
+
+
+def _goals_reported(robot: RobotState, event: GoalTable) -> None:
+    robot.reports.goals = event
+    robot.goal.listed(event.own)
+
+
+_HANDLERS: dict[type, Callable[[RobotState, Any], None]] = {
+    Started: _started,
+    OrderReceived: _order_received,
+    InstantActionsReceived: _instant_actions_received,
+    ZoneSetReceived: _zone_set_received,
+    ResponsesReceived: _responses_received,
+    MapsReport: _maps_reported,
+    MessageRefused: _message_refused,
+    ActionReport: _action_reported,
+    LoadSensed: _load_sensed,
+    PluginsReport: _plugins_reported,
+    JournalReport: _journal_reported,
+    LinkReport: _link_reported,
+    SubscriptionsReport: _subscriptions_reported,
+    OperatingModeSwitched: orders.switch_mode,
+    SafetyReport: _safety_reported,
+    PauseButton: _pause_button,
+    ErrorSwitched: _error_switched,
+    LocalTrigger: _local_trigger,
+    TimePassed: _time_passed,
+    Arrived: driving.arrived,
+    DriveFailed: driving.failed,
+    Halted: _halted,
+    HaltFailed: _halt_failed,
+    VelocityReport: _velocity_reported,
+    NavigationReport: driving.navigation_changed,
+    PlanReport: _plan_reported,
+    DriveProgress: _progress_reported,
+    BlockedReport: _blocked_reported,
+    NoRouteReport: _no_route_reported,
+    PoseReport: _pose_reported,
+    BatteryReport: _battery_reported,
+    PositionInitialized: instant_actions.position_initialized,
+    GoalTable: _goals_reported,
+    SessionReport: _session_reported,
+}

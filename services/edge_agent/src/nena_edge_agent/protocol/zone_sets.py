@@ -201,7 +201,7 @@ class AccessRequest:
         return AccessRequest(self.zone_set_id, self.zone_id, self.request_id, status, lease_expiry)
 
 
-class ZoneAccess:
+class ZoneRequests:
     """The active requests, at most one for each zone; their ids are not used twice."""
 
     def __init__(self, requests: Iterable[AccessRequest] = (), last_number: int = 0) -> None:
@@ -239,7 +239,7 @@ class ZoneAccess:
         request = self._requests.get(key)
         return request.status if request else None
 
-    def answer(self, response: Response, inside: frozenset[ZoneKey], now: float) -> None:
+    def apply(self, response: Response, inside: frozenset[ZoneKey], now: float) -> None:
         """Take in what fleet control says at ``now`` (s); the robot is in the zones ``inside``.
 
         An answer to a request that is not active any more is passed over.
@@ -260,7 +260,7 @@ class ZoneAccess:
             case GrantType.QUEUED:
                 pass  # the request goes on to stand as REQUESTED: 3.0.0 knows no other word for it
 
-    def want(self, zones: Iterable[EnabledZone], now: float) -> None:
+    def request(self, zones: Iterable[EnabledZone], now: float) -> None:
         """Ask for each of ``zones`` that nothing is asked for yet, unless that was refused a moment ago."""
         self._refused = {k: since for k, since in self._refused.items() if now - since < PAUSE_AFTER_REFUSAL}
         for zone in zones:

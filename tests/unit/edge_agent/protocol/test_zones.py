@@ -10,6 +10,7 @@ import pytest
 from nena_edge_agent.driver.port import Halted
 from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import (
+    ActionReport,
     Halt,
     LimitSpeed,
     OperatingModeSwitched,
@@ -18,16 +19,22 @@ from nena_edge_agent.protocol.events import (
     ZoneSetReceived,
 )
 from nena_edge_agent.protocol.zone_sets import PAUSE_AFTER_REFUSAL
+from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.state import OperatingMode
-from nena_shared.vda5050.zone_set import Zone, ZoneReleaseLossBehavior
+from nena_shared.vda5050.zone_set import (
+    BidirectedLimitation,
+    DirectedLimitation,
+    Zone,
+    ZoneReleaseLossBehavior,
+)
 from support.robot_core import Bench, action, at, order
-from support.zones import responses, transfer, zone
+from support.zones import responses, transfer, zone, zone_set
 
 NOON = datetime(2026, 1, 1, 12, tzinfo=UTC)
 GATE = zone("gate", "RELEASE", 13, 17)
 
 
-def bench(*zones: Zone, **capabilities: Any) -> Bench:
+def with_zones(*zones: Zone, **capabilities: Any) -> Bench:
     """Give a robot with ``zones`` enabled."""
     made = Bench(rules=RULES["3.0.0"], **capabilities)
     made.do(Started(NOON))
@@ -57,7 +64,7 @@ def requests(robot: Bench) -> list[tuple[str, str, str]]:
 def wait(robot: Bench, seconds: float) -> None:
     robot.now += seconds
     assert robot.waits()
-    robot.do(at(robot.core.parts.senses.pose.pose.x if robot.core.parts.senses.pose else 0.0))
+    robot.do(at(robot.core.robot.reports.pose.pose.x if robot.core.robot.reports.pose else 0.0))
 
 
 class TestClosedZones:
@@ -66,7 +73,7 @@ class TestClosedZones:
     @pytest.mark.clause("6.4/BLOCKED", "6.4/LINEGUIDED", "6.1.4.8")
     @pytest.mark.parametrize("kind", ["BLOCKED", "LINE_GUIDED"])
     def test_an_order_through_one_is_refused(self, kind: str) -> None:
-        robot = bench(zone("wall", kind, 13, 17))
+        robot = with_zones(zone("wall", kind, 13, 17))
 
         robot.send(order("n0", "n1", "n2"))
 
@@ -76,7 +83,7 @@ class TestClosedZones:
         assert not robot.goals
 
     def test_an_order_beside_one_is_taken(self) -> None:
-        robot = bench(zone("wall", "BLOCKED", 13, 17, low=0.31, high=5))
+        robot = with_zones(zone("wall", "BLOCKED", 13, 17, low=0.31, high=5))
 
         robot.send(order("n0", "n1", "n2"))
 
@@ -84,7 +91,7 @@ class TestClosedZones:
         assert robot.goal.pose.x == 10.0
 
     def test_the_whole_contour_keeps_out(self) -> None:
-        robot = bench(zone("wall", "BLOCKED", 13, 17, low=0.29, high=5))
+        robot = with_zones(zone("wall", "BLOCKED", 13, 17, low=0.29, high=5))
 
         robot.send(order("n0", "n1", "n2"))
 
@@ -92,7 +99,7 @@ class TestClosedZones:
 
     @pytest.mark.clause("6.4.2")
     def test_one_of_another_set_does_not_count(self) -> None:
-        robot = bench(zone("wall", "BLOCKED", 13, 17))
+        robot = with_zones(zone("wall", "BLOCKED", 13, 17))
         enable(robot, zone("far", "BLOCKED", 70, 80), zone_set_id="s2")
 
         robot.send(order("n0", "n1", "n2"))
@@ -101,7 +108,7 @@ class TestClosedZones:
 
     @pytest.mark.clause("6.4/BLOCKED", "6.6.5.4/unreachable")
     def test_one_that_is_closed_on_the_way_stops_the_robot_before_it(self) -> None:
-        robot = bench(zone("far", "BLOCKED", 70, 80))
+        robot = with_zones(zone("far", "BLOCKED", 70, 80))
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()
         enable(robot, zone("wall", "BLOCKED", 13, 17), zone_set_id="s2")
@@ -115,7 +122,7 @@ class TestClosedZones:
 
     @pytest.mark.clause("6.4/BLOCKED")
     def test_a_robot_that_stands_in_a_blocked_one_does_not_drive(self) -> None:
-        robot = bench(zone("far", "BLOCKED", 70, 80))
+        robot = with_zones(zone("far", "BLOCKED", 70, 80))
         robot.send(order("n0", "n1", "n2"))
         enable(robot, zone("here", "BLOCKED", -1, 1), zone_set_id="s2")
 
@@ -129,7 +136,7 @@ class TestClosedZones:
 class TestSpeedLimit:
     @pytest.mark.clause("6.4/SPEEDLIMIT")
     def test_the_robot_is_slow_before_the_border_and_quick_again_behind_it(self) -> None:
-        robot = bench(
+        robot = with_zones(
             zone("slow", "SPEED_LIMIT", 4, 6, maximum_speed=0.4),
             zone("slower", "SPEED_LIMIT", 5, 6, maximum_speed=0.2),
             braking_distance=1.0,
@@ -155,7 +162,7 @@ class TestSpeedLimit:
 @pytest.mark.clause("6.4.3", "6.9")
 class TestRelease:
     def test_the_robot_asks_an_edge_ahead_and_stands_before_the_zone(self) -> None:
-        robot = bench(GATE)
+        robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         assert requests(robot) == [("gate", "zone-1", "REQUESTED")]
 
@@ -164,7 +171,7 @@ class TestRelease:
         assert [each.pose.x for each in robot.goals] == [10.0]
 
     def test_it_drives_on_when_it_may_and_gives_the_zone_back_behind_it(self) -> None:
-        robot = bench(GATE)
+        robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2", "n3"))
         robot.arrive()
 
@@ -178,14 +185,14 @@ class TestRelease:
         assert requests(robot) == []
 
     def test_zones_of_the_horizon_are_not_asked_for(self) -> None:
-        robot = bench(GATE)
+        robot = with_zones(GATE)
 
         robot.send(order("n0", "n1", "n2", released=2))
 
         assert requests(robot) == []
 
     def test_a_queued_request_goes_on_to_stand(self) -> None:
-        robot = bench(GATE)
+        robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
 
         answer(robot, "QUEUED")
@@ -193,7 +200,7 @@ class TestRelease:
         assert requests(robot) == [("gate", "zone-1", "REQUESTED")]
 
     def test_after_a_refusal_it_asks_again_in_a_while_under_another_id(self) -> None:
-        robot = bench(GATE)
+        robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
 
         answer(robot, "REJECTED")
@@ -206,7 +213,7 @@ class TestRelease:
 
     @pytest.mark.clause("6.4.3/loss")
     def test_a_grant_that_is_taken_back_before_the_zone_stops_the_robot(self) -> None:
-        robot = bench(GATE)
+        robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()
         answer(robot, "GRANTED")
@@ -220,7 +227,7 @@ class TestRelease:
 
     @pytest.mark.clause("6.4.3/loss")
     def test_a_lease_that_ends_is_no_permission_any_more(self) -> None:
-        robot = bench(GATE)
+        robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()
         answer(robot, "GRANTED", lasting=5)
@@ -235,7 +242,7 @@ class TestRelease:
         assert robot.effects_of(Halt)
 
     def test_a_longer_lease_extends_a_grant(self) -> None:
-        robot = bench(GATE)
+        robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()
         answer(robot, "GRANTED", lasting=5)
@@ -254,7 +261,7 @@ class TestRelease:
         self, behavior: str | None, *, stands: bool
     ) -> None:
         meets = ZoneReleaseLossBehavior(behavior) if behavior else None
-        robot = bench(zone("gate", "RELEASE", 13, 17, release_loss_behavior=meets))
+        robot = with_zones(zone("gate", "RELEASE", 13, 17, release_loss_behavior=meets))
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()
         answer(robot, "GRANTED")
@@ -269,7 +276,7 @@ class TestRelease:
     @pytest.mark.clause("6.4.3/loss")
     def test_a_robot_that_cannot_leave_by_its_base_stands(self) -> None:
         evacuated = ZoneReleaseLossBehavior.EVACUATE
-        robot = bench(zone("gate", "RELEASE", 13, 21, release_loss_behavior=evacuated))
+        robot = with_zones(zone("gate", "RELEASE", 13, 21, release_loss_behavior=evacuated))
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()
         answer(robot, "GRANTED")
@@ -281,7 +288,7 @@ class TestRelease:
 
     @pytest.mark.clause("6.4.3/loss")
     def test_a_new_grant_lets_it_go_on(self) -> None:
-        robot = bench(GATE)
+        robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()
         answer(robot, "GRANTED")
@@ -296,7 +303,7 @@ class TestRelease:
         assert robot.goal.generation == 3
 
     def test_all_requests_go_with_the_order(self) -> None:
-        robot = bench(GATE)
+        robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         robot.instant(action("c", "NONE", "cancelOrder"))
         robot.halted()
@@ -306,7 +313,7 @@ class TestRelease:
 
     @pytest.mark.parametrize("mode", [OperatingMode.INTERVENED, OperatingMode.MANUAL])
     def test_a_person_who_takes_over_ends_all_requests(self, mode: OperatingMode) -> None:
-        robot = bench(GATE)
+        robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
 
         robot.do(OperatingModeSwitched(mode))
@@ -315,7 +322,7 @@ class TestRelease:
         assert requests(robot) == []
 
     def test_a_robot_that_ends_its_order_in_the_zone_keeps_it(self) -> None:
-        robot = bench(zone("gate", "RELEASE", 13, 25))
+        robot = with_zones(zone("gate", "RELEASE", 13, 25))
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()
         answer(robot, "GRANTED")
@@ -326,7 +333,7 @@ class TestRelease:
 
     @pytest.mark.clause("6.9/restart", "6.4.2")
     def test_a_restarted_agent_knows_its_zone_sets_and_requests(self) -> None:
-        robot = bench(GATE)
+        robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()
         answer(robot, "GRANTED", lasting=5)
@@ -340,7 +347,7 @@ class TestRelease:
         assert requests(again) == [("gate", "zone-1", "EXPIRED")]
 
     def test_an_answer_to_a_request_that_nobody_made_is_passed_over(self) -> None:
-        robot = bench(GATE)
+        robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
 
         robot.do(ResponsesReceived(responses("zone-99", "GRANTED"), NOON))
@@ -350,7 +357,7 @@ class TestRelease:
 
 @pytest.mark.clause("6.4")
 def test_a_node_in_pass_through_is_not_passed_into_a_closed_gate() -> None:
-    robot = bench(GATE, strategy="pass_through")
+    robot = with_zones(GATE, strategy="pass_through")
     robot.send(order("n0", "n1", "n2"))
 
     robot.do(at(9.8))
@@ -361,7 +368,7 @@ def test_a_node_in_pass_through_is_not_passed_into_a_closed_gate() -> None:
 @pytest.mark.clause("6.4/BLOCKED", "6.6.5.4")
 @pytest.mark.parametrize("place", [4.0, 14.0], ids=["on the way to it", "inside"])
 def test_what_a_zone_hinders_is_over_with_the_last_zone(place: float) -> None:
-    robot = bench()
+    robot = with_zones()
     robot.send(order("n0", "n1", "n2"))
     robot.arrive()
     robot.do(at(place))
@@ -384,7 +391,7 @@ class TestLeasesAndRefusals:
 
     def inside(self, *, lasting: float | None = None) -> Bench:
         """Give a robot that has come into the gate with a release."""
-        robot = bench(GATE)
+        robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()
         answer(robot, "GRANTED", lasting=lasting)
@@ -431,7 +438,7 @@ class TestLeasesAndRefusals:
         assert len(robot.goals) == 3
 
     def test_a_grant_whose_time_is_over_is_none_and_the_request_stands(self) -> None:
-        robot = bench(GATE)
+        robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         before = len(robot.effects)
 
@@ -444,7 +451,7 @@ class TestLeasesAndRefusals:
     def test_only_a_robot_in_the_zone_goes_on_without_a_release(
         self, behavior: ZoneReleaseLossBehavior
     ) -> None:
-        robot = bench(zone("gate", "RELEASE", 13, 17, release_loss_behavior=behavior))
+        robot = with_zones(zone("gate", "RELEASE", 13, 17, release_loss_behavior=behavior))
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()
         answer(robot, "GRANTED")
@@ -456,3 +463,100 @@ class TestLeasesAndRefusals:
 
         assert len(robot.goals) == given
         assert requests(robot) == [("gate", "zone-2", "REQUESTED")]
+
+
+WALL = zone("wall", "BLOCKED", 13, 17)
+
+
+def held(bench: Bench) -> dict[str, str]:
+    return {each.zone_set_id: each.zone_set_status.value for each in bench.state.zone_sets or ()}
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench(rules=RULES["3.0.0"])
+
+
+@pytest.mark.clause("6.4.1", "6.6.5")
+def test_the_same_id_is_refused_until_another_set_is_taken(bench: Bench) -> None:
+    bench.do(ZoneSetReceived(transfer(WALL)))
+    bench.do(ZoneSetReceived(transfer(zone("other", "BLOCKED", 0, 1))))
+
+    (entry,) = bench.state.errors
+    assert (entry.error_type, entry.error_level.value) == ("DUPLICATE_ZONE_SET", "WARNING")
+    assert ("zoneSetId", "s1") in {(e.reference_key, e.reference_value) for e in entry.error_references}
+    bench.do(ZoneSetReceived(transfer(WALL, zone_set_id="s2")))
+    assert bench.errors == []
+    assert held(bench) == {"s1": "DISABLED", "s2": "DISABLED"}
+
+
+@pytest.mark.clause("6.2.3/enableZoneSet", "6.2.3/deleteZoneSet")
+def test_instant_actions_enable_and_delete(bench: Bench) -> None:
+    bench.do(ZoneSetReceived(transfer(WALL)), ZoneSetReceived(transfer(WALL, zone_set_id="s2")))
+
+    bench.instant(action("e", "NONE", "enableZoneSet", zoneSetId="s1"))
+    bench.instant(action("d1", "NONE", "deleteZoneSet", zoneSetId="s1"))
+    bench.instant(action("d2", "NONE", "deleteZoneSet", zoneSetId="s2"))
+    bench.instant(action("d3", "NONE", "deleteZoneSet", zoneSetId="s2"))
+
+    assert [bench.status(each) for each in ("e", "d1", "d2", "d3")] == [
+        "FINISHED",
+        "FAILED",
+        "FINISHED",
+        "FAILED",
+    ]
+    assert held(bench) == {"s1": "ENABLED"}
+
+
+@pytest.mark.clause("6.2.3/enableZoneSet")
+def test_an_order_enables_a_set_on_a_node(bench: Bench) -> None:
+    bench.do(ZoneSetReceived(transfer(WALL)))
+    enabling = action("e", "HARD", "enableZoneSet", zoneSetId="s1")
+
+    bench.send(order("n0", "n1", node_actions={"n0": [enabling]}))
+
+    assert bench.status("e") == "FINISHED"
+    assert held(bench) == {"s1": "ENABLED"}
+    assert bench.goal.pose.x == 10.0
+
+
+@pytest.mark.clause("6.2.3/downloadZoneSet")
+def test_a_set_that_an_action_brought_is_taken_or_fails_it(bench: Bench) -> None:
+    for action_id in ("w1", "w2"):
+        bench.instant(action(action_id, "NONE", "work"))
+        bench.do(ActionReport(action_id, ActionStatus.FINISHED, zone_set=zone_set(WALL)))
+
+    assert (bench.status("w1"), bench.status("w2")) == ("FINISHED", "FAILED")
+    assert "DUPLICATE_ZONE_SET" in bench.errors
+
+
+@pytest.mark.clause("6.4", "6.10/zones", "6.2.3")
+@pytest.mark.parametrize("version", ["2.0.0", "2.1.0"])
+def test_older_versions_have_no_zones(version: str) -> None:
+    bench = Bench(rules=RULES[version])
+
+    bench.instant(action("e", "NONE", "enableZoneSet", zoneSetId="s1"))
+
+    assert bench.capabilities.zones == frozenset()
+    assert bench.status("e") == "FAILED"
+
+
+@pytest.mark.clause("6.4/others")
+@pytest.mark.parametrize(
+    ("kind", "fields"),
+    [
+        ("COORDINATED_REPLANNING", {}),
+        ("ACTION", {"entry_actions": (), "during_actions": (), "exit_actions": ()}),
+        ("PRIORITY", {"priority_factor": 0.5}),
+        ("PENALTY", {"penalty_factor": 0.5}),
+        ("DIRECTED", {"direction": 0.0, "directed_limitation": DirectedLimitation.SOFT}),
+        ("BIDIRECTED", {"direction": 0.0, "bidirected_limitation": BidirectedLimitation.SOFT}),
+    ],
+)
+def test_a_set_with_a_zone_that_the_robot_does_not_support_is_refused(
+    bench: Bench, kind: str, fields: dict[str, Any]
+) -> None:
+    bench.do(ZoneSetReceived(transfer(WALL, zone("other", kind, 20, 30, **fields))))
+
+    assert bench.errors == ["VALIDATION_FAILURE"]
+    assert held(bench) == {}

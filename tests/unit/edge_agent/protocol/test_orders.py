@@ -1,4 +1,4 @@
-"""Operating modes and clearing (sections 6.6.6 and 6.6.7), in every version."""
+"""cancelOrder and its edge cases (section 6.1.3)."""
 
 from __future__ import annotations
 
@@ -6,12 +6,224 @@ from typing import Any
 
 import pytest
 
+from nena_edge_agent.driver.port import DriveFailed, DriveFailure
 from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import CancelAction, ErrorSwitched, Halt, OperatingModeSwitched
 from nena_edge_agent.protocol.memory import Memory
-from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
 from nena_shared.vda5050.state import OperatingMode
-from support.robot_core import Bench, action, at, order
+from support.robot_core import Bench, action, at, order, position
+
+
+def driving() -> Bench:
+    bench = Bench()
+    bench.send(order("n0", "n1", "n2", node_actions={"n1": [action("later")]}))
+    return bench
+
+
+@pytest.mark.clause("6.1.3", "6.1.3/actions")
+def test_a_cancel_between_nodes_stops_the_robot_and_ends_the_order_in_one_state() -> None:
+    bench = driving()
+
+    bench.instant(action("c", "NONE", "cancelOrder"))
+    assert len(bench.effects_of(Halt)) == 1
+    assert (bench.status("c"), bench.status("later")) == ("RUNNING", "FAILED")
+    assert bench.nodes == ["n1", "n2"]
+
+    bench.halted()
+    state = bench.state
+    assert (bench.status("c"), bench.nodes, bench.edges) == ("FINISHED", [], [])
+    assert bench.statuses() == {"later": "FAILED"}
+    assert (state.order_id, state.last_node_id, state.last_node_sequence_id) == ("o1", "n0", 0)
+    assert not state.driving
+    assert not state.new_base_request
+    assert not state.errors
+    assert bench.idle
+
+
+@pytest.mark.clause("6.1.3/actions")
+def test_a_cancel_waits_for_what_cannot_be_interrupted() -> None:
+    bench = Bench()
+    actions = [action("soft", "SOFT"), action("hard", "SOFT", "press"), action("next", "HARD")]
+    bench.send(order("n0", "n1", node_actions={"n0": actions}))
+    bench.runs("soft", "hard")
+
+    bench.instant(action("c", "NONE", "cancelOrder"))
+    assert [effect.action_id for effect in bench.effects_of(CancelAction)] == ["soft"]
+    assert bench.statuses() == {"soft": "RUNNING", "hard": "RUNNING", "next": "FAILED"}
+
+    bench.fails("soft")
+    assert (bench.status("c"), bench.nodes) == ("RUNNING", ["n1"])
+
+    bench.finishes("hard")
+    assert bench.statuses() == {"soft": "FAILED", "hard": "FINISHED", "next": "FAILED"}
+    assert (bench.status("c"), bench.nodes) == ("FINISHED", [])
+    assert not bench.errors
+
+
+@pytest.mark.clause("6.1.3/nothing")
+def test_without_an_order_there_is_nothing_to_cancel() -> None:
+    bench = Bench()
+
+    bench.instant(action("c", "NONE", "cancelOrder"))
+
+    assert bench.status("c") == "FAILED"
+    (error,) = bench.state.errors
+    assert error.error_type == ErrorType.NO_ORDER_TO_CANCEL
+    assert error.error_references[0].reference_value == "c"
+    bench.send(order("n0"))
+    assert not bench.errors
+
+
+@pytest.mark.clause("6.1.3/nothing")
+def test_an_ended_order_cannot_be_cancelled() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    bench.arrive()
+
+    bench.instant(action("c", "NONE", "cancelOrder"))
+
+    assert bench.status("c") == "FAILED"
+
+
+@pytest.mark.clause("6.1.3/nothing")
+def test_a_cancelled_order_cannot_be_cancelled_again() -> None:
+    bench = driving()
+    bench.instant(action("c", "NONE", "cancelOrder"))
+    bench.halted()
+
+    bench.instant(action("d", "NONE", "cancelOrder"))
+
+    assert (bench.status("c"), bench.status("d")) == ("FINISHED", "FAILED")
+
+
+@pytest.mark.clause("6.1.3/again")
+def test_a_second_cancel_joins_the_first() -> None:
+    bench = driving()
+    bench.instant(action("c", "NONE", "cancelOrder"))
+    bench.instant(action("d", "NONE", "cancelOrder"))
+    assert bench.status("d") == "RUNNING"
+    assert len(bench.effects_of(Halt)) == 1
+
+    bench.halted()
+
+    assert (bench.status("c"), bench.status("d")) == ("FINISHED", "FINISHED")
+
+
+@pytest.mark.clause("6.1.3/again", "6.2.1/again")
+def test_a_cancel_that_is_delivered_again_has_no_effect_even_on_the_next_order() -> None:
+    bench = driving()
+    bench.instant(action("c", "NONE", "cancelOrder"))
+    bench.halted()
+    bench.send(order("n0", "n1", order_id="o2"))
+    assert bench.state.order_id == "o2"
+
+    bench.instant(action("c", "NONE", "cancelOrder"))
+
+    assert bench.nodes == ["n1"]
+    assert bench.state.driving
+
+
+@pytest.mark.clause("6.1.3/named")
+@pytest.mark.parametrize("version", ["2.0.0", "2.1.0"])
+def test_before_3_0_a_cancel_is_for_the_order_that_the_robot_has(version: str) -> None:
+    bench = Bench(rules=RULES[version])
+    bench.send(order("n0", "n1"))
+
+    bench.instant(action("c", "NONE", "cancelOrder", orderId="o9"))
+
+    assert bench.status("c") == "RUNNING"
+
+
+@pytest.mark.clause("6.1.3/named")
+def test_the_wrong_order_id_leaves_the_order_alone() -> None:
+    bench = Bench(rules=RULES["3.0.0"])
+    bench.send(order("n0", "n1"))
+
+    bench.instant(action("c", "NONE", "cancelOrder", orderId="o9"))
+    assert bench.status("c") == "FAILED"
+    assert bench.errors == [ErrorType.NO_ORDER_TO_CANCEL]
+    assert bench.state.driving
+
+    bench.instant(action("d", "NONE", "cancelOrder", orderId="o1"))
+    bench.halted()
+    assert bench.status("d") == "FINISHED"
+
+
+@pytest.mark.clause("6.1.3")
+def test_a_robot_that_waits_for_its_horizon_can_be_cancelled() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", released=1))
+
+    bench.instant(action("c", "NONE", "cancelOrder"))
+
+    assert (bench.status("c"), bench.nodes) == ("FINISHED", [])
+    assert not bench.effects_of(Halt)
+
+
+@pytest.mark.clause("6.1.3")
+def test_an_order_of_one_node_lives_by_its_actions_and_can_be_cancelled() -> None:
+    bench = Bench()
+    bench.send(order("n0", node_actions={"n0": [action("a", "HARD")]}))
+    bench.runs("a")
+
+    bench.instant(action("c", "NONE", "cancelOrder"))
+    assert bench.status("c") == "RUNNING"
+    bench.fails("a")
+
+    assert bench.status("c") == "FINISHED"
+
+
+@pytest.mark.clause("6.1.3")
+def test_a_cancel_works_in_a_pause_which_stays() -> None:
+    bench = driving()
+    bench.instant(action("p", "NONE", "startPause"))
+    bench.halted()
+
+    bench.instant(action("c", "NONE", "cancelOrder"))
+
+    assert bench.status("c") == "FINISHED"
+    assert bench.state.paused
+
+
+@pytest.mark.clause("6.1.3", "6.6.5")
+def test_a_cancel_clears_the_error_of_a_failed_drive() -> None:
+    bench = driving()
+    bench.do(DriveFailed(bench.goal.generation, DriveFailure.ABORTED, "no way"))
+
+    bench.instant(action("c", "NONE", "cancelOrder"))
+
+    assert bench.status("c") == "FINISHED"
+    assert not bench.errors
+
+
+@pytest.mark.clause("6.1.4.6", "6.1.3/after")
+def test_no_new_order_is_taken_during_a_cancel_and_one_is_after_it() -> None:
+    bench = Bench()
+    bench.send(order("n0", node_actions={"n0": [action("a", "HARD", "press")]}))
+    bench.runs("a")
+    bench.instant(action("c", "NONE", "cancelOrder"))
+
+    bench.send(order("n0", order_id="o2"))
+    assert bench.errors == [ErrorType.OTHER_ORDER_ACTIVE]
+    bench.finishes("a")
+    bench.send(order("n0", order_id="o2"))
+
+    assert bench.state.order_id == "o2"
+    assert not bench.errors
+
+
+@pytest.mark.clause("6.1.3/after")
+def test_after_a_cancel_the_last_node_with_a_large_deviation_is_a_start() -> None:
+    bench = driving()
+    bench.do(at(4.0))
+    bench.instant(action("c", "NONE", "cancelOrder"))
+    bench.halted()
+
+    bench.send(order("n0", "n1", order_id="o2", positions={"n0": position(0.0, radius=5.0)}))
+
+    assert bench.state.order_id == "o2"
+
 
 VERSIONS = pytest.mark.parametrize("version", list(RULES))
 CLEARING = pytest.mark.parametrize("mode", [each for each in OperatingMode if each.clears_order])
@@ -21,7 +233,7 @@ def switch(bench: Bench, mode: OperatingMode) -> None:
     bench.do(OperatingModeSwitched(mode))
 
 
-def driving(version: str, **more: Any) -> Bench:
+def driving_in_version(version: str, **more: Any) -> Bench:
     bench = Bench(rules=RULES[version])
     bench.send(order("n0", "n1", "n2", **more))
     return bench
@@ -31,7 +243,7 @@ def driving(version: str, **more: Any) -> Bench:
 @VERSIONS
 @CLEARING
 def test_a_person_who_takes_over_ends_the_order(version: str, mode: OperatingMode) -> None:
-    bench = driving(version, node_actions={"n1": [action("a")]})
+    bench = driving_in_version(version, node_actions={"n1": [action("a")]})
 
     switch(bench, mode)
 
@@ -45,7 +257,9 @@ def test_a_person_who_takes_over_ends_the_order(version: str, mode: OperatingMod
 @pytest.mark.clause("6.6.7")
 @VERSIONS
 def test_the_mode_is_shown_with_the_empty_lists_when_the_last_action_has_ended(version: str) -> None:
-    bench = driving(version, node_actions={"n0": [action("a", "HARD", "press"), action("b", "HARD")]})
+    bench = driving_in_version(
+        version, node_actions={"n0": [action("a", "HARD", "press"), action("b", "HARD")]}
+    )
     bench.runs("a")
 
     switch(bench, OperatingMode.MANUAL)
@@ -60,7 +274,7 @@ def test_the_mode_is_shown_with_the_empty_lists_when_the_last_action_has_ended(v
 @pytest.mark.clause("6.6.7")
 @VERSIONS
 def test_what_can_be_stopped_is_stopped(version: str) -> None:
-    bench = driving(version, node_actions={"n0": [action("a", "HARD")]})
+    bench = driving_in_version(version, node_actions={"n0": [action("a", "HARD")]})
     bench.runs("a")
 
     switch(bench, OperatingMode.SERVICE)
@@ -73,7 +287,7 @@ def test_what_can_be_stopped_is_stopped(version: str) -> None:
 @pytest.mark.clause("6.6.7")
 @VERSIONS
 def test_a_mode_that_is_switched_back_while_the_order_is_cleared_does_not_save_it(version: str) -> None:
-    bench = driving(version, node_actions={"n0": [action("a", "HARD", "press")]})
+    bench = driving_in_version(version, node_actions={"n0": [action("a", "HARD", "press")]})
     bench.runs("a")
 
     switch(bench, OperatingMode.MANUAL)
@@ -103,7 +317,7 @@ def test_orders_are_refused_until_the_mode_takes_them(version: str, mode: Operat
 @pytest.mark.clause("6.1.4.9")
 @VERSIONS
 def test_orders_are_refused_as_soon_as_the_mode_is_switched(version: str) -> None:
-    bench = driving(version, node_actions={"n0": [action("a", "HARD", "press")]})
+    bench = driving_in_version(version, node_actions={"n0": [action("a", "HARD", "press")]})
     bench.runs("a")
     switch(bench, OperatingMode.MANUAL)
 
@@ -146,7 +360,7 @@ def test_instant_actions_that_do_something_fail(version: str, mode: OperatingMod
 @pytest.mark.clause("6.6.6/INTERVENED")
 @VERSIONS
 def test_an_operator_who_intervenes_holds_the_order_and_gives_it_back(version: str) -> None:
-    bench = driving(version)
+    bench = driving_in_version(version)
     switch(bench, OperatingMode.INTERVENED)
     bench.halted()
 
@@ -177,7 +391,7 @@ def test_while_an_operator_intervenes_an_order_is_taken_and_run_later(version: s
 @pytest.mark.clause("6.6.6/INTERVENED", "6.1.3")
 @VERSIONS
 def test_while_an_operator_intervenes_only_cancel_order_is_taken(version: str) -> None:
-    bench = driving(version)
+    bench = driving_in_version(version)
     switch(bench, OperatingMode.INTERVENED)
     bench.halted()
 
@@ -195,7 +409,7 @@ def test_while_an_operator_intervenes_only_cancel_order_is_taken(version: str) -
 def test_the_last_node_is_forgotten_where_the_version_says_so(
     version: str, kept: str, mode: OperatingMode
 ) -> None:
-    bench = driving(version)
+    bench = driving_in_version(version)
     bench.arrive()
 
     switch(bench, mode)
@@ -208,7 +422,7 @@ def test_the_last_node_is_forgotten_where_the_version_says_so(
     ("version", "kept"), [("2.0.0", "n1"), ("2.1.0", "n1"), ("3.0.0", "")], ids=["2.0", "2.1", "3.0"]
 )
 def test_in_manual_the_last_node_is_forgotten_when_the_robot_is_driven_away(version: str, kept: str) -> None:
-    bench = driving(version)
+    bench = driving_in_version(version)
     bench.arrive()
     switch(bench, OperatingMode.MANUAL)
     assert bench.state.last_node_id == "n1"
@@ -221,7 +435,7 @@ def test_in_manual_the_last_node_is_forgotten_when_the_robot_is_driven_away(vers
 @pytest.mark.clause("6.1.2/cleared")
 @VERSIONS
 def test_after_clearing_an_update_is_taken_only_where_the_base_ended(version: str) -> None:
-    bench = driving(version)
+    bench = driving_in_version(version)
     bench.arrive()
     bench.arrive()
     switch(bench, OperatingMode.MANUAL)
@@ -235,7 +449,7 @@ def test_after_clearing_an_update_is_taken_only_where_the_base_ended(version: st
 @pytest.mark.clause("6.1.2/cleared")
 @VERSIONS
 def test_after_clearing_an_update_far_from_the_end_of_the_base_is_refused(version: str) -> None:
-    bench = driving(version)
+    bench = driving_in_version(version)
     switch(bench, OperatingMode.MANUAL)
     switch(bench, OperatingMode.AUTOMATIC)
 
@@ -260,7 +474,7 @@ def test_the_mode_outlives_a_restart_of_the_agent(version: str) -> None:
 @pytest.mark.clause("6.6.7")
 @VERSIONS
 def test_a_clearing_outlives_a_restart_of_the_agent(version: str) -> None:
-    bench = driving(version, node_actions={"n0": [action("a", "HARD", "press")]})
+    bench = driving_in_version(version, node_actions={"n0": [action("a", "HARD", "press")]})
     bench.runs("a")
     switch(bench, OperatingMode.MANUAL)
     kept = bench.core.memory().model_dump_json(exclude_defaults=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -10,12 +11,17 @@ from nena_edge_agent.driver.port import (
     Arrived,
     DriveFailed,
     DriveFailure,
+    GoalReport,
+    GoalTable,
+    Halted,
     NavigationReport,
     Pose,
     PoseReport,
 )
-from nena_edge_agent.protocol.capabilities import DriveStrategy
-from nena_edge_agent.protocol.events import Drive, Halt, StartAction, TimePassed
+from nena_edge_agent.protocol.capabilities import DriveStrategy, ExternalGoals, LinkLossPolicy
+from nena_edge_agent.protocol.conditions import DRIVE_RETRIED, EXTERNAL_GOAL
+from nena_edge_agent.protocol.driving import POSES_AHEAD
+from nena_edge_agent.protocol.events import Drive, Halt, LinkReport, StartAction, Started, TimePassed
 from nena_shared.vda5050.error import ErrorLevel, ErrorType
 from support.robot_core import MAP, Bench, action, at, order, position
 
@@ -427,7 +433,7 @@ def test_what_is_said_of_the_way_on_is_true_also_when_navigation_has_failed_in_m
     bench = Bench()
     bench.send(order("n0", "n1"))
     bench.do(NavigationReport(available=False, reason="gone"))
-    assert "by itself" in str(bench.state.errors[-1].error_hint)
+    assert "automatically" in str(bench.state.errors[-1].error_hint)
 
     bench.do(DriveFailed(bench.goal.generation, DriveFailure.NAVIGATION_GONE, "gone"))
     (hint,) = (
@@ -437,5 +443,406 @@ def test_what_is_said_of_the_way_on_is_true_also_when_navigation_has_failed_in_m
     )
     bench.do(NavigationReport(available=True, reason=""))
 
-    assert "not tried again" in str(hint)
+    assert "send an order update" in str(hint)
     assert len(bench.goals) == 1
+
+
+@pytest.fixture
+def bench() -> Bench:
+    bench = Bench(drive_retries=2, retry_wait=5.0)
+    bench.send(order("n0", "n1", "n2"))
+    return bench
+
+
+def fail(bench: Bench, failure: DriveFailure = DriveFailure.ABORTED) -> None:
+    bench.do(DriveFailed(bench.goal.generation, failure, "no way"))
+
+
+def later(bench: Bench, seconds: float) -> None:
+    bench.now += seconds
+    bench.do(TimePassed())
+
+
+@pytest.mark.clause("6.6.5.1/keeps")
+def test_is_tried_again_after_a_while_and_fails_after_the_last_try(bench: Bench) -> None:
+    for number in (1, 2):
+        fail(bench)
+        (error,) = bench.state.errors
+        assert (error.error_type, error.error_level) == (DRIVE_RETRIED, ErrorLevel.WARNING)
+        assert f"try {number} of 2" in str(error.error_description)
+        assert "no way (ABORTED)" in str(error.error_description)
+        assert bench.waits()
+        later(bench, 4.9)
+        assert len(bench.goals) == number
+        later(bench, 0.2)
+        assert len(bench.goals) == number + 1
+        assert bench.errors == [DRIVE_RETRIED]
+        assert not bench.waits()
+
+    fail(bench)
+    assert bench.errors == [ErrorType.NODE_UNREACHABLE]
+    later(bench, 60.0)
+    assert len(bench.goals) == 3
+
+
+def test_the_next_node_has_its_own_tries(bench: Bench) -> None:
+    fail(bench)
+    later(bench, 5.0)
+    bench.arrive()
+    assert bench.errors == []
+    for _ in range(2):
+        fail(bench)
+        later(bench, 5.0)
+    assert (bench.errors, bench.goal.pose.x) == ([DRIVE_RETRIED], 20.0)
+
+
+@pytest.mark.parametrize("failure", [DriveFailure.CANCELED_FROM_OUTSIDE])
+def test_what_somebody_wanted_is_not_undone(bench: Bench, failure: DriveFailure) -> None:
+    fail(bench, failure)
+    assert bench.errors == [ErrorType.NODE_UNREACHABLE]
+
+
+def test_an_order_that_waits_for_a_try_can_be_cancelled(bench: Bench) -> None:
+    fail(bench)
+    bench.instant(action("c", "NONE", "cancelOrder"))
+    assert (bench.status("c"), bench.errors) == ("FINISHED", [])
+    later(bench, 10.0)
+    assert len(bench.goals) == 1
+
+
+def test_a_drive_whose_navigation_has_gone_is_tried_when_it_is_back(bench: Bench) -> None:
+    bench.do(NavigationReport(available=False, reason="gone"))
+    fail(bench, DriveFailure.NAVIGATION_GONE)
+    assert Halt() in bench.effects
+    later(bench, 60.0)
+    assert len(bench.goals) == 1
+    bench.do(Halted())
+    bench.do(NavigationReport(available=True, reason=""))
+    assert (len(bench.goals), bench.errors) == (2, [DRIVE_RETRIED])
+
+
+def test_a_pause_lasts_over_the_time_of_a_try(bench: Bench) -> None:
+    fail(bench)
+    bench.instant(action("p", "NONE", "startPause"))
+    later(bench, 10.0)
+    assert len(bench.goals) == 1
+    bench.instant(action("s", "NONE", "stopPause"))
+    assert len(bench.goals) == 2
+
+
+@pytest.mark.clause("6.6.5.1/keeps")
+def test_an_update_gives_all_tries_back(bench: Bench) -> None:
+    for _ in range(2):
+        fail(bench)
+        later(bench, 5.0)
+    fail(bench)
+    bench.send(order("n2", "n3", update=1, first=4))
+    fail(bench)
+    assert bench.errors == [DRIVE_RETRIED]
+
+
+AHEAD: dict[str, Any] = {"strategy": DriveStrategy.PASS_THROUGH, "drives_ahead": True}
+
+
+def ahead(bench: Bench) -> list[tuple[float, float]]:
+    return [(pose.x, pose.y) for pose in bench.goal.ahead]
+
+
+def test_the_nodes_of_the_base_come_with_the_first_goal() -> None:
+    bench = Bench(**AHEAD)
+    bench.send(order("n0", "n1", "n2", "n3", "n4", released=4))
+    assert bench.goal.pose == Pose(10.0, 0.0, 0.0, MAP)
+    assert bench.goal.ahead == (Pose(20.0, 0.0, 0.0, MAP), Pose(30.0, 0.0, 0.0, MAP))
+
+
+@pytest.mark.parametrize("fields", [{"drives_ahead": False}, {"strategy": DriveStrategy.STOP_AT_NODES}])
+def test_a_driver_that_cannot_or_must_stop_is_told_of_one_node(fields: dict[str, Any]) -> None:
+    bench = Bench(**(AHEAD | fields))
+    bench.send(order("n0", "n1", "n2"))
+    assert ahead(bench) == []
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"node_actions": {"n2": [action("a", "HARD")]}},
+        {"edge_actions": {"n2-n3": [action("a", "HARD")]}},
+        {"positions": {"n2": position(20.0, theta=0.0)}},
+        {"positions": {"n3": position(20.0, 10.0)}},
+        {"released": 3},
+    ],
+)
+def test_a_way_ends_at_the_first_stop(fields: dict[str, Any]) -> None:
+    bench = Bench(**AHEAD)
+    bench.send(order("n0", "n1", "n2", "n3", **fields))
+    assert ahead(bench) == [(20.0, 0.0)]
+
+
+def test_a_gentle_bend_or_a_node_with_room_is_passed() -> None:
+    bench = Bench(**AHEAD)
+    places = {"n1": position(10.0), "n2": position(20.0, 3.0, radius=0.8), "n3": position(20.0, 10.0)}
+    bench.send(order("n0", "n1", "n2", "n3", positions=places))
+    assert ahead(bench) == [(20.0, 3.0), (20.0, 10.0)]
+
+
+def test_a_long_way_is_told_in_parts() -> None:
+    bench = Bench(**AHEAD)
+    bench.send(order(*(f"n{number}" for number in range(POSES_AHEAD + 10))))
+    assert len(ahead(bench)) == POSES_AHEAD
+
+
+def test_a_passed_node_leaves_the_rest_of_the_way() -> None:
+    bench = Bench(**AHEAD)
+    bench.send(order("n0", "n1", "n2", "n3"))
+    bench.do(at(9.8))
+    assert bench.state.last_node_id == "n1"
+    assert (bench.goal.pose.x, ahead(bench)) == (20.0, [(30.0, 0.0)])
+
+
+def test_a_node_is_passed_anywhere_in_its_deviation() -> None:
+    bench = Bench(**AHEAD, pass_radius=0.1)
+    bench.send(order("n0", "n1", "n2", positions={"n1": position(10.0, radius=0.8)}))
+    bench.do(at(9.3))
+    assert bench.state.last_node_id == "n1"
+
+
+def test_a_base_that_grows_is_told_at_once() -> None:
+    bench = Bench(**AHEAD)
+    bench.send(order("n0", "n1", "n2", released=2))
+    first = bench.goal
+    assert first.ahead == ()
+    bench.do(at(5.0))
+    bench.send(order("n1", "n2", update=1, first=2))
+    assert (bench.goal.pose, ahead(bench)) == (first.pose, [(20.0, 0.0)])
+    assert bench.goal.generation > first.generation
+    goals = len(bench.goals)
+    bench.do(at(6.0), TimePassed())
+    assert len(bench.goals) == goals
+
+
+def test_a_robot_that_is_to_stop_at_the_next_node_is_told_so() -> None:
+    policy: dict[str, Any] = {"link_loss": LinkLossPolicy.PREVENTIVE_NEXT_NODE, "link_loss_timeout": 5.0}
+    bench = Bench(**AHEAD, **policy)
+    bench.do(LinkReport(connected=True))
+    bench.send(order("n0", "n1", "n2"))
+    assert ahead(bench) == [(20.0, 0.0)]
+    bench.do(LinkReport(connected=False))
+    bench.now += 6.0
+    bench.do(TimePassed())
+    assert ahead(bench) == []
+
+
+def test_the_goal_is_the_same_but_for_what_is_ahead() -> None:
+    one, other = Bench(), Bench(**AHEAD)
+    for bench in (one, other):
+        bench.send(order("n0", "n1", "n2"))
+    assert replace(other.goal, ahead=()) == one.goal
+
+
+THEIRS = GoalTable((GoalReport("X", external=True, status="EXECUTING"),))
+THEIRS_ENDED = GoalTable((GoalReport("X", external=True, status="SUCCEEDED", ended=True),))
+OURS = GoalTable((GoalReport("A", external=False, status="EXECUTING"),))
+
+
+def taken_over(policy: ExternalGoals) -> Bench:
+    """Give a robot whose navigation has left its order for somebody else's goal."""
+    bench = Bench(external_goals=policy)
+    bench.send(order("n0", "n1"))
+    bench.do(OURS, THEIRS, DriveFailed(bench.goal.generation, DriveFailure.TAKEN_OVER, "X has replaced it"))
+    return bench
+
+
+def test_pause_waits_for_the_end_of_the_other_drive_and_gives_the_goal_again() -> None:
+    bench = taken_over(ExternalGoals.PAUSE)
+    assert bench.errors == [EXTERNAL_GOAL]
+    assert bench.state.driving
+    assert len(bench.goals) == 1
+
+    bench.do(THEIRS_ENDED)
+
+    assert [goal.pose for goal in bench.goals] == [bench.goal.pose] * 2
+    assert bench.errors == []
+    bench.arrive()
+    assert bench.nodes == []
+
+
+def test_pause_goes_on_at_once_where_the_other_drive_has_ended_already() -> None:
+    bench = Bench(external_goals=ExternalGoals.PAUSE)
+    bench.send(order("n0", "n1"))
+    failed = DriveFailed(bench.goal.generation, DriveFailure.TAKEN_OVER, "X has replaced it")
+    bench.do(THEIRS, THEIRS_ENDED)
+    assert len(bench.goals) == 1
+    bench.do(failed)
+    assert (len(bench.goals), bench.errors) == (2, [])
+
+
+def test_fail_is_an_error_that_names_it_and_an_update_tries_again() -> None:
+    bench = taken_over(ExternalGoals.FAIL)
+    (error,) = bench.state.errors
+    assert error.error_type == ErrorType.NODE_UNREACHABLE
+    assert "TAKEN_OVER" in str(error.error_description)
+
+    bench.do(THEIRS_ENDED)
+    assert len(bench.goals) == 1
+
+    bench.send(order("n1", "n2", update=1, first=2))
+    assert len(bench.goals) == 2
+
+
+def test_pause_keeps_an_order_from_beginning() -> None:
+    bench = Bench(external_goals=ExternalGoals.PAUSE)
+    bench.do(THEIRS)
+    bench.send(order("n0", "n1"))
+    assert (bench.goals, bench.errors) == ([], [EXTERNAL_GOAL])
+    bench.do(GoalTable())
+    assert len(bench.goals) == 1
+
+
+def test_fail_fails_an_order_that_begins() -> None:
+    bench = Bench(external_goals=ExternalGoals.FAIL)
+    bench.do(THEIRS)
+    bench.send(order("n0", "n1"))
+    assert (bench.goals, bench.errors) == ([], [ErrorType.NODE_UNREACHABLE])
+    assert "X" in str(bench.state.errors[0].error_description)
+
+
+def test_without_an_order_an_external_goal_is_no_error() -> None:
+    bench = Bench()
+    bench.do(THEIRS)
+    assert bench.errors == []
+
+
+def test_an_order_that_waits_can_be_cancelled() -> None:
+    bench = taken_over(ExternalGoals.PAUSE)
+    bench.instant(action("c", "NONE", "cancelOrder"))
+    assert bench.status("c") == "FINISHED"
+    assert (bench.nodes, bench.errors) == ([], [])
+
+
+def test_the_state_shows_each_goal_and_whose_it_is() -> None:
+    bench = Bench()
+    bench.do(GoalTable((*OURS.goals, *THEIRS.goals)))
+    shown = bench.state.information or ()
+    assert [
+        (each.info_type, {r.reference_key: r.reference_value for r in each.info_references}) for each in shown
+    ] == [
+        ("goal", {"goalId": "A", "status": "EXECUTING"}),
+        ("externalGoal", {"goalId": "X", "status": "EXECUTING"}),
+    ]
+
+
+def test_what_navigation_has_taken_of_us_is_kept_for_a_restart() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1"))
+    before = bench.core.durable_version
+    bench.do(OURS)
+    assert bench.core.durable_version != before
+
+    memory = bench.core.memory()
+    own = Bench(memory=memory, ready=False).core.own_goals
+
+    assert own is not None
+    assert (own.goal_ids, own.pose) == (("A",), bench.goal.pose)
+    bench.do(GoalTable())
+    assert bench.core.memory().own_goals == memory.own_goals, "what it has come to is not told yet"
+    bench.arrive()
+    assert bench.core.memory().own_goals is None
+
+
+def test_a_goal_that_is_not_listed_yet_does_not_lend_its_place_to_the_one_before() -> None:
+    bench = Bench()
+    bench.send(order("n0", "n1", "n2"))
+    bench.do(OURS)
+    first = bench.goal.pose
+    bench.arrive()
+    bench.do(GoalTable(OURS.goals))
+    own = bench.core.own_goals
+    assert own is not None
+    assert own.pose == first
+    assert bench.goal.pose != first
+
+
+DISCONNECTED, CONNECTED = LinkReport(connected=False), LinkReport(connected=True)
+
+
+def under_way(policy: LinkLossPolicy, **capabilities: Any) -> Bench:
+    """Give a robot on its way to the first of two nodes."""
+    bench = Bench(link_loss=policy, link_loss_timeout=10.0, **capabilities)
+    bench.do(CONNECTED)
+    bench.send(order("n0", "n1", "n2"))
+    return bench
+
+
+def lose(bench: Bench, seconds: float) -> None:
+    bench.do(DISCONNECTED)
+    bench.now += seconds
+    bench.do(TimePassed())
+
+
+def test_an_assertive_robot_drives_its_base_to_the_end() -> None:
+    bench = under_way(LinkLossPolicy.ASSERTIVE)
+    lose(bench, 3600.0)
+    bench.arrive()
+    bench.arrive()
+    assert bench.nodes == []
+    assert not bench.effects_of(Halt)
+    assert not bench.waits()
+
+
+def test_a_preventive_robot_stops_after_its_time_and_goes_on_when_the_broker_is_back() -> None:
+    bench = under_way(LinkLossPolicy.PREVENTIVE_AT_ONCE)
+    lose(bench, 9.9)
+    assert bench.waits()
+    assert not bench.effects_of(Halt)
+    bench.now += 0.2
+    bench.do(TimePassed())
+    assert len(bench.effects_of(Halt)) == 1
+    bench.halted()
+    assert not bench.state.driving
+
+    bench.do(CONNECTED)
+
+    assert [goal.pose for goal in bench.goals] == [bench.goal.pose] * 2
+    assert bench.nodes == ["n1", "n2"]
+
+
+def test_a_short_break_is_nothing() -> None:
+    bench = under_way(LinkLossPolicy.PREVENTIVE_AT_ONCE)
+    lose(bench, 9.0)
+    bench.do(CONNECTED)
+    bench.now += 60.0
+    bench.do(TimePassed())
+    assert not bench.effects_of(Halt)
+
+
+def test_at_the_next_node_it_waits() -> None:
+    bench = under_way(LinkLossPolicy.PREVENTIVE_NEXT_NODE)
+    lose(bench, 20.0)
+    assert not bench.effects_of(Halt)
+    bench.arrive()
+    assert (bench.nodes, len(bench.goals)) == (["n2"], 1)
+    bench.do(CONNECTED)
+    assert len(bench.goals) == 2
+
+
+def test_the_next_node_is_not_passed() -> None:
+    bench = under_way(LinkLossPolicy.PREVENTIVE_NEXT_NODE, strategy=DriveStrategy.PASS_THROUGH)
+    lose(bench, 20.0)
+    bench.do(at(9.9))
+    assert (bench.nodes, len(bench.goals)) == (["n1", "n2"], 1)
+
+
+def test_a_robot_that_has_never_had_its_broker_waits_too() -> None:
+    memory = under_way(LinkLossPolicy.PREVENTIVE_AT_ONCE).core.memory()
+    bench = Bench(memory=memory, link_loss=LinkLossPolicy.PREVENTIVE_AT_ONCE, link_loss_timeout=10.0)
+    assert len(bench.goals) == 1
+    bench.now += 11.0
+    bench.do(TimePassed())
+    assert len(bench.effects_of(Halt)) == 1
+
+
+def test_started_begins_the_time() -> None:
+    bench = Bench(ready=False, link_loss=LinkLossPolicy.PREVENTIVE_AT_ONCE)
+    assert not bench.waits()
+    bench.do(Started())
+    assert bench.waits()

@@ -5,11 +5,9 @@ from __future__ import annotations
 import pytest
 
 from nena_edge_agent.protocol.capabilities import RULES
-from nena_edge_agent.protocol.events import StartAction
+from nena_edge_agent.protocol.events import LocalTrigger, StartAction
 from nena_edge_agent.protocol.memory import Memory
 from support.robot_core import Bench, action, order
-
-pytestmark = pytest.mark.clause("6.6.9/retriable")
 
 
 def failed(version: str = "3.0.0", *, retriable: bool = True) -> Bench:
@@ -22,6 +20,7 @@ def failed(version: str = "3.0.0", *, retriable: bool = True) -> Bench:
     return bench
 
 
+@pytest.mark.clause("6.6.9/retriable")
 @pytest.mark.parametrize(
     ("version", "retriable", "status"),
     [("3.0.0", True, "RETRIABLE"), ("3.0.0", False, "FAILED"), ("2.1.0", True, "FAILED")],
@@ -38,6 +37,7 @@ def test_a_failure_may_be_retried_where_order_and_version_say_so(
     assert bench.status("b") == ("WAITING" if status == "RETRIABLE" else "INITIALIZING")
 
 
+@pytest.mark.clause("6.6.9/retriable")
 @pytest.mark.clause("6.2.3/retry")
 def test_it_holds_the_order_until_it_is_tried_again() -> None:
     bench = failed()
@@ -54,6 +54,7 @@ def test_it_holds_the_order_until_it_is_tried_again() -> None:
     assert bench.status("b") == "INITIALIZING"
 
 
+@pytest.mark.clause("6.6.9/retriable")
 @pytest.mark.clause("6.2.3/skipRetry")
 def test_skipped_it_is_failed_and_the_order_goes_on() -> None:
     bench = failed()
@@ -64,6 +65,7 @@ def test_skipped_it_is_failed_and_the_order_goes_on() -> None:
     assert bench.errors == ["ACTION_FAILED"]
 
 
+@pytest.mark.clause("6.6.9/retriable")
 @pytest.mark.clause("6.2.3/retry", "6.2.3/skipRetry", "6.2.1/refused")
 @pytest.mark.parametrize("kind", ["retry", "skipRetry"])
 @pytest.mark.parametrize("wanted", ["b", "unknown"])
@@ -77,6 +79,7 @@ def test_what_is_not_retriable_is_not_tried_again(kind: str, wanted: str) -> Non
     assert bench.status("a") == "RETRIABLE"
 
 
+@pytest.mark.clause("6.6.9/retriable")
 @pytest.mark.clause("6.2.3/retry")
 def test_versions_without_it_do_not_know_it() -> None:
     bench = failed("2.1.0")
@@ -86,6 +89,7 @@ def test_versions_without_it_do_not_know_it() -> None:
     assert bench.status("r") == "FAILED"
 
 
+@pytest.mark.clause("6.6.9/retriable")
 @pytest.mark.clause("6.2.3/retry")
 def test_in_a_pause_nothing_is_tried_again() -> None:
     bench = failed()
@@ -96,6 +100,7 @@ def test_in_a_pause_nothing_is_tried_again() -> None:
     assert (bench.status("r"), bench.status("a")) == ("FAILED", "RETRIABLE")
 
 
+@pytest.mark.clause("6.6.9/retriable")
 @pytest.mark.clause("6.1.3/actions")
 def test_a_cancel_ends_it() -> None:
     bench = failed()
@@ -106,6 +111,7 @@ def test_a_cancel_ends_it() -> None:
     assert bench.idle
 
 
+@pytest.mark.clause("6.6.9/retriable")
 def test_it_ends_with_its_edge() -> None:
     bench = Bench(rules=RULES["3.0.0"])
     bench.send(order("n0", "n1", edge_actions={"n0-n1": [action("a", "NONE", retriable=True)]}))
@@ -121,6 +127,7 @@ def test_it_ends_with_its_edge() -> None:
     assert "retry" not in (failure.error_hint or "")
 
 
+@pytest.mark.clause("6.6.9/retriable")
 @pytest.mark.clause("6.2.3/retry")
 def test_it_may_still_be_tried_again_after_a_restart() -> None:
     bench = failed()
@@ -134,3 +141,86 @@ def test_it_may_still_be_tried_again_after_a_restart() -> None:
 
     assert again.status("a") == "INITIALIZING"
     assert not again.errors
+
+
+def waiting(*types: str, version: str = "3.0.0") -> Bench:
+    bench = Bench(rules=RULES[version])
+    wait = action("w", "HARD", "waitForTrigger", triggerType=list(types))
+    bench.send(order("n0", "n1", node_actions={"n0": [wait]}))
+    return bench
+
+
+@pytest.mark.clause("6.2.3/waitForTrigger")
+def test_the_robot_waits_without_a_plug_in() -> None:
+    bench = waiting("FLEET_CONTROL")
+
+    assert bench.status("w") == "RUNNING"
+    assert not bench.effects_of(StartAction)
+    assert not bench.goals
+
+
+@pytest.mark.clause("6.2.3/trigger", "6.2.3/waitForTrigger")
+def test_fleet_control_releases_it() -> None:
+    bench = waiting("LOCAL", "FLEET_CONTROL")
+
+    bench.instant(action("t", "NONE", "trigger"))
+
+    assert (bench.status("t"), bench.status("w")) == ("FINISHED", "FINISHED")
+    assert bench.goal.pose.x == 10.0
+
+
+@pytest.mark.clause("6.2.3/trigger")
+def test_a_trigger_that_nobody_waits_for_fails() -> None:
+    bench = waiting("LOCAL")
+
+    bench.instant(action("t", "NONE", "trigger"))
+
+    assert (bench.status("t"), bench.status("w")) == ("FAILED", "RUNNING")
+
+
+@pytest.mark.clause("6.2.3/waitForTrigger")
+@pytest.mark.parametrize("version", list(RULES))
+def test_somebody_at_the_robot_releases_it(version: str) -> None:
+    bench = waiting("LOCAL", version=version)
+
+    bench.do(LocalTrigger("door"))
+    assert bench.status("w") == "RUNNING"
+    bench.do(LocalTrigger("LOCAL"))
+
+    assert bench.status("w") == "FINISHED"
+
+
+@pytest.mark.clause("6.2.3/waitForTrigger")
+def test_a_cancel_ends_the_waiting() -> None:
+    bench = waiting("LOCAL")
+
+    bench.instant(action("c", "NONE", "cancelOrder"))
+
+    assert (bench.status("c"), bench.status("w"), bench.idle) == ("FINISHED", "FAILED", True)
+
+
+@pytest.mark.clause("6.2.3/waitForTrigger", "6.1.4.3")
+def test_without_a_type_the_order_is_refused() -> None:
+    bench = Bench(rules=RULES["3.0.0"])
+
+    bench.send(order("n0", "n1", node_actions={"n0": [action("w", "HARD", "waitForTrigger")]}))
+
+    assert bench.errors == ["INVALID_ORDER_ACTION"]
+
+
+@pytest.mark.clause("6.2.3/trigger")
+def test_2_x_has_no_trigger_of_fleet_control() -> None:
+    bench = waiting("FLEET_CONTROL", version="2.1.0")
+
+    bench.instant(action("t", "NONE", "trigger"))
+
+    assert (bench.status("t"), bench.status("w")) == ("FAILED", "RUNNING")
+
+
+@pytest.mark.clause("6.2.3/waitForTrigger", "6.1.4.3")
+@pytest.mark.parametrize("version", list(RULES))
+def test_what_nothing_could_release_is_refused(version: str) -> None:
+    bench = waiting(version=version)
+
+    assert bench.errors == ["INVALID_ORDER_ACTION"]
+    assert not bench.state.order_id

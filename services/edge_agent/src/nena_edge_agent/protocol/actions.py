@@ -1,0 +1,318 @@
+"""The life of the order's actions: queued, started, paused, ended (sections 6.2.2, 6.2.3 and 6.6.9)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from nena_edge_agent.protocol import zones
+from nena_edge_agent.protocol.action_states import ActionRecord, ActionStates, loads_after
+from nena_edge_agent.protocol.declaration import (
+    CLEAR_INSTANT_ACTIONS,
+    ENABLE_ZONE_SET,
+    PREDEFINED,
+    TRIGGER_TYPE,
+    WAIT_FOR_TRIGGER,
+    ActionDeclaration,
+)
+from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.events import (
+    ActionReport,
+    CancelAction,
+    PauseAction,
+    ResumeAction,
+    StartAction,
+)
+from nena_edge_agent.protocol.robot_state import RobotState
+from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType, error
+from nena_shared.vda5050.factsheet import ActionScope
+from nena_shared.vda5050.order import Edge
+
+CoreAction = Callable[[RobotState, Action], tuple[ActionStatus, str | None]]
+"""Does or starts an action in the core; returns its status from now on, and a result."""
+
+
+def enqueue(robot: RobotState, actions: Sequence[Action]) -> None:
+    """Queue the actions of a reached node or an entered edge, and start those whose turn it is."""
+    robot.queue.append(actions)
+    schedule(robot)
+
+
+def schedule(robot: RobotState) -> None:
+    """Start every queued action whose turn it is."""
+    while not robot.held and not robot.clearing and (waiting := _startable(robot)):
+        for action_id in waiting:  # one that ends at once may release others
+            robot.actions.change(action_id, ActionStatus.INITIALIZING)
+            _start(robot, action_id)
+
+
+def apply_report(robot: RobotState, report: ActionReport) -> None:
+    """Apply the report of a plug-in about an action of the order or an instant action."""
+    states = robot.actions if report.action_id in robot.actions else robot.instant_actions
+    status = ActionStatus.RETRIABLE if _is_retriable(robot, report) else report.status
+    if not states.change(report.action_id, status, report.result):
+        return
+    record = states.get(report.action_id)
+    if report.loads is not None:
+        robot.loads = report.loads
+    elif record and report.status is ActionStatus.FINISHED:
+        robot.loads = loads_after(record.action, _declaration(robot, record), robot.loads)
+    robot.charging = robot.charging if report.charging is None else report.charging
+    robot.maps = robot.maps if report.maps is None else report.maps
+    if report.error:
+        robot.errors.report(report.error, Until.INSTANT_ACTION_ACCEPTED)
+    if record and status.ended:
+        robot.queue.remove(report.action_id)
+    if record and states is robot.actions:
+        _apply_hold(robot, record)
+    if record and report.status is ActionStatus.FAILED and states is robot.instant_actions:
+        robot.errors.report(_instant_failure(record), Until.INSTANT_ACTION_ACCEPTED)
+    elif record and report.status is ActionStatus.FAILED and not robot.clearing:
+        robot.errors.report(_failure(robot, record), Until.ORDER_OVER)
+
+
+def pause(robot: RobotState) -> None:
+    """Pause every running action that can be paused."""
+    for record in robot.actions:
+        if record.status is ActionStatus.RUNNING and _declares(robot, record, "pause_allowed"):
+            robot.effects.append(PauseAction(record.action.action_id))
+
+
+def resume(robot: RobotState) -> None:
+    """Resume paused actions; those that a restart interrupted start again."""
+    interrupted, robot.interrupted = robot.interrupted, set()
+    for record in robot.actions:
+        action_id = record.action.action_id
+        if record.status is ActionStatus.PAUSED and action_id in interrupted:
+            robot.actions.change(action_id, ActionStatus.INITIALIZING)
+            _start(robot, action_id)
+        elif record.status is ActionStatus.PAUSED:
+            robot.effects.append(ResumeAction(action_id))
+
+
+def cancel_all(robot: RobotState) -> None:
+    """Fail waiting actions, and cancel running ones where that is allowed (section 6.1.3)."""
+    for record in list(robot.actions):
+        action_id = record.action.action_id
+        waits = record.action.action_type == WAIT_FOR_TRIGGER
+        if record.status in (ActionStatus.WAITING, ActionStatus.RETRIABLE) or waits:
+            _end(robot, record, ActionStatus.FAILED, "the order was cancelled")
+        elif record.active and (action_id in robot.interrupted or _declares(robot, record, "cancel_allowed")):
+            robot.effects.append(CancelAction(action_id))
+
+
+def end_with_edge(robot: RobotState, edge: Edge) -> None:
+    """End the actions of ``edge``, which the robot has left; one that cannot be cancelled runs to its end."""
+    for action in edge.actions:
+        record = robot.actions.get(action.action_id)
+        if record and not record.status.ended:
+            _end_edge_action(robot, record)
+
+
+def continue_after_restart(robot: RobotState) -> None:
+    """Start interrupted actions again where their declaration allows it, and fail the others."""
+    for states in (robot.actions, robot.instant_actions):
+        for record in [each for each in states if each.active]:
+            if record.status is ActionStatus.RETRIABLE:
+                robot.errors.report(_failure(robot, record), Until.ORDER_OVER)
+            elif record.action.action_type not in PREDEFINED:  # the core continues its own
+                _continue(robot, states, record)
+
+
+# retry and skipRetry (sections 6.2.3 and 6.6.9)
+
+
+def retry(robot: RobotState, action: Action) -> str | None:
+    """Start the RETRIABLE action that ``action`` names again; return why that is refused, if it is."""
+    record, problem = _retriable(robot, action)
+    if record is None:
+        return problem
+    if robot.held:
+        return "the robot is paused; resume it first"
+    robot.errors.withdraw(_failure(robot, record))
+    robot.actions.change(record.action.action_id, ActionStatus.INITIALIZING, "")
+    _start(robot, record.action.action_id)
+    return None
+
+
+def skip_retry(robot: RobotState, action: Action) -> str | None:
+    """Fail the RETRIABLE action that ``action`` names, and continue; return why that is refused, if it is."""
+    record, problem = _retriable(robot, action)
+    if record is None:
+        return problem
+    _end(robot, record, ActionStatus.FAILED, record.result)
+    robot.errors.report(_failure(robot, record), Until.ORDER_OVER)
+    schedule(robot)
+    return None
+
+
+def _retriable(robot: RobotState, action: Action) -> tuple[ActionRecord | None, str]:
+    wanted = str(action.parameter("actionId"))
+    record = robot.actions.get(wanted)
+    if record is None:
+        return None, f"the order has no action '{wanted}'"
+    if record.status is not ActionStatus.RETRIABLE:
+        return None, f"action '{wanted}' is {record.status}, not RETRIABLE"
+    return record, ""
+
+
+# Actions that the core does itself on nodes
+
+
+def release(robot: RobotState, trigger_type: str) -> bool:
+    """Finish all actions that wait for ``trigger_type`` (section 6.2.3); return whether there were any."""
+    waiting = [record for record in robot.actions if _waits_for(record, trigger_type)]
+    for record in waiting:
+        _end(robot, record, ActionStatus.FINISHED, f"released by {trigger_type}")
+    schedule(robot)
+    return bool(waiting)
+
+
+def clear_instant_actions(robot: RobotState, _: Action) -> tuple[ActionStatus, str | None]:
+    """Remove ended instant actions from the state; the clearing itself is shown until the next one."""
+    robot.instant_actions.remove(lambda record: record.status.ended)
+    return ActionStatus.FINISHED, None
+
+
+def _wait_for_trigger(_: RobotState, __: Action) -> tuple[ActionStatus, str | None]:
+    return ActionStatus.RUNNING, None
+
+
+CORE_ACTIONS: dict[str, CoreAction] = {
+    CLEAR_INSTANT_ACTIONS: clear_instant_actions,
+    ENABLE_ZONE_SET: zones.enable,
+    WAIT_FOR_TRIGGER: _wait_for_trigger,
+}
+"""Actions on nodes that no plug-in does, by action type."""
+
+
+def _waits_for(record: ActionRecord, trigger_type: str) -> bool:
+    if record.action.action_type != WAIT_FOR_TRIGGER or record.status is not ActionStatus.RUNNING:
+        return False
+    types = record.action.parameter(TRIGGER_TYPE)
+    return isinstance(types, list) and trigger_type in types
+
+
+# Steps of the above
+
+
+def _startable(robot: RobotState) -> list[str]:
+    records = [robot.actions.get(each) for each in robot.queue.runnable()]
+    return [each.action.action_id for each in records if each and each.status is ActionStatus.WAITING]
+
+
+def _start(robot: RobotState, action_id: str) -> None:
+    record = robot.actions.get(action_id) or robot.instant_actions.get(action_id)
+    if record is None:
+        return
+    core_action = CORE_ACTIONS.get(record.action.action_type)
+    if record.scope is not ActionScope.INSTANT and core_action:
+        status, result = core_action(robot, record.action)
+        apply_report(robot, ActionReport(action_id, status, result))
+    elif problem := _load_problem(robot, record):
+        apply_report(robot, ActionReport(action_id, ActionStatus.FAILED, problem))
+    else:
+        robot.effects.append(StartAction(record.action, robot.loads))
+
+
+def _end(robot: RobotState, record: ActionRecord, status: ActionStatus, result: str | None) -> None:
+    """End an action of the order that no plug-in will end."""
+    robot.actions.change(record.action.action_id, status, result)
+    robot.queue.remove(record.action.action_id)
+
+
+def _is_retriable(robot: RobotState, report: ActionReport) -> bool:
+    """Return whether fleet control may have a failed action tried again (section 6.6.9)."""
+    record = robot.actions.get(report.action_id)
+    return (
+        report.status is ActionStatus.FAILED
+        and record is not None
+        and record.status is ActionStatus.RUNNING
+        and bool(record.action.retriable)
+        and not robot.clearing
+        and ActionStatus.RETRIABLE in robot.capabilities.rules.standard.action_statuses
+    )
+
+
+def _apply_hold(robot: RobotState, record: ActionRecord) -> None:
+    """Pause an action that began to run during a pause, and resume one that was paused only after it."""
+    action_id = record.action.action_id
+    if robot.held and record.status is ActionStatus.RUNNING and _declares(robot, record, "pause_allowed"):
+        robot.effects.append(PauseAction(action_id))
+    elif not robot.held and record.status is ActionStatus.PAUSED:
+        robot.effects.append(ResumeAction(action_id))
+
+
+def _continue(robot: RobotState, states: ActionStates, record: ActionRecord) -> None:
+    action_id = record.action.action_id
+    if _starts_after_pause(robot, record):
+        robot.interrupted.add(action_id)
+        robot.actions.change(action_id, ActionStatus.PAUSED)
+    elif _declares(robot, record, "restartable") and not robot.clearing:
+        states.restart(action_id)
+        _start(robot, action_id)
+    else:
+        result = "the agent was interrupted while the action ran"
+        apply_report(robot, ActionReport(action_id, ActionStatus.FAILED, result))
+
+
+def _starts_after_pause(robot: RobotState, record: ActionRecord) -> bool:
+    """Return whether the action may start again, but only once the robot is no longer held."""
+    waits = robot.held and not robot.clearing and record.scope is not ActionScope.INSTANT
+    return waits and _declares(robot, record, "restartable") and _declares(robot, record, "pause_allowed")
+
+
+def _load_problem(robot: RobotState, record: ActionRecord) -> str | None:
+    """Check the load once more: an action before this one may have failed."""
+    declaration = _declaration(robot, record)
+    return declaration.load_problem(loaded=bool(robot.loads)) if declaration else None
+
+
+def _end_edge_action(robot: RobotState, record: ActionRecord) -> None:
+    action_id = record.action.action_id
+    if record.status is ActionStatus.RETRIABLE:
+        _end(robot, record, ActionStatus.FAILED, record.result)
+        robot.errors.report(_failure(robot, record), Until.ORDER_OVER)  # no retry is possible any more
+        return
+    if record.active and not _declares(robot, record, "cancel_allowed"):
+        return
+    if record.active:
+        robot.effects.append(CancelAction(action_id))
+    good = record.active and _declares(robot, record, "open_ended")
+    status = ActionStatus.FINISHED if good else ActionStatus.FAILED
+    result = None if good else "the edge ended before the action"
+    apply_report(robot, ActionReport(action_id, status, result))
+
+
+def _declares(robot: RobotState, record: ActionRecord, trait: str) -> bool:
+    return bool(getattr(_declaration(robot, record), trait, False))
+
+
+def _declaration(robot: RobotState, record: ActionRecord) -> ActionDeclaration | None:
+    return robot.capabilities.actions.get(record.action.action_type)
+
+
+def _failure(robot: RobotState, record: ActionRecord) -> ErrorEntry:
+    """Report the failure as a warning: the order continues, fleet control decides what becomes of it."""
+    retriable = record.status is ActionStatus.RETRIABLE
+    entry = error(
+        ErrorType.ACTION_FAILED,
+        f"action '{record.action.action_type}' failed: {record.result or 'no reason given'}",
+        hint="send retry or skipRetry"
+        if retriable
+        else "the order continues; cancel it, or send the action again in another order",
+        action_id=record.action.action_id,
+        order_id=robot.progress.order_id or None,
+    )
+    return entry.model_copy(update={"error_level": ErrorLevel.WARNING})
+
+
+def _instant_failure(record: ActionRecord) -> ErrorEntry:
+    """Report the failure of an instant action as a warning; no order depends on it."""
+    entry = error(
+        ErrorType.ACTION_FAILED,
+        f"action '{record.action.action_type}' failed: {record.result or 'no reason given'}",
+        hint="remove the cause, and send it again under another actionId",
+        action_id=record.action.action_id,
+    )
+    return entry.model_copy(update={"error_level": ErrorLevel.WARNING})

@@ -1,0 +1,235 @@
+"""Orders: accepted, extended, cancelled, cleared (sections 6.1.2, 6.1.3, 6.6.6 and 6.6.7)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from pydantic import JsonValue
+
+from nena_edge_agent.protocol import actions, driving
+from nena_edge_agent.protocol.action_states import ActionRecord, loaded_after
+from nena_edge_agent.protocol.conditions import switched_off
+from nena_edge_agent.protocol.declaration import CANCEL_ORDER
+from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.events import OperatingModeSwitched
+from nena_edge_agent.protocol.geometry import in_place
+from nena_edge_agent.protocol.order_acceptance import (
+    Duplicate,
+    NewOrder,
+    Rejected,
+    Situation,
+    Update,
+    Verdict,
+    judge,
+)
+from nena_edge_agent.protocol.robot_state import RobotState
+from nena_edge_agent.protocol.zone_sets import CLOSED
+from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.error import ErrorType, error
+from nena_shared.vda5050.factsheet import ActionScope
+from nena_shared.vda5050.order import Edge, Node, Order
+
+_SHOWN_UNTIL: dict[str, Until] = {ErrorType.MOBILE_ROBOT_NOT_AVAILABLE: Until.AVAILABLE}
+"""How long a rejection is shown, where that is not until another order is accepted."""
+
+
+# Acceptance (section 6.1.2)
+
+
+def receive(robot: RobotState, order: Order) -> Verdict:
+    """Accept or reject ``order``; a rejected one changes nothing but the errors."""
+    if _waits_for_disk(robot, order):
+        return Duplicate()
+    verdict = judge(order, _situation(robot), robot.capabilities)
+    match verdict:
+        case NewOrder():
+            _begin(robot, order)
+        case Update():
+            _extend(robot, order)
+        case Rejected(entry):
+            robot.errors.report(entry, _SHOWN_UNTIL.get(entry.error_type, Until.ORDER_ACCEPTED))
+    return verdict
+
+
+def _waits_for_disk(robot: RobotState, order: Order) -> bool:
+    """Return whether ``order`` is held but not on the disk: no state shows it yet, and it is not rejected."""
+    progress = robot.progress
+    held = (progress.order_id, progress.order_update_id) == (order.order_id, order.order_update_id)
+    return held and bool(robot.journal_problem)
+
+
+def _situation(robot: RobotState) -> Situation:
+    progress = robot.progress
+    return Situation(
+        operating_mode=robot.next_mode,
+        off=switched_off(robot),
+        fatal=robot.fatal,
+        idle=robot.idle and not robot.clearing,
+        cancelled=progress.cancelled or robot.clearing,
+        cleared=progress.cleared,
+        order_id=progress.order_id,
+        order_update_id=progress.order_update_id,
+        decision_point=progress.decision_point,
+        content=progress.content,
+        pose=robot.reports.localized_pose,
+        no_route=robot.reports.no_route,
+        maps=robot.map_ids,
+        closed=tuple(each for each in robot.zone_sets.enabled if each.zone.zone_type in CLOSED),
+        stands_on=progress.last_node_id if progress.on_last_node else "",
+        instant_action_ids=frozenset(record.action.action_id for record in robot.instant_actions),
+        base_action_ids=frozenset(
+            record.action.action_id for record in robot.actions if not _in_horizon(robot, record)
+        ),
+        loaded=_loaded_at_the_end(robot),
+        history=robot.history,
+    )
+
+
+def _loaded_at_the_end(robot: RobotState) -> bool:
+    to_do = (
+        record.action
+        for record in robot.actions
+        if not record.status.ended and not _in_horizon(robot, record)
+    )
+    return loaded_after(to_do, robot.capabilities.actions, loaded=bool(robot.loads))
+
+
+def _begin(robot: RobotState, order: Order) -> None:
+    _clear_errors(robot)
+    if not robot.capabilities.rules.standard.instant_states_until_cleared:
+        robot.instant_actions.remove(lambda record: record.status.ended)
+    robot.actions.remove(lambda _: True)
+    robot.queue.clear()
+    robot.history.end(robot.progress.order_id)
+    robot.history.accept(order, robot.utc_now)
+    robot.progress.begin(order)
+    robot.actions.add(_records(order.nodes, order.edges))
+    actions.enqueue(robot, order.nodes[0].actions)
+
+
+def _extend(robot: RobotState, order: Order) -> None:
+    """Extend the base; the stitching node is known, and its actions do not run again."""
+    _clear_errors(robot)
+    robot.actions.remove(lambda record: _in_horizon(robot, record))
+    robot.history.accept(order, robot.utc_now)
+    robot.progress.extend(order)
+    robot.actions.add(_records(order.nodes[1:], order.edges))
+
+
+def _clear_errors(robot: RobotState) -> None:
+    robot.errors.end(Until.ORDER_ACCEPTED, Until.ORDER_OVER)
+    robot.goal.forget_failures()
+
+
+def _in_horizon(robot: RobotState, record: ActionRecord) -> bool:
+    decision_point = robot.progress.decision_point
+    return decision_point is not None and record.sequence_id > decision_point[1]
+
+
+def _records(nodes: Iterable[Node], edges: Iterable[Edge]) -> list[ActionRecord]:
+    """Return the actions' records in driving order."""
+    on_nodes = (
+        ActionRecord(action, ActionScope.NODE, node.sequence_id) for node in nodes for action in node.actions
+    )
+    on_edges = (
+        ActionRecord(action, ActionScope.EDGE, edge.sequence_id) for edge in edges for action in edge.actions
+    )
+    return sorted((*on_nodes, *on_edges), key=lambda record: record.sequence_id)
+
+
+# cancelOrder (section 6.1.3)
+
+
+def cancel(robot: RobotState, action: Action) -> None:
+    """Begin to cancel; a second request joins the first, and one without an order to cancel fails."""
+    if robot.idle or _order_to_cancel(robot, action) not in (None, robot.progress.order_id):
+        _refuse_cancel(robot, action)
+        return
+    robot.instant_actions.change(action.action_id, ActionStatus.RUNNING)
+    _begin_clearing(robot)
+
+
+def _order_to_cancel(robot: RobotState, action: Action) -> JsonValue:
+    """Return the orderId to cancel, None: whichever is active."""
+    return action.parameter("orderId") if robot.capabilities.rules.standard.cancel_names_order else None
+
+
+def _refuse_cancel(robot: RobotState, action: Action) -> None:
+    text = "there is no order to cancel"
+    if not robot.idle:
+        text = f"the active order is '{robot.progress.order_id}', not '{_order_to_cancel(robot, action)}'"
+    robot.instant_actions.change(action.action_id, ActionStatus.FAILED, text)
+    entry = error(
+        ErrorType.NO_ORDER_TO_CANCEL,
+        text,
+        hint="the robot's state shows its orderId and what is left of it",
+        action_id=action.action_id,
+    )
+    robot.errors.report(entry, Until.ORDER_ACCEPTED)
+
+
+# Clearing, by a cancel or an operating mode (section 6.6.7)
+
+
+def _begin_clearing(robot: RobotState) -> None:
+    """Stop the robot and its actions; one that cannot be cancelled runs to its end."""
+    if not robot.clearing:
+        robot.clearing = True
+        actions.cancel_all(robot)
+        driving.halt(robot)
+    elif robot.goal.halt_problem:
+        driving.request_halt(robot)
+
+
+def advance_clearing(robot: RobotState) -> None:
+    """Finish, all in one state, when the robot has stopped and no action runs.
+
+    The order ends where the robot is: a freely navigating robot need not drive on to a node. A person who
+    takes over need not wait for the robot to stop: it may be moved by hand already.
+    """
+    by_hand = robot.next_mode.clears_order
+    if not robot.clearing or not robot.actions.all_ended or (robot.goal.moving and not by_hand):
+        return
+    cancelled = bool(robot.running_instant_actions(CANCEL_ORDER))
+    robot.clearing = False
+    robot.progress.clear(cancelled=cancelled)
+    robot.queue.clear()
+    robot.goal.forget_failures()
+    robot.errors.end(Until.ORDER_OVER)
+    robot.end_instant_actions(CANCEL_ORDER, ActionStatus.FINISHED)
+
+
+# Operating modes (section 6.6.6)
+
+
+def switch_mode(robot: RobotState, event: OperatingModeSwitched) -> None:
+    """Begin to change the mode; from now on the new mode decides what fleet control may send."""
+    if event.mode is robot.next_mode:
+        return
+    robot.wanted_mode = event.mode
+    if event.mode.clears_order:
+        _begin_clearing(robot)
+    if not event.mode.fleet_controls:
+        robot.progress.leave_node()  # a person may move the robot, and no driver reports it
+    advance_mode(robot)
+
+
+def advance_mode(robot: RobotState) -> None:
+    """Report the new mode once the order is cleared, and forget a last node that the robot has left."""
+    if robot.wanted_mode and not robot.clearing:
+        robot.operating_mode, robot.wanted_mode = robot.wanted_mode, None
+        if robot.operating_mode in robot.capabilities.rules.node_forgotten_in:
+            robot.progress.place_at("")
+    if robot.operating_mode in robot.capabilities.rules.node_left_in and _left_node(robot):
+        robot.progress.place_at("")
+
+
+def _left_node(robot: RobotState) -> bool:
+    """Return whether the last node cannot be the start of an order where the robot is now."""
+    if not robot.progress.last_node_id:
+        return False
+    node, pose = robot.progress.last_node, robot.reports.localized_pose
+    if node is None or node.node_position is None:
+        return True
+    default = robot.capabilities.default_deviation_xy
+    return pose is not None and not in_place(pose, node.node_position, default)

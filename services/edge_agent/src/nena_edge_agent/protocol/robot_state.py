@@ -1,0 +1,315 @@
+"""The state of one robot: everything that the protocol core knows, and that its flows change."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from datetime import datetime, timedelta
+
+from nena_edge_agent.driver.port import (
+    BatteryReport,
+    BlockedReport,
+    Circle,
+    DriveProgress,
+    GoalTable,
+    NavigationReport,
+    OwnGoals,
+    PlanReport,
+    Pose,
+    PoseReport,
+    SessionReport,
+    VelocityReport,
+)
+from nena_edge_agent.protocol.action_states import ActionQueue, ActionStates
+from nena_edge_agent.protocol.capabilities import Capabilities, ExternalGoals, LinkLossPolicy
+from nena_edge_agent.protocol.errors import ActiveErrors
+from nena_edge_agent.protocol.events import Effect, SafetyReport
+from nena_edge_agent.protocol.order_progress import OrderHistory, OrderProgress
+from nena_edge_agent.protocol.zone_sets import ZoneRequests, ZoneSets
+from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.error import ErrorLevel
+from nena_shared.vda5050.state import EmergencyStop, Load, Map, MapStatus, OperatingMode
+from nena_shared.vda5050.topics import Topic
+
+INSTANT_ACTIONS_SHOWN = 200
+"""States of instant actions that are kept; beyond it ended ones are dropped, then no more actions start."""
+SAFE = SafetyReport()
+UNKNOWN_VELOCITY = VelocityReport(None, None)
+NO_GOALS = GoalTable()
+NOT_REPORTED = NavigationReport(available=False, reason="navigation has not reported yet")
+
+
+@dataclass(slots=True)
+class Reports:
+    """The latest reports of the driver, or of a person at the robot."""
+
+    pose: PoseReport | None = None
+    velocity: VelocityReport = UNKNOWN_VELOCITY
+    battery: BatteryReport | None = None
+    navigation: NavigationReport = NOT_REPORTED
+    no_route: tuple[Circle, ...] = ()
+    goals: GoalTable = NO_GOALS
+    blocked: BlockedReport | None = None
+    plan: PlanReport | None = None
+    progress: DriveProgress | None = None
+    safety: SafetyReport = SAFE
+    pause_button: bool = False
+    session: SessionReport | None = None
+
+    @property
+    def unsafe(self) -> bool:
+        """Whether an emergency stop or the protective field keeps the robot from moving."""
+        return self.safety.field_violation or self.safety.emergency_stop is not EmergencyStop.NONE
+
+    @property
+    def localized_pose(self) -> Pose | None:
+        """The pose of a localised robot, None if it is not localised."""
+        return self.pose.pose if self.pose and self.pose.localized else None
+
+
+@dataclass(slots=True)
+class CurrentGoal:
+    """The goal that the driver has.
+
+    ``target`` is the sequenceId of the node that it drives to, None: it has no goal. ``halting_since`` is the
+    time in s at which it was asked to stop, until it answers; ``halt_problem`` is why standstill cannot be
+    confirmed, where the driver has reported that. ``failed_at`` is the sequenceId of a node that
+    was not reached; it is not tried again until the order changes. ``failures`` are the failed drives to the
+    next node, to be tried again at ``retry_at`` in s; ``problem`` is the reason of the last failure.
+    ``pose`` is where the last goal leads to, ``ahead`` are the poses behind it that the driver knows of.
+    ``own`` are our goals that navigation has or may have, ``listed_ids`` those that it listed last.
+    ``unsettled``: the result of ``own`` has not been reported yet.
+    """
+
+    generation: int = 0
+    target: int | None = None
+    halting_since: float | None = None
+    halt_problem: str = ""
+    failed_at: int | None = None
+    failures: int = 0
+    retry_at: float | None = None
+    problem: str = ""
+    pose: Pose | None = None
+    ahead: tuple[Pose, ...] = ()
+    own: OwnGoals | None = None
+    listed_ids: tuple[str, ...] = ()
+    unsettled: bool = False
+
+    def listed(self, goal_ids: tuple[str, ...]) -> None:
+        """Note which of our goals navigation drives to; a new one is the goal that was sent last."""
+        own, self.listed_ids = self.own, goal_ids
+        if not goal_ids:
+            self.own = own if self.unsettled else None  # the result follows in a moment
+        elif own and set(goal_ids) <= set(own.goal_ids):
+            self.own = replace(own, goal_ids=goal_ids)
+        else:
+            self.own = OwnGoals(goal_ids, self.pose) if self.pose else None
+
+    def give(self, pose: Pose, behind: str) -> None:
+        """Note that a goal to ``pose`` is about to be sent, and which goal is listed last before it.
+
+        An earlier run may have sent it already: then it is listed behind what was listed at that time.
+        """
+        own = self.own or OwnGoals((), pose)
+        again = self.unsettled and own.given is not None and _position(own.given) == _position(pose)
+        self.own = OwnGoals(own.goal_ids, own.pose, pose, own.behind if again else behind)
+        self.pose, self.unsettled = pose, True
+
+    def settle(self) -> None:
+        """Note that the drive is over; goals that navigation still drives to remain ours."""
+        self.unsettled = False
+        if self.own:
+            self.own = OwnGoals(self.listed_ids, self.own.pose) if self.listed_ids else None
+
+    def forget_failures(self) -> None:
+        """Reset the failures: the next node or the order is another one."""
+        self.failed_at, self.failures, self.retry_at, self.problem = None, 0, None, ""
+
+    def retry(self, at: float, problem: str) -> None:
+        """Note that the drive has failed and is tried again at the time ``at`` in s."""
+        self.target, self.failures, self.retry_at, self.problem = None, self.failures + 1, at, problem
+
+    def restore(self, own: OwnGoals) -> None:
+        """Continue with the goals of an earlier run, whose result is not known yet."""
+        self.own, self.pose, self.unsettled = own, own.given or own.pose, True
+
+    @property
+    def moving(self) -> bool:
+        """Whether the robot drives or has not stopped yet."""
+        return self.target is not None or self.halting_since is not None
+
+    @property
+    def halting(self) -> bool:
+        """Whether a halt has not been answered."""
+        return self.halting_since is not None
+
+    def is_current(self, generation: int) -> bool:
+        """Return whether an event of ``generation`` is about the goal that the driver has now."""
+        return self.target is not None and generation == self.generation
+
+
+@dataclass(slots=True)
+class LinkWatch:
+    """Time in s since which the link to the broker is lost, None: connected.
+
+    The robot may drive without it for ``timeout`` seconds.
+    """
+
+    policy: LinkLossPolicy
+    timeout: float
+    lost_since: float | None = None
+
+    @property
+    def waits(self) -> bool:
+        """Whether the timeout of a lost link is running."""
+        return self.lost_since is not None and self.policy is not LinkLossPolicy.ASSERTIVE
+
+    def out_of_reach(self, now: float) -> bool:
+        """Return whether the robot must not begin to drive to another node."""
+        since = self.lost_since
+        return self.waits and since is not None and now - since >= self.timeout
+
+    def must_stop(self, now: float) -> bool:
+        """Return whether the robot must stop where it is."""
+        return self.policy is LinkLossPolicy.PREVENTIVE_AT_ONCE and self.out_of_reach(now)
+
+
+@dataclass(slots=True)
+class RouteProgress:
+    """Distances driven, in m: since the last node and in the order (section 6.6.2)."""
+
+    pose: Pose | None = None
+    node: tuple[str, int] | None = None
+    order_id: str = ""
+    since_node: float = 0.0
+    in_order: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class PositionRequest:
+    """A pose sent to the localisation at ``requested_at`` in s, with the node that belongs to it."""
+
+    node_id: str
+    requested_at: float
+
+
+@dataclass(slots=True)
+class RobotState:
+    """The state of one robot, and the effects of the event at hand.
+
+    ``now`` is the monotonic time in s of the event at hand. ``paused`` is fleet control's own pause,
+    ``hold_applied``: driving and actions are held, for whatever reason. ``clearing``: the order is being
+    ended early. ``wanted_mode`` is the mode that a person has selected and the state does not report yet.
+    ``utc`` is a time of day with the monotonic time in s at which it was read, None: not known.
+    ``speed_limit`` in m/s is what the zones allow. ``maps`` are those on the robot. ``header_ids`` are those
+    from which the next run of the program counts on. ``interrupted`` are actions that a restart has ended
+    during a pause; they start again after it. ``zones_checked``: zones mattered at the last event.
+    """
+
+    capabilities: Capabilities
+    progress: OrderProgress = field(default_factory=OrderProgress)
+    history: OrderHistory = field(default_factory=OrderHistory)
+    actions: ActionStates = field(default_factory=ActionStates)
+    queue: ActionQueue = field(default_factory=ActionQueue)
+    interrupted: set[str] = field(default_factory=set)
+    instant_actions: ActionStates = field(default_factory=ActionStates)
+    known_instant_ids: dict[str, None] = field(default_factory=dict)
+    errors: ActiveErrors = field(default_factory=ActiveErrors)
+    goal: CurrentGoal = field(default_factory=CurrentGoal)
+    route: RouteProgress = field(default_factory=RouteProgress)
+    reports: Reports = field(default_factory=Reports)
+    position_request: PositionRequest | None = None
+    operating_mode: OperatingMode = OperatingMode.AUTOMATIC
+    wanted_mode: OperatingMode | None = None
+    loads: tuple[Load, ...] = ()
+    charging: bool = False
+    paused: bool = False
+    hold_applied: bool = False
+    clearing: bool = False
+    journal_problem: str = ""
+    header_ids: tuple[tuple[Topic, int], ...] = ()
+    refused_topics: tuple[str, ...] = ()
+    plugin_problems: tuple[str, ...] = ()
+    zone_requests: ZoneRequests = field(default_factory=ZoneRequests)
+    zones_checked: bool = False
+    speed_limit: float | None = None
+    utc: tuple[datetime, float] | None = None
+    now: float = 0.0
+    effects: list[Effect] = field(default_factory=list)
+    maps: tuple[Map, ...] = field(init=False)
+    zone_sets: ZoneSets = field(init=False)
+    link: LinkWatch = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Start with the map of the settings, and without zones."""
+        one = Map(
+            map_id=self.capabilities.map_id,
+            map_version=self.capabilities.map_version,
+            map_status=MapStatus.ENABLED,
+        )
+        self.maps = (one,)
+        self.zone_sets = ZoneSets(self.capabilities.zones)
+        self.link = LinkWatch(self.capabilities.link_loss, self.capabilities.link_loss_timeout)
+
+    @property
+    def utc_now(self) -> datetime | None:
+        """The time of day of the event at hand, None if it is not known."""
+        return self.utc[0] + timedelta(seconds=self.now - self.utc[1]) if self.utc else None
+
+    @property
+    def map_ids(self) -> frozenset[str]:
+        """The mapIds of the maps on the robot."""
+        return frozenset(each.map_id for each in self.maps)
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing of the order is left to do (section 6.6.8)."""
+        return not self.progress.nodes and not self.progress.edges and self.actions.all_ended
+
+    @property
+    def waits_for_external_goal(self) -> bool:
+        """Whether driving waits for the end of a goal that was sent by another program."""
+        pauses = self.capabilities.external_goals is ExternalGoals.PAUSE
+        return pauses and bool(self.reports.goals.external)
+
+    @property
+    def next_mode(self) -> OperatingMode:
+        """The mode that a person has selected, also before the state reports it."""
+        return self.wanted_mode or self.operating_mode
+
+    @property
+    def fatal(self) -> bool:
+        """Whether a reported error or the disk keeps the robot from taking orders."""
+        return self.errors.worst_reported is ErrorLevel.FATAL or bool(self.journal_problem)
+
+    @property
+    def held(self) -> bool:
+        """Whether the robot must stop, and no action that can be paused may start or continue."""
+        return (
+            self.paused
+            or self.reports.pause_button
+            or self.reports.unsafe
+            or self.operating_mode is OperatingMode.INTERVENED
+            or self.errors.stop_robot
+        )
+
+    @property
+    def instant_actions_running(self) -> int:
+        """How many instant actions have not ended."""
+        return sum(not record.status.ended for record in self.instant_actions)
+
+    def running_instant_actions(self, action_type: str) -> list[str]:
+        """Return the ids of the instant actions of one type that have not ended."""
+        return [
+            record.action.action_id
+            for record in self.instant_actions
+            if record.action.action_type == action_type and not record.status.ended
+        ]
+
+    def end_instant_actions(self, action_type: str, status: ActionStatus, result: str | None = None) -> None:
+        """End all instant actions of one type that have not ended."""
+        for action_id in self.running_instant_actions(action_type):
+            self.instant_actions.change(action_id, status, result)
+
+
+def _position(pose: Pose) -> tuple[float, float, str]:
+    return pose.x, pose.y, pose.map_id

@@ -1,0 +1,178 @@
+"""How far the robot has driven along its order, and how far it has to go (section 6.6.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from functools import lru_cache
+from itertools import pairwise
+from math import dist
+
+from nena_edge_agent.driver.port import PlanReport, Pose
+from nena_edge_agent.protocol.robot_state import RobotState
+from nena_shared.vda5050.error import ErrorReference
+from nena_shared.vda5050.state import InfoLevel, Information, IntermediatePath, PathPoint
+
+JITTER = 0.03
+"""Metres by which the poses of a stopped robot may differ."""
+JUMP = 3.0
+"""Metres between two poses that are no drive: the localisation has corrected itself."""
+PLAN_TOLERANCE = 0.75
+"""Metres from a goal at which navigation may end its plan."""
+
+
+@dataclass(frozen=True, slots=True)
+class Distance:
+    """Metres driven and left."""
+
+    driven: float
+    left: float
+
+    @property
+    def percent(self) -> int:
+        """Share of the distance that is driven."""
+        whole = self.driven + self.left
+        return round(100 * self.driven / whole) if whole > 0 else 100
+
+
+def pose_changed(robot: RobotState) -> None:
+    """Add the distance from the last pose to the newest one."""
+    route, pose = robot.route, robot.reports.localized_pose
+    if pose is None:
+        return
+    step = _apart(route.pose, pose) if route.pose else 0.0
+    if route.pose is None or step >= JITTER:
+        route.pose = pose
+    if JITTER <= step <= JUMP:
+        route.since_node += step
+        route.in_order += step
+
+
+def advance(robot: RobotState) -> None:
+    """Start from 0 at each reached node, and with each order; after a restart at the last node."""
+    route, progress = robot.route, robot.progress
+    node = (progress.last_node_id, progress.last_node_sequence_id)
+    if progress.order_id != route.order_id:
+        route.order_id, route.in_order, route.node = progress.order_id, 0.0, None
+    if node != route.node:
+        first, route.node = route.node is None, node
+        route.since_node = _from_node(robot) if first else 0.0
+        route.in_order += route.since_node
+
+
+def since_node(robot: RobotState) -> float | None:
+    """Return the metres driven since the last node, None before the first one."""
+    return robot.route.since_node if robot.progress.last_node_id else None
+
+
+def to_goal(robot: RobotState) -> Distance | None:
+    """Return the distance to the current goal, None without one."""
+    pose, goal = robot.reports.localized_pose, robot.goal.pose
+    if robot.goal.target is None or goal is None or pose is None:
+        return None
+    return Distance(robot.route.since_node, _left_to(robot, goal, pose))
+
+
+def to_end(robot: RobotState) -> Distance | None:
+    """Return the distance to the end of the base, None if nothing is left of it."""
+    progress, pose = robot.progress, robot.reports.localized_pose
+    node = progress.next_node
+    position = node.node_position if node else None
+    if node is None or position is None or pose is None:
+        return None
+    goal = to_goal(robot)
+    first = goal.left if goal else dist((pose.x, pose.y), (position.x, position.y))
+    return Distance(robot.route.in_order, first + progress.base_path.length_from(node.sequence_id))
+
+
+def current_plan(robot: RobotState) -> PlanReport | None:
+    """Return navigation's plan if it leads to the current goal."""
+    plan, goal = robot.reports.plan, robot.goal.pose
+    if robot.goal.target is None or plan is None or goal is None:
+        return None
+    return plan if dist(plan.points[-1], (goal.x, goal.y)) <= PLAN_TOLERANCE else None
+
+
+def information(robot: RobotState) -> tuple[Information, ...]:
+    """Return the information entry with the progress of goal and order, in metres and percent."""
+    distances = {"goal": to_goal(robot), "order": to_end(robot)}
+    known = {name: distance for name, distance in distances.items() if distance}
+    if not known:
+        return ()
+    references = [each for name, distance in known.items() for each in _references(name, distance)]
+    drive = robot.reports.progress
+    if drive and drive.recoveries and robot.goal.target is not None:
+        references.append(_reference("recoveries", str(drive.recoveries)))
+    sentences = [
+        f"{distance.left:.1f} m of the {name} are left, {distance.percent} % driven"
+        for name, distance in known.items()
+    ]
+    return (
+        Information(
+            info_type="progress",
+            info_level=InfoLevel.INFO,
+            info_references=tuple(references),
+            info_descriptor="; ".join(sentences),
+        ),
+    )
+
+
+def intermediate_path(robot: RobotState, start: datetime) -> IntermediatePath | None:
+    """Return navigation's plan with estimated times of arrival (section 6.6.2), None without a plan.
+
+    ``start`` is the time at its beginning; the robot is assumed to drive as fast as it may.
+    """
+    limits = (robot.capabilities.maximum_speed, robot.speed_limit)
+    speed = min(limit for limit in limits if limit is not None)
+    plan = current_plan(robot)
+    if plan is None or speed <= 0:
+        return None
+    lengths = [0.0]
+    for one, other in pairwise(plan.points):
+        lengths.append(lengths[-1] + dist(one, other))
+    points = (
+        PathPoint(x=x, y=y, eta=start + timedelta(seconds=length / speed))
+        for (x, y), length in zip(plan.points, lengths, strict=True)
+    )
+    return IntermediatePath(polyline=tuple(points))
+
+
+def _left_to(robot: RobotState, goal: Pose, pose: Pose) -> float:
+    """Return the distance left to a goal: along the plan, else as navigation reports it, else straight."""
+    plan, progress = current_plan(robot), robot.reports.progress
+    if plan:
+        return _along(plan, pose)
+    return progress.left if progress else _apart(pose, goal)
+
+
+def _from_node(robot: RobotState) -> float:
+    """Return the straight distance from the last node to a robot that has left it."""
+    progress, pose = robot.progress, robot.reports.localized_pose
+    position = progress.last_node.node_position if progress.last_node else None
+    if position is None or pose is None or progress.on_last_node:
+        return 0.0
+    return dist((position.x, position.y), (pose.x, pose.y))
+
+
+def _along(plan: PlanReport, pose: Pose) -> float:
+    """Return the length of ``plan`` that is left, from its point nearest to the robot."""
+    here = (pose.x, pose.y)
+    nearest = min(range(len(plan.points)), key=lambda index: dist(plan.points[index], here))
+    rest = plan.points[nearest:]
+    return sum(dist(start, end) for start, end in pairwise(rest)) + dist(here, rest[0])
+
+
+def _apart(one: Pose, other: Pose) -> float:
+    return dist((one.x, one.y), (other.x, other.y))
+
+
+def _references(name: str, distance: Distance) -> tuple[ErrorReference, ErrorReference]:
+    return (
+        _reference(f"{name}DistanceLeft", f"{distance.left:.2f}"),
+        _reference(f"{name}Percent", str(distance.percent)),
+    )
+
+
+@lru_cache(maxsize=1024)
+def _reference(key: str, value: str) -> ErrorReference:
+    return ErrorReference(reference_key=key, reference_value=value)

@@ -1,0 +1,154 @@
+"""The version-neutral state and visualization messages (sections 6.6, 7.8 and 7.9)."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+from nena_edge_agent.driver.port import BatteryReport, GoalReport, GoalTable
+from nena_edge_agent.protocol import driving, route_progress
+from nena_edge_agent.protocol.conditions import session_information
+from nena_edge_agent.protocol.events import SafetyReport
+from nena_edge_agent.protocol.geometry import turn
+from nena_edge_agent.protocol.robot_state import Reports, RobotState
+from nena_shared.vda5050.error import ErrorReference
+from nena_shared.vda5050.state import (
+    InfoLevel,
+    Information,
+    MobileRobotPosition,
+    PowerSupply,
+    SafetyState,
+    State,
+    Velocity,
+)
+from nena_shared.vda5050.visualization import Visualization
+
+PERMANENTLY_FED = 100.0
+"""State of charge of a robot that reports no battery."""
+
+
+DURABLE_FIELDS = (
+    *("order_id", "order_update_id", "last_node_id", "last_node_sequence_id", "node_states", "edge_states"),
+    *("planned_path", "distance_since_last_node", "new_base_request", "action_states"),
+    *("instant_action_states", "loads", "paused", "operating_mode", "zone_sets", "zone_requests"),
+)
+"""Fields of the state that come from what the journal keeps."""
+
+
+def make_state(header: dict[str, Any], robot: RobotState) -> State:
+    """Make the state message; ``header`` holds its five header fields by their neutral names."""
+    progress = robot.progress
+    ahead = progress.ahead
+    return State(
+        **header,
+        maps=robot.maps,
+        zone_sets=robot.zone_sets.states,
+        zone_requests=robot.zone_requests.states,
+        order_id=progress.order_id,
+        order_update_id=progress.order_update_id,
+        last_node_id=progress.last_node_id,
+        last_node_sequence_id=progress.last_node_sequence_id,
+        node_states=ahead.node_states,
+        edge_states=ahead.edge_states,
+        planned_path=ahead.planned_path,
+        intermediate_path=route_progress.intermediate_path(robot, header["timestamp"]),
+        distance_since_last_node=route_progress.since_node(robot),
+        mobile_robot_position=position(robot.reports),
+        velocity=velocity(robot.reports),
+        loads=robot.loads,
+        driving=robot.goal.moving or robot.reports.velocity.moves or bool(robot.reports.goals.external),
+        paused=robot.paused or robot.reports.pause_button,
+        new_base_request=driving.new_base_request(robot),
+        action_states=robot.actions.states,
+        instant_action_states=robot.instant_actions.states,
+        power_supply=_power_supply(robot.reports.battery, charging=robot.charging),
+        operating_mode=robot.operating_mode,
+        errors=robot.errors.entries,
+        information=(
+            *route_progress.information(robot),
+            *_information(robot.reports.goals),
+            *session_information(robot.reports.session),
+        ),
+        safety_state=_safety_state(robot.reports.safety),
+    )
+
+
+def as_recorded(state: State, before: State) -> State:
+    """Return ``state`` with its durable fields as in ``before``: as far as a restart would not revert it.
+
+    A goal that waits for the disk is not sent, so the robot drives if it moves.
+    """
+    speed = state.velocity
+    stands = speed is not None and not speed.vx and not speed.omega
+    kept = {name: getattr(before, name) for name in DURABLE_FIELDS}
+    return state.model_copy(update=kept | {"driving": state.driving and not stands})
+
+
+def make_visualization(header: dict[str, Any], robot: RobotState, *, state_header_id: int) -> Visualization:
+    """Make the visualization message; ``header`` as in :func:`make_state`."""
+    return Visualization(
+        **header,
+        reference_state_header_id=state_header_id,
+        mobile_robot_position=position(robot.reports),
+        velocity=velocity(robot.reports),
+        planned_path=robot.progress.ahead.planned_path,
+        intermediate_path=route_progress.intermediate_path(robot, header["timestamp"]),
+    )
+
+
+def position(reports: Reports) -> MobileRobotPosition | None:
+    """Return the robot's position, None before the first pose."""
+    if reports.pose is None:
+        return None
+    pose = reports.pose.pose
+    return MobileRobotPosition(
+        x=pose.x,
+        y=pose.y,
+        theta=turn(0.0, pose.theta),
+        map_id=pose.map_id,
+        localized=reports.pose.localized,
+    )
+
+
+def velocity(reports: Reports) -> Velocity | None:
+    """Return the robot's velocity, None where it is not known."""
+    if reports.velocity.vx is None:
+        return None
+    return Velocity(vx=reports.velocity.vx, vy=0.0, omega=reports.velocity.omega)
+
+
+@lru_cache(maxsize=64)
+def _safety_state(safety: SafetyReport) -> SafetyState:
+    return SafetyState(active_emergency_stop=safety.emergency_stop, field_violation=safety.field_violation)
+
+
+@lru_cache(maxsize=1024)
+def _power_supply(battery: BatteryReport | None, *, charging: bool) -> PowerSupply:
+    if battery is None:
+        return PowerSupply(state_of_charge=PERMANENTLY_FED, charging=charging)
+    return PowerSupply(
+        state_of_charge=battery.state_of_charge,
+        battery_voltage=battery.voltage,
+        battery_current=battery.current,
+        charging=battery.charging or charging,
+    )
+
+
+def _information(table: GoalTable) -> tuple[Information, ...]:
+    """Return an information entry for each goal of navigation, and who sent it."""
+    return tuple(
+        Information(
+            info_type="externalGoal" if goal.external else "goal",
+            info_level=InfoLevel.INFO,
+            info_references=(
+                ErrorReference(reference_key="goalId", reference_value=goal.goal_id),
+                ErrorReference(reference_key="status", reference_value=goal.status),
+            ),
+            info_descriptor=f"a goal of {_sender(goal)} is {goal.status}",
+        )
+        for goal in table.goals
+    )
+
+
+def _sender(goal: GoalReport) -> str:
+    return "another program" if goal.external else "this robot's agent"

@@ -1,0 +1,281 @@
+"""Zones: zone sets from fleet control, and what they mean for driving (sections 6.4 and 6.9)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import datetime
+from itertools import islice
+
+from nena_edge_agent.driver.port import Pose
+from nena_edge_agent.protocol.errors import Until
+from nena_edge_agent.protocol.events import LimitSpeed
+from nena_edge_agent.protocol.geometry import distance
+from nena_edge_agent.protocol.robot_state import RobotState
+from nena_edge_agent.protocol.zone_sets import (
+    LOST,
+    DuplicateZoneSetError,
+    EnabledZone,
+    NoRoomForZoneSetError,
+    ZoneKey,
+    ZoneSetRefusedError,
+    first_closed,
+    zones_in,
+)
+from nena_shared.vda5050.action import Action, ActionStatus
+from nena_shared.vda5050.error import ErrorEntry, ErrorType, error
+from nena_shared.vda5050.order import NodePosition
+from nena_shared.vda5050.request import RequestStatus
+from nena_shared.vda5050.responses import Responses
+from nena_shared.vda5050.zone_set import ZoneReleaseLossBehavior, ZoneSet, ZoneType
+
+EDGES_AHEAD = 2
+"""Edges of the base whose zones the robot requests: the one that it drives on and the next one."""
+ZONE_SET_ID = "zoneSetId"
+_ERROR_TYPES: dict[type[ZoneSetRefusedError], ErrorType] = {
+    DuplicateZoneSetError: ErrorType.DUPLICATE_ZONE_SET,
+    NoRoomForZoneSetError: ErrorType.INSUFFICIENT_MEMORY,
+}
+
+
+# Zone sets (sections 6.4.1 and 6.4.2)
+
+
+def accept(robot: RobotState, zone_set: ZoneSet) -> str | None:
+    """Add a zone set from a message or a download; return why it is refused, if it is."""
+    try:
+        robot.zone_sets.add(zone_set)
+    except ZoneSetRefusedError as problem:
+        robot.errors.report(_refusal(zone_set.zone_set_id, problem), Until.ZONE_SET_ACCEPTED)
+        return str(problem)
+    robot.errors.end(Until.ZONE_SET_ACCEPTED)
+    return None
+
+
+def enable(robot: RobotState, action: Action) -> tuple[ActionStatus, str | None]:
+    """Enable the zone set that ``action`` names; return how the action ends."""
+    return _change(robot.zone_sets.enable, action)
+
+
+def delete(robot: RobotState, action: Action) -> tuple[ActionStatus, str | None]:
+    """Delete the zone set that ``action`` names; return how the action ends."""
+    return _change(robot.zone_sets.delete, action)
+
+
+def _change(change: Callable[[str], None], action: Action) -> tuple[ActionStatus, str | None]:
+    try:
+        change(str(action.parameter(ZONE_SET_ID)))
+    except ZoneSetRefusedError as problem:
+        return ActionStatus.FAILED, str(problem)
+    return ActionStatus.FINISHED, None
+
+
+def _refusal(zone_set_id: str, problem: ZoneSetRefusedError) -> ErrorEntry:
+    return error(
+        _ERROR_TYPES.get(type(problem), ErrorType.VALIDATION_FAILURE),
+        str(problem),
+        hint="see the factsheet for the supported zones; send a changed zone set under another zoneSetId",
+        topic="zoneSet",
+        zone_set_id=zone_set_id,
+    )
+
+
+# Requests to enter RELEASE zones (sections 6.4.3 and 6.9)
+
+
+def apply_responses(robot: RobotState, message: Responses, utc: datetime) -> None:
+    """Apply fleet control's responses, received at ``utc``; a grant that has expired is ignored."""
+    robot.utc = (utc, robot.now)
+    inside = _possibly_inside(robot)
+    for response in message.responses:
+        if response.lease_expiry is None or response.lease_expiry > utc:
+            robot.zone_requests.apply(response, inside, robot.now)
+
+
+def expire(robot: RobotState) -> None:
+    """End the grants whose lease has expired."""
+    now = robot.utc_now
+    if now is not None and robot.zone_requests.waits:
+        robot.zone_requests.expire(now, _possibly_inside(robot))
+
+
+def advance(robot: RobotState) -> None:
+    """Request the zones ahead, drop requests behind, limit the speed, and report what is wrong."""
+    relevant = bool(robot.zone_sets.enabled or robot.zone_requests.requests)
+    if not relevant and not robot.zones_checked:
+        return  # one more time behind the last zone, to take its effects back
+    robot.zones_checked = relevant
+    inside = _inside(robot)
+    _update_requests(robot, inside)
+    _limit_speed(robot)
+    robot.errors.set_condition(ErrorType.BLOCKED_ZONE_VIOLATION, _violation(inside))
+    robot.errors.set_condition(ErrorType.RELEASE_LOST, _lost_release(robot, inside))
+    robot.errors.set_condition(ErrorType.NODE_UNREACHABLE, _closed_path(robot))
+
+
+def _update_requests(robot: RobotState, inside: list[EnabledZone]) -> None:
+    if not robot.operating_mode.fleet_controls or robot.progress.cleared:
+        robot.zone_requests.keep_only(frozenset())
+        return
+    if robot.reports.localized_pose is None:
+        return  # it may be in any of them
+    wanted, kept = _release_zones_ahead(robot), _keys(inside)
+    robot.zone_requests.keep_only(_keys(wanted) | kept, kept)
+    if not robot.clearing:
+        robot.zone_requests.request(wanted, robot.now)
+
+
+def _release_zones_ahead(robot: RobotState) -> list[EnabledZone]:
+    """Return the RELEASE zones on the next edges of the base."""
+    start: Pose | NodePosition | None = robot.reports.localized_pose
+    found: list[EnabledZone] = []
+    for node in islice(robot.progress.nodes, EDGES_AHEAD):
+        if not node.released or start is None or node.node_position is None:
+            break
+        found += _of_type(_on_path(robot, start, node.node_position), ZoneType.RELEASE)
+        start = node.node_position
+    return found
+
+
+# What zones mean for driving (section 6.4)
+
+
+def first_barred(robot: RobotState, start: Pose | NodePosition, end: NodePosition) -> EnabledZone | None:
+    """Return the first zone on the straight path to ``end`` that the robot must not drive in now."""
+    zones = _on_path(robot, start, end)
+    return first_closed(zones) or next((each for each in zones if not _is_open(robot, each)), None)
+
+
+def must_stop(robot: RobotState) -> bool:
+    """Return whether a zone keeps the robot from driving on from where it is."""
+    pose, node = robot.reports.localized_pose, robot.progress.next_node
+    if not robot.zone_sets.enabled or pose is None:
+        return False
+    if any(each.zone.zone_type is ZoneType.BLOCKED for each in _inside(robot)):
+        return True
+    return bool(node and node.node_position and first_barred(robot, pose, node.node_position))
+
+
+def _limit_speed(robot: RobotState) -> None:
+    """Apply the lowest SPEED_LIMIT ahead, early enough to slow down before the zone."""
+    pose, node = robot.reports.localized_pose, robot.progress.next_node
+    if pose is None:
+        return
+    end = node.node_position if node else None
+    zones = _on_path(robot, pose, _braking_point(robot, pose, end)) if end else _inside(robot)
+    limits = [each.zone.maximum_speed or 0.0 for each in _of_type(zones, ZoneType.SPEED_LIMIT)]
+    limit = min(limits, default=None)
+    if limit != robot.speed_limit:
+        robot.speed_limit = limit
+        robot.effects.append(LimitSpeed(limit))
+
+
+def _braking_point(robot: RobotState, pose: Pose, end: NodePosition) -> NodePosition:
+    """Return where the robot has slowed down at the earliest on its path to ``end``."""
+    length = distance(pose, end)
+    share = min(1.0, robot.capabilities.braking_distance / length) if length else 1.0
+    return NodePosition(
+        x=pose.x + share * (end.x - pose.x), y=pose.y + share * (end.y - pose.y), map_id=end.map_id
+    )
+
+
+def _on_path(robot: RobotState, start: Pose | NodePosition, end: NodePosition) -> list[EnabledZone]:
+    if not robot.zone_sets.enabled:
+        return []
+    area = robot.capabilities.footprint.along_path(start, end)
+    return zones_in(area, end.map_id, robot.zone_sets.enabled)
+
+
+def _inside(robot: RobotState) -> list[EnabledZone]:
+    pose = robot.reports.localized_pose
+    if not robot.zone_sets.enabled or pose is None:
+        return []
+    return zones_in(robot.capabilities.footprint.at(pose), pose.map_id, robot.zone_sets.enabled)
+
+
+def _possibly_inside(robot: RobotState) -> frozenset[ZoneKey]:
+    """Return the RELEASE zones that the robot is in; without a position it may be in any requested one."""
+    if robot.reports.localized_pose is None:
+        return frozenset(each.key for each in robot.zone_requests.requests)
+    return _keys(_inside(robot))
+
+
+def _is_open(robot: RobotState, zone: EnabledZone) -> bool:
+    """Return whether the robot may be in ``zone`` and drive in it."""
+    if zone.zone.zone_type is not ZoneType.RELEASE:
+        return True
+    status = robot.zone_requests.status(zone.key)
+    if status in LOST:
+        return _may_continue(robot, zone) and zone.key in _keys(_inside(robot))
+    return status is RequestStatus.GRANTED
+
+
+def _may_continue(robot: RobotState, zone: EnabledZone) -> bool:
+    """Return whether the robot drives on in a zone after its release was lost (releaseLossBehavior)."""
+    match zone.zone.release_loss_behavior:
+        case ZoneReleaseLossBehavior.CONTINUE:
+            return True
+        case ZoneReleaseLossBehavior.EVACUATE:
+            return _leaves(robot, zone)
+        case _:
+            return False
+
+
+def _leaves(robot: RobotState, zone: EnabledZone) -> bool:
+    """Return whether the base ends outside of ``zone``: then driving on evacuates it."""
+    base = [node.node_position for node in robot.progress.nodes if node.released]
+    end = base[-1] if base else None
+    if end is None:
+        return False
+    pose = Pose(end.x, end.y, end.theta or 0.0, end.map_id)
+    return not zones_in(robot.capabilities.footprint.at(pose), end.map_id, (zone,))
+
+
+def _lost_release(robot: RobotState, inside: list[EnabledZone]) -> ErrorEntry | None:
+    lost = (each for each in inside if robot.zone_requests.status(each.key) in LOST)
+    zone = next((each for each in lost if not _may_continue(robot, each)), None)
+    if zone is None:
+        return None
+    return error(
+        ErrorType.RELEASE_LOST,
+        f"the robot stopped in zone '{zone.zone.zone_id}': its release was lost",
+        hint="grant the request again, or cancel the order and move the robot out by hand",
+        zone_id=zone.zone.zone_id,
+    )
+
+
+def _closed_path(robot: RobotState) -> ErrorEntry | None:
+    """Report a zone on the path that was closed after the order was accepted."""
+    pose, node = robot.reports.localized_pose, robot.progress.next_node
+    end = node.node_position if node else None
+    zone = first_closed(_on_path(robot, pose, end)) if pose and end else None
+    if zone is None or node is None:
+        return None
+    return error(
+        ErrorType.NODE_UNREACHABLE,
+        f"the path to node '{node.node_id}' leads through zone '{zone.zone.zone_id}', "
+        f"which is {zone.zone.zone_type}",
+        hint="enable another zone set, or cancel the order",
+        node_id=node.node_id,
+        order_id=robot.progress.order_id,
+        zone_id=zone.zone.zone_id,
+    )
+
+
+def _violation(inside: list[EnabledZone]) -> ErrorEntry | None:
+    zone = next(iter(_of_type(inside, ZoneType.BLOCKED)), None)
+    if zone is None:
+        return None
+    return error(
+        ErrorType.BLOCKED_ZONE_VIOLATION,
+        f"the robot is in zone '{zone.zone.zone_id}', which is BLOCKED, and does not drive",
+        hint="move the robot out by hand, or enable another zone set",
+        zone_id=zone.zone.zone_id,
+    )
+
+
+def _keys(zones: list[EnabledZone]) -> frozenset[ZoneKey]:
+    return frozenset(each.key for each in zones if each.zone.zone_type is ZoneType.RELEASE)
+
+
+def _of_type(zones: list[EnabledZone], wanted: ZoneType) -> list[EnabledZone]:
+    return [each for each in zones if each.zone.zone_type is wanted]
