@@ -8,8 +8,8 @@ from typing import Any
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 
-from nena_robot_simulator.action import Action
-from nena_robot_simulator.action_types import action_types
+from nena_robot_simulator.action_server import action_types
+from nena_robot_simulator.goals import Action
 from support.ros import Inbox, RosPeer
 from support.simulator import goal, heard
 from support.waiting import PATIENCE, wait_until

@@ -9,10 +9,10 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.qos import qos_profile_system_default
 from rclpy.task import Future
 
-from nena_robot_simulator.action import Action
-from nena_robot_simulator.action_types import action_types
+from nena_robot_simulator.action_server import action_types
+from nena_robot_simulator.goals import Action
 from nena_robot_simulator.messages import pose_message
-from nena_robot_simulator.pose import Pose
+from nena_robot_simulator.motion import Pose
 from support.ros import LATCHED, RosPeer
 
 

@@ -17,7 +17,7 @@ from nena_edge_agent.driver.port import Arrived, DriveFailed, GoalReport, GoalTa
 from nena_edge_agent.ros.driver import Nav2Driver
 from nena_edge_agent.ros.settings import GoalSettings, Navigation, RosSettings
 from nena_robot_simulator.messages import pose_message, stamp_of
-from nena_robot_simulator.pose import Pose as Place
+from nena_robot_simulator.motion import Pose as Place
 from nena_shared.clock import SystemClock
 from support.ros import LATCHED, Inbox, RosPeer
 from support.waiting import PATIENCE, until

@@ -17,10 +17,9 @@ from action_msgs.msg import GoalStatusArray
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from std_srvs.srv import Trigger
 
-from nena_robot_simulator.grid_map import hall
 from nena_robot_simulator.messages import pose_message
+from nena_robot_simulator.motion import Pose, hall
 from nena_robot_simulator.node import RobotNode
-from nena_robot_simulator.pose import Pose
 from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
 from nena_shared.clock import SystemClock
 from support.ros import RosPeer

@@ -12,8 +12,8 @@ from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 from unique_identifier_msgs.msg import UUID
 
-from nena_robot_simulator.action import Action
-from nena_robot_simulator.action_types import action_types
+from nena_robot_simulator.action_server import action_types
+from nena_robot_simulator.goals import Action
 from support.action_client import ABORTED, CANCELED, SUCCEEDED, Client, Outcome, answer_of, outcome_of
 from support.action_types import needs_action_types
 from support.ros import BEST_EFFORT, LATCHED, RosPeer

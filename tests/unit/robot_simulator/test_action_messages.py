@@ -7,12 +7,11 @@ from uuid import UUID
 import pytest
 from geometry_msgs.msg import PoseStamped
 
-from nena_robot_simulator import action_messages
-from nena_robot_simulator.action import Action
-from nena_robot_simulator.action_types import action_types
-from nena_robot_simulator.pose import Pose
+from nena_robot_simulator import messages
+from nena_robot_simulator.action_server import action_types
+from nena_robot_simulator.goals import Action, GoalEntry, GoalStatus
+from nena_robot_simulator.motion import Pose
 from nena_robot_simulator.robot import Feedback
-from nena_robot_simulator.status_array import GoalEntry, GoalStatus
 from support.action_types import needs_action_types
 
 pytestmark = [pytest.mark.ros, needs_action_types]
@@ -36,19 +35,19 @@ def place(x: float) -> PoseStamped:
 def test_reads_a_goal() -> None:
     message = request(Action.TO_POSE)
     message.goal.pose = place(3.0)
-    goal = action_messages.goal_of(message, Action.TO_POSE)
+    goal = messages.goal_of(message, Action.TO_POSE)
     assert (goal.goal_id, goal.pose, goal.frame_id, goal.via) == (GOAL_ID, Pose(3.0, 0.0, 0.0), "map", ())
 
 
 def test_reads_a_goal_over_several_places() -> None:
     message = request(Action.THROUGH_POSES)
     message.goal.poses = [place(1.0), place(2.0)]
-    goal = action_messages.goal_of(message, Action.THROUGH_POSES)
+    goal = messages.goal_of(message, Action.THROUGH_POSES)
     assert (goal.via, goal.pose) == ((Pose(1.0, 0.0, 0.0),), Pose(2.0, 0.0, 0.0))
 
 
 def test_a_goal_without_a_place_leads_nowhere() -> None:
-    goal = action_messages.goal_of(request(Action.THROUGH_POSES), Action.THROUGH_POSES)
+    goal = messages.goal_of(request(Action.THROUGH_POSES), Action.THROUGH_POSES)
     assert math.isnan(goal.pose.x)
 
 
@@ -57,7 +56,7 @@ def test_a_goal_without_a_place_leads_nowhere() -> None:
 )
 def test_fills_a_result(entry: GoalEntry | None, expected: tuple[int, int]) -> None:
     response = action_types()[Action.TO_POSE].Impl.GetResultService.Response()
-    action_messages.fill_result(response, entry)
+    messages.fill_result(response, entry)
     assert (response.status, response.result.error_code) == expected
 
 
@@ -65,7 +64,7 @@ def test_fills_a_result(entry: GoalEntry | None, expected: tuple[int, int]) -> N
 def test_tells_how_a_drive_stands(speed: float, left: float, seconds: float) -> None:
     feedback = Feedback(GOAL_ID, Pose(1, 2, 0), 1.5, left, speed, recoveries=3, places_left=2)
     types = action_types()[Action.THROUGH_POSES]
-    message = action_messages.feedback_message(types, feedback, "map", 10**9)
+    message = messages.feedback_message(types, feedback, "map", 10**9)
     told = message.feedback
     assert bytes(message.goal_id.uuid) == GOAL_ID.bytes
     assert (told.current_pose.pose.position.x, told.number_of_recoveries) == (1.0, 3)

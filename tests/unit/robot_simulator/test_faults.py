@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+from uuid import UUID
+
 import pytest
 
 from nena_robot_simulator import faults
-from nena_robot_simulator.faults import Faults, parse
-from nena_robot_simulator.pose import Pose
+from nena_robot_simulator.faults import Faults, Lasting, disturbed, parse
+from nena_robot_simulator.goals import GoalEntry, GoalStatus
+from nena_robot_simulator.motion import Pose
 
 
 @pytest.mark.parametrize(
@@ -79,3 +82,33 @@ def test_unreachable_circles() -> None:
     assert fault.concerns(Pose(1.4, 1.0, 0.0))
     assert not fault.concerns(Pose(1.4, 1.4, 0.0))
     assert faults.Unreachable().concerns(Pose(99, 99, 0))
+
+
+RUNS = (GoalEntry(UUID(int=1), 1, GoalStatus.EXECUTING),)
+OVER = (GoalEntry(UUID(int=1), 1, GoalStatus.SUCCEEDED),)
+
+
+def with_fault(fault: Lasting) -> Faults:
+    active = Faults()
+    active.apply(fault)
+    return active
+
+
+def test_without_a_fault_each_array_comes_once() -> None:
+    assert disturbed(OVER, RUNS, Faults()) == (OVER,)
+
+
+@pytest.mark.parametrize(
+    ("fault", "shown"),
+    [
+        (faults.DuplicateStatus(), (OVER, OVER)),
+        (faults.ReorderedStatus(), (OVER, RUNS, OVER)),
+        (faults.TerminalFirst(), (OVER,)),
+    ],
+)
+def test_a_fault_disturbs_what_comes(fault: Lasting, shown: tuple[object, ...]) -> None:
+    assert disturbed(OVER, RUNS, with_fault(fault)) == shown
+
+
+def test_what_runs_is_not_seen_before_its_end() -> None:
+    assert disturbed(RUNS, (), with_fault(faults.TerminalFirst())) == ()

@@ -7,9 +7,9 @@ import pytest
 from geometry_msgs.msg import Pose as PoseMessage
 
 from nena_robot_simulator import messages
-from nena_robot_simulator.battery import Battery
-from nena_robot_simulator.pose import Pose
-from nena_robot_simulator.status_array import GoalEntry, GoalStatus
+from nena_robot_simulator.goals import GoalEntry, GoalStatus
+from nena_robot_simulator.motion import Pose
+from nena_robot_simulator.sensors import Battery
 
 pytestmark = pytest.mark.ros
 

@@ -9,10 +9,9 @@ from uuid import UUID
 import pytest
 
 from nena_robot_simulator import faults
-from nena_robot_simulator.action import Action
-from nena_robot_simulator.grid_map import hall
+from nena_robot_simulator.goals import Action
+from nena_robot_simulator.motion import Pose, hall
 from nena_robot_simulator.navigator import Goal
-from nena_robot_simulator.pose import Pose
 from nena_robot_simulator.robot import Robot
 from nena_robot_simulator.settings import RobotSettings
 

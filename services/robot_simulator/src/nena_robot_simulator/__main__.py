@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import sys
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from nena_robot_simulator.grid_map import hall
-from nena_robot_simulator.ros_environment import ros_environment
+from nena_robot_simulator.motion import hall
 from nena_robot_simulator.settings import SimulatorSettings
 from nena_shared import log as logging
 from nena_shared.clock import SystemClock
@@ -17,6 +19,26 @@ from nena_shared.tasks import TaskFailedError
 
 if TYPE_CHECKING:
     from nena_robot_simulator.node import RobotNode
+
+
+@contextmanager
+def ros_environment() -> Iterator[None]:
+    """Set up this process for rclpy; what the user has set stays.
+
+    UDP alone, since shared memory of a process that was killed can block its neighbours for ever. Fields of
+    messages check their types, since a number of the wrong type would be sent as garbage. The log files that
+    rclpy insists on go to a directory that is removed in the end.
+    """
+    os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+    os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
+    if "ROS_LOG_DIR" in os.environ:
+        yield
+        return
+    with tempfile.TemporaryDirectory(prefix="nena-robot-simulator-", ignore_cleanup_errors=True) as directory:
+        os.environ["ROS_LOG_DIR"] = directory
+        yield
+        del os.environ["ROS_LOG_DIR"]
+
 
 PROGRAM = "nena-robot-simulator"
 DESCRIPTION = (

@@ -11,7 +11,8 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from nena_robot_simulator.pose import Pose
+from nena_robot_simulator.goals import Snapshot
+from nena_robot_simulator.motion import Pose
 from nena_shared.misfits import TOLD, in_words
 
 Metres = Annotated[float, Field(allow_inf_nan=False)]
@@ -281,3 +282,14 @@ class Faults:
             self._on.pop(kind)
         else:
             self._on[kind] = fault.model_copy(update={"goals": fault.goals - 1})
+
+
+def disturbed(newest: Snapshot, before: Snapshot, active: Faults) -> tuple[Snapshot, ...]:
+    """Give the arrays that come in place of ``newest``; ``before`` is the one that came about before it."""
+    if active.on(TerminalFirst) and not all(goal.ended for goal in newest):
+        return ()
+    if active.on(ReorderedStatus) and before:
+        return (newest, before, newest)
+    if active.on(DuplicateStatus):
+        return (newest, newest)
+    return (newest,)

@@ -25,18 +25,14 @@ from std_msgs.msg import String
 from std_srvs.srv import Empty, Trigger
 
 from nena_robot_simulator import faults, messages
-from nena_robot_simulator.action import Action
-from nena_robot_simulator.action_endpoints import LATCHED, Answer
-from nena_robot_simulator.action_types import action_types
-from nena_robot_simulator.grid_map import GridMap
+from nena_robot_simulator.action_server import LATCHED, Answer, NavigatorEndpoints, action_types
+from nena_robot_simulator.faults import disturbed
+from nena_robot_simulator.goals import Action, GoalEntry, Snapshot
+from nena_robot_simulator.motion import GridMap, Pose
 from nena_robot_simulator.navigator import Goal
-from nena_robot_simulator.navigator_endpoints import NavigatorEndpoints
-from nena_robot_simulator.pose import Pose
 from nena_robot_simulator.robot import Robot
 from nena_robot_simulator.session import RosSession
 from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
-from nena_robot_simulator.status_array import GoalEntry, Snapshot
-from nena_robot_simulator.status_faults import disturbed
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 

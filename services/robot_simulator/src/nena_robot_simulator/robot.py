@@ -7,19 +7,21 @@ import random
 from dataclasses import dataclass, replace
 from uuid import UUID
 
-from nena_robot_simulator import cancel, faults
-from nena_robot_simulator.action import Action
-from nena_robot_simulator.battery import Battery
-from nena_robot_simulator.drive import PLANNER_TOLERANCE, Drive
-from nena_robot_simulator.error_code import ErrorCode, of_several
+from nena_robot_simulator import faults
 from nena_robot_simulator.faults import AnyFault, Faults
-from nena_robot_simulator.grid_map import GridMap
-from nena_robot_simulator.kinematics import Limits, Motion, step
-from nena_robot_simulator.localisation import Estimate, Localisation
-from nena_robot_simulator.navigator import Goal, Navigator, Progress, Target
-from nena_robot_simulator.pose import Pose
+from nena_robot_simulator.goals import (
+    Action,
+    CancelAnswer,
+    ErrorCode,
+    Snapshot,
+    StatusArray,
+    answer_cancel,
+    of_several,
+)
+from nena_robot_simulator.motion import GridMap, Limits, Motion, Pose, step
+from nena_robot_simulator.navigator import PLANNER_TOLERANCE, Drive, Goal, Navigator, Progress, Target
+from nena_robot_simulator.sensors import Battery, Estimate, Localisation
 from nena_robot_simulator.settings import RobotSettings
-from nena_robot_simulator.status_array import Snapshot, StatusArray
 
 HALTING = (0.020, 0.050)
 """Least and most seconds that halting the behaviour tree takes."""
@@ -130,10 +132,10 @@ class Robot:
 
     def cancel(
         self, goal_id: UUID, stamp_ns: int, now: float, action: Action = Action.TO_POSE
-    ) -> cancel.CancelAnswer:
+    ) -> CancelAnswer:
         """Answer a CancelGoal request and act on it."""
         goals = self.goals(action)
-        answer = cancel.answer(goals.entries(now), goal_id, stamp_ns)
+        answer = answer_cancel(goals.entries(now), goal_id, stamp_ns)
         if answer.goals:
             goals.cancel([goal.goal_id for goal in answer.goals], now)
         return answer

@@ -8,8 +8,8 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from nena_robot_simulator.battery import Scale
 from nena_robot_simulator.faults import Fault
+from nena_robot_simulator.sensors import Scale
 from nena_shared.settings import ProgramSettings, SettingsGroup
 
 LAST_DOMAIN = 232

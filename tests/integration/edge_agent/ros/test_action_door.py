@@ -21,7 +21,7 @@ from nena_edge_agent.driver.port import (
 )
 from nena_edge_agent.ros.goal_mark import GoalMark
 from nena_edge_agent.ros.settings import Navigation
-from nena_robot_simulator.action import Action
+from nena_robot_simulator.goals import Action
 from support.action_client import Client
 from support.action_server import RclpyNav2
 from support.action_types import needs_action_types

@@ -11,8 +11,8 @@ import pytest
 from nena_edge_agent.ros.map_watch import MapWatch
 from nena_edge_agent.ros.session import RosSession
 from nena_edge_agent.settings import EdgeAgentSettings
-from nena_robot_simulator.grid_map import GridMap
 from nena_robot_simulator.messages import map_message
+from nena_robot_simulator.motion import GridMap
 from nena_shared.fleet_api.plant import RobotMap
 from nena_shared.plant.geometry import MapTransform
 from support.robot_maps import room

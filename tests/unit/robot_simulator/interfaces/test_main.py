@@ -8,7 +8,7 @@ from typing import NoReturn
 import pytest
 
 from nena_robot_simulator.interfaces import __main__ as program
-from nena_robot_simulator.interfaces import libraries, sources
+from nena_robot_simulator.interfaces import build
 from support.action_types import needs_action_types
 
 pytestmark = pytest.mark.ros
@@ -28,7 +28,7 @@ def no_compilation(*_: object) -> NoReturn:
 def test_types_that_are_up_to_date_cost_nothing(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sources, "generate", no_compilation)
+    monkeypatch.setattr(build, "generate", no_compilation)
     assert program.main() == 0
     assert capsys.readouterr().err == ""
 
@@ -38,7 +38,7 @@ def test_types_of_a_ros_installation_are_left_alone(
 ) -> None:
     (tmp_path / "__init__.py").write_text("")
     found(monkeypatch, tmp_path / "__init__.py")
-    monkeypatch.setattr(sources, "generate", no_compilation)
+    monkeypatch.setattr(build, "generate", no_compilation)
     assert program.main() == 0
     assert "here already" in capsys.readouterr().err
 
@@ -48,8 +48,8 @@ def test_what_keeps_types_from_being_made_is_told_and_is_no_failure(
     obstacle: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     found(monkeypatch, None)
-    monkeypatch.setattr(sources, "generate", no_compilation)
-    monkeypatch.setattr(libraries, "missing_tool", lambda: "there is no gcc")
+    monkeypatch.setattr(build, "generate", no_compilation)
+    monkeypatch.setattr(build, "missing_tool", lambda: "there is no gcc")
     if obstacle != "no gcc":
         monkeypatch.setattr(sys, "prefix", sys.base_prefix if "outside" in obstacle else str(tmp_path))
     assert program.main() == 0
@@ -60,11 +60,11 @@ def test_a_compiler_that_refuses_is_a_failure(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def refuse(*_: object) -> NoReturn:
-        raise libraries.CompilationError("libx.so", "x.c:1: error")
+        raise build.CompilationError("libx.so", "x.c:1: error")
 
     found(monkeypatch, None)
-    monkeypatch.setattr(libraries, "missing_tool", lambda: None)
-    monkeypatch.setattr(sources, "generate", lambda *_: None)
-    monkeypatch.setattr(libraries, "build", refuse)
+    monkeypatch.setattr(build, "missing_tool", lambda: None)
+    monkeypatch.setattr(build, "generate", lambda *_: None)
+    monkeypatch.setattr(build, "build", refuse)
     assert program.main() == 1
     assert "x.c:1: error" in capsys.readouterr().err

@@ -14,7 +14,7 @@ import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
-from nena_robot_simulator.interfaces import libraries, sources
+from nena_robot_simulator.interfaces import build
 
 HERE = Path(__file__).parent
 DEFINITIONS = HERE / "definitions" / "nav2_msgs"
@@ -35,11 +35,11 @@ def main() -> int:
         return _say(f"Nav2's action types are not made, {problem}. The simulator offers Nav2's topics only.")
     with tempfile.TemporaryDirectory(prefix="nena-action-types-") as folder:
         try:
-            made = sources.generate(DEFINITIONS, Path(folder))
-            libraries.build(made, Path(folder) / "built")
-        except libraries.CompilationError as error:
+            made = build.generate(DEFINITIONS, Path(folder))
+            build.build(made, Path(folder) / "built")
+        except build.CompilationError as error:
             return _say(str(error)) + 1
-        return _say(f"Nav2's action types: {libraries.install(made, Path(folder) / 'built', mark)}")
+        return _say(f"Nav2's action types: {build.install(made, Path(folder) / 'built', mark)}")
 
 
 def _obstacle() -> str | None:
@@ -48,7 +48,7 @@ def _obstacle() -> str | None:
         return "outside of a virtual environment"
     if not (Path(sys.prefix) / "share" / "rosidl_generator_py" / "resource").is_dir():
         return "without the ROS wheels' generators"
-    return libraries.missing_tool()
+    return build.missing_tool()
 
 
 def _digest() -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from nena_robot_simulator.ros_environment import ros_environment
+from nena_robot_simulator.__main__ import ros_environment
 
 
 def test_what_is_missing_is_set_and_the_log_directory_goes_in_the_end(

@@ -1,15 +1,42 @@
-"""The goals that an action server remembers, as it shows them in its status array.
-
-Follows action_msgs/GoalStatusArray and the action server's rules: order of acceptance, a new array with each
-change and only then, an ended goal forgotten in silence once its retention time is over.
-"""
+"""The actions of bt_navigator."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import IntEnum, StrEnum
 from uuid import UUID
+
+
+class Action(StrEnum):
+    """Each has a server of its own; the value is its name in the ROS graph."""
+
+    TO_POSE = "navigate_to_pose"
+    THROUGH_POSES = "navigate_through_poses"
+
+
+THROUGH_POSES = 100
+"""What the planner's codes, 200 and more, are higher by where a way over several places was asked for."""
+
+
+class ErrorCode(IntEnum):
+    """Codes that this robot gives by itself, of some dozens that Nav2 has."""
+
+    NONE = 0
+    """Also: the goal never started."""
+    FAILED_TO_MAKE_PROGRESS = 105
+    """The controller: the robot does not get on."""
+    GOAL_OUTSIDE_MAP = 204
+    GOAL_OCCUPIED = 206
+    NO_VALID_PATH = 208
+    NO_VIAPOINTS_GIVEN = 309
+    """A goal over several places names none."""
+
+
+def of_several(code: int) -> int:
+    """Give a code as it is where a way over several places was asked for."""
+    by_planner = code // THROUGH_POSES == ErrorCode.NO_VALID_PATH // THROUGH_POSES
+    return code + THROUGH_POSES if by_planner else code
 
 
 class GoalStatus(IntEnum):
@@ -138,3 +165,51 @@ class StatusArray:
 
     def _changed(self, now: float) -> None:
         self._unpublished.append(self.entries(now))
+
+
+ANY_GOAL = UUID(int=0)
+"""The goal id of a request that names no goal."""
+
+
+class CancelCode(IntEnum):
+    """Return codes of action_msgs/srv/CancelGoal."""
+
+    NONE = 0
+    REJECTED = 1
+    UNKNOWN_GOAL_ID = 2
+    GOAL_TERMINATED = 3
+
+
+@dataclass(frozen=True, slots=True)
+class CancelAnswer:
+    """What the service answers, and the goals that change to CANCELING."""
+
+    code: CancelCode
+    goals: Snapshot = ()
+
+
+def answer_cancel(goals: Snapshot, goal_id: UUID, stamp_ns: int) -> CancelAnswer:
+    """Decide on a request; ``stamp_ns`` is UTC in nanoseconds, 0 for none.
+
+    A goal without a stamp means that goal alone. Without a goal, or with a stamp, all goals are meant that
+    were accepted up to the stamp (no stamp: all of them), and then no match is no error.
+    """
+    if goal_id != ANY_GOAL and stamp_ns == 0:
+        return _one(goals, goal_id)
+    return CancelAnswer(
+        CancelCode.NONE,
+        tuple(g for g in goals if g.cancelable and (g.goal_id == goal_id or _up_to(g, stamp_ns))),
+    )
+
+
+def _one(goals: Snapshot, goal_id: UUID) -> CancelAnswer:
+    found = next((goal for goal in goals if goal.goal_id == goal_id), None)
+    if found is None:
+        return CancelAnswer(CancelCode.UNKNOWN_GOAL_ID)
+    if not found.cancelable:
+        return CancelAnswer(CancelCode.GOAL_TERMINATED)
+    return CancelAnswer(CancelCode.NONE, (found,))
+
+
+def _up_to(goal: GoalEntry, stamp_ns: int) -> bool:
+    return stamp_ns == 0 or goal.accepted_ns <= stamp_ns

@@ -4,18 +4,48 @@ import random
 
 import pytest
 
-from nena_robot_simulator.localisation import Localisation
-from nena_robot_simulator.pose import Pose
+from nena_robot_simulator.motion import Pose
+from nena_robot_simulator.sensors import Battery, Localisation
 
 
-def make(*, known: bool, deviation: float = 0.0) -> Localisation:
+def make_battery(charge: float = 1.0) -> Battery:
+    return Battery(charge=charge, per_metre=0.001, per_second=0.0001)
+
+
+def test_driving_and_time_take_their_share() -> None:
+    battery = make_battery()
+    battery.drain(100.0, 50.0)
+    assert battery.charge == pytest.approx(1.0 - 0.1 - 0.005)
+
+
+def test_an_empty_battery_stays_empty() -> None:
+    battery = make_battery(0.01)
+    battery.drain(1000.0, 1.0)
+    assert battery.charge == 0.0
+
+
+def test_both_scales_say_the_same() -> None:
+    assert make_battery(0.42).percentage("fraction") == pytest.approx(0.42)
+    assert make_battery(0.42).percentage("percent") == pytest.approx(42.0)
+
+
+def test_driving_draws_more_current_and_the_voltage_falls_with_the_charge() -> None:
+    battery = make_battery()
+    battery.drain(0.0, 1.0)
+    resting, full = battery.current, battery.voltage
+    battery.drain(100.0, 1.0)
+    assert battery.current < resting < 0.0
+    assert battery.voltage < full
+
+
+def make_localisation(*, known: bool, deviation: float = 0.0) -> Localisation:
     return Localisation(
         known=known, xy_deviation=deviation, yaw_deviation=deviation / 2, noise=random.Random(1)
     )
 
 
 def test_nothing_is_said_before_an_initial_pose_however_far_the_robot_drives() -> None:
-    amcl = make(known=False)
+    amcl = make_localisation(known=False)
     assert not amcl.known
     assert [amcl.scan(Pose(x, 0, 0)) for x in range(5)] == [None] * 5
     amcl.force()
@@ -23,7 +53,7 @@ def test_nothing_is_said_before_an_initial_pose_however_far_the_robot_drives() -
 
 
 def test_an_initial_pose_is_answered_once() -> None:
-    amcl = make(known=False)
+    amcl = make_localisation(known=False)
     amcl.initialise()
     assert amcl.known
     estimate = amcl.scan(Pose(1, 2, 0.5))
@@ -43,19 +73,19 @@ def test_an_initial_pose_is_answered_once() -> None:
     ],
 )
 def test_a_standing_robot_is_silent_until_it_has_moved_enough(pose: Pose, *, said: bool) -> None:
-    amcl = make(known=True)
+    amcl = make_localisation(known=True)
     assert amcl.scan(Pose(0, 0, 0)) is not None
     assert (amcl.scan(pose) is not None) is said
 
 
 def test_distance_counts_from_the_last_estimate() -> None:
-    amcl = make(known=True)
+    amcl = make_localisation(known=True)
     said = [amcl.scan(Pose(0.1 * step, 0, 0)) is not None for step in range(10)]
     assert said == [True, False, False, True, False, False, True, False, False, True]
 
 
 def test_an_estimate_is_forced_without_motion() -> None:
-    amcl = make(known=True)
+    amcl = make_localisation(known=True)
     amcl.scan(Pose(0, 0, 0))
     amcl.force()
     assert amcl.scan(Pose(0, 0, 0)) is not None
@@ -63,7 +93,7 @@ def test_an_estimate_is_forced_without_motion() -> None:
 
 
 def test_estimates_scatter_as_the_variances_say() -> None:
-    amcl = make(known=True, deviation=0.1)
+    amcl = make_localisation(known=True, deviation=0.1)
     errors = []
     for step in range(400):
         estimate = amcl.scan(Pose(float(step), 0, 0))

@@ -1,19 +1,34 @@
 from __future__ import annotations
 
+import os
 import sysconfig
 from pathlib import Path
 
 import pytest
 
-from nena_robot_simulator.interfaces import libraries
-from nena_robot_simulator.interfaces.sources import Sources
+from nena_robot_simulator.interfaces import build
+from nena_robot_simulator.interfaces.__main__ import DEFINITIONS
+from nena_robot_simulator.interfaces.build import Sources, generate
 
 pytestmark = pytest.mark.ros
 
 
+def test_generates_what_c_and_python_need(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    before = dict(os.environ)
+    sources = generate(DEFINITIONS, tmp_path)
+    os.environ.pop("AMENT_PREFIX_PATH")
+    os.environ.update(before)
+    python = sources.of("rosidl_generator_py") / "nav2_msgs" / "action"
+    assert "NavigateToPose" in (python / "__init__.py").read_text()
+    assert "number_of_poses_remaining" in (python / "_navigate_through_poses.py").read_text()
+    assert list(sources.of("rosidl_typesupport_fastrtps_c").rglob("*.cpp"))
+    assert list(sources.of("rosidl_typesupport_introspection_c").rglob("*visibility_control.h"))
+    assert capfd.readouterr().out == ""
+
+
 def test_says_which_compiler_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert "gcc" in str(libraries.missing_tool())
+    assert "gcc" in str(build.missing_tool())
 
 
 def test_says_that_the_headers_of_python_are_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -22,17 +37,17 @@ def test_says_that_the_headers_of_python_are_missing(tmp_path: Path, monkeypatch
         (tmp_path / tool).chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(sysconfig, "get_path", lambda _name: str(tmp_path))
-    assert "Python.h" in str(libraries.missing_tool())
+    assert "Python.h" in str(build.missing_tool())
 
 
-@pytest.mark.skipif(libraries.missing_tool() is not None, reason=str(libraries.missing_tool()))
+@pytest.mark.skipif(build.missing_tool() is not None, reason=str(build.missing_tool()))
 def test_tells_what_the_compiler_says(tmp_path: Path) -> None:
     sources = Sources("nonsense", tmp_path)
     folder = sources.of("rosidl_generator_c")
     folder.mkdir()
     (folder / "nonsense.c").write_text("no language at all")
-    with pytest.raises(libraries.CompilationError, match="nonsense") as caught:
-        libraries.build(sources, tmp_path / "built")
+    with pytest.raises(build.CompilationError, match="nonsense") as caught:
+        build.build(sources, tmp_path / "built")
     assert "error:" in caught.value.output
 
 
@@ -46,7 +61,7 @@ def test_puts_everything_in_its_place_at_once(tmp_path: Path, monkeypatch: pytes
         (built / name).write_text("")
     monkeypatch.setattr(sysconfig, "get_path", lambda _name: str(prefix / "site"))
     monkeypatch.setattr("sys.prefix", str(prefix))
-    libraries.install(sources, built, "mark")
+    build.install(sources, built, "mark")
     assert sorted(str(path.relative_to(prefix)) for path in prefix.rglob("*") if path.is_file()) == [
         "lib/libsome_msgs__rosidl_generator_c.so",
         "site/some_msgs/__init__.py",

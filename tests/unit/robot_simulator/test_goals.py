@@ -4,7 +4,23 @@ from uuid import UUID
 
 import pytest
 
-from nena_robot_simulator.status_array import GoalStatus, GoalTransitionError, Snapshot, StatusArray
+from nena_robot_simulator.goals import (
+    ANY_GOAL,
+    CancelCode,
+    GoalEntry,
+    GoalStatus,
+    GoalTransitionError,
+    Snapshot,
+    StatusArray,
+    answer_cancel,
+    of_several,
+)
+
+
+@pytest.mark.parametrize(("code", "expected"), [(208, 308), (204, 304), (105, 105), (0, 0), (309, 309)])
+def test_only_the_codes_of_the_planner_have_a_twin_for_several_places(code: int, expected: int) -> None:
+    assert of_several(code) == expected
+
 
 A, B, C = UUID(int=1), UUID(int=2), UUID(int=3)
 
@@ -87,3 +103,38 @@ def test_a_goal_ends_once_and_a_refused_change_changes_nothing() -> None:
     )
     assert goals[A] is GoalStatus.SUCCEEDED
     assert goals.take_unpublished() == []
+
+
+OLD, YOUNG, CANCELING, ENDED, UNKNOWN = (UUID(int=n) for n in range(1, 6))
+GOALS = (
+    GoalEntry(OLD, 100, GoalStatus.EXECUTING),
+    GoalEntry(CANCELING, 150, GoalStatus.CANCELING),
+    GoalEntry(ENDED, 160, GoalStatus.SUCCEEDED),
+    GoalEntry(YOUNG, 200, GoalStatus.EXECUTING),
+)
+
+
+@pytest.mark.parametrize(
+    ("goal_id", "stamp", "code", "canceled"),
+    [
+        pytest.param(ANY_GOAL, 0, 0, [OLD, YOUNG], id="all"),
+        pytest.param(ANY_GOAL, 100, 0, [OLD], id="all up to a stamp, which counts"),
+        pytest.param(ANY_GOAL, 99, 0, [], id="none that old is no error"),
+        pytest.param(YOUNG, 0, 0, [YOUNG], id="one goal"),
+        pytest.param(UNKNOWN, 0, 2, [], id="an unknown goal"),
+        pytest.param(ENDED, 0, 3, [], id="an ended goal"),
+        pytest.param(CANCELING, 0, 3, [], id="a goal that is canceling already"),
+        pytest.param(YOUNG, 120, 0, [OLD, YOUNG], id="one goal and all up to a stamp"),
+        pytest.param(ENDED, 120, 0, [OLD], id="an ended goal and all up to a stamp"),
+        pytest.param(UNKNOWN, 120, 0, [OLD], id="an unknown goal and all up to a stamp"),
+    ],
+)
+def test_the_four_kinds_of_request(goal_id: UUID, stamp: int, code: int, canceled: list[UUID]) -> None:
+    found = answer_cancel(GOALS, goal_id, stamp)
+    assert found.code == CancelCode(code)
+    assert [goal.goal_id for goal in found.goals] == canceled
+
+
+def test_cancelling_all_of_nothing_is_no_error() -> None:
+    assert answer_cancel((), ANY_GOAL, 0) == answer_cancel((), ANY_GOAL, 5)
+    assert answer_cancel((), ANY_GOAL, 0).code is CancelCode.NONE

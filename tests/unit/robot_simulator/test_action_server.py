@@ -4,8 +4,8 @@ import sys
 
 import pytest
 
-from nena_robot_simulator.action import Action
-from nena_robot_simulator.action_types import action_types
+from nena_robot_simulator.action_server import action_types
+from nena_robot_simulator.goals import Action
 from support.action_types import needs_action_types
 
 

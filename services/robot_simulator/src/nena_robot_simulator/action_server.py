@@ -1,25 +1,35 @@
-"""One action of bt_navigator in the ROS graph: its goals, results, feedback, statuses, and cancelling.
-
-Made of ordinary topics and services with the hidden names of an action, so that the navigator's own rules
-decide what they say, and not the habits of rclpy's server.
-"""
+"""The types of Nav2's actions, where this machine has them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from typing import Any, Protocol
 from uuid import UUID
 
 from action_msgs.msg import GoalStatusArray
 from action_msgs.srv import CancelGoal
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from geometry_msgs.msg import PoseStamped
+from lifecycle_msgs.srv import GetState
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_system_default
 
-from nena_robot_simulator import action_messages, messages
-from nena_robot_simulator.action import Action
+from nena_robot_simulator import messages
+from nena_robot_simulator.goals import Action, GoalEntry, Snapshot
 from nena_robot_simulator.navigator import Goal
 from nena_robot_simulator.robot import Feedback
 from nena_robot_simulator.session import RosSession
-from nena_robot_simulator.status_array import GoalEntry, Snapshot
+
+_NAMES = {Action.TO_POSE: "NavigateToPose", Action.THROUGH_POSES: "NavigateThroughPoses"}
+
+
+def action_types() -> dict[Action, Any]:
+    """Give the type of each action; none at all where ``nav2_msgs`` is missing."""
+    try:
+        module = import_module("nav2_msgs.action")
+    except ImportError:
+        return {}
+    return {action: getattr(module, name) for action, name in _NAMES.items()}
+
 
 LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
@@ -102,7 +112,7 @@ class ActionEndpoints:
 
     def publish_feedback(self, feedback: Feedback, frame_id: str, nanoseconds: int) -> None:
         """Tell how the drive stands."""
-        message = action_messages.feedback_message(self._types, feedback, frame_id, nanoseconds)
+        message = messages.feedback_message(self._types, feedback, frame_id, nanoseconds)
         self._feedback.publish(message)
 
     def _on_cancel(self, request: Any, answer: Answer) -> None:  # noqa: ANN401
@@ -116,14 +126,14 @@ class ActionEndpoints:
         if self._server.hangs or self._types is None:
             return
         response = self._types.Impl.SendGoalService.Response()
-        stamp = self._server.on_goal(self._action, action_messages.goal_of(request, self._action))
+        stamp = self._server.on_goal(self._action, messages.goal_of(request, self._action))
         response.accepted = stamp is not None
         response.stamp = messages.stamp_of(stamp or 0)
         answer(response)
 
     def _on_get_result(self, request: Any, answer: Answer) -> None:  # noqa: ANN401
         if len(self._questions) < QUESTIONS:
-            self._answer_or_keep(action_messages.goal_id_of(request), answer)
+            self._answer_or_keep(messages.goal_id_of(request), answer)
 
     def _answer_or_keep(self, goal_id: UUID, answer: Answer) -> None:
         entry = self._server.find(self._action, goal_id)
@@ -131,5 +141,73 @@ class ActionEndpoints:
             self._questions.append((goal_id, answer))
             return
         response = self._types.Impl.GetResultService.Response() if self._types else None
-        action_messages.fill_result(response, entry)
+        messages.fill_result(response, entry)
         answer(response)
+
+
+class NavigatorEndpoints:
+    """Two actions, the goal topic and the lifecycle service; closed at first.
+
+    ``types`` are those of the actions that this machine has: without them NavigateToPose shows its statuses
+    and can be cancelled, which is all that driving by the topic needs.
+    """
+
+    def __init__(
+        self,
+        session: RosSession,
+        server: ActionServer,
+        types: Mapping[Action, Any],
+        *,
+        on_goal_pose: Callable[[Any], None],
+        on_get_state: Callable[[Any, Any], None],
+    ) -> None:
+        self._session = session
+        self._on_goal_pose = on_goal_pose
+        self._on_get_state = on_get_state
+        self._actions = {
+            action: ActionEndpoints(session, action, types.get(action), server)
+            for action in (Action.TO_POSE, *types)
+        }
+        self._others: list[Any] = []
+
+    def show(self, *, there: bool) -> None:
+        """Appear in the graph or leave it; each appearance is a new server with an empty list."""
+        if there and not self._others:
+            self._open()
+        elif not there and self._others:
+            self._close()
+
+    def publish(self, action: Action, snapshot: Snapshot) -> None:
+        """Publish a status array, if anybody is there to do so."""
+        if action in self._actions:
+            self._actions[action].publish(snapshot)
+
+    def answer(self, action: Action) -> None:
+        """Answer those who wait for a result that is there now."""
+        if action in self._actions:
+            self._actions[action].answer()
+
+    def tell(
+        self, feedback: Callable[[Action], Feedback | None], frame_id: str, stamp: Callable[[], int]
+    ) -> None:
+        """Publish the feedback of the action that is driven for, where somebody listens."""
+        for action, endpoints in self._actions.items():
+            told = feedback(action) if endpoints.wants_feedback else None
+            if told is not None:
+                endpoints.publish_feedback(told, frame_id, stamp())
+
+    def _open(self) -> None:
+        for endpoints in self._actions.values():
+            endpoints.open()
+        session = self._session
+        self._others = [
+            session.subscribe(PoseStamped, "goal_pose", self._on_goal_pose, qos_profile_system_default),
+            session.serve(GetState, "bt_navigator/get_state", self._on_get_state),
+        ]
+
+    def _close(self) -> None:
+        for endpoints in self._actions.values():
+            endpoints.close()
+        for entity in self._others:
+            self._session.destroy(entity)
+        self._others = []

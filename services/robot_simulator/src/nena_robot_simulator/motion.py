@@ -1,0 +1,195 @@
+"""Poses in the plane: metres and radians, counter-clockwise, as REP 103 has it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+
+class Pose(NamedTuple):
+    """A place and a heading; ``yaw`` in (-pi, pi]."""
+
+    x: float
+    y: float
+    yaw: float
+
+    def distance(self, other: Pose) -> float:
+        """Metres between the two places."""
+        return math.hypot(other.x - self.x, other.y - self.y)
+
+    def bearing(self, other: Pose) -> float:
+        """Direction, in radians, in which the other place lies."""
+        return math.atan2(other.y - self.y, other.x - self.x)
+
+    def then(self, other: Pose) -> Pose:
+        """Read ``other``, given in the frame of this pose, in the frame in which this pose is given."""
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        return Pose(
+            self.x + cos * other.x - sin * other.y,
+            self.y + sin * other.x + cos * other.y,
+            wrap(self.yaw + other.yaw),
+        )
+
+    def inverse(self) -> Pose:
+        """Give the pose that undoes this one: ``pose.then(pose.inverse())`` is the origin."""
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        return Pose(-cos * self.x - sin * self.y, sin * self.x - cos * self.y, wrap(-self.yaw))
+
+
+def wrap(angle: float) -> float:
+    """Bring an angle in radians into (-pi, pi]."""
+    return math.pi - (math.pi - angle) % math.tau
+
+
+def yaw_of(x: float, y: float, z: float, w: float) -> float | None:
+    """Yaw of a quaternion of either sign; none when it is no unit quaternion (1 % off is forgiven)."""
+    norm = math.hypot(x, y, z, w)
+    if not math.isfinite(norm) or abs(norm - 1.0) > 0.01:  # noqa: PLR2004 - said in the docstring
+        return None
+    return wrap(math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+
+
+FREE = 0
+OCCUPIED = 100
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GridMap:
+    """Square cells in rows from the origin, the lower left corner, as in nav_msgs/OccupancyGrid; metres."""
+
+    width: int
+    height: int
+    resolution: float
+    origin_x: float
+    origin_y: float
+    cells: bytes
+
+    def is_free(self, x: float, y: float) -> bool:
+        """Tell whether the place in metres lies on the map and in no wall."""
+        if not self.covers(x, y):
+            return False
+        column, row = map(math.floor, self._in_cells(x, y))
+        return self.cells[row * self.width + column] == FREE
+
+    def covers(self, x: float, y: float) -> bool:
+        """Tell whether the place in metres lies on the map at all; NaN and infinity do not."""
+        across, up = self._in_cells(x, y)
+        return 0 <= across < self.width and 0 <= up < self.height
+
+    def free_near(self, goal: Pose, tolerance: float) -> Pose | None:
+        """Give the goal, or the free place nearest to it within ``tolerance`` metres, as NavFn does.
+
+        None where the goal lies outside the map or too deep in a wall.
+        """
+        if not self.covers(goal.x, goal.y):
+            return None
+        if self.is_free(goal.x, goal.y):
+            return goal
+        reach = math.ceil(tolerance / self.resolution)
+        steps = [offset * self.resolution for offset in range(-reach, reach + 1)]
+        places = [Pose(goal.x + dx, goal.y + dy, goal.yaw) for dx in steps for dy in steps]
+        near = [p for p in places if p.distance(goal) <= tolerance and self.is_free(p.x, p.y)]
+        return min(near, key=goal.distance, default=None)
+
+    def _in_cells(self, x: float, y: float) -> tuple[float, float]:
+        """Give the way from the origin to a place in cells; it may be infinite."""
+        return (x - self.origin_x) / self.resolution, (y - self.origin_y) / self.resolution
+
+
+def hall(*, min_x: float, min_y: float, max_x: float, max_y: float, resolution: float) -> GridMap:
+    """Make the map of a hall whose walls, two cells thick, stand just outside the given metres."""
+    wall = 2
+    inner_width = math.ceil((max_x - min_x) / resolution)
+    inner_height = math.ceil((max_y - min_y) / resolution)
+    width, height = inner_width + 2 * wall, inner_height + 2 * wall
+    full_row = bytes([OCCUPIED]) * width
+    side = bytes([OCCUPIED]) * wall
+    row = side + bytes([FREE]) * inner_width + side
+    return GridMap(
+        width=width,
+        height=height,
+        resolution=resolution,
+        origin_x=min_x - wall * resolution,
+        origin_y=min_y - wall * resolution,
+        cells=full_row * wall + row * inner_height + full_row * wall,
+    )
+
+
+TURN_IN_PLACE_ABOVE = math.radians(60.0)
+"""A goal that lies further off the heading than this is turned to before driving."""
+AT_PLACE = 0.05
+"""Metres within which only the heading is still corrected."""
+HEADING_GAIN = 3.0
+"""Yaw rate per radian of heading error, 1/s; the acceleration limit smooths it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What the drive can do: m/s, m/s², rad/s, rad/s²."""
+
+    speed: float
+    acceleration: float
+    yaw_rate: float
+    yaw_acceleration: float
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Where the robot is and how fast it goes: forward m/s, counter-clockwise rad/s."""
+
+    pose: Pose
+    speed: float = 0.0
+    yaw_rate: float = 0.0
+
+    @property
+    def standing(self) -> bool:
+        """Whether the robot stands still."""
+        return self.speed == 0.0 and self.yaw_rate == 0.0
+
+
+def step(motion: Motion, target: Pose | None, limits: Limits, dt: float, *, behind: float = 0.0) -> Motion:
+    """Move for ``dt`` seconds towards ``target`` (same frame); without a target, brake to standstill.
+
+    ``behind`` is how far the way goes on behind the target, m: above 0 it is passed and not stopped at.
+    """
+    wanted_speed, wanted_yaw_rate = (
+        (0.0, 0.0) if target is None else _wanted(motion.pose, target, limits, behind)
+    )
+    speed = _approach(motion.speed, wanted_speed, limits.acceleration * dt)
+    yaw_rate = _approach(motion.yaw_rate, wanted_yaw_rate, limits.yaw_acceleration * dt)
+    heading = motion.pose.yaw + yaw_rate * dt / 2.0
+    return replace(
+        motion,
+        pose=Pose(
+            motion.pose.x + speed * math.cos(heading) * dt,
+            motion.pose.y + speed * math.sin(heading) * dt,
+            wrap(motion.pose.yaw + yaw_rate * dt),
+        ),
+        speed=speed,
+        yaw_rate=yaw_rate,
+    )
+
+
+def _wanted(pose: Pose, target: Pose, limits: Limits, behind: float) -> tuple[float, float]:
+    """Forward speed and yaw rate that lead to the target."""
+    distance = pose.distance(target)
+    if distance <= AT_PLACE and not behind:
+        return 0.0, _turn(wrap(target.yaw - pose.yaw), limits)
+    error = wrap(pose.bearing(target) - pose.yaw)
+    turn = _turn(error, limits)
+    if abs(error) > TURN_IN_PLACE_ABOVE:
+        return 0.0, turn
+    braking = math.sqrt(2.0 * limits.acceleration * (distance + behind))
+    return min(limits.speed, braking) * math.cos(error), turn
+
+
+def _turn(error: float, limits: Limits) -> float:
+    """Yaw rate that takes the error away and can be braked in time."""
+    braking = math.sqrt(2.0 * limits.yaw_acceleration * abs(error))
+    return math.copysign(min(limits.yaw_rate, HEADING_GAIN * abs(error), braking), error)
+
+
+def _approach(value: float, wanted: float, most: float) -> float:
+    """Go from ``value`` towards ``wanted`` by at most ``most``."""
+    return wanted if abs(wanted - value) <= most else value + math.copysign(most, wanted - value)
