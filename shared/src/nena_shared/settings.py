@@ -2,8 +2,8 @@
 
 Each program has one settings model, a subclass of :class:`ProgramSettings`. Environment variables are
 called ``NENA_<FIELD>``, with two underscores between the levels (``NENA_MQTT__HOST``); options are called
-like the fields (``--mqtt.host``). A setting that nobody knows is an error, so that a spelling mistake is
-found at the start and not at night; only in the environment, which programs share, the first level is open.
+like the fields (``--mqtt.host``). Unknown settings are errors, so that spelling mistakes are found at the
+start; only environment variables, which programs share, may be unknown at the first level.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -26,17 +27,16 @@ from pydantic_settings import (
     SettingsError,
 )
 
-from nena_shared import toml_text
-from nena_shared.misfits import path_of, words_of
+from nena_shared.misfits import path_of, shortened, words_of
 
 S = TypeVar("S", bound="ProgramSettings")
 
 _FIELD = re.compile(r'(?:field "|encountered for )([\w.]+)')
-"""The name in what the library says of a text that it cannot read."""
+"""Field name in the library's error about an unreadable text."""
 
 
 class ConfigurationError(Exception):
-    """The settings do not make a program; ``problems`` says what to change, a line each."""
+    """The settings are invalid; ``problems`` says what to change, one line each."""
 
     def __init__(self, problems: Sequence[str]) -> None:
         super().__init__("; ".join(problems))
@@ -45,7 +45,7 @@ class ConfigurationError(Exception):
 
 def _no_separator(prefix: str) -> str:
     if prefix.startswith("/") or prefix.endswith("/") or any(sign in prefix for sign in "+#"):
-        message = "a topic prefix neither starts nor ends with '/', and holds no '+' or '#'"
+        message = "a topic prefix must not start or end with '/' or contain '+' or '#'"
         raise ValueError(message)
     return prefix
 
@@ -54,13 +54,13 @@ TopicPrefix = Annotated[str, Field(min_length=1, max_length=200), AfterValidator
 
 
 class SettingsGroup(BaseModel):
-    """A table of settings; unknown names are refused."""
+    """A group of settings; unknown names are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 def secret_in(file: Path, setting: str) -> str:
-    """Read the secret that a file holds alone; ``setting`` is what names the file.
+    """Read a file that contains only a secret; ``setting`` is the setting that names the file.
 
     Raises:
         ConfigurationError: the file cannot be read, or is empty.
@@ -76,54 +76,54 @@ def secret_in(file: Path, setting: str) -> str:
 
 
 class MqttTlsSettings(SettingsGroup):
-    """How the connection to the broker is protected."""
+    """TLS of the broker connection."""
 
     enabled: bool = Field(
-        default=False, description="Encrypt, and believe the broker by the system's certificates."
+        default=False, description="Use TLS and verify the broker against the system CA store."
     )
-    ca: Path | None = Field(
-        None, description="PEM file with the certificates of who may vouch for the broker; encrypts."
+    ca: Path | None = Field(None, description="CA bundle (PEM) for the broker; enables TLS.")
+    certificate: Path | None = Field(
+        None, description="Client certificate (PEM), if the broker requires one; enables TLS."
     )
-    certificate: Path | None = Field(None, description="PEM file with our own certificate, where asked for.")
-    key: Path | None = Field(None, description="PEM file with the key of our own certificate.")
+    key: Path | None = Field(None, description="Private key (PEM) of the client certificate.")
 
     @property
     def wanted(self) -> bool:
-        """Whether the connection is encrypted."""
+        """Whether the connection uses TLS."""
         return self.enabled or self.ca is not None or self.certificate is not None
 
 
 class MqttSettings(SettingsGroup):
-    """Where the broker is, and how much may wait on the way to it."""
+    """Address of the broker, and limits of the connection."""
 
-    host: str = Field("127.0.0.1", min_length=1, description="Name or address of the MQTT broker.")
+    host: str = Field("127.0.0.1", min_length=1, description="Host name or address of the MQTT broker.")
     port: int = Field(1883, ge=1, le=65535, description="TCP port of the MQTT broker.")
-    username: str | None = Field(None, description="User name for the broker; none: anonymous.")
-    password: SecretStr | None = Field(None, description="Password for the broker.")
-    password_file: Path | None = Field(None, description="File that holds the password for the broker.")
-    tls: MqttTlsSettings = Field(default_factory=MqttTlsSettings, description="Protection of the connection.")
-    client_id: str | None = Field(None, description="MQTT client id; none: made from the program's role.")
-    keep_alive: int = Field(15, ge=2, le=600, description="Seconds between signs of life to the broker.")
+    username: str | None = Field(None, description="User name at the broker. Unset: anonymous.")
+    password: SecretStr | None = Field(None, description="Password at the broker.")
+    password_file: Path | None = Field(None, description="File that contains the password at the broker.")
+    tls: MqttTlsSettings = Field(default_factory=MqttTlsSettings, description="TLS of the connection.")
+    client_id: str | None = Field(None, description="MQTT client ID. Unset: derived from the program's role.")
+    keep_alive: int = Field(15, ge=2, le=600, description="MQTT keep-alive interval, seconds.")
     reconnect_min: float = Field(
-        0.2, gt=0, le=600, description="Seconds before the first new try to connect."
+        0.2, gt=0, le=600, description="Delay before the first reconnection attempt, seconds."
     )
     reconnect_max: float = Field(
-        10.0, gt=0, le=600, description="Longest pause between tries to connect, seconds."
+        10.0, gt=0, le=600, description="Maximum delay between connection attempts, seconds."
     )
     outgoing_limit: int = Field(
         1000,
         ge=1,
-        description="Messages that may wait for the broker; above that the oldest is dropped. Retained ones "
-        "do not count: the last one of each topic always waits.",
+        description="Maximum queued outgoing messages; beyond, the oldest is dropped. Retained messages "
+        "do not count: the last one of each topic is always queued.",
     )
     incoming_limit: int = Field(
         10_000,
         ge=1,
-        description="Messages that may wait while a connection is made; above that new ones are dropped.",
+        description="Maximum queued incoming messages while connecting; beyond, new ones are dropped.",
     )
 
     def secret(self) -> str | None:
-        """Give the password, from the file where one is named.
+        """Return the password, from the file if one is set.
 
         Raises:
             ConfigurationError: the file cannot be read, or is empty.
@@ -135,14 +135,14 @@ class MqttSettings(SettingsGroup):
 
 
 class LogSettings(SettingsGroup):
-    """What is logged, and in which form."""
+    """Level and format of log lines."""
 
-    level: Literal["debug", "info", "warning", "error"] = Field("info", description="Least level logged.")
-    form: Literal["text", "json"] = Field("text", description="Lines for people, or JSON for machines.")
+    level: Literal["debug", "info", "warning", "error"] = Field("info", description="Minimum log level.")
+    form: Literal["text", "json"] = Field("text", description="Text lines, or JSON for machines.")
 
 
 class ProgramSettings(BaseSettings):
-    """What every program can be told."""
+    """Settings of every program."""
 
     model_config = SettingsConfigDict(
         env_prefix="NENA_",
@@ -163,12 +163,12 @@ class ProgramSettings(BaseSettings):
         dotenv_settings: PydanticBaseSettingsSource,  # noqa: ARG003
         file_secret_settings: PydanticBaseSettingsSource,  # noqa: ARG003
     ) -> tuple[PydanticBaseSettingsSource, ...]:
-        """Take only what is given: :func:`load` alone looks at the command line and the environment."""
+        """Use only passed values: :func:`load` reads the command line and the environment."""
         return (init_settings,)
 
 
 class ServiceSettings(ProgramSettings):
-    """What every program that talks over MQTT can be told."""
+    """Settings of every program that uses MQTT."""
 
     mqtt: MqttSettings = Field(default_factory=MqttSettings, description="The MQTT broker.")
 
@@ -176,17 +176,17 @@ class ServiceSettings(ProgramSettings):
 def load(model: type[S], argv: Sequence[str], *, program: str, description: str) -> S:
     """Read the settings of ``program`` from the command line, the environment and its file.
 
-    Ends the process with the usual status and text for ``--help`` and an unknown option, as argparse does.
+    Exits for ``--help`` and unknown options, as argparse does.
 
     Raises:
-        ConfigurationError: a file cannot be read or a value does not fit; names the setting and the reason.
+        ConfigurationError: a file cannot be read or a value is invalid; names the setting and the reason.
 
     """
     parser = argparse.ArgumentParser(
         prog=program,
         usage="%(prog)s [--config FILE] [--SETTING VALUE]...",
         description=description,
-        epilog="Every setting can also stand in the TOML file, or in the environment as NENA_<SETTING>, "
+        epilog="Every setting can also be set in the TOML file, or in the environment as NENA_<SETTING>, "
         "with two underscores for each dot: NENA_MQTT__HOST=broker.example",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
@@ -207,12 +207,12 @@ def load(model: type[S], argv: Sequence[str], *, program: str, description: str)
     except SettingsError as error:
         raise ConfigurationError([_unread(error)]) from error
     except RecursionError as error:
-        message = "settings: a list or table in the environment or an option is nested too deep"
+        message = "settings: a list or table in the environment or an option is nested too deeply"
         raise ConfigurationError([message]) from error
 
 
 def _config_only_parser(program: str) -> argparse.ArgumentParser:
-    """Make a parser that sees nothing but ``--config``, so that the file can be read before the rest."""
+    """Return a parser for ``--config`` only, to read the file before the other options."""
     parser = argparse.ArgumentParser(prog=program, add_help=False, allow_abbrev=False)
     parser.add_argument("--config", type=Path)
     return parser
@@ -220,11 +220,31 @@ def _config_only_parser(program: str) -> argparse.ArgumentParser:
 
 def _read_file(path: Path) -> dict[str, Any]:
     try:
-        return toml_text.parse(path.read_bytes())
+        return parse_toml(path.read_bytes())
     except OSError as error:
         raise ConfigurationError([f"config: cannot read {path}: {error.strerror}"]) from error
-    except toml_text.NoTomlError as error:
-        raise ConfigurationError([f"config: {path} is no TOML: {error}"]) from error
+    except TomlError as error:
+        raise ConfigurationError([f"config: {path} is not valid TOML: {error}"]) from error
+
+
+class TomlError(ValueError):
+    """A text is not valid TOML; says why."""
+
+
+def parse_toml(text: bytes) -> dict[str, Any]:
+    """Parse TOML from outside, with one error for everything that can be wrong with it.
+
+    Raises:
+        TomlError: the text is invalid.
+
+    """
+    try:
+        return tomllib.loads(text.decode())
+    except RecursionError as error:
+        message = "lists or tables are nested too deeply"
+        raise TomlError(message) from error
+    except ValueError as error:  # includes too long numbers and invalid UTF-8
+        raise TomlError(shortened(str(error))) from error
 
 
 def _build(model: type[S], command_line: PydanticBaseSettingsSource, from_file: dict[str, Any]) -> S:
@@ -236,7 +256,7 @@ def _build(model: type[S], command_line: PydanticBaseSettingsSource, from_file: 
 
 
 def _defaults_of_groups(model: type[S]) -> dict[str, Any]:
-    """Give what a program sets in its groups by default, so that naming one value keeps the others."""
+    """Return the programs' own defaults of groups, so that setting one value keeps the others."""
     defaults = {
         name: field.get_default(call_default_factory=True, validated_data={})
         for name, field in model.model_fields.items()
@@ -249,7 +269,7 @@ def _defaults_of_groups(model: type[S]) -> dict[str, Any]:
 
 
 def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """Lay ``above`` over ``below``, table by table."""
+    """Merge ``above`` over ``below``, table by table."""
     result = dict(below)
     for name, value in above.items():
         old = result.get(name)
@@ -258,15 +278,15 @@ def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
 
 
 def _unread(error: SettingsError) -> str:
-    """Name the option or variable whose text should be a list or a table, and is none.
+    """Name the option or variable whose text is not the required list or table.
 
-    The library names the outermost table of a variable alone, but its cause has the text.
+    The library names only the outermost table of a variable; its cause has the text.
     """
     text = getattr(error.__cause__, "doc", None)
     variables = [name for name, value in os.environ.items() if name.startswith("NENA_") and value == text]
     field = _FIELD.search(str(error))
     name = next(iter(variables), field[1] if field else "settings")
-    return f'{name}: cannot be read; a list is written as ["a", "b"], a table as {{"a": 1}}'
+    return f'{name}: invalid; write a list as ["a", "b"], a table as {{"a": 1}}'
 
 
 def _problems(error: ValidationError) -> list[str]:
@@ -275,7 +295,7 @@ def _problems(error: ValidationError) -> list[str]:
 
 def _words(problem: ErrorDetails) -> str:
     if problem["type"] == "extra_forbidden":
-        return "there is no such setting"
+        return "unknown setting"
     if problem["type"] == "missing":
-        return "has to be given; --help lists all settings"
+        return "required; --help lists all settings"
     return words_of(problem)

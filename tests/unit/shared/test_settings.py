@@ -133,15 +133,15 @@ def test_unknown_name_in_the_file_is_refused(toml: Path) -> None:
     toml.write_text('color = "red"\n[mqtt]\nhots = "x"\n')
 
     assert sorted(problems("--config", str(toml))) == [
-        "color: there is no such setting",
-        "mqtt.hots: there is no such setting",
+        "color: unknown setting",
+        "mqtt.hots: unknown setting",
     ]
 
 
 def test_unknown_name_in_the_environment_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NENA_MQTT__HOTS", "x")
 
-    assert problems() == ("mqtt.hots: there is no such setting",)
+    assert problems() == ("mqtt.hots: unknown setting",)
 
 
 def test_setting_without_a_default_has_to_be_given() -> None:
@@ -151,7 +151,7 @@ def test_setting_without_a_default_has_to_be_given() -> None:
     with pytest.raises(ConfigurationError) as caught:
         load(Needy, [], program="needy", description="Needs a plant.")
 
-    assert caught.value.problems == ("plant: has to be given; --help lists all settings",)
+    assert caught.value.problems == ("plant: required; --help lists all settings",)
 
 
 def test_value_that_does_not_fit_is_named_but_not_shown() -> None:
@@ -170,7 +170,7 @@ def test_file_that_is_no_toml(toml: Path, content: bytes) -> None:
     toml.write_bytes(content)
 
     (problem,) = problems("--config", str(toml))
-    assert problem.startswith(f"config: {toml} is no TOML: ")
+    assert problem.startswith(f"config: {toml} is not valid TOML: ")
     assert len(problem) < 1000
 
 
@@ -184,13 +184,13 @@ def test_config_without_a_file_is_told_by_the_program(capsys: pytest.CaptureFixt
 def test_bad_json_in_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NENA_MQTT", "{")
 
-    assert problems()[0].startswith("NENA_MQTT: cannot be read")
+    assert problems()[0].startswith("NENA_MQTT: invalid")
 
 
 def test_json_in_the_environment_that_is_nested_deep(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NENA_MQTT", '{"a":' * 5000)
 
-    assert problems() == ("settings: a list or table in the environment or an option is nested too deep",)
+    assert problems() == ("settings: a list or table in the environment or an option is nested too deeply",)
 
 
 def test_password_comes_from_its_file_without_the_line_end(tmp_path: Path) -> None:
@@ -257,4 +257,4 @@ def test_a_list_that_cannot_be_read_is_told_by_its_name(monkeypatch: pytest.Monk
 
     for caught, name in ((by_option, "stops"), (by_variable, "NENA_STOPS")):
         (problem,) = caught.value.problems
-        assert problem.startswith((f"{name}: cannot be read", f"{name}.0: "))
+        assert problem.startswith((f"{name}: invalid", f"{name}.0: "))

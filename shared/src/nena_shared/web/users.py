@@ -24,7 +24,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from nena_shared import toml_text
+from nena_shared import settings
 from nena_shared.log import get_logger
 from nena_shared.misfits import in_words
 from nena_shared.settings import ConfigurationError
@@ -107,10 +107,10 @@ def read_users(path: Path) -> tuple[User, ...]:
 
     """
     try:
-        users = _File.model_validate(toml_text.parse(path.read_bytes())).user
+        users = _File.model_validate(settings.parse_toml(path.read_bytes())).user
     except OSError as error:
         raise ConfigurationError([f"http.users: {path}: {error.strerror}"]) from error
-    except toml_text.NoTomlError as error:
+    except settings.TomlError as error:
         raise ConfigurationError([f"http.users: {path} is no TOML: {error}"]) from error
     except ValidationError as error:
         problems = in_words(error.errors(), whole="the file")

@@ -139,7 +139,7 @@ def test_the_settings_say_whether_one_has_to_log_in(tmp_path: Path) -> None:
     [
         ("[[user]\n", "is no TOML"),
         ("\udcff", "is no TOML"),
-        ("user = " + "[" * 500, "is no TOML: lists or tables are nested too deep"),
+        ("user = " + "[" * 500, "is no TOML: lists or tables are nested too deeply"),
         ("user = " + "1" * 5000, "is no TOML"),
         ('[[user]]\nname = "a b"\nrole = "viewer"\ntoken_sha256 = "x"\n', r"user\.0\.name"),
         ('[[user]]\nname = "a"\nrole = "king"\n', r"user\.0\.role"),
