@@ -1,4 +1,4 @@
-"""Every topic of the MQTT door in use, with a real broker and a robot; each message as the document says."""
+"""Every topic of the MQTT API in use, with a real broker and a robot; each message as the document says."""
 
 from __future__ import annotations
 

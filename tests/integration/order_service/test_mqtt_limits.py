@@ -10,7 +10,7 @@ from typing import Any
 import httpx
 import pytest
 
-from nena_order_service import mqtt_limits
+from nena_order_service.api import mqtt as mqtt_limits
 from nena_order_service.host_requests import HostRequests
 from support.broker import MqttPeer
 from support.order_service_fleet import Fleet, listening

@@ -16,8 +16,7 @@ from nena_edge_agent.loopback.control import Bench, ControlDoor
 from nena_edge_agent.loopback.driver import LoopbackDriver
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.protocol.events import Event
-from nena_order_service.mqtt_command_bodies import COMMANDS, CommandAnswer
-from nena_order_service.mqtt_requests import read_request, text_in
+from nena_order_service.api.mqtt import COMMANDS, CommandAnswer, read_request, text_in
 from nena_robot_simulator import faults
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.topics import FleetTopics

@@ -10,7 +10,7 @@ import httpx
 from jsonschema import Draft202012Validator
 
 from nena_order_service.api.asyncapi import channels, document
-from nena_order_service.mqtt_command_bodies import COMMANDS
+from nena_order_service.api.mqtt import COMMANDS
 from nena_shared.fleet_api.topics import FleetTopics
 
 DOCUMENT = document(FleetTopics("site/fleet"))

@@ -4,8 +4,8 @@ from datetime import UTC, datetime
 
 import pytest
 
-from nena_order_service import ended_orders
-from nena_order_service.ended_orders import EndedOrders
+from nena_order_service.api import statuses as ended_orders
+from nena_order_service.api.statuses import EndedOrders
 from nena_shared.fleet_api.transport_order import TransportOrderState, TransportOrderStatus
 from support.pausing import turn_passes
 from support.waiting import until
@@ -50,7 +50,7 @@ async def test_an_end_that_is_told_anew_is_cleared_once() -> None:
 
 
 async def test_of_too_many_ends_the_oldest_is_cleared_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ended_orders, "LIMIT", 2)
+    monkeypatch.setattr(ended_orders, "ENDS_KEPT", 2)
     cleared: list[str] = []
     ends = EndedOrders(LONG, cleared.append)
     for name in ("T-1", "T-2", "T-3"):

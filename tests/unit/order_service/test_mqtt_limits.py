@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from nena_order_service.mqtt_limits import REQUESTS_LIMIT, MqttLimits
+from nena_order_service.api.mqtt import REQUESTS_LIMIT, MqttLimits
 from nena_order_service.settings import HostSettings
 from nena_shared.clock import ManualClock
 

@@ -2,19 +2,20 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.mqtt_command_bodies import DeliveryCommand, PutZoneSetCommand
-from nena_order_service.mqtt_requests import read_request, text_in
+from nena_order_service.api.mqtt import COMMANDS, Command, read_request, text_in
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.misfits import TOLD
 from nena_shared.mqtt import Inbound
 
 
-def read(payload: bytes, *, retained: bool = False) -> DeliveryCommand | Problem:
-    return read_request(Inbound("t", payload, retained), DeliveryCommand, max_body=100)
+def read(payload: bytes, *, retained: bool = False) -> Command | Problem:
+    return read_request(Inbound("t", payload, retained), COMMANDS["delivery"], max_body=100)
 
 
 def test_request_that_fits_is_read() -> None:
-    assert read(b'{"transportOrder": "T-1"}') == DeliveryCommand(transport_order="T-1")
+    assert read(b'{"transportOrder": "T-1"}') == COMMANDS["delivery"].model_validate(
+        {"transportOrder": "T-1"}
+    )
 
 
 @pytest.mark.parametrize(
@@ -64,7 +65,7 @@ def test_who_is_refused_is_told_which_request_it_was(payload: bytes, text: str |
 @pytest.mark.parametrize("count", [11, 999, 100_000])
 def test_what_does_not_fit_by_the_thousand_has_an_answer_that_can_be_read(count: int) -> None:
     payload = b'{"zoneSet": {"mapId": "m", "zoneSetId": "s", "zones": [%b]}}' % b",".join([b"1"] * count)
-    problem = read_request(Inbound("t", payload, retained=False), PutZoneSetCommand, max_body=10**6)
+    problem = read_request(Inbound("t", payload, retained=False), COMMANDS["putZoneSet"], max_body=10**6)
 
     assert isinstance(problem, Problem)
     assert problem.status == 422

@@ -5,7 +5,7 @@ from unittest.mock import Mock
 
 import pytest
 
-from nena_order_service.retained_sweep import RetainedSweep
+from nena_order_service.api.statuses import RetainedSweep
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.mqtt import MqttLink
 from nena_shared.settings import MqttSettings
@@ -18,7 +18,7 @@ async def test_it_ends_also_when_its_link_forgets_that_it_is_to_end(monkeypatch:
     cancel_again_at_once(monkeypatch)
     monkeypatch.setattr(MqttLink, "run", forgetful)
     sweep = RetainedSweep(
-        MqttSettings(), FleetTopics(), client_id="sweep", mqtt=Mock(), engine=Mock(), door=Mock()
+        MqttSettings(), FleetTopics(), client_id="sweep", mqtt=Mock(), engine=Mock(), publisher=Mock()
     )
     running = asyncio.create_task(sweep.run(), name="sweep")
     await turn_passes()

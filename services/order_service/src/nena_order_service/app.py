@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any
 
-from nena_order_service.api.server import RestDoor, make_standby_app, make_starting_app
+from nena_order_service.api.server import RestServer, make_standby_app, make_starting_app
 from nena_order_service.parts import OrderService, build
 from nena_order_service.plant_file import PlantFile, load_plant
 from nena_order_service.serving import Serving
@@ -84,26 +84,26 @@ async def _serve_alone(settings: OrderServiceSettings, plant: PlantFile, stop: a
     url = settings.store.location()
     lock = InstanceLock.take(url)
     store = Store(open_database(url), lock)
-    door = RestDoor(make_starting_app(lambda: store.why_not_ready), settings.http)
+    server = RestServer(make_starting_app(lambda: store.why_not_ready), settings.http)
     async with Supervisor() as supervisor:
         serving = _serving(settings, plant, store, supervisor)
-        await _begin_and_serve(serving, store, door, supervisor, stop)
+        await _begin_and_serve(serving, store, server, supervisor, stop)
     store.close()
 
 
 async def _serve_shared(settings: OrderServiceSettings, plant: PlantFile, stop: asyncio.Event) -> None:
     lead = Lead(settings.store.location())
-    door = RestDoor(make_standby_app(lambda: lead.active_url, lambda: lead.problem), settings.http)
+    server = RestServer(make_standby_app(lambda: lead.active_url, lambda: lead.problem), settings.http)
     store = None
     async with Supervisor() as supervisor:
-        door.open(supervisor)
+        server.open(supervisor)
         try:
             if await lead.take(stop):
-                store, epoch = await _take_over(settings, lead, supervisor, door.url)
+                store, epoch = await _take_over(settings, lead, supervisor, server.url)
                 serving = _serving(settings, plant, store, supervisor, epoch=epoch, term=lead.lease.term)
-                await _begin_and_serve(serving, store, door, supervisor, stop)
+                await _begin_and_serve(serving, store, server, supervisor, stop)
         finally:
-            await door.close()
+            await server.close()
     if store:
         store.close()
     await lead.close()
@@ -112,28 +112,28 @@ async def _serve_shared(settings: OrderServiceSettings, plant: PlantFile, stop: 
 async def _begin_and_serve(
     serving: Serving[OrderService],
     store: Store,
-    door: RestDoor,
+    server: RestServer,
     supervisor: Supervisor,
     stop: asyncio.Event,
 ) -> None:
-    """Serve until ``stop``; where the store takes nothing at first, the door says so meanwhile."""
+    """Serve until ``stop``; where the store takes nothing at first, the server says so meanwhile."""
 
     def tell() -> None:
-        door.show(make_starting_app(lambda: store.why_not_ready))
-        door.open(supervisor)
+        server.show(make_starting_app(lambda: store.why_not_ready))
+        server.open(supervisor)
 
-    serving.show = door.show
+    serving.show = server.show
     begun = False
     try:
         begun = await has_begun(serving.begin(), supervisor, stop, waits=lambda: not store.ready, tell=tell)
         if begun:
-            door.show(serving.parts.app)
-            door.open(supervisor)
+            server.show(serving.parts.app)
+            server.open(supervisor)
             await supervisor.wait(stop)
     finally:
         if begun:
             serving.parts.stream.close()
-        await door.close()
+        await server.close()
         if begun:
             await _shut_down(serving.parts)
 

@@ -14,18 +14,17 @@ from starlette.types import ASGIApp
 from nena_order_service.api import opentcs
 from nena_order_service.api.asyncapi import document
 from nena_order_service.api.events import EventStream
+from nena_order_service.api.mqtt import MqttApi, MqttLimits
+from nena_order_service.api.operations import HostOperations
+from nena_order_service.api.rest import Service, make_app
+from nena_order_service.api.statuses import RetainedSweep, StatusPublisher
 from nena_order_service.context import Context
 from nena_order_service.dispatching.way import WayFinder
 from nena_order_service.engine import Engine
 from nena_order_service.fleet import FleetLink, OperationMap, RobotAddresses
 from nena_order_service.host_requests import HostRequests, HostServices, SequenceRequests
-from nena_order_service.mqtt_commands import MqttCommands, Verbs
-from nena_order_service.mqtt_door import MqttDoor
-from nena_order_service.mqtt_limits import MqttLimits
 from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.path_locks import PathLocks
-from nena_order_service.rest.api import make_app
-from nena_order_service.retained_sweep import RetainedSweep
 from nena_order_service.routing import Router, evaluators
 from nena_order_service.serving import ChangePlant
 from nena_order_service.settings import OrderServiceSettings
@@ -47,11 +46,11 @@ class OrderService:
     store: Store
     engine: Engine
     fleet: FleetLink
-    door: MqttDoor
+    publisher: StatusPublisher
     sweep: RetainedSweep
     mqtt: MqttLink
     app: FastAPI
-    commands: MqttCommands
+    mqtt_api: MqttApi
     stream: EventStream
     hosts: HostServices
 
@@ -68,8 +67,8 @@ class OrderService:
     async def end(self) -> None:
         """End all that clients wait for."""
         self.stream.close()
-        await self.door.close()
-        await self.commands.close()
+        self.publisher.close()
+        await self.mqtt_api.close()
 
 
 def build(
@@ -96,38 +95,44 @@ def build(
     mqtt = MqttLink(
         settings.mqtt,
         client_id=client_id,
-        on_connected=lambda: door.greeting(),  # noqa: PLW0108 - the door is made below, of this link
+        on_connected=lambda: publisher.greeting(),  # noqa: PLW0108 - made below, of this link
         term=term,
     )
     fleet = _make_fleet(settings, mqtt, engine, clock)
     hosts = _make_host_services(engine, fleet)
     topics = FleetTopics(settings.topic_prefix)
     plant_json = plant.to_json().encode()
-    limits = MqttLimits(settings.hosts, clock)
-    door = _make_door(settings, mqtt, engine, hosts, plant_json, limits=limits, epoch=epoch)
+    publisher = StatusPublisher(
+        mqtt, topics, engine, plant_json=plant_json, end_kept=settings.end_kept, epoch=epoch
+    )
     stream = EventStream(engine, settings.events)
-    engine.unit_of_work.listeners += [door, stream]
+    engine.unit_of_work.listeners += [publisher, stream]
     sweep = RetainedSweep(
         settings.mqtt,
         topics,
         client_id=f"{client_id}-sweep",
         mqtt=mqtt,
         engine=engine,
-        door=door,
+        publisher=publisher,
         epoch=epoch,
     )
-    commands = MqttCommands(mqtt, topics, Verbs(hosts), limits=limits, max_body=settings.max_body)
-    app = make_app(
-        hosts,
-        stream,
-        plant_json=plant_json,
-        change_plant=change_plant,
-        asyncapi=json.dumps(document(topics)).encode(),
-        readiness=lambda: readiness(mqtt, store),
-        max_body=settings.max_body,
-        mounted=_mounted(settings, plant, engine, hosts),
+    operations = HostOperations(hosts)
+    mqtt_api = MqttApi(
+        mqtt, topics, operations, limits=MqttLimits(settings.hosts, clock), max_body=settings.max_body
     )
-    return OrderService(store, engine, fleet, door, sweep, mqtt, app, commands, stream, hosts)
+    app = make_app(
+        operations,
+        stream,
+        Service(
+            plant_json=plant_json,
+            change_plant=change_plant,
+            asyncapi=json.dumps(document(topics)).encode(),
+            readiness=lambda: readiness(mqtt, store),
+            max_body=settings.max_body,
+            mounted=_mounted(settings, plant, engine, hosts, operations),
+        ),
+    )
+    return OrderService(store, engine, fleet, publisher, sweep, mqtt, app, mqtt_api, stream, hosts)
 
 
 def _make_fleet(settings: OrderServiceSettings, mqtt: MqttLink, engine: Engine, clock: Clock) -> FleetLink:
@@ -137,29 +142,6 @@ def _make_fleet(settings: OrderServiceSettings, mqtt: MqttLink, engine: Engine, 
         settings=settings.fleet,
         clock=clock,
         on_news=engine.on_events,
-    )
-
-
-def _make_door(
-    settings: OrderServiceSettings,
-    mqtt: MqttLink,
-    engine: Engine,
-    hosts: HostServices,
-    plant_json: bytes,
-    *,
-    limits: MqttLimits,
-    epoch: int,
-) -> MqttDoor:
-    return MqttDoor(
-        mqtt,
-        FleetTopics(settings.topic_prefix),
-        engine,
-        hosts.requests,
-        plant_json=plant_json,
-        limits=limits,
-        max_body=settings.max_body,
-        end_kept=settings.end_kept,
-        epoch=epoch,
     )
 
 
@@ -173,12 +155,16 @@ def _make_host_services(engine: Engine, fleet: FleetLink) -> HostServices:
 
 
 def _mounted(
-    settings: OrderServiceSettings, plant: PlantModel, engine: Engine, hosts: HostServices
+    settings: OrderServiceSettings,
+    plant: PlantModel,
+    engine: Engine,
+    hosts: HostServices,
+    operations: HostOperations,
 ) -> dict[str, ASGIApp]:
-    """Give other applications by the paths below which they answer."""
+    """Return other applications by the paths below which they answer."""
     if not settings.opentcs_prefix:
         return {}
-    return {settings.opentcs_prefix: opentcs.make_app(hosts, plant=plant, dispatch=engine.look)}
+    return {settings.opentcs_prefix: opentcs.make_app(hosts, operations, plant=plant, dispatch=engine.look)}
 
 
 def _client_id(settings: OrderServiceSettings, epoch: int) -> str:

@@ -158,7 +158,7 @@ class Parts(Protocol):
 
     @property
     def app(self) -> ASGIApp:
-        """The REST door."""
+        """The REST API."""
         ...
 
     async def begin(self, start: Callable[..., asyncio.Task[None]]) -> None:
@@ -208,7 +208,7 @@ class Serving(Generic[P]):
     ) -> None:
         """Serve the model of ``file``, or what replaces it, by the parts that ``make`` makes."""
         self.show: Callable[[ASGIApp], None] = lambda _: None
-        """Is given the REST door whenever it is made anew."""
+        """Is called with the REST application each time it is made."""
         self.parts: P
         self._file = file
         self._store = store

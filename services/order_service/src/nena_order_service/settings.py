@@ -97,7 +97,7 @@ class OrderServiceSettings(ServiceSettings):
         default_factory=OrderSettings, description="What counts for orders that say nothing else."
     )
     store: StoreSettings = Field(default_factory=StoreSettings, description="The store of the orders.")
-    http: HttpSettings = Field(default_factory=lambda: HttpSettings(port=55200), description="The REST door.")
+    http: HttpSettings = Field(default_factory=lambda: HttpSettings(port=55200), description="The REST API.")
     public_url: HttpUrl | None = Field(
         None,
         description="Where hosts reach this order service: a standby sends them there while this one is the "

@@ -6,18 +6,78 @@ from collections.abc import Sequence
 from math import pi
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
+from pydantic_core import to_json
 
 from nena_shared.fleet_api.base import IdempotencyKey, ObjectName, Request, Resource
-from nena_shared.fleet_api.plant import PathStatus
+from nena_shared.fleet_api.plant import PathStatus, StoredZoneSet
 from nena_shared.fleet_api.transport_order import (
     Coordinate,
     Destination,
     OrderSequenceStatus,
+    TransportOrderState,
     TransportOrderStatus,
 )
-from nena_shared.fleet_api.vehicle import AcceptableOrderType, IntegrationLevel, ReroutingType, VehicleStatus
+from nena_shared.fleet_api.vehicle import (
+    AcceptableOrderType,
+    IntegrationLevel,
+    ProcessingState,
+    ReroutingType,
+    VehicleState,
+    VehicleStatus,
+)
 from nena_shared.vda5050.action import ActionStatus, BlockingType, ParameterValue
+from nena_shared.vda5050.zone_set import ZoneSet
+
+PageSize = Annotated[int, Field(ge=1, le=1000)]
+AfterNumber = Annotated[str, Field(pattern=r"^[0-9]{1,18}$")]
+"""What the page before had as ``next``."""
+
+VEHICLES_EXPLAINED = 100
+"""Vehicles that are explained to a host that does not say how many."""
+
+
+class TransportOrdersQuery(Resource):
+    """Which transport orders are listed."""
+
+    state: list[TransportOrderState] | None = None
+    intended_vehicle: str | None = None
+    limit: PageSize = 100
+    after: AfterNumber | None = None
+
+
+class OrderSequencesQuery(Resource):
+    """Which order sequences are listed."""
+
+    finished: bool | None = None
+    """None: finished or not."""
+    intended_vehicle: str | None = None
+    limit: PageSize = 100
+    after: AfterNumber | None = None
+
+
+class VehiclesQuery(Resource):
+    """Which vehicles are listed."""
+
+    state: list[VehicleState] | None = None
+    processing_state: list[ProcessingState] | None = None
+    limit: Annotated[int, Field(ge=1, le=10_000)] = 10_000
+    after: ObjectName | None = None
+
+
+class AssignmentQuery(Resource):
+    """How many vehicles are explained."""
+
+    limit: PageSize = VEHICLES_EXPLAINED
+
+
+def _zone_set_from_json(value: object) -> ZoneSet:
+    """Read it as it comes over MQTT: the standard's objects take JSON's types alone."""
+    return value if isinstance(value, ZoneSet) else ZoneSet.model_validate_json(to_json(value))
+
+
+ZoneSetRequest = Annotated[StoredZoneSet, BeforeValidator(_zone_set_from_json)]
+"""A zone set as a host sends it: the standard's zoneSet object."""
 
 
 class TransportOrderPage(Resource):

@@ -11,7 +11,7 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
-from nena_order_service.api.server import RestDoor
+from nena_order_service.api.server import RestServer
 from nena_shared.tasks import Supervisor
 from nena_shared.web.access import WRONG_TOKENS_AT_ONCE
 from nena_shared.web.settings import HttpSettings
@@ -37,8 +37,8 @@ def users(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-async def door(users: Path) -> AsyncIterator[RestDoor]:
-    made = RestDoor(saying("first"), HttpSettings(port=0, users=users))
+async def door(users: Path) -> AsyncIterator[RestServer]:
+    made = RestServer(saying("first"), HttpSettings(port=0, users=users))
     async with Supervisor() as supervisor:
         made.open(supervisor)
         made.open(supervisor)
@@ -47,12 +47,14 @@ async def door(users: Path) -> AsyncIterator[RestDoor]:
 
 
 @pytest.fixture
-async def client(door: RestDoor) -> AsyncIterator[httpx.AsyncClient]:
+async def client(door: RestServer) -> AsyncIterator[httpx.AsyncClient]:
     async with httpx.AsyncClient(base_url=door.url, timeout=PATIENCE) as made:
         yield made
 
 
-async def test_what_is_shown_answers_behind_the_same_guard(door: RestDoor, client: httpx.AsyncClient) -> None:
+async def test_what_is_shown_answers_behind_the_same_guard(
+    door: RestServer, client: httpx.AsyncClient
+) -> None:
     assert (await client.get(PATH)).status_code == 401
     assert (await client.get(PATH, headers=VIC)).text == "first"
     door.show(saying("second"))
@@ -62,7 +64,7 @@ async def test_what_is_shown_answers_behind_the_same_guard(door: RestDoor, clien
     assert (await client.get(PATH, headers={"x-api-access-key": "vic's"})).text == "second"
 
 
-async def test_what_was_counted_is_not_forgotten(door: RestDoor, client: httpx.AsyncClient) -> None:
+async def test_what_was_counted_is_not_forgotten(door: RestServer, client: httpx.AsyncClient) -> None:
     wrong = {"authorization": "Bearer guess"}
     statuses = {(await client.get(PATH, headers=wrong)).status_code for _ in range(WRONG_TOKENS_AT_ONCE)}
     assert statuses == {401}
@@ -72,7 +74,7 @@ async def test_what_was_counted_is_not_forgotten(door: RestDoor, client: httpx.A
 
 
 async def test_a_broken_file_of_users_fails_requests_and_not_the_program(
-    door: RestDoor, client: httpx.AsyncClient, users: Path
+    door: RestServer, client: httpx.AsyncClient, users: Path
 ) -> None:
     await asyncio.to_thread(users.write_text, "[[user")
     door.show(saying("second"))
@@ -82,8 +84,8 @@ async def test_a_broken_file_of_users_fails_requests_and_not_the_program(
 
 
 async def test_a_door_that_was_never_open_gives_the_port_back() -> None:
-    first = RestDoor(saying("first"), HttpSettings(port=0))
+    first = RestServer(saying("first"), HttpSettings(port=0))
     settings = HttpSettings(port=int(first.url.rpartition(":")[2]))
     await first.close()
 
-    await RestDoor(saying("second"), settings).close()
+    await RestServer(saying("second"), settings).close()

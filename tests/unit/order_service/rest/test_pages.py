@@ -8,7 +8,7 @@ import httpx
 import pytest
 from starlette.responses import PlainTextResponse
 
-from nena_order_service.api.server import RestDoor
+from nena_order_service.api.server import RestServer
 from nena_shared.tasks import Supervisor
 from nena_shared.web.settings import HttpSettings
 from nena_shared.web.users import Role, User, hash_of, write_users
@@ -20,7 +20,7 @@ FOREIGN = "http://page.example"
 
 @asynccontextmanager
 async def asking(settings: HttpSettings) -> AsyncIterator[httpx.AsyncClient]:
-    door = RestDoor(PlainTextResponse("done"), settings)
+    door = RestServer(PlainTextResponse("done"), settings)
     async with Supervisor() as supervisor, httpx.AsyncClient(base_url=door.url, timeout=PATIENCE) as made:
         door.open(supervisor)
         yield made

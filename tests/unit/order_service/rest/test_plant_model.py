@@ -5,8 +5,8 @@ from fastapi import FastAPI
 
 from nena_demo.plants import sample_plant_path
 from nena_order_service.api import problems
+from nena_order_service.api.rest import plant_model_router
 from nena_order_service.parts import OrderService
-from nena_order_service.rest.plant_model import make_router
 from nena_shared.plant import PlantModel
 
 
@@ -18,7 +18,7 @@ async def test_model_of_any_format_is_handed_on_or_refused() -> None:
 
     app = FastAPI()
     problems.install(app)
-    app.include_router(make_router(b"{}", change))
+    app.include_router(plant_model_router(b"{}", change))
     transport = httpx.ASGITransport(app)
     async with httpx.AsyncClient(transport=transport, base_url="http://order-service") as client:
         data = sample_plant_path().read_bytes()

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from nena_order_service.rest.roles import role_needed
+from nena_order_service.api.rest import role_needed
 from nena_shared.web.users import Role
 
 

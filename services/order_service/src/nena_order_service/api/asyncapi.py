@@ -1,4 +1,4 @@
-"""Describes the MQTT door as an AsyncAPI 3.0 document, made of the topics and bodies that it uses."""
+"""Describes the MQTT API as an AsyncAPI 3.0 document, made of the topics and bodies that it uses."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Any, Literal
 from pydantic import BaseModel
 from pydantic.json_schema import JsonSchemaMode, models_json_schema
 
-from nena_order_service.mqtt_command_bodies import COMMANDS, CommandAnswer
+from nena_order_service.api.mqtt import COMMANDS, CommandAnswer
+from nena_shared.fleet_api import operations as table
 from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.fleet_api.transport_order import (
     CreationAnswer,
@@ -49,7 +50,7 @@ class Channel:
 
 
 def channels(topics: FleetTopics) -> tuple[Channel, ...]:
-    """Give all channels of the door."""
+    """Return all channels."""
     host = "{host}"
     return (
         Channel(
@@ -57,7 +58,7 @@ def channels(topics: FleetTopics) -> tuple[Channel, ...]:
             topics.creation_request(host),
             "receive",
             TransportOrderRequest,
-            "Asks for a transport order; not retained.",
+            table.CREATE_ORDER.summary,
         ),
         Channel("createAnswer", topics.creation_answer(host), "send", CreationAnswer, "Answers create."),
         *_commands(topics),
@@ -102,14 +103,14 @@ def channels(topics: FleetTopics) -> tuple[Channel, ...]:
 
 def _commands(topics: FleetTopics) -> Iterator[Channel]:
     for name, body in COMMANDS.items():
-        summary = (body.__doc__ or "").strip()
+        summary = table.COMMANDS[name].summary
         yield Channel(name, topics.command("{host}", name), "receive", body, summary)
         answer = topics.command_answer("{host}", name)
         yield Channel(f"{name}Answer", answer, "send", CommandAnswer, f"Answers {name}.")
 
 
 def document(topics: FleetTopics) -> dict[str, Any]:
-    """Give the document."""
+    """Return the document."""
     described = channels(topics)
     return {
         "asyncapi": "3.0.0",

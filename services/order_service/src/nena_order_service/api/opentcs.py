@@ -16,7 +16,7 @@ from starlette.datastructures import MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from nena_order_service import vehicle_commands
+from nena_order_service.api.operations import Call, HostOperations
 from nena_order_service.api.problems import FORESEEN, problem_of
 from nena_order_service.errors import NameTakenError, SequenceNameTakenError
 from nena_order_service.host_requests import HostRequests, HostServices, SequenceRequests
@@ -24,7 +24,7 @@ from nena_order_service.path_locks import PathLocks
 from nena_order_service.store.database import OrderFilter
 from nena_order_service.store.sequences import SequenceFilter
 from nena_shared.fleet_api.base import CamelCase, Moment
-from nena_shared.fleet_api.requests import InstantActionRequest
+from nena_shared.fleet_api.requests import SOMEBODY, InstantActionAnswer, InstantActionRequest
 from nena_shared.fleet_api.transport_order import (
     Destination,
     DriveOrderStatus,
@@ -450,6 +450,7 @@ class AccessKey:
 
 def make_app(
     hosts: HostServices,
+    operations: HostOperations,
     *,
     plant: PlantModel,
     dispatch: Callable[[], None],
@@ -459,7 +460,7 @@ def make_app(
     install(app)
     app.include_router(_orders(hosts.requests, dispatch), prefix="/v1/transportOrders")
     app.include_router(sequence_router(hosts.sequences), prefix="/v1/orderSequences")
-    app.include_router(_vehicles(hosts.requests, plant), prefix="/v1/vehicles")
+    app.include_router(_vehicles(hosts.requests, operations, plant), prefix="/v1/vehicles")
     app.include_router(_plant(hosts.locks, dispatch), prefix="/v1")
     return app
 
@@ -507,7 +508,7 @@ def _orders(requests: HostRequests, dispatch: Callable[[], None]) -> APIRouter:
     return router
 
 
-def _vehicles(requests: HostRequests, plant: PlantModel) -> APIRouter:
+def _vehicles(requests: HostRequests, operations: HostOperations, plant: PlantModel) -> APIRouter:
     router = APIRouter()
     models = {vehicle.name: vehicle for vehicle in plant.vehicles}
 
@@ -538,9 +539,9 @@ def _vehicles(requests: HostRequests, plant: PlantModel) -> APIRouter:
     @router.put("/{name}/paused", response_class=Response)
     async def pause(name: str, new_value: Annotated[bool, Query(alias="newValue")]) -> Response:
         request = InstantActionRequest(action_type="pause" if new_value else "resume")
-        told = await vehicle_commands.instant_action(requests, name, request)
-        if told.status == "FAILED":
-            raise NotPossibleError(told.reason)
+        reply = await operations.instant_action(Call(name, request, SOMEBODY))
+        if isinstance(reply.body, InstantActionAnswer) and reply.body.status == "FAILED":
+            raise NotPossibleError(reply.body.reason)
         return _done()
 
     _add_order_types(router, requests)

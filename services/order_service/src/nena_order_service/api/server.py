@@ -12,7 +12,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from nena_order_service.api import problems
 from nena_order_service.api.opentcs import AccessKey
-from nena_order_service.rest.roles import READING, role_needed
+from nena_order_service.api.rest import READING, role_needed
 from nena_shared.fleet_api.requests import Readiness
 from nena_shared.fleet_api.transport_order import Problem
 from nena_shared.tasks import Supervisor
@@ -137,7 +137,7 @@ def make_starting_app(problem: Callable[[], str]) -> FastAPI:
     return app
 
 
-class RestDoor:
+class RestServer:
     """Has the port from its making on.
 
     What answers may be changed; users, an issuer's keys and what limits of requests have counted stay.

@@ -1,23 +1,140 @@
-"""Corrects the statuses that the broker has retained from before this program had the lead.
-
-A crash may have kept the last status of an order from being published, and a program that another one has
-replaced may have published old ones.
-"""
+"""Publishes retained statuses over MQTT: at each change, at each connect, and after a crash."""
 
 from __future__ import annotations
 
 import asyncio
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from pydantic import BaseModel
 
 from nena_order_service.engine import Engine
-from nena_order_service.mqtt_door import MqttDoor
-from nena_shared.fleet_api.epoch import epoch_of
+from nena_shared.fleet_api.epoch import epoch_of, with_epoch
 from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.fleet_api.transport_order import OrderSequenceStatus, TransportOrderStatus
+from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.settings import MqttSettings
 from nena_shared.tasks import end
 
 log = get_logger(__name__)
+
+ENDS_KEPT: Final = 1000
+"""Ended orders whose status stays retained; above that the topic of the oldest one is cleared at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    status: TransportOrderStatus
+    clearing: asyncio.TimerHandle
+
+
+class EndedOrders:
+    """Calls ``clear`` with the name of each order ``kept`` seconds after its end; for the event loop only.
+
+    Until then a host that was away finds the end at the broker; one that lost its data gets it again.
+    """
+
+    def __init__(self, kept: float, clear: Callable[[str], None]) -> None:
+        self._kept = kept
+        self._clear = clear
+        self._ends: OrderedDict[str, _End] = OrderedDict()
+
+    def add(self, status: TransportOrderStatus) -> None:
+        """Keep the end of an order, also one that is published again."""
+        if earlier := self._ends.pop(status.name, None):
+            earlier.clearing.cancel()
+        clearing = asyncio.get_running_loop().call_later(self._kept, self._forget, status.name)
+        self._ends[status.name] = _End(status, clearing)
+        if len(self._ends) > ENDS_KEPT:
+            self._forget(next(iter(self._ends)))
+
+    def statuses(self) -> tuple[TransportOrderStatus, ...]:
+        """Return the ends that are kept, the oldest first."""
+        return tuple(each.status for each in self._ends.values())
+
+    def close(self) -> None:
+        """Clear no more topics."""
+        for each in self._ends.values():
+            each.clearing.cancel()
+        self._ends.clear()
+
+    def _forget(self, name: str) -> None:
+        self._ends.pop(name).clearing.cancel()
+        self._clear(name)
+
+
+class StatusPublisher:
+    """Publishes each change of orders, sequences and vehicles, and the plant model; all retained."""
+
+    def __init__(
+        self,
+        mqtt: MqttLink,
+        topics: FleetTopics,
+        engine: Engine,
+        *,
+        plant_json: bytes,
+        end_kept: float,
+        epoch: int = 0,
+    ) -> None:
+        self._mqtt = mqtt
+        self._topics = topics
+        self._engine = engine
+        self._plant_json = plant_json
+        self._epoch = epoch
+        self._ended = EndedOrders(end_kept, self._clear)
+
+    def greeting(self) -> Iterator[Outbound]:
+        """Return what is published at each connect, for the broker may have lost its data."""
+        yield Outbound(self._topics.plant_model, self._plant_json, retain=True)
+        for vehicle in self._engine.registry:
+            yield self._of_vehicle(self._engine.status(vehicle))
+        for sequence in self._engine.state.sequences.unfinished():
+            yield self._of_sequence(sequence.status)
+        for order in self._engine.state.orders.unfinished():
+            yield self._of_order(order.status)
+        for status in self._ended.statuses():
+            yield self._of_order(status)
+
+    def order_changed(self, status: TransportOrderStatus) -> None:
+        """Publish an order's new version; the topic is cleared some time after the last one."""
+        self._mqtt.publish(self._of_order(status))
+        if status.state.final:
+            self._ended.add(status)
+
+    def sequence_changed(self, status: OrderSequenceStatus) -> None:
+        """Publish an order sequence's new version; the last one is followed by what clears the topic."""
+        self._mqtt.publish(self._of_sequence(status))
+        if status.finished:
+            self._mqtt.publish(Outbound(self._topics.sequence_status(status.name), b"", retain=True))
+
+    def vehicle_changed(self, status: VehicleStatus) -> None:
+        """Publish a vehicle's status."""
+        self._mqtt.publish(self._of_vehicle(status))
+
+    def close(self) -> None:
+        """Clear no more topics; the next start clears those of ended orders."""
+        self._ended.close()
+
+    def _clear(self, name: str) -> None:
+        self._mqtt.publish(Outbound(self._topics.order_status(name), b"", retain=True))
+
+    def _of_order(self, status: TransportOrderStatus) -> Outbound:
+        return self._status(self._topics.order_status(status.name), status)
+
+    def _of_sequence(self, status: OrderSequenceStatus) -> Outbound:
+        return self._status(self._topics.sequence_status(status.name), status)
+
+    def _of_vehicle(self, status: VehicleStatus) -> Outbound:
+        return self._status(self._topics.vehicle_status(status.serial_number), status)
+
+    def _status(self, topic: str, status: BaseModel) -> Outbound:
+        body = status.model_dump_json(by_alias=True).encode()
+        return Outbound(topic, with_epoch(body, self._epoch), retain=True)
+
 
 TERM_POLL = 0.25
 """Seconds between two looks at whether the broker is connected, in a new term."""
@@ -40,14 +157,14 @@ class RetainedSweep:
         client_id: str,
         mqtt: MqttLink,
         engine: Engine,
-        door: MqttDoor,
+        publisher: StatusPublisher,
         epoch: int = 0,
     ) -> None:
         self._epoch = epoch
         self._mqtt = mqtt
         self._topics = topics
         self._engine = engine
-        self._door = door
+        self._publisher = publisher
         self._settings = settings.model_copy(update={"client_id": None})
         self._client_id = client_id
         self._names: set[str] = set()
@@ -114,19 +231,19 @@ class RetainedSweep:
     def _correct_vehicle(self, serial_number: str) -> None:
         found = [each for each in self._engine.registry if each.key.serial_number == serial_number]
         for vehicle in found:
-            self._door.vehicle_changed(self._engine.status(vehicle))
+            self._publisher.vehicle_changed(self._engine.status(vehicle))
         if not found:
             log.warning("clearing the status of an unknown vehicle", serial_number=serial_number)
             self._mqtt.publish(Outbound(self._topics.vehicle_status(serial_number), b"", retain=True))
 
     async def _put_sequence_right(self, name: str) -> None:
         if sequence := self._engine.state.sequences.visible(name):
-            self._door.sequence_changed(sequence.status)
+            self._publisher.sequence_changed(sequence.status)
             return
         stored = await self._engine.store.sequence(name=name)
         if stored and stored.status.finished:
             log.info("the end of an order sequence is told again", sequence=name)
-            self._door.sequence_changed(stored.status)
+            self._publisher.sequence_changed(stored.status)
         elif stored is None:
             log.warning("the status of a sequence that is not in the store is cleared", sequence=name)
             self._mqtt.publish(Outbound(self._topics.sequence_status(name), b"", retain=True))
@@ -134,12 +251,12 @@ class RetainedSweep:
     async def _put_right(self, name: str) -> None:
         order = self._engine.state.orders.visible_named(name)
         if order is not None and not order.state.final:
-            self._door.order_changed(order.status)
+            self._publisher.order_changed(order.status)
             return
         stored = await self._engine.store.order(name=name)
         if stored and stored.state.final:
             log.info("the end of an order is told again", order=name, state=stored.state.value)
-            self._door.order_changed(stored.status)
+            self._publisher.order_changed(stored.status)
         elif stored is None:
             log.warning("the status of an order that is not in the store is cleared", order=name)
             self._mqtt.publish(Outbound(self._topics.order_status(name), b"", retain=True))

@@ -1,0 +1,279 @@
+"""The MQTT API: hosts publish requests, each is answered on a topic of its host.
+
+A request creates a transport order, or is the command of an operation of the table. A retained request is
+refused: the broker would deliver it again at each connect.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from http import HTTPStatus
+from typing import Any, Final, TypeVar, cast
+
+from pydantic import BaseModel, Field, ValidationError, create_model
+from pydantic_core import from_json
+
+from nena_order_service.api.operations import Call, HostOperations
+from nena_order_service.api.problems import FORESEEN, problem_of
+from nena_order_service.host_requests import ETag
+from nena_order_service.settings import HostSettings
+from nena_shared.clock import Clock
+from nena_shared.fleet_api import operations as table
+from nena_shared.fleet_api.base import ObjectName, Request, Resource
+from nena_shared.fleet_api.operations import Operation
+from nena_shared.fleet_api.requests import SOMEBODY
+from nena_shared.fleet_api.topics import FleetTopics
+from nena_shared.fleet_api.transport_order import CreationAnswer, Problem, TransportOrderRequest
+from nena_shared.log import get_logger
+from nena_shared.misfits import TOLD
+from nena_shared.mqtt import Inbound, MqttLink, Outbound
+from nena_shared.tasks import end
+from nena_shared.vda5050.malformed import problems_of
+from nena_shared.web.access import RateLimit
+
+log = get_logger(__name__)
+
+M = TypeVar("M", bound=BaseModel)
+
+REQUESTS_LIMIT = 1000
+"""Requests of each kind, creations and commands, that are processed at the same time; more get 503."""
+
+TEXT_LIMIT = 200
+"""Characters of a requestId, name or idempotencyKey at most."""
+
+
+class Command(Request):
+    """What all commands have."""
+
+    request_id: str | None = Field(None, min_length=1, max_length=TEXT_LIMIT)
+    """Comes back in the answer."""
+
+
+def _command(operation: Operation[Any]) -> type[Command]:
+    """Return the body of an operation's command: its request, and the object that it is about."""
+    fields: dict[str, Any] = {}
+    if operation.subject:
+        fields[operation.subject] = (ObjectName, ...)
+    if operation.versioned and operation.method != "GET" and not operation.creates:
+        fields["version"] = (
+            int | None,
+            Field(None, description="Only if the object still has this version."),
+        )
+    if operation.request_field:
+        fields[operation.request_field] = (operation.request, ...)
+    bases = (operation.request, Command) if operation.request and not operation.request_field else (Command,)
+    name = f"{operation.name[0].upper()}{operation.name[1:]}Command"
+    return cast("type[Command]", create_model(name, __base__=bases, __doc__=operation.summary, **fields))
+
+
+COMMANDS: Final[Mapping[str, type[Command]]] = {
+    name: _command(operation) for name, operation in table.COMMANDS.items()
+}
+"""The bodies of commands, by the commands' names."""
+
+
+class Answer(Resource):
+    """Answer to a command: the operation's answer in a field of its own, or a problem."""
+
+    status: int
+    """As over HTTP."""
+    request_id: str | None = None
+    problem: Problem | None = None
+
+
+_RESULTS: Final[dict[str, Any]] = {
+    each.result: (each.answer | None, None) for each in table.COMMANDS.values()
+}
+
+CommandAnswer: Final[type[Answer]] = create_model(
+    "CommandAnswer", __base__=Answer, __doc__=Answer.__doc__, **_RESULTS
+)
+
+
+class MqttLimits:
+    """Limits how often a host may ask, and how many requests are processed at a time.
+
+    A host is who its topic names; the broker's access list keeps hosts from using each other's names.
+    """
+
+    def __init__(self, settings: HostSettings, clock: Clock) -> None:
+        self._requests = RateLimit(settings.requests_per_second, settings.burst)
+        self._clock = clock
+
+    def refusal(self, host: str, in_work: int) -> Problem | None:
+        """Count a request; return why it is refused while so many are ``in_work``, None: it is not."""
+        if seconds := self._requests.wait(host, self._clock.monotonic()):
+            detail = f"Too many requests. Ask again in {seconds:.1f} s."
+            return _too_many(HTTPStatus.TOO_MANY_REQUESTS, detail)
+        if in_work >= REQUESTS_LIMIT:
+            detail = f"{REQUESTS_LIMIT} requests are in work already. Send again when they are answered."
+            return _too_many(HTTPStatus.SERVICE_UNAVAILABLE, detail)
+        return None
+
+
+def _too_many(status: HTTPStatus, detail: str) -> Problem:
+    return Problem(title="Too many requests", status=status, detail=detail)
+
+
+class MqttApi:
+    """Subscribes to the requests of hosts, and publishes the answers."""
+
+    def __init__(
+        self,
+        mqtt: MqttLink,
+        topics: FleetTopics,
+        operations: HostOperations,
+        *,
+        limits: MqttLimits,
+        max_body: int,
+    ) -> None:
+        self._mqtt = mqtt
+        self._topics = topics
+        self._handlers = operations.handlers
+        self._limits = limits
+        self._max_body = max_body
+        self._creations: set[asyncio.Task[None]] = set()
+        self._commands: set[asyncio.Task[None]] = set()
+        mqtt.subscribe(topics.creation_requests, self._on_creation)
+        mqtt.subscribe(topics.commands, self._on_command)
+
+    async def close(self) -> None:
+        """Cancel the requests that are being processed."""
+        await end(*self._creations, *self._commands)
+
+    def _on_creation(self, message: Inbound) -> None:
+        if not message.payload:
+            return  # somebody clears a retained request
+        host = self._topics.host_of(message.topic)
+
+        def answer(problem: Problem) -> None:
+            refused = CreationAnswer(
+                status=problem.status,
+                name=text_in(message, "name", max_body=self._max_body),
+                idempotency_key=text_in(message, "idempotencyKey", max_body=self._max_body),
+                problem=problem,
+            )
+            self._publish(self._topics.creation_answer(host), refused)
+
+        if problem := self._limits.refusal(host, len(self._creations)):
+            answer(problem)
+            return
+        request = read_request(message, TransportOrderRequest, max_body=self._max_body)
+        if isinstance(request, Problem):
+            log.warning("creation request refused", host=host, reason=request.detail, errors=request.errors)
+            answer(request)
+        else:
+            task = asyncio.create_task(self._create(host, request, answer), name=f"creation for {host}")
+            self._creations.add(task)
+            task.add_done_callback(self._creations.discard)
+
+    async def _create(
+        self, host: str, request: TransportOrderRequest, refuse: Callable[[Problem], None]
+    ) -> None:
+        try:
+            reply = await self._handlers[table.CREATE_ORDER.name](Call("", request, SOMEBODY))
+        except Exception as error:
+            if not isinstance(error, FORESEEN):
+                log.exception("creation request failed", host=host)
+            refuse(problem_of(error))
+            return
+        order: Any = reply.body
+        answer = CreationAnswer(
+            status=reply.status,
+            name=order.name,
+            idempotency_key=request.idempotency_key,
+            transport_order=order,
+        )
+        self._publish(self._topics.creation_answer(host), answer)
+
+    def _on_command(self, message: Inbound) -> None:
+        if not message.payload:
+            return  # somebody clears a retained command
+        host, name = self._topics.host_of(message.topic), message.topic.rsplit("/", 1)[-1]
+        operation = table.COMMANDS.get(name)
+        if problem := self._limits.refusal(host, len(self._commands)):
+            self._refuse(host, name, message, problem)
+            return
+        if operation is None:
+            self._refuse(host, name, message, _unknown(name))
+            return
+        command = read_request(message, COMMANDS[name], max_body=self._max_body)
+        if isinstance(command, Problem):
+            log.warning("command refused", host=host, command=name, reason=command.detail)
+            self._refuse(host, name, message, command)
+        else:
+            task = asyncio.create_task(self._do(host, operation, command), name=f"{name} for {host}")
+            self._commands.add(task)
+            task.add_done_callback(self._commands.discard)
+
+    async def _do(self, host: str, operation: Operation[Any], command: Command) -> None:
+        topic = self._topics.command_answer(host, operation.name)
+        try:
+            reply = await self._handlers[operation.name](_call(operation, command))
+        except Exception as error:
+            if not isinstance(error, FORESEEN):
+                log.exception("command failed", host=host, command=operation.name)
+            problem = problem_of(error)
+            found: dict[str, Any] = {"status": problem.status, "problem": problem}
+        else:
+            found = {"status": reply.status, operation.result: reply.body}
+        self._publish(topic, CommandAnswer(request_id=command.request_id, **found))
+
+    def _refuse(self, host: str, name: str, message: Inbound, problem: Problem) -> None:
+        request_id = text_in(message, "requestId", max_body=self._max_body)
+        answer = CommandAnswer(status=problem.status, request_id=request_id, problem=problem)
+        self._publish(self._topics.command_answer(host, name), answer)
+
+    def _publish(self, topic: str, answer: BaseModel) -> None:
+        self._mqtt.publish(Outbound(topic, answer.model_dump_json(by_alias=True, exclude_none=True).encode()))
+
+
+def _call(operation: Operation[Any], command: Command) -> Call[Any]:
+    request = getattr(command, operation.request_field) if operation.request_field else command
+    version = getattr(command, "version", None)
+    return Call(
+        getattr(command, operation.subject) if operation.subject else "",
+        request,
+        SOMEBODY,
+        None if version is None else ETag.of(version),
+    )
+
+
+def _unknown(name: str) -> Problem:
+    known = ", ".join(COMMANDS)
+    detail = f"There is no command {name!r}. Take one of {known}."
+    return Problem(title="Unknown command", status=HTTPStatus.NOT_FOUND, detail=detail)
+
+
+def read_request(message: Inbound, model: type[M], *, max_body: int) -> M | Problem:
+    """Return the request, or what is wrong with it."""
+    if message.retained:
+        detail = "The request is retained, so it would come again. Publish it without the retain flag."
+        return Problem(title="Retained request", status=HTTPStatus.BAD_REQUEST, detail=detail)
+    if len(message.payload) > max_body:
+        detail = f"The request is longer than {max_body} bytes. Send less at once."
+        return Problem(title="Too long", status=HTTPStatus.REQUEST_ENTITY_TOO_LARGE, detail=detail)
+    try:
+        return model.model_validate_json(message.payload, by_alias=True, by_name=False)
+    except ValidationError as error:
+        problems = problems_of(error, TOLD)
+        no_json = error.error_count() == 1 and error.errors()[0]["type"] == "json_invalid"
+        return Problem(
+            title="Not JSON" if no_json else "Request does not fit",
+            status=HTTPStatus.BAD_REQUEST if no_json else HTTPStatus.UNPROCESSABLE_ENTITY,
+            detail="The request has not the form that it needs. Correct what errors names.",
+            errors=tuple(problems),
+        )
+
+
+def text_in(message: Inbound, key: str, *, max_body: int) -> str | None:
+    """Return a text of a refused request, so that its host knows which one it was; None: it has none."""
+    if len(message.payload) > max_body:
+        return None
+    try:
+        body = from_json(message.payload)
+    except ValueError:
+        return None
+    text = body.get(key) if isinstance(body, dict) else None
+    return text if isinstance(text, str) and 0 < len(text) <= TEXT_LIMIT else None

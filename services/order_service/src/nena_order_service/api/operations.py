@@ -1,0 +1,335 @@
+"""Does what hosts ask for: one method for each operation of the table, the same over REST and MQTT."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass
+from http import HTTPStatus
+from itertools import islice
+from typing import Any, Generic, TypeVar
+
+from pydantic import BaseModel
+
+from nena_order_service.errors import UnknownVehicleError
+from nena_order_service.fleet import InstantActionEnded
+from nena_order_service.host_requests import ETag, HostServices
+from nena_order_service.store.database import OrderFilter
+from nena_order_service.store.sequences import SequenceFilter
+from nena_shared.fleet_api import operations as table
+from nena_shared.fleet_api.plant import ZoneSetList
+from nena_shared.fleet_api.requests import (
+    AssignmentQuery,
+    DispatchRequest,
+    HoldRequest,
+    InstantActionAnswer,
+    InstantActionRequest,
+    IntegrationLevelRequest,
+    OrderSequencePage,
+    OrderSequencesQuery,
+    OrderTypesRequest,
+    PathList,
+    PathLockRequest,
+    ReroutingRequest,
+    ResumeRequest,
+    TransportOrderPage,
+    TransportOrdersQuery,
+    VehicleList,
+    VehiclesQuery,
+    WithdrawalRequest,
+)
+from nena_shared.fleet_api.transport_order import OrderSequenceRequest, TransportOrderRequest
+from nena_shared.fleet_api.vehicle import ProcessingState, VehicleState, VehicleStatus
+from nena_shared.plant import PlantPose
+from nena_shared.vda5050.action import Action, ActionParameter
+from nena_shared.vda5050.zone_set import ZoneSet
+
+R = TypeVar("R")
+
+ACTION_TYPES = {"pause": "startPause", "resume": "stopPause"}
+"""VDA 5050's names of instant actions (3.0, 6.8) by those that hosts may use."""
+
+
+@dataclass(frozen=True, slots=True)
+class Call(Generic[R]):
+    """One request of a host."""
+
+    name: str
+    """Of the object that it is about; empty where it is about none."""
+    request: R
+    caller: str
+    """Who asks, as far as the access control knows."""
+    seen: ETag | None = None
+    """The version that the host has seen; None: any."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """The answer to a request that succeeded."""
+
+    body: BaseModel
+    status: HTTPStatus = HTTPStatus.OK
+
+
+Handler = Callable[[Call[Any]], Awaitable[Reply]]
+M = TypeVar("M", bound=Callable[..., Awaitable[Reply]])
+
+
+_METHODS: dict[str, str] = {}
+"""Names of methods by the names of their operations."""
+
+
+def _does(operation: table.Operation[Any]) -> Callable[[M], M]:
+    """Have a method answer the calls of an operation."""
+
+    def mark(method: M) -> M:
+        _METHODS[operation.name] = method.__name__
+        return method
+
+    return mark
+
+
+class HostOperations:
+    """Answers hosts; a change is committed when its answer is returned.
+
+    Methods raise what :mod:`nena_order_service.errors` holds; ``api.problems`` maps it to problems.
+    """
+
+    def __init__(self, hosts: HostServices) -> None:
+        self._orders = hosts.requests
+        self._sequences = hosts.sequences
+        self._locks = hosts.locks
+        self._zones = hosts.zones
+        self.handlers: Mapping[str, Handler] = {
+            operation: getattr(self, method) for operation, method in _METHODS.items()
+        }
+
+    @_does(table.CREATE_ORDER)
+    async def create_order(self, call: Call[TransportOrderRequest]) -> Reply:
+        """Create a transport order, or return the one that the same request has made before."""
+        order, new = await self._orders.create(call.request)
+        return Reply(order, _created(new=new))
+
+    @_does(table.LIST_ORDERS)
+    async def list_orders(self, call: Call[TransportOrdersQuery]) -> Reply:
+        """List transport orders, newest first."""
+        query = call.request
+        states, before = tuple(query.state or ()), _number(query.after)
+        found = await self._orders.orders(
+            OrderFilter(states, query.intended_vehicle, before, query.limit + 1)
+        )
+        page = found[: query.limit]
+        following = str(page[-1].number) if len(found) > query.limit else None
+        return Reply(TransportOrderPage(transport_orders=tuple(each.status for each in page), next=following))
+
+    @_does(table.SHOW_ORDER)
+    async def show_order(self, call: Call[None]) -> Reply:
+        """Return a transport order."""
+        return Reply(await self._orders.order(call.name))
+
+    @_does(table.DELIVERY)
+    async def delivery(self, call: Call[None]) -> Reply:
+        """Return how far a transport order has come on its way to its robot."""
+        return Reply(await self._orders.delivery(call.name))
+
+    @_does(table.ASSIGNMENT)
+    async def assignment(self, call: Call[AssignmentQuery]) -> Reply:
+        """Return for each vehicle why it does not do a transport order."""
+        return Reply(await self._orders.assignment(call.name, call.request.limit))
+
+    @_does(table.WITHDRAW)
+    async def withdraw(self, call: Call[WithdrawalRequest]) -> Reply:
+        """Withdraw a transport order."""
+        asked = call.request
+        return Reply(
+            await self._orders.withdraw(call.name, asked.reason, seen=call.seen, immediate=asked.immediate)
+        )
+
+    @_does(table.HOLD)
+    async def hold(self, call: Call[HoldRequest]) -> Reply:
+        """Hold a transport order."""
+        asked, by = call.request, call.request.by or call.caller
+        return Reply(
+            await self._orders.hold(call.name, by, asked.reason, seen=call.seen, immediate=asked.immediate)
+        )
+
+    @_does(table.RESUME)
+    async def resume(self, call: Call[ResumeRequest]) -> Reply:
+        """Resume a held transport order."""
+        by = call.request.by or call.caller
+        return Reply(await self._orders.resume(call.name, by, call.request.reason, seen=call.seen))
+
+    @_does(table.CREATE_SEQUENCE)
+    async def create_sequence(self, call: Call[OrderSequenceRequest]) -> Reply:
+        """Create an order sequence, or return the one that the same request has made before."""
+        sequence, new = await self._sequences.create(call.request)
+        return Reply(sequence, _created(new=new))
+
+    @_does(table.LIST_SEQUENCES)
+    async def list_sequences(self, call: Call[OrderSequencesQuery]) -> Reply:
+        """List order sequences, newest first."""
+        query = call.request
+        found = await self._sequences.sequences(
+            SequenceFilter(query.finished, query.intended_vehicle, _number(query.after), query.limit + 1)
+        )
+        page = found[: query.limit]
+        following = str(page[-1].number) if len(found) > query.limit else None
+        return Reply(OrderSequencePage(order_sequences=tuple(each.status for each in page), next=following))
+
+    @_does(table.SHOW_SEQUENCE)
+    async def show_sequence(self, call: Call[None]) -> Reply:
+        """Return an order sequence."""
+        return Reply(await self._sequences.sequence(call.name))
+
+    @_does(table.COMPLETE_SEQUENCE)
+    async def complete_sequence(self, call: Call[None]) -> Reply:
+        """Mark an order sequence complete."""
+        return Reply(await self._sequences.complete(call.name, seen=call.seen))
+
+    @_does(table.LIST_VEHICLES)
+    async def list_vehicles(self, call: Call[VehiclesQuery]) -> Reply:
+        """List vehicles, those of the plant model first."""
+        query = call.request
+        states, processing = (
+            query.state or tuple(VehicleState),
+            query.processing_state or tuple(ProcessingState),
+        )
+        chosen = (
+            each
+            for each in self._vehicles_after(query.after)
+            if each.state in states and each.processing_state in processing
+        )
+        found = [*islice(chosen, query.limit + 1)]
+        page = tuple(found[: query.limit])
+        return Reply(VehicleList(vehicles=page, next=page[-1].name if len(found) > query.limit else None))
+
+    @_does(table.SHOW_VEHICLE)
+    async def show_vehicle(self, call: Call[None]) -> Reply:
+        """Return a vehicle."""
+        return Reply(self._orders.vehicle(call.name))
+
+    @_does(table.INTEGRATION_LEVEL)
+    async def set_integration_level(self, call: Call[IntegrationLevelRequest]) -> Reply:
+        """Set the integration level of a vehicle."""
+        level = call.request.integration_level
+        return Reply(await self._orders.set_integration_level(call.name, level))
+
+    @_does(table.ORDER_TYPES)
+    async def accept_order_types(self, call: Call[OrderTypesRequest]) -> Reply:
+        """Set the types of orders that a vehicle accepts."""
+        types = call.request.acceptable_order_types
+        return Reply(await self._orders.accept_order_types(call.name, types))
+
+    @_does(table.DISPATCH)
+    async def dispatch(self, call: Call[DispatchRequest]) -> Reply:
+        """Send a vehicle somewhere by a transport order that only it may do."""
+        asked = call.request
+        self._orders.vehicle(call.name)
+        order, new = await self._orders.create(
+            TransportOrderRequest(
+                destinations=(asked.destination(),),
+                intended_vehicle=call.name,
+                priority=asked.priority,
+                idempotency_key=asked.idempotency_key,
+            )
+        )
+        return Reply(order, _created(new=new))
+
+    @_does(table.INSTANT_ACTION)
+    async def instant_action(self, call: Call[InstantActionRequest]) -> Reply:
+        """Send an instant action to a vehicle, and wait a while for its end."""
+        asked = call.request
+        action_type = ACTION_TYPES.get(asked.action_type, asked.action_type)
+        parameters = self._parameters(call.name, asked)
+        action, end = await self._orders.instant_action(
+            call.name, action_type, parameters, asked.blocking_type
+        )
+        return Reply(_instant_action_answer(action, end), HTTPStatus.OK if end else HTTPStatus.ACCEPTED)
+
+    @_does(table.REROUTE)
+    async def reroute(self, call: Call[ReroutingRequest]) -> Reply:
+        """Replan the route of a vehicle's current order."""
+        return Reply(await self._orders.reroute(call.name, call.request.type))
+
+    @_does(table.LIST_PATHS)
+    async def list_paths(self, _: Call[None]) -> Reply:
+        """List the paths."""
+        return Reply(PathList(paths=self._locks.all()))
+
+    @_does(table.SHOW_PATH)
+    async def show_path(self, call: Call[None]) -> Reply:
+        """Return a path."""
+        return Reply(self._locks.get(call.name))
+
+    @_does(table.LOCK_PATH)
+    async def lock_path(self, call: Call[PathLockRequest]) -> Reply:
+        """Lock or unlock a path."""
+        return Reply(await self._locks.set(call.name, locked=call.request.locked))
+
+    @_does(table.LIST_ZONE_SETS)
+    async def list_zone_sets(self, _: Call[None]) -> Reply:
+        """List the zone sets."""
+        return Reply(ZoneSetList(zone_sets=self._zones.all()))
+
+    @_does(table.SHOW_ZONE_SET)
+    async def show_zone_set(self, call: Call[None]) -> Reply:
+        """Return a zone set's status at the robots."""
+        return Reply(self._zones.get(call.name))
+
+    @_does(table.PUT_ZONE_SET)
+    async def put_zone_set(self, call: Call[ZoneSet]) -> Reply:
+        """Store a zone set and send it to the robots."""
+        return Reply(await self._zones.put(call.request))
+
+    @_does(table.ENABLE_ZONE_SET)
+    async def enable_zone_set(self, call: Call[None]) -> Reply:
+        """Have robots use a zone set."""
+        return Reply(await self._zones.enable(call.name))
+
+    @_does(table.DELETE_ZONE_SET)
+    async def delete_zone_set(self, call: Call[None]) -> Reply:
+        """Have robots delete a zone set."""
+        return Reply(await self._zones.delete(call.name))
+
+    def _vehicles_after(self, name: str | None) -> tuple[VehicleStatus, ...]:
+        vehicles = self._orders.vehicles()
+        if name is None:
+            return vehicles
+        names = [each.name for each in vehicles]
+        if name not in names:
+            raise UnknownVehicleError(name)
+        return vehicles[names.index(name) + 1 :]
+
+    def _parameters(self, vehicle: str, asked: InstantActionRequest) -> tuple[ActionParameter, ...]:
+        """Return the action's parameters; a pose is converted to the frame of the vehicle's map."""
+        given = tuple(ActionParameter(key=each.key, value=each.value) for each in asked.parameters)
+        if asked.pose is None:
+            return given
+        pose = PlantPose(asked.pose.x, asked.pose.y, asked.pose.theta)
+        robot = self._orders.robot_pose(vehicle, pose, asked.pose.map_id)
+        return (
+            ActionParameter(key="x", value=robot.pose.x_m),
+            ActionParameter(key="y", value=robot.pose.y_m),
+            ActionParameter(key="theta", value=robot.pose.heading_rad),
+            ActionParameter(key="mapId", value=robot.map_id),
+            ActionParameter(key="lastNodeId", value=robot.point),
+            *given,
+        )
+
+
+def _created(*, new: bool) -> HTTPStatus:
+    return HTTPStatus.CREATED if new else HTTPStatus.OK
+
+
+def _number(after: str | None) -> int | None:
+    return int(after) if after else None
+
+
+def _instant_action_answer(action: Action, end: InstantActionEnded | None) -> InstantActionAnswer:
+    """Return the status of an action; ``end`` None: it is still running."""
+    return InstantActionAnswer(
+        action_id=action.action_id,
+        action_type=action.action_type,
+        status=(end.status or "UNKNOWN") if end else "PENDING",
+        reason=end.reason if end else "the robot has not reported its end yet",
+        result=end.result if end else None,
+    )

@@ -1,0 +1,345 @@
+"""The REST API: a route for each operation of the table, and what is no such operation.
+
+Those are the plant model, which is a file, the event stream, probes, and the description of the MQTT API.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import AsyncGenerator, Callable, Iterator, Mapping
+from dataclasses import dataclass
+from http import HTTPStatus
+from inspect import Parameter, Signature
+from typing import Annotated, Any
+from urllib.parse import quote
+
+from fastapi import APIRouter, FastAPI, Header, Query, Request, Response
+from pydantic import BaseModel
+from starlette.exceptions import HTTPException
+from starlette.responses import PlainTextResponse, StreamingResponse
+from starlette.routing import Mount
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from nena_order_service.api import problems
+from nena_order_service.api.events import EventKind, EventStream, Interest
+from nena_order_service.api.operations import Call, Handler, HostOperations, Reply
+from nena_order_service.host_requests import ETag
+from nena_order_service.plant_file import read_plant
+from nena_order_service.serving import ChangePlant
+from nena_shared.fleet_api.base import ObjectName
+from nena_shared.fleet_api.operations import CHANGE_PLANT, OPERATIONS, PLANT_MODEL, Operation
+from nena_shared.fleet_api.plant import PlantModelChange
+from nena_shared.fleet_api.requests import BY_LIMIT, SOMEBODY, Readiness
+from nena_shared.web.access import KnownUser
+from nena_shared.web.problem import describe_problems, refusal
+from nena_shared.web.server_sent_events import HEADERS
+from nena_shared.web.users import Role
+
+OPEN = frozenset({"/healthz", "/readyz"})
+READING = frozenset({"GET", "HEAD", "OPTIONS"})
+GUARDED: tuple[Operation[Any], ...] = (*OPERATIONS, CHANGE_PLANT)
+
+NOT_READY: dict[int | str, dict[str, object]] = {
+    503: {"model": Readiness, "description": "What is missing, and what that means."}
+}
+PLANT_BODY: dict[str, Any] = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "application/json": {"schema": {"type": "object"}},
+            "application/xml": {"schema": {"type": "string"}},
+        },
+    }
+}
+
+IfMatch = Annotated[
+    str | None, Header(alias="If-Match", max_length=1000, description="ETag of the version to change.")
+]
+IfNoneMatch = Annotated[
+    str | None, Header(alias="If-None-Match", max_length=1000, description="ETag of the version you have.")
+]
+IdempotencyKey = Annotated[str | None, Header(alias="Idempotency-Key", min_length=1, max_length=200)]
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """What the application shows of the service around it."""
+
+    plant_json: bytes
+    change_plant: ChangePlant | None
+    """Puts another plant model in use; None: it is only read."""
+    asyncapi: bytes
+    readiness: Callable[[], Readiness]
+    max_body: int
+    """Longest body of a request, bytes."""
+    mounted: Mapping[str, ASGIApp]
+    """Other applications, by the paths below which they answer."""
+
+
+def make_app(operations: HostOperations, stream: EventStream, service: Service) -> FastAPI:
+    """Make the ASGI application."""
+    app = FastAPI(
+        title="NeNa order service",
+        description="Transport orders and vehicles. Every error is a problem (RFC 9457).",
+        version="1",
+        docs_url=None,
+        redoc_url=None,
+    )
+    larger = {each.path: each.max_body for each in GUARDED if each.max_body is not None}
+    app.add_middleware(BodyLimit, limit=service.max_body, larger=larger)
+    problems.install(app)
+    router = APIRouter()
+    for each in OPERATIONS:
+        _add_route(router, each, operations.handlers[each.name])
+    app.include_router(router)
+    app.include_router(_events(stream))
+    app.include_router(plant_model_router(service.plant_json, service.change_plant))
+    app.include_router(_probes(service))
+    for path, other in service.mounted.items():
+        app.router.routes.append(_mounted(path, other))
+    describe_problems(app)
+    return app
+
+
+def role_needed(method: str, path: str) -> Role | None:
+    """Return the role that a request needs; None: no login.
+
+    Operations are found by the part of their path before a name, so that no way to write a name gets around
+    the role of an operation.
+    """
+    if path in OPEN:
+        return None
+    reads = method in READING
+    alike = (each for each in GUARDED if (each.method in READING) == reads and path.startswith(each.prefix))
+    least = Role.VIEWER if reads else Role.OPERATOR
+    return max((each.role for each in alike), default=least)
+
+
+def _add_route(router: APIRouter, operation: Operation[Any], handler: Handler) -> None:
+    async def endpoint(http: Request, **given: Any) -> Response:  # noqa: ANN401 - as the signature says
+        call = _call(operation, http, given)
+        known = given.get("if_none_match")
+        return _response(operation, await handler(call), known=None if known is None else ETag(known))
+
+    endpoint.__signature__ = Signature([*_parameters(operation)])  # type: ignore[attr-defined]
+    router.add_api_route(
+        operation.path,
+        endpoint,
+        methods=[operation.method],
+        name=operation.name,
+        operation_id=operation.name,
+        summary=operation.summary,
+        tags=[operation.tag],
+        status_code=HTTPStatus.CREATED if operation.creates else HTTPStatus.OK,
+        response_model=operation.answer,
+        responses={
+            int(status): {"model": operation.answer, "description": text}
+            for status, text in operation.also.items()
+        },
+    )
+
+
+def _parameters(operation: Operation[Any]) -> Iterator[Parameter]:
+    """Return what FastAPI is to read of a request: it takes an endpoint's signature for that."""
+    reads = operation.method in READING
+
+    def parameter(name: str, kind: Any, default: Any = Parameter.empty) -> Parameter:  # noqa: ANN401 - types
+        return Parameter(name, Parameter.KEYWORD_ONLY, annotation=kind, default=default)
+
+    yield parameter("http", Request)
+    if "{" in operation.path:
+        yield parameter("name", operation.name_type)
+    if operation.request and reads:
+        yield parameter("request", Annotated[operation.request, Query()])
+    elif operation.may_be_empty:
+        yield parameter("request", operation.request | None, None)
+    elif operation.request:
+        yield parameter("request", operation.request)
+    if operation.creates and not operation.subject:
+        yield parameter("idempotency_key", IdempotencyKey, None)
+    elif operation.versioned:
+        yield parameter("if_none_match" if reads else "if_match", IfNoneMatch if reads else IfMatch, None)
+
+
+def _call(operation: Operation[Any], http: Request, given: Mapping[str, Any]) -> Call[Any]:
+    request, key, seen = given.get("request"), given.get("idempotency_key"), given.get("if_match")
+    if request is None and operation.may_be_empty:
+        request = operation.request()
+    if key and request is not None and request.idempotency_key is None:
+        request = request.model_copy(update={"idempotency_key": key})
+    user: KnownUser | None = getattr(http.state, "user", None)
+    caller = user.known_as[:BY_LIMIT] if user else SOMEBODY  # a long subject of an issuer is cut
+    return Call(given.get("name", ""), request, caller, None if seen is None else ETag(seen))
+
+
+def _response(operation: Operation[Any], reply: Reply, *, known: ETag | None) -> Response:
+    headers: dict[str, str] = {}
+    body: Any = reply.body
+    if operation.versioned or operation.creates:
+        headers["ETag"] = ETag.of(body.version).value
+        if known and known.fits(body.version):
+            return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=headers)
+    if operation.creates:
+        headers["Location"] = f"{operation.creates}/{quote(body.name)}"
+    return as_json(body, reply.status, headers)
+
+
+def as_json(
+    body: BaseModel, status: HTTPStatus = HTTPStatus.OK, headers: Mapping[str, str] | None = None
+) -> Response:
+    """Answer with a body."""
+    return Response(body.model_dump_json(by_alias=True), status, headers, "application/json")
+
+
+def plant_model_router(plant_json: bytes, change: ChangePlant | None) -> APIRouter:
+    """Make the routes of the plant model; without ``change`` it is only read."""
+    router = APIRouter(tags=[CHANGE_PLANT.tag])
+
+    @router.get(PLANT_MODEL, operation_id="plantModel")
+    async def show() -> Response:
+        """Return the plant model; lengths in mm, angles in degrees."""
+        return Response(plant_json, media_type="application/json")
+
+    if change is None:
+        return router
+
+    @router.put(
+        PLANT_MODEL,
+        operation_id=CHANGE_PLANT.name,
+        summary=CHANGE_PLANT.summary,
+        response_model=CHANGE_PLANT.answer,
+        openapi_extra=PLANT_BODY,
+    )
+    async def put(request: Request, *, check: Annotated[bool, Query()] = False) -> Response:
+        """Refused while orders or vehicles use what it does not have; with `check` nothing is changed."""
+        report = await asyncio.to_thread(read_plant, await request.body(), strict=True)
+        model = report.model
+        await change(model, check_only=check)
+        return as_json(
+            PlantModelChange(
+                name=model.name,
+                changed=not check,
+                points=len(model.points),
+                paths=len(model.paths),
+                locations=len(model.locations),
+                blocks=len(model.blocks),
+                vehicles=len(model.vehicles),
+                warnings=tuple(map(str, report.warnings)),
+            )
+        )
+
+    return router
+
+
+def _events(stream: EventStream) -> APIRouter:
+    router = APIRouter(prefix="/v1", tags=["events"])
+
+    @router.get("/events", operation_id="events", response_class=StreamingResponse)
+    async def events(
+        kind: Annotated[list[EventKind] | None, Query(description="Only events of these kinds.")] = None,
+        transport_order: Annotated[
+            ObjectName | None, Query(alias="transportOrder", description="Only this order.")
+        ] = None,
+        vehicle: Annotated[
+            ObjectName | None, Query(description="Only this vehicle, and the orders that it works on.")
+        ] = None,
+        last_event_id: Annotated[
+            str | None, Header(alias="Last-Event-ID", description="Id of the last event received.")
+        ] = None,
+        after: Annotated[
+            str | None, Query(max_length=100, description="The same, for clients that cannot set headers.")
+        ] = None,
+    ) -> StreamingResponse:
+        """Follow orders and vehicles as server-sent events.
+
+        `transportOrder` and `vehicle` hold their object as it is now. `synced`: the client is up to date.
+        `gap`: too much was missed, or the id is unknown (a store from a backup); all unfinished objects
+        follow, look up the rest in the lists. `heartbeat`: the connection is alive. A client that reconnects
+        with the id of its last event receives what it has missed.
+        """
+        interest = Interest(frozenset(kind or EventKind), transport_order, vehicle)
+        frames = stream.follow(last_event_id or after, interest)
+        first = await anext(frames)  # what goes wrong at first is answered as a problem
+        return StreamingResponse(_from(first, frames), media_type="text/event-stream", headers=HEADERS)
+
+    return router
+
+
+async def _from(first: bytes, rest: AsyncGenerator[bytes, None]) -> AsyncGenerator[bytes, None]:
+    try:
+        yield first
+        async for frames in rest:
+            yield frames
+    finally:
+        await rest.aclose()
+
+
+def _probes(service: Service) -> APIRouter:
+    router = APIRouter(tags=["service"])
+
+    @router.get("/asyncapi.json", operation_id="asyncapi")
+    async def asyncapi() -> Response:
+        """Describe the MQTT API (AsyncAPI 3.0)."""
+        return Response(service.asyncapi, media_type="application/json")
+
+    @router.get("/healthz", operation_id="healthz", response_class=PlainTextResponse)
+    async def alive() -> Response:
+        """Return 200 while the process runs."""
+        return Response("ok\n", media_type="text/plain")
+
+    @router.get("/readyz", operation_id="readyz", response_model=Readiness, responses=NOT_READY)
+    async def ready() -> Response:
+        """Return whether the broker is connected and the store can be written."""
+        now = service.readiness()
+        return as_json(now, HTTPStatus.OK if now.ready else HTTPStatus.SERVICE_UNAVAILABLE)
+
+    return router
+
+
+def _mounted(path: str, app: ASGIApp) -> Mount:
+    mount = Mount(path, app)
+    # Starlette's pattern leaves out names with line ends, which would be answered in another form.
+    mount.path_regex = re.compile(mount.path_regex.pattern, re.DOTALL)
+    return mount
+
+
+class BodyLimit:
+    """ASGI middleware: answers 413 to a body of more than ``limit`` bytes, before it is in memory.
+
+    ``larger`` has the limits of paths with a limit of their own.
+    """
+
+    def __init__(self, app: ASGIApp, limit: int, larger: Mapping[str, int] | None = None) -> None:
+        self._app = app
+        self._limit = limit
+        self._larger = larger or {}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on, counting its bytes."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        limit = self._larger.get(scope["path"], self._limit)
+        detail = f"The body is longer than {limit} bytes. Send less at once, or raise max_body."
+        if _content_length(scope) > limit:
+            await refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, detail)(scope, receive, send)
+            return
+        received = 0
+
+        async def counted() -> Message:
+            nonlocal received
+            message = await receive()
+            received += len(message.get("body", b""))
+            if received > limit:
+                raise HTTPException(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, detail)
+            return message
+
+        await self._app(scope, counted, send)
+
+
+def _content_length(scope: Scope) -> int:
+    for name, value in scope["headers"]:
+        if name == b"content-length" and value.isdigit():
+            return int(value)
+    return 0

@@ -1,1 +1,0 @@
-"""The REST door: ``/v1`` over HTTP, described at ``/openapi.json``."""

@@ -1,0 +1,438 @@
+"""What hosts may ask the order service for: each operation stands here once.
+
+REST routes, MQTT commands, the OpenAPI and AsyncAPI documents, roles, and the client of the ``nena`` command
+are made from this table. A new operation takes an entry here and a method of
+``nena_order_service.api.operations.HostOperations``; see ``docs/architecture.md``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from typing import Any, Final, Generic, Literal, TypeVar
+from urllib.parse import quote
+
+from nena_shared.fleet_api.base import ObjectName
+from nena_shared.fleet_api.plant import PathStatus, PlantModelChange, ZoneSetList, ZoneSetStatus
+from nena_shared.fleet_api.requests import (
+    AssignmentQuery,
+    DispatchRequest,
+    HoldRequest,
+    InstantActionAnswer,
+    InstantActionRequest,
+    IntegrationLevelRequest,
+    OrderSequencePage,
+    OrderSequencesQuery,
+    OrderTypesRequest,
+    PathList,
+    PathLockRequest,
+    ReroutingRequest,
+    ResumeRequest,
+    TransportOrderPage,
+    TransportOrdersQuery,
+    VehicleList,
+    VehiclesQuery,
+    WithdrawalRequest,
+    ZoneSetRequest,
+)
+from nena_shared.fleet_api.transport_order import (
+    AssignmentStatus,
+    DeliveryStatus,
+    OrderSequenceRequest,
+    OrderSequenceStatus,
+    TransportOrderRequest,
+    TransportOrderStatus,
+)
+from nena_shared.fleet_api.vehicle import ReroutingAnswer, VehicleStatus
+from nena_shared.plant.exchange import JSON_LIMITS
+from nena_shared.web.users import Role
+
+A = TypeVar("A")
+
+ORDERS: Final = "/v1/transportOrders"
+SEQUENCES: Final = "/v1/orderSequences"
+VEHICLES: Final = "/v1/vehicles"
+PATHS: Final = "/v1/paths"
+ZONE_SETS: Final = "/v1/zoneSets"
+PLANT_MODEL: Final = "/v1/plantModel"
+
+MADE_BEFORE: Final = {HTTPStatus.OK: "Made before by the key."}
+
+
+@dataclass(frozen=True, slots=True)
+class Operation(Generic[A]):
+    """One thing that hosts may ask for."""
+
+    name: str
+    """Of the operation in OpenAPI and AsyncAPI, and of the MQTT command."""
+    summary: str
+    method: Literal["GET", "POST", "PUT", "DELETE"]
+    path: str
+    """Of the REST route; ``{name}`` stands for the object that it is about."""
+    answer: type[A]
+    role: Role
+    """The least role that a caller over REST needs."""
+    request: Any = None
+    """Type of the body; of the query parameters for GET. None: there is none."""
+    may_be_empty: bool = False
+    """Whether a request without a body is one with all defaults."""
+    versioned: bool = False
+    """Whether the object has a version: an ETag over REST, ``version`` in an MQTT command."""
+    creates: str = ""
+    """Path below which what it makes is found; empty: it makes nothing, and is answered with 200, not 201."""
+    also: Mapping[HTTPStatus, str] = field(default_factory=dict)
+    """Further statuses of success, and what they mean."""
+    name_type: Any = str
+    """Type of ``{name}``."""
+    subject: str = ""
+    """The field of the MQTT command that says what REST's ``{name}`` says."""
+    result: str = ""
+    """The field of the MQTT answer that holds the answer; empty: not over MQTT, or on a topic of its own."""
+    request_field: str = ""
+    """The field of the MQTT command that holds the request; empty: the command has the request's fields."""
+    max_body: int | None = None
+    """Longest body, bytes. None: ``max_body`` of the settings."""
+
+    @property
+    def tag(self) -> str:
+        """The group that it belongs to in the OpenAPI document."""
+        return TAGS[self.prefix.rstrip("/")]
+
+    @property
+    def prefix(self) -> str:
+        """The part of the path before ``{name}``."""
+        return self.path.partition("{")[0]
+
+    def path_of(self, name: str = "") -> str:
+        """Return the path of one object."""
+        return self.path.replace("{name:path}", "{name}").replace("{name}", quote(name, safe=""))
+
+
+TAGS: Final = {
+    ORDERS: "transport orders",
+    SEQUENCES: "order sequences",
+    VEHICLES: "vehicles",
+    PATHS: "paths",
+    ZONE_SETS: "zone sets",
+    PLANT_MODEL: "plant model",
+}
+
+CREATE_ORDER = Operation(
+    "createTransportOrder",
+    "Create a transport order. It is stored when the answer comes.",
+    "POST",
+    ORDERS,
+    TransportOrderStatus,
+    Role.OPERATOR,
+    request=TransportOrderRequest,
+    versioned=True,
+    creates=ORDERS,
+    also=MADE_BEFORE,
+)
+LIST_ORDERS = Operation(
+    "transportOrders",
+    "List transport orders, newest first.",
+    "GET",
+    ORDERS,
+    TransportOrderPage,
+    Role.VIEWER,
+    request=TransportOrdersQuery,
+)
+SHOW_ORDER = Operation(
+    "transportOrder",
+    "Return a transport order with its history. Its version is the ETag.",
+    "GET",
+    f"{ORDERS}/{{name}}",
+    TransportOrderStatus,
+    Role.VIEWER,
+    versioned=True,
+)
+DELIVERY = Operation(
+    "delivery",
+    "Return how far a transport order has come on its way to its robot.",
+    "GET",
+    f"{ORDERS}/{{name}}/delivery",
+    DeliveryStatus,
+    Role.VIEWER,
+    subject="transport_order",
+    result="delivery",
+)
+ASSIGNMENT = Operation(
+    "assignment",
+    "Return for each vehicle why it does not do a transport order, or that it could.",
+    "GET",
+    f"{ORDERS}/{{name}}/assignment",
+    AssignmentStatus,
+    Role.VIEWER,
+    request=AssignmentQuery,
+    subject="transport_order",
+    result="assignment",
+)
+WITHDRAW = Operation(
+    "withdraw",
+    "Withdraw a transport order. It fails at once, or when its vehicle has released it.",
+    "POST",
+    f"{ORDERS}/{{name}}/withdrawal",
+    TransportOrderStatus,
+    Role.OPERATOR,
+    request=WithdrawalRequest,
+    may_be_empty=True,
+    versioned=True,
+    subject="transport_order",
+    result="transport_order",
+)
+HOLD = Operation(
+    "hold",
+    "Hold a transport order until it is resumed. It keeps its vehicle, which stops.",
+    "POST",
+    f"{ORDERS}/{{name}}/hold",
+    TransportOrderStatus,
+    Role.OPERATOR,
+    request=HoldRequest,
+    may_be_empty=True,
+    versioned=True,
+    subject="transport_order",
+    result="transport_order",
+)
+RESUME = Operation(
+    "resume",
+    "Resume a held transport order from where its vehicle is.",
+    "POST",
+    f"{ORDERS}/{{name}}/resume",
+    TransportOrderStatus,
+    Role.OPERATOR,
+    request=ResumeRequest,
+    may_be_empty=True,
+    versioned=True,
+    subject="transport_order",
+    result="transport_order",
+)
+
+CREATE_SEQUENCE = Operation(
+    "createOrderSequence",
+    "Create an order sequence. Orders join it by naming it as their wrappingSequence.",
+    "POST",
+    SEQUENCES,
+    OrderSequenceStatus,
+    Role.OPERATOR,
+    request=OrderSequenceRequest,
+    versioned=True,
+    creates=SEQUENCES,
+    also=MADE_BEFORE,
+    result="order_sequence",
+)
+LIST_SEQUENCES = Operation(
+    "orderSequences",
+    "List order sequences, newest first.",
+    "GET",
+    SEQUENCES,
+    OrderSequencePage,
+    Role.VIEWER,
+    request=OrderSequencesQuery,
+    result="order_sequences",
+)
+SHOW_SEQUENCE = Operation(
+    "orderSequence",
+    "Return an order sequence with its history. Its version is the ETag.",
+    "GET",
+    f"{SEQUENCES}/{{name}}",
+    OrderSequenceStatus,
+    Role.VIEWER,
+    versioned=True,
+    subject="order_sequence",
+    result="order_sequence",
+)
+COMPLETE_SEQUENCE = Operation(
+    "completeOrderSequence",
+    "Mark an order sequence complete. It takes no more orders, and ends with its last one.",
+    "POST",
+    f"{SEQUENCES}/{{name}}/completion",
+    OrderSequenceStatus,
+    Role.OPERATOR,
+    versioned=True,
+    subject="order_sequence",
+    result="order_sequence",
+)
+
+LIST_VEHICLES = Operation(
+    "vehicles",
+    "List the vehicles, also robots that are not in the plant model.",
+    "GET",
+    VEHICLES,
+    VehicleList,
+    Role.VIEWER,
+    request=VehiclesQuery,
+)
+SHOW_VEHICLE = Operation(
+    "vehicle", "Return a vehicle.", "GET", f"{VEHICLES}/{{name}}", VehicleStatus, Role.VIEWER
+)
+INTEGRATION_LEVEL = Operation(
+    "integrationLevel",
+    "Set the integration level of a vehicle: whether it gets orders, and whether others keep clear of it.",
+    "PUT",
+    f"{VEHICLES}/{{name}}/integrationLevel",
+    VehicleStatus,
+    Role.OPERATOR,
+    request=IntegrationLevelRequest,
+    subject="vehicle",
+    result="vehicle",
+)
+ORDER_TYPES = Operation(
+    "acceptableOrderTypes",
+    "Set the types of orders that a vehicle accepts. It completes an order that it already has.",
+    "PUT",
+    f"{VEHICLES}/{{name}}/acceptableOrderTypes",
+    VehicleStatus,
+    Role.OPERATOR,
+    request=OrderTypesRequest,
+    subject="vehicle",
+    result="vehicle",
+)
+DISPATCH = Operation(
+    "dispatch",
+    "Send a vehicle to a point, location or coordinate by a transport order of its own.",
+    "POST",
+    f"{VEHICLES}/{{name}}/dispatch",
+    TransportOrderStatus,
+    Role.OPERATOR,
+    request=DispatchRequest,
+    creates=ORDERS,
+    subject="vehicle",
+    result="transport_order",
+)
+INSTANT_ACTION = Operation(
+    "instantAction",
+    "Send an instant action to a vehicle, and wait a while for its end.",
+    "POST",
+    f"{VEHICLES}/{{name}}/instantActions",
+    InstantActionAnswer,
+    Role.OPERATOR,
+    request=InstantActionRequest,
+    also={HTTPStatus.ACCEPTED: "It is still running."},
+    subject="vehicle",
+    result="instant_action",
+)
+REROUTE = Operation(
+    "reroute",
+    "Replan the route of a vehicle's current order. What its robot was told to drive stays.",
+    "POST",
+    f"{VEHICLES}/{{name}}/rerouting",
+    ReroutingAnswer,
+    Role.OPERATOR,
+    request=ReroutingRequest,
+    subject="vehicle",
+    result="rerouting",
+)
+
+LIST_PATHS = Operation(
+    "paths", "List the paths, and which of them are locked.", "GET", PATHS, PathList, Role.VIEWER
+)
+LOCK_PATH = Operation(
+    "lockPath",
+    "Lock or unlock a path. New routes keep off a locked path, also those of vehicles under way.",
+    "PUT",
+    f"{PATHS}/{{name:path}}/lock",
+    PathStatus,
+    Role.OPERATOR,
+    request=PathLockRequest,
+    subject="path",
+    result="path",
+)
+SHOW_PATH = Operation("path", "Return a path.", "GET", f"{PATHS}/{{name:path}}", PathStatus, Role.VIEWER)
+
+LIST_ZONE_SETS = Operation(
+    "zoneSets",
+    "List the zone sets and their status at the robots.",
+    "GET",
+    ZONE_SETS,
+    ZoneSetList,
+    Role.VIEWER,
+)
+SHOW_ZONE_SET = Operation(
+    "zoneSet",
+    "Return a zone set's status at the robots.",
+    "GET",
+    f"{ZONE_SETS}/{{name}}",
+    ZoneSetStatus,
+    Role.VIEWER,
+    name_type=ObjectName,
+)
+PUT_ZONE_SET = Operation(
+    "putZoneSet",
+    "Store a zone set (VDA 5050 3.0, 6.4) and send it, disabled, to all robots of version 3.0.",
+    "POST",
+    ZONE_SETS,
+    ZoneSetStatus,
+    Role.ADMIN,
+    request=ZoneSetRequest,
+    request_field="zone_set",
+    result="zone_set",
+)
+ENABLE_ZONE_SET = Operation(
+    "enableZoneSet",
+    "Have robots use a zone set, and no other one of its map.",
+    "POST",
+    f"{ZONE_SETS}/{{name}}/enable",
+    ZoneSetStatus,
+    Role.ADMIN,
+    subject="zone_set_id",
+    result="zone_set",
+    name_type=ObjectName,
+)
+DELETE_ZONE_SET = Operation(
+    "deleteZoneSet",
+    "Have robots delete a zone set. They keep one that is in use until another one is enabled.",
+    "DELETE",
+    f"{ZONE_SETS}/{{name}}",
+    ZoneSetStatus,
+    Role.ADMIN,
+    subject="zone_set_id",
+    result="zone_set",
+    name_type=ObjectName,
+)
+
+CHANGE_PLANT = Operation(
+    "changePlantModel",
+    "Put another plant model in use: openTCS's XML, LIF as in its standard, or NeNa's own JSON.",
+    "PUT",
+    PLANT_MODEL,
+    PlantModelChange,
+    Role.ADMIN,
+    max_body=JSON_LIMITS.size_bytes,
+)
+"""Its body is a file in one of several forms, so its route is written by hand."""
+
+OPERATIONS: Final[tuple[Operation[Any], ...]] = (
+    CREATE_ORDER,
+    LIST_ORDERS,
+    SHOW_ORDER,
+    DELIVERY,
+    ASSIGNMENT,
+    WITHDRAW,
+    HOLD,
+    RESUME,
+    CREATE_SEQUENCE,
+    LIST_SEQUENCES,
+    SHOW_SEQUENCE,
+    COMPLETE_SEQUENCE,
+    LIST_VEHICLES,
+    SHOW_VEHICLE,
+    INTEGRATION_LEVEL,
+    ORDER_TYPES,
+    DISPATCH,
+    INSTANT_ACTION,
+    REROUTE,
+    LIST_PATHS,
+    LOCK_PATH,
+    SHOW_PATH,
+    LIST_ZONE_SETS,
+    SHOW_ZONE_SET,
+    PUT_ZONE_SET,
+    ENABLE_ZONE_SET,
+    DELETE_ZONE_SET,
+)
+"""Those that are served alike; a route that could take another one's place stands behind it."""
+
+COMMANDS: Final[Mapping[str, Operation[Any]]] = {each.name: each for each in OPERATIONS if each.result}
+"""Those of MQTT commands, by the commands' names."""
