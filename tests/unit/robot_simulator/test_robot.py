@@ -13,7 +13,7 @@ from nena_robot_simulator.goals import Action
 from nena_robot_simulator.motion import Pose, hall
 from nena_robot_simulator.navigator import Goal
 from nena_robot_simulator.robot import Robot
-from nena_robot_simulator.settings import RobotSettings
+from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
 
 A, B = UUID(int=1), UUID(int=2)
 HALL = hall(min_x=-20, min_y=-20, max_x=30, max_y=20, resolution=0.1)
@@ -26,12 +26,10 @@ class Bench:
         self.now = 100.0
         self.robot = Robot(
             RobotSettings(**settings),
+            SimulatorSettings(time_factor=time_factor, replan_period=replan_period),
             hall=HALL,
-            time_factor=time_factor,
-            retention=900.0,
             now=self.now,
             noise=random.Random(7),
-            replan_period=replan_period,
         )
 
     def take(self, goal_id: UUID, x: float, y: float, yaw: float = 0.0, frame: str = "map") -> bool:

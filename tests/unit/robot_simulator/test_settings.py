@@ -64,7 +64,7 @@ def test_a_fault_is_given_on_the_command_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("robots = []", "there is no robot"),
+        ("robots = []", "robots is empty"),
         ("[[robots]]\ndomain_id = 233", "robots.0.domain_id"),
         ("[[robots]]\ndomain_id = -1", "robots.0.domain_id"),
         ('[[robots]]\nnamespace = "robot-1"', "letters, digits and underscores"),
@@ -72,7 +72,7 @@ def test_a_fault_is_given_on_the_command_line(tmp_path: Path) -> None:
         ('[[robots]]\nnamespace = "a/"', "letters, digits and underscores"),
         ('[[robots]]\nnamespace = "1a"', "letters, digits and underscores"),
         ("[[robots]]\nstart = { x = nan }", "robots.0.start.x"),
-        ("[[robots]]\n[[robots]]\ndomain_id = 1", "two robots are called 'robot1'"),
+        ("[[robots]]\n[[robots]]\ndomain_id = 1", "duplicate robot name 'robot1'"),
         ('[[robots]]\nname = "a"\n[[robots]]\nname = "b"', "two robots share domain 0 and namespace ''"),
         ("time_factor = 0", "time_factor"),
         ("map = { min_x = 5, max_x = 5 }", "at most 1000 m"),
@@ -104,8 +104,8 @@ def test_copies_are_robots_in_namespaces_or_domains_of_their_own() -> None:
 @pytest.mark.parametrize(
     ("settings", "problem"),
     [
-        ({"copies": 2, "robots": [{"name": "a"}, {"name": "b", "namespace": "b"}]}, "made of one robot"),
-        ({"copies": 2, "separate_domains": True, "robots": [{"domain_id": 232}]}, "no 2 domain ids"),
+        ({"copies": 2, "robots": [{"name": "a"}, {"name": "b", "namespace": "b"}]}, "exactly one robot"),
+        ({"copies": 2, "separate_domains": True, "robots": [{"domain_id": 232}]}, "2 copies from domain ID"),
     ],
 )
 def test_copies_that_cannot_be_made(settings: dict[str, Any], problem: str) -> None:

@@ -1,4 +1,4 @@
-"""The program: reads the settings, runs the robots until a signal comes, leaves in order."""
+"""The program ``nena-robot-simulator``: environment, start-up and shutdown."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
 @contextmanager
 def ros_environment() -> Iterator[None]:
-    """Set up this process for rclpy; what the user has set stays.
+    """Set the environment that rclpy needs; existing variables are kept.
 
-    UDP alone, since shared memory of a process that was killed can block its neighbours for ever. Fields of
-    messages check their types, since a number of the wrong type would be sent as garbage. The log files that
-    rclpy insists on go to a directory that is removed in the end.
+    UDP only, because the shared memory of a killed process can block other processes forever. Message fields
+    check their types, because a number of the wrong type would be sent as garbage. rclpy's log files go to a
+    temporary directory.
     """
     os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
     os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
@@ -42,18 +42,18 @@ def ros_environment() -> Iterator[None]:
 
 PROGRAM = "nena-robot-simulator"
 DESCRIPTION = (
-    "Simulates mobile robots as they look on ROS 2 topics under Nav2: goals, statuses, pose, battery, map "
-    "and plan. Without settings there is one robot, in ROS domain 0 and no namespace. Faults can be given at "
-    "the start (--faults) and while it runs (topic simulator/fault)."
+    "Simulate mobile robots with Nav2 on ROS 2 topics: goals, statuses, pose, battery, map and plan. By "
+    "default one robot in ROS domain 0 without a namespace. Inject faults at start (--faults) or at run time "
+    "(topic simulator/fault)."
 )
-LOOK_AROUND = 0.5
-"""Seconds between two looks at the robots' threads."""
+CHECK_PERIOD = 0.5
+"""Period of checking the robots' threads, seconds."""
 
 log = logging.get_logger(__name__)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; the exit status is 0 after a signal, 1 after a failure, 2 for bad settings."""
+    """Run the program; return 0 after a signal, 1 after a failure, 2 for invalid settings."""
     with ros_environment():
         return run(SimulatorSettings, _serve, program=PROGRAM, description=DESCRIPTION, argv=argv)
 
@@ -79,12 +79,12 @@ async def _serve(settings: SimulatorSettings, stop: asyncio.Event) -> None:
 
 
 async def _wait(robots: Sequence[RobotNode], stop: asyncio.Event) -> None:
-    """Wait for the end; a robot whose thread has ended is the end too."""
+    """Wait for a signal, or until a robot's thread ends."""
     while not stop.is_set():
         if not all(robot.alive for robot in robots):
             raise TaskFailedError("a robot's ROS thread")
         try:
-            async with asyncio.timeout(LOOK_AROUND):
+            async with asyncio.timeout(CHECK_PERIOD):
                 await stop.wait()
         except TimeoutError:
             continue

@@ -1,4 +1,8 @@
-"""The types of Nav2's actions, where this machine has them."""
+"""The servers of bt_navigator's actions in the ROS graph: goals, results, feedback, status and cancel.
+
+They use the hidden topics and services of an action directly, so that the navigator's rules decide their
+content instead of the behaviour of rclpy's server.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,7 @@ _NAMES = {Action.TO_POSE: "NavigateToPose", Action.THROUGH_POSES: "NavigateThrou
 
 
 def action_types() -> dict[Action, Any]:
-    """Give the type of each action; none at all where ``nav2_msgs`` is missing."""
+    """Return the type of each action; empty if ``nav2_msgs`` is not installed."""
     try:
         module = import_module("nav2_msgs.action")
     except ImportError:
@@ -35,14 +39,14 @@ LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
 FEEDBACK = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-QUESTIONS = 100
-"""Requests for results that may wait; a newer one is left without an answer above that."""
+RESULT_REQUESTS = 100
+"""Maximum number of waiting result requests; further ones get no response."""
 
 Answer = Callable[[Any], None]
 
 
 class ActionServer(Protocol):
-    """Who decides on what comes in."""
+    """Handles goals and cancel requests."""
 
     @property
     def hangs(self) -> bool:
@@ -50,7 +54,7 @@ class ActionServer(Protocol):
         ...
 
     def on_goal(self, action: Action, goal: Goal) -> int | None:
-        """Take a goal; gives the time of its acceptance (UTC, ns), None: it is refused."""
+        """Accept a goal; return the time of acceptance (UTC, ns), or None if it is rejected."""
         ...
 
     def on_cancel(self, action: Action, request: Any, response: Any) -> None:  # noqa: ANN401
@@ -58,12 +62,12 @@ class ActionServer(Protocol):
         ...
 
     def find(self, action: Action, goal_id: UUID) -> GoalEntry | None:
-        """Give a goal that is remembered."""
+        """Return a known goal."""
         ...
 
 
 class ActionEndpoints:
-    """The topics and services of one action; without its ``types`` its statuses and cancelling alone."""
+    """The topics and services of one action; without ``types`` only status and cancel."""
 
     def __init__(self, session: RosSession, action: Action, types: Any | None, server: ActionServer) -> None:  # noqa: ANN401
         self._session = session
@@ -73,10 +77,10 @@ class ActionEndpoints:
         self._status: Any = None
         self._feedback: Any = None
         self._others: list[Any] = []
-        self._questions: list[tuple[UUID, Answer]] = []
+        self._result_requests: list[tuple[UUID, Answer]] = []
 
     def open(self) -> None:
-        """Appear in the graph as a new server."""
+        """Join the ROS graph as a new server."""
         name, session = f"{self._action}/_action", self._session
         self._status = session.publisher(GoalStatusArray, f"{name}/status", LATCHED)
         self._others = [session.serve_later(CancelGoal, f"{name}/cancel_goal", self._on_cancel)]
@@ -89,29 +93,29 @@ class ActionEndpoints:
             ]
 
     def close(self) -> None:
-        """Leave the graph; who waits for a result gets none."""
+        """Leave the ROS graph; waiting result requests get no response."""
         for entity in (self._status, self._feedback, *self._others):
             self._session.destroy(entity)
-        self._status, self._feedback, self._others, self._questions = None, None, [], []
+        self._status, self._feedback, self._others, self._result_requests = None, None, [], []
 
     def publish(self, snapshot: Snapshot) -> None:
-        """Publish a status array, if the server is there."""
+        """Publish a status array, if the server is in the graph."""
         if self._status is not None:
             self._status.publish(messages.status_array(snapshot))
 
     def answer(self) -> None:
-        """Answer those who wait for the result of a goal that has ended meanwhile."""
-        waiting, self._questions = self._questions, []
+        """Answer the waiting result requests of goals that have ended."""
+        waiting, self._result_requests = self._result_requests, []
         for goal_id, answer in waiting:
             self._answer_or_keep(goal_id, answer)
 
     @property
     def wants_feedback(self) -> bool:
-        """Whether anybody listens to the feedback."""
+        """Whether the feedback has a subscriber."""
         return self._feedback is not None and self._feedback.get_subscription_count() > 0
 
     def publish_feedback(self, feedback: Feedback, frame_id: str, nanoseconds: int) -> None:
-        """Tell how the drive stands."""
+        """Publish feedback."""
         message = messages.feedback_message(self._types, feedback, frame_id, nanoseconds)
         self._feedback.publish(message)
 
@@ -132,13 +136,13 @@ class ActionEndpoints:
         answer(response)
 
     def _on_get_result(self, request: Any, answer: Answer) -> None:  # noqa: ANN401
-        if len(self._questions) < QUESTIONS:
+        if len(self._result_requests) < RESULT_REQUESTS:
             self._answer_or_keep(messages.goal_id_of(request), answer)
 
     def _answer_or_keep(self, goal_id: UUID, answer: Answer) -> None:
         entry = self._server.find(self._action, goal_id)
         if entry is not None and not entry.ended:
-            self._questions.append((goal_id, answer))
+            self._result_requests.append((goal_id, answer))
             return
         response = self._types.Impl.GetResultService.Response() if self._types else None
         messages.fill_result(response, entry)
@@ -148,8 +152,8 @@ class ActionEndpoints:
 class NavigatorEndpoints:
     """Two actions, the goal topic and the lifecycle service; closed at first.
 
-    ``types`` are those of the actions that this machine has: without them NavigateToPose shows its statuses
-    and can be cancelled, which is all that driving by the topic needs.
+    ``types`` are the installed action types. Without them NavigateToPose publishes its status and can be
+    cancelled, which is all that driving by topic needs.
     """
 
     def __init__(
@@ -171,30 +175,30 @@ class NavigatorEndpoints:
         self._others: list[Any] = []
 
     def show(self, *, there: bool) -> None:
-        """Appear in the graph or leave it; each appearance is a new server with an empty list."""
+        """Join or leave the ROS graph; each time it joins as a new server with an empty list."""
         if there and not self._others:
             self._open()
         elif not there and self._others:
             self._close()
 
     def publish(self, action: Action, snapshot: Snapshot) -> None:
-        """Publish a status array, if anybody is there to do so."""
+        """Publish a status array of an action that is served."""
         if action in self._actions:
             self._actions[action].publish(snapshot)
 
     def answer(self, action: Action) -> None:
-        """Answer those who wait for a result that is there now."""
+        """Answer the waiting result requests of goals that have ended."""
         if action in self._actions:
             self._actions[action].answer()
 
-    def tell(
+    def publish_progress(
         self, feedback: Callable[[Action], Feedback | None], frame_id: str, stamp: Callable[[], int]
     ) -> None:
-        """Publish the feedback of the action that is driven for, where somebody listens."""
+        """Publish the feedback of the active action, if it has a subscriber."""
         for action, endpoints in self._actions.items():
-            told = feedback(action) if endpoints.wants_feedback else None
-            if told is not None:
-                endpoints.publish_feedback(told, frame_id, stamp())
+            progress = feedback(action) if endpoints.wants_feedback else None
+            if progress is not None:
+                endpoints.publish_feedback(progress, frame_id, stamp())
 
     def _open(self) -> None:
         for endpoints in self._actions.values():

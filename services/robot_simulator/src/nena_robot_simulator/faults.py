@@ -1,8 +1,8 @@
-"""Faults on request: what can go wrong with the simulated robot, and for how long.
+"""Faults that can be injected into the simulated robot.
 
-A fault is a small JSON object that names its ``kind``. It holds until it is sent again with
-``"active": false``, or until it has met the number of goals in ``goals``. A new kind is a class here, a
-name in :data:`Fault`, and a look at :meth:`Faults.get` where it takes effect.
+A fault is a JSON object with a ``kind``. It is active until it is sent again with ``"active": false``, or
+until it has affected the number of goals in ``goals``. A new kind needs a class here, an entry in
+:data:`Fault`, and a :meth:`Faults.get` where it takes effect.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Radians = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class FaultRefusedError(Exception):
-    """A text on the fault topic is no fault; ``problems`` says what to change."""
+    """A message on the fault topic is not a fault; ``problems`` lists what to change."""
 
     def __init__(self, problems: list[str]) -> None:
         super().__init__("; ".join(problems))
@@ -32,16 +32,16 @@ class _Message(BaseModel):
 
 
 class Lasting(_Message):
-    """A fault that is switched on and off."""
+    """A fault that can be switched on and off."""
 
     active: bool = Field(default=True, description="Switch the fault on or off.")
 
 
 class PerGoal(Lasting):
-    """A fault that meets goals, for ever or for a number of them."""
+    """A fault that affects goals, permanently or a number of them."""
 
     goals: int | None = Field(
-        None, ge=1, description="How many goals it meets; none: all until switched off."
+        None, ge=1, description="Number of goals to affect. Unset: all until switched off."
     )
 
 
@@ -53,90 +53,96 @@ class Circle(_Message):
     radius: Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
     def holds(self, pose: Pose) -> bool:
-        """Whether the pose lies in the circle."""
+        """Return whether a pose is in the circle."""
         return Pose(self.x, self.y, 0.0).distance(pose) <= self.radius
 
 
 class Unreachable(PerGoal):
-    """No way to the goal is found: the goal ends ABORTED at once."""
+    """No path is found: the goal is ABORTED at once."""
 
     kind: Literal["unreachable"] = "unreachable"
-    circles: tuple[Circle, ...] = Field((), description="Only goals inside one of these; none: every goal.")
-    error_code: int = Field(208, ge=0, le=65535, description="Reason in the result of an action: no path.")
+    circles: tuple[Circle, ...] = Field(
+        (), description="Only goals inside one of these circles. Unset: every goal."
+    )
+    error_code: int = Field(
+        208, ge=0, le=65535, description="Error code in the action's result: no valid path."
+    )
 
     def concerns(self, goal: Pose) -> bool:
-        """Whether the goal is one that cannot be reached."""
+        """Return whether the goal is affected."""
         return not self.circles or any(circle.holds(goal) for circle in self.circles)
 
 
 class AbortHalfway(PerGoal):
-    """The drive ends ABORTED after a part of the way."""
+    """The goal is ABORTED after part of the path."""
 
     kind: Literal["abort_halfway"] = "abort_halfway"
-    fraction: float = Field(0.5, ge=0, le=1, description="Part of the way after which the drive is aborted.")
+    fraction: float = Field(
+        0.5, ge=0, le=1, description="Fraction of the path after which the goal is aborted."
+    )
     error_code: int = Field(
-        105, ge=0, le=65535, description="Reason in the result of an action: no progress."
+        105, ge=0, le=65535, description="Error code in the action's result: failed to make progress."
     )
 
 
 class RejectGoals(PerGoal):
-    """Goals by the topic vanish: no status, no movement; those by an action are refused."""
+    """Goals on the topic are dropped without a status; goals of an action are rejected."""
 
     kind: Literal["reject_goals"] = "reject_goals"
 
 
 class Stuck(Lasting):
-    """The robot does not move, the goal stays EXECUTING."""
+    """The robot does not move; the goal stays EXECUTING."""
 
     kind: Literal["stuck"] = "stuck"
     recovery_after: float = Field(
         10.0,
         gt=0,
-        description="Seconds of standstill from one recovery to the next, as feedback counts them.",
+        description="Standstill between two recoveries in the feedback, seconds.",
     )
 
 
 class Silence(Lasting):
-    """Nothing is published any more; services still answer."""
+    """Nothing is published; services still answer."""
 
     kind: Literal["silence"] = "silence"
 
 
 class AmclSilent(Lasting):
-    """No pose is published any more, the rest goes on."""
+    """No pose is published; everything else continues."""
 
     kind: Literal["amcl_silent"] = "amcl_silent"
 
 
 class LocalisationLost(Lasting):
-    """AMCL's particles are spread all over the place: its estimates say so by their covariance."""
+    """AMCL has lost the pose: its estimates have a large covariance."""
 
     kind: Literal["localisation_lost"] = "localisation_lost"
-    xy_deviation: float = Field(3.0, gt=0, description="Standard deviation that it shows, m.")
+    xy_deviation: float = Field(3.0, gt=0, description="Reported standard deviation, m.")
 
 
 class PoseJump(Lasting):
-    """AMCL has taken one aisle for another: its estimates are off by a fixed way."""
+    """AMCL has confused two aisles: its estimates have a constant offset."""
 
     kind: Literal["pose_jump"] = "pose_jump"
-    x: Metres = Field(3.0, description="How far they are off, m.")
-    y: Metres = Field(0.0, description="How far they are off, m.")
+    x: Metres = Field(3.0, description="Offset, m.")
+    y: Metres = Field(0.0, description="Offset, m.")
 
 
 class NanPose(Lasting):
-    """The estimates hold no numbers."""
+    """The estimates contain NaN."""
 
     kind: Literal["nan_pose"] = "nan_pose"
 
 
 class BatteryScale(Lasting):
-    """The battery's percentage comes in the other scale than the settings say."""
+    """The battery percentage has the other scale than configured."""
 
     kind: Literal["battery_scale"] = "battery_scale"
 
 
 class Unconfigured(Lasting):
-    """bt_navigator is not in the ROS graph; it comes back as a new server that knows no goals."""
+    """bt_navigator is not in the ROS graph; it returns as a new server without goals."""
 
     kind: Literal["unconfigured"] = "unconfigured"
 
@@ -169,38 +175,38 @@ class BringUp(Lasting):
 
 
 class DuplicateStatus(Lasting):
-    """Each status array comes twice."""
+    """Each status array is published twice."""
 
     kind: Literal["duplicate_status"] = "duplicate_status"
 
 
 class ReorderedStatus(Lasting):
-    """After each status array the one before it comes once more, and then the newest again."""
+    """After each status array the previous one is repeated, then the newest."""
 
     kind: Literal["reordered_status"] = "reordered_status"
 
 
 class TerminalFirst(Lasting):
-    """A goal is not seen before its end: arrays with a goal that runs are lost."""
+    """A goal is not visible before its end: arrays with a running goal are dropped."""
 
     kind: Literal["terminal_first"] = "terminal_first"
 
 
 class Freeze(_Message):
-    """The robot's whole ROS side hangs once, for a while: nothing is published, heard or answered."""
+    """The robot's ROS node hangs once: nothing is published, received or answered."""
 
     kind: Literal["freeze"] = "freeze"
-    seconds: float = Field(3.0, gt=0, le=60, description="How long.")
+    seconds: float = Field(3.0, gt=0, le=60, description="Duration, seconds.")
 
 
 class Inactive(Lasting):
-    """The lifecycle nodes are inactive: a running goal ends ABORTED, new goals vanish."""
+    """The lifecycle nodes are inactive: a running goal is ABORTED, new goals are dropped."""
 
     kind: Literal["inactive"] = "inactive"
 
 
 class ForeignGoal(_Message):
-    """Somebody else gives the robot a goal, once: RViz, a docking server."""
+    """Another client sends the robot a goal once, e.g. RViz or a docking server."""
 
     kind: Literal["foreign_goal"] = "foreign_goal"
     x: Metres
@@ -239,10 +245,10 @@ _parser: TypeAdapter[AnyFault] = TypeAdapter(Fault)
 
 
 def parse(text: str) -> AnyFault:
-    """Read a fault from JSON.
+    """Parse a fault from JSON.
 
     Raises:
-        FaultRefusedError: the text is no JSON or no fault.
+        FaultRefusedError: the text is not JSON or not a fault.
 
     """
     try:
@@ -252,29 +258,29 @@ def parse(text: str) -> AnyFault:
 
 
 class Faults:
-    """The faults that are switched on, one of each kind."""
+    """The active faults, at most one of each kind."""
 
     def __init__(self) -> None:
         self._on: dict[type[Lasting], Lasting] = {}
 
     def apply(self, fault: Lasting) -> None:
-        """Switch a fault on or off; the newest word of a kind counts."""
+        """Switch a fault on or off, replacing one of the same kind."""
         if fault.active:
             self._on[type(fault)] = fault
         else:
             self._on.pop(type(fault), None)
 
     def get(self, kind: type[F]) -> F | None:
-        """Give the fault of this kind, where it is switched on."""
+        """Return the active fault of this kind, if any."""
         found = self._on.get(kind)
         return found if isinstance(found, kind) else None
 
     def on(self, kind: type[Lasting]) -> bool:
-        """Whether a fault of this kind is switched on."""
+        """Return whether a fault of this kind is active."""
         return kind in self._on
 
     def spend(self, kind: type[PerGoal]) -> None:
-        """Count a goal that the fault has met; after the last one the fault is over."""
+        """Count an affected goal; after the last one the fault ends."""
         fault = self.get(kind)
         if fault is None or fault.goals is None:
             return
@@ -285,7 +291,7 @@ class Faults:
 
 
 def disturbed(newest: Snapshot, before: Snapshot, active: Faults) -> tuple[Snapshot, ...]:
-    """Give the arrays that come in place of ``newest``; ``before`` is the one that came about before it."""
+    """Return the arrays to publish instead of ``newest``; ``before`` is the previous one."""
     if active.on(TerminalFirst) and not all(goal.ended for goal in newest):
         return ()
     if active.on(ReorderedStatus) and before:

@@ -1,4 +1,4 @@
-"""The actions of bt_navigator."""
+"""Goals of bt_navigator's actions: status array, error codes and cancel requests."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from uuid import UUID
 
 
 class Action(StrEnum):
-    """Each has a server of its own; the value is its name in the ROS graph."""
+    """The actions of bt_navigator, each with its own server; the value is the name in the ROS graph."""
 
     TO_POSE = "navigate_to_pose"
     THROUGH_POSES = "navigate_through_poses"
 
 
 THROUGH_POSES = 100
-"""What the planner's codes, 200 and more, are higher by where a way over several places was asked for."""
+"""Offset of the planner's codes (200 and above) for NavigateThroughPoses."""
 
 
 class ErrorCode(IntEnum):
-    """Codes that this robot gives by itself, of some dozens that Nav2 has."""
+    """The error codes of Nav2's action results (Jazzy) that this robot uses."""
 
     NONE = 0
-    """Also: the goal never started."""
+    """No error, or the goal never started."""
     FAILED_TO_MAKE_PROGRESS = 105
-    """The controller: the robot does not get on."""
+    """From the controller: the robot is stuck."""
     GOAL_OUTSIDE_MAP = 204
     GOAL_OCCUPIED = 206
     NO_VALID_PATH = 208
     NO_VIAPOINTS_GIVEN = 309
-    """A goal over several places names none."""
+    """A NavigateThroughPoses goal without poses."""
 
 
 def of_several(code: int) -> int:
-    """Give a code as it is where a way over several places was asked for."""
+    """Return the NavigateThroughPoses counterpart of a code."""
     by_planner = code // THROUGH_POSES == ErrorCode.NO_VALID_PATH // THROUGH_POSES
     return code + THROUGH_POSES if by_planner else code
 
@@ -59,11 +59,11 @@ _NEXT: dict[GoalStatus, frozenset[GoalStatus]] = {
         (GoalStatus.SUCCEEDED, GoalStatus.CANCELED, GoalStatus.ABORTED),
     ),
 }
-"""The action server's state machine from acceptance on; what is missing here is an end."""
+"""State machine of a goal after acceptance; statuses without an entry are terminal."""
 
 
 class GoalTransitionError(Exception):
-    """A goal cannot go from its status to another one; a fault of this program."""
+    """Invalid status transition of a goal; a bug in this program."""
 
     def __init__(self, goal_id: UUID, old: GoalStatus, new: GoalStatus) -> None:
         super().__init__(f"goal {goal_id} cannot go from {old.name} to {new.name}")
@@ -74,9 +74,9 @@ class GoalTransitionError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class GoalEntry:
-    """One goal of the array; ``accepted_ns`` is UTC in nanoseconds, by the robot's clock.
+    """A goal in the array; ``accepted_ns`` is UTC in nanoseconds by the robot's clock.
 
-    ``error_code`` is in the goal's result alone, not in the array; 0: no reason is given.
+    ``error_code`` is only in the goal's result, not in the array; 0: no error.
     """
 
     goal_id: UUID
@@ -86,12 +86,12 @@ class GoalEntry:
 
     @property
     def ended(self) -> bool:
-        """Whether the goal has reached a terminal status."""
+        """Whether the status is terminal."""
         return self.status not in _NEXT
 
     @property
     def cancelable(self) -> bool:
-        """Whether a cancel request can still change the goal; one that is canceling already cannot."""
+        """Whether the goal can be cancelled; a goal that is CANCELING already cannot."""
         return self.status is GoalStatus.EXECUTING
 
 
@@ -99,7 +99,7 @@ Snapshot = tuple[GoalEntry, ...]
 
 
 class StatusArray:
-    """The goals in order of acceptance, and the arrays that are still to be published.
+    """The goals in order of acceptance, and the arrays not published yet.
 
     ``retention`` is in seconds from the terminal status (``action_server_result_timeout``).
     """
@@ -111,38 +111,38 @@ class StatusArray:
         self._unpublished: list[Snapshot] = []
 
     def __getitem__(self, goal_id: UUID) -> GoalStatus:
-        """Give the status of a goal; KeyError when it is unknown or forgotten."""
+        """Return the status of a goal; KeyError if it is unknown or expired."""
         return self._goals[goal_id].status
 
     def entries(self, now: float) -> Snapshot:
-        """Give the goals that are remembered at ``now`` (monotonic seconds)."""
+        """Return the goals kept at ``now`` (monotonic seconds)."""
         for goal_id in [known for known, ended in self._ended_at.items() if now - ended >= self._retention]:
             del self._goals[goal_id], self._ended_at[goal_id]
         return tuple(self._goals.values())
 
     def forget_all(self) -> None:
-        """Begin anew, as a server does that was restarted; nothing is published of it."""
+        """Remove all goals without publishing, like a restarted server."""
         self._goals.clear()
         self._ended_at.clear()
         self._unpublished.clear()
 
     def accept(self, goal_id: UUID, accepted_ns: int, now: float) -> None:
-        """Take a goal in; accept-and-execute shows it as EXECUTING at once."""
+        """Add a goal; accept-and-execute shows it as EXECUTING at once."""
         self._goals[goal_id] = GoalEntry(goal_id, accepted_ns, GoalStatus.EXECUTING)
         self._changed(now)
 
     def cancel(self, goal_ids: Iterable[UUID], now: float) -> None:
-        """Make the goals CANCELING, shown in one array however many they are."""
+        """Set goals to CANCELING, all in one array."""
         for goal_id in goal_ids:
             self._change(goal_id, GoalStatus.CANCELING)
         self._changed(now)
 
     def find(self, goal_id: UUID, now: float) -> GoalEntry | None:
-        """Give a goal that is remembered at ``now``."""
+        """Return a goal kept at ``now``."""
         return next((goal for goal in self.entries(now) if goal.goal_id == goal_id), None)
 
     def end(self, goal_id: UUID, status: GoalStatus, now: float, error_code: int = 0) -> None:
-        """Bring a goal to a terminal status, with the reason that its result gives.
+        """Set a goal to a terminal status, with the error code of its result.
 
         Raises:
             GoalTransitionError: the goal's state machine has no such step.
@@ -153,7 +153,7 @@ class StatusArray:
         self._changed(now)
 
     def take_unpublished(self) -> list[Snapshot]:
-        """Give the arrays that came about since the last call, oldest first."""
+        """Return the new arrays since the last call, oldest first."""
         taken, self._unpublished = self._unpublished, []
         return taken
 
@@ -168,7 +168,7 @@ class StatusArray:
 
 
 ANY_GOAL = UUID(int=0)
-"""The goal id of a request that names no goal."""
+"""The goal ID of a request without a goal."""
 
 
 class CancelCode(IntEnum):
@@ -182,17 +182,17 @@ class CancelCode(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class CancelAnswer:
-    """What the service answers, and the goals that change to CANCELING."""
+    """The response of the service, and the goals that change to CANCELING."""
 
     code: CancelCode
     goals: Snapshot = ()
 
 
 def answer_cancel(goals: Snapshot, goal_id: UUID, stamp_ns: int) -> CancelAnswer:
-    """Decide on a request; ``stamp_ns`` is UTC in nanoseconds, 0 for none.
+    """Answer a CancelGoal request; ``stamp_ns`` is UTC in nanoseconds, 0 for none.
 
-    A goal without a stamp means that goal alone. Without a goal, or with a stamp, all goals are meant that
-    were accepted up to the stamp (no stamp: all of them), and then no match is no error.
+    A goal without a stamp selects only that goal. Without a goal, or with a stamp, all goals accepted up to
+    the stamp are selected (no stamp: all goals), and no match is not an error.
     """
     if goal_id != ANY_GOAL and stamp_ns == 0:
         return _one(goals, goal_id)

@@ -1,6 +1,6 @@
-"""Between ROS messages and the simulator's own data; the one place that fills and reads messages.
+"""Conversion between ROS messages and the simulator's data.
 
-Every number passes through ``float()`` or ``int()``: a message takes any object and sends its memory.
+Every number passes through ``float()`` or ``int()``: a message accepts any object and sends its memory.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from nena_robot_simulator.sensors import Battery, Estimate, Scale
 
 SECOND = 1_000_000_000
 X_VARIANCE, Y_VARIANCE, YAW_VARIANCE = 0, 7, 35
-"""Where these stand in the covariance of a pose, a matrix of 6 by 6 in rows."""
+"""Indices in the covariance of a pose, a 6 by 6 matrix in rows."""
 
 
 def stamp_of(nanoseconds: int) -> Time:
-    """Give UTC nanoseconds as builtin_interfaces/Time."""
+    """Convert UTC nanoseconds to builtin_interfaces/Time."""
     seconds, rest = divmod(int(nanoseconds), SECOND)
     return Time(sec=seconds, nanosec=rest)
 
 
 def nanoseconds_of(stamp: Time) -> int:
-    """Read builtin_interfaces/Time as nanoseconds."""
+    """Convert builtin_interfaces/Time to nanoseconds."""
     return int(stamp.sec) * SECOND + int(stamp.nanosec)
 
 
@@ -46,21 +46,21 @@ def goal_id_of(message: Any) -> UUID:  # noqa: ANN401 - GoalInfo, or a request o
 
 
 def goal_info(goal: GoalEntry) -> GoalInfo:
-    """Make the action_msgs/GoalInfo of a goal."""
+    """Return the action_msgs/GoalInfo of a goal."""
     info = GoalInfo(stamp=stamp_of(goal.accepted_ns))
     info.goal_id.uuid = list(goal.goal_id.bytes)
     return info
 
 
 def status_array(goals: Iterable[GoalEntry]) -> GoalStatusArray:
-    """Make the action_msgs/GoalStatusArray of the goals."""
+    """Return the action_msgs/GoalStatusArray of the goals."""
     return GoalStatusArray(
         status_list=[GoalStatus(goal_info=goal_info(goal), status=int(goal.status)) for goal in goals]
     )
 
 
 def pose_message(pose: Pose) -> PoseMessage:
-    """Make a geometry_msgs/Pose on the floor."""
+    """Return a geometry_msgs/Pose at z = 0."""
     message = PoseMessage()
     message.position.x = float(pose.x)
     message.position.y = float(pose.y)
@@ -70,7 +70,7 @@ def pose_message(pose: Pose) -> PoseMessage:
 
 
 def pose_of(message: PoseMessage) -> Pose | None:
-    """Read a geometry_msgs/Pose; None where the quaternion or a number is unusable."""
+    """Read a geometry_msgs/Pose; None if the quaternion or a number is invalid."""
     turn = message.orientation
     yaw = yaw_of(turn.x, turn.y, turn.z, turn.w)
     x, y = float(message.position.x), float(message.position.y)
@@ -78,14 +78,14 @@ def pose_of(message: PoseMessage) -> Pose | None:
 
 
 def goal_pose_of(message: PoseMessage) -> Pose:
-    """Read a goal's pose as Nav2 does, which checks nothing: a broken orientation becomes yaw 0."""
+    """Read a goal's pose like Nav2, without checks: an invalid orientation becomes yaw 0."""
     turn = message.orientation
     yaw = yaw_of(turn.x, turn.y, turn.z, turn.w)
     return Pose(float(message.position.x), float(message.position.y), yaw or 0.0)
 
 
 def estimate_message(estimate: Estimate, frame_id: str, nanoseconds: int) -> PoseWithCovarianceStamped:
-    """Make the geometry_msgs/PoseWithCovarianceStamped of AMCL."""
+    """Return the geometry_msgs/PoseWithCovarianceStamped of AMCL."""
     message = PoseWithCovarianceStamped()
     message.header.frame_id = frame_id
     message.header.stamp = stamp_of(nanoseconds)
@@ -99,7 +99,7 @@ def estimate_message(estimate: Estimate, frame_id: str, nanoseconds: int) -> Pos
 def odometry_message(
     pose: Pose, velocity: tuple[float, float], *, frame_id: str, child_frame_id: str, nanoseconds: int
 ) -> Odometry:
-    """Make a nav_msgs/Odometry; ``velocity`` is forward m/s and counter-clockwise rad/s."""
+    """Return a nav_msgs/Odometry; ``velocity`` is forward m/s and counter-clockwise rad/s."""
     message = Odometry(child_frame_id=child_frame_id)
     message.header.frame_id = frame_id
     message.header.stamp = stamp_of(nanoseconds)
@@ -110,7 +110,7 @@ def odometry_message(
 
 
 def path_message(poses: Iterable[Pose], frame_id: str, nanoseconds: int) -> Path:
-    """Make the nav_msgs/Path of a plan."""
+    """Return the nav_msgs/Path of a plan."""
     path = Path()
     path.header.frame_id = frame_id
     path.header.stamp = stamp_of(nanoseconds)
@@ -119,7 +119,7 @@ def path_message(poses: Iterable[Pose], frame_id: str, nanoseconds: int) -> Path
 
 
 def battery_message(battery: Battery, scale: Scale, nanoseconds: int) -> BatteryState:
-    """Make a sensor_msgs/BatteryState."""
+    """Return a sensor_msgs/BatteryState."""
     message = BatteryState(
         present=True,
         percentage=float(battery.percentage(scale)),
@@ -132,7 +132,7 @@ def battery_message(battery: Battery, scale: Scale, nanoseconds: int) -> Battery
 
 
 def map_message(grid: GridMap, frame_id: str, nanoseconds: int) -> OccupancyGrid:
-    """Make the nav_msgs/OccupancyGrid of the place."""
+    """Return the nav_msgs/OccupancyGrid of the hall."""
     message = OccupancyGrid()
     message.header.frame_id = frame_id
     message.header.stamp = message.info.map_load_time = stamp_of(nanoseconds)
@@ -144,9 +144,9 @@ def map_message(grid: GridMap, frame_id: str, nanoseconds: int) -> OccupancyGrid
 
 
 STANDING = 0.01
-"""m/s below which Nav2 gives no estimate of the time that is left."""
+"""Speed below which Nav2 does not estimate the remaining time, m/s."""
 NEARLY_THERE = 0.1
-"""Metres below which it gives none either."""
+"""Distance below which Nav2 does not estimate the remaining time, m."""
 NOWHERE = Pose(math.nan, math.nan, 0.0)
 
 
@@ -159,27 +159,27 @@ def goal_of(request: Any, action: Action) -> Goal:  # noqa: ANN401 - rclpy carri
 
 
 def fill_result(response: Any, entry: GoalEntry | None) -> None:  # noqa: ANN401
-    """Fill the answer of ``get_result``: an unknown goal has the status 0."""
+    """Fill the response of ``get_result``; an unknown goal has status 0."""
     if entry is not None:
         response.status = int(entry.status)
         response.result.error_code = int(entry.error_code)
 
 
 def feedback_message(types: Any, feedback: Feedback, frame_id: str, nanoseconds: int) -> Any:  # noqa: ANN401
-    """Make the message of an action's feedback."""
+    """Return the feedback message of an action."""
     message = types.Impl.FeedbackMessage()
     message.goal_id.uuid = list(feedback.goal_id.bytes)
-    told = message.feedback
-    told.current_pose.header.frame_id = frame_id
-    told.current_pose.header.stamp = stamp_of(nanoseconds)
-    told.current_pose.pose = pose_message(feedback.pose)
-    _fill_duration(told.navigation_time, feedback.seconds)
+    status = message.feedback
+    status.current_pose.header.frame_id = frame_id
+    status.current_pose.header.stamp = stamp_of(nanoseconds)
+    status.current_pose.pose = pose_message(feedback.pose)
+    _fill_duration(status.navigation_time, feedback.seconds)
     if feedback.speed > STANDING and feedback.left > NEARLY_THERE:
-        _fill_duration(told.estimated_time_remaining, feedback.left / feedback.speed)
-    told.number_of_recoveries = int(feedback.recoveries)
-    told.distance_remaining = float(feedback.left)
-    if hasattr(told, "number_of_poses_remaining"):
-        told.number_of_poses_remaining = int(feedback.places_left)
+        _fill_duration(status.estimated_time_remaining, feedback.left / feedback.speed)
+    status.number_of_recoveries = int(feedback.recoveries)
+    status.distance_remaining = float(feedback.left)
+    if hasattr(status, "number_of_poses_remaining"):
+        status.number_of_poses_remaining = int(feedback.places_left)
     return message
 
 

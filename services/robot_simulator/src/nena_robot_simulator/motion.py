@@ -1,4 +1,4 @@
-"""Poses in the plane: metres and radians, counter-clockwise, as REP 103 has it."""
+"""Motion in the plane: poses (REP 103), the map of the hall, and differential-drive kinematics."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Pose(NamedTuple):
         return math.atan2(other.y - self.y, other.x - self.x)
 
     def then(self, other: Pose) -> Pose:
-        """Read ``other``, given in the frame of this pose, in the frame in which this pose is given."""
+        """Transform ``other`` from the frame of this pose into the frame that this pose is given in."""
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return Pose(
             self.x + cos * other.x - sin * other.y,
@@ -32,13 +32,13 @@ class Pose(NamedTuple):
         )
 
     def inverse(self) -> Pose:
-        """Give the pose that undoes this one: ``pose.then(pose.inverse())`` is the origin."""
+        """Return the inverse transform: ``pose.then(pose.inverse())`` is the origin."""
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return Pose(-cos * self.x - sin * self.y, sin * self.x - cos * self.y, wrap(-self.yaw))
 
 
 def wrap(angle: float) -> float:
-    """Bring an angle in radians into (-pi, pi]."""
+    """Normalise an angle (rad) to (-pi, pi]."""
     return math.pi - (math.pi - angle) % math.tau
 
 
@@ -66,21 +66,21 @@ class GridMap:
     cells: bytes
 
     def is_free(self, x: float, y: float) -> bool:
-        """Tell whether the place in metres lies on the map and in no wall."""
+        """Return whether a position (m) is on the map and free."""
         if not self.covers(x, y):
             return False
         column, row = map(math.floor, self._in_cells(x, y))
         return self.cells[row * self.width + column] == FREE
 
     def covers(self, x: float, y: float) -> bool:
-        """Tell whether the place in metres lies on the map at all; NaN and infinity do not."""
+        """Return whether a position (m) is on the map; NaN and infinity are not."""
         across, up = self._in_cells(x, y)
         return 0 <= across < self.width and 0 <= up < self.height
 
     def free_near(self, goal: Pose, tolerance: float) -> Pose | None:
-        """Give the goal, or the free place nearest to it within ``tolerance`` metres, as NavFn does.
+        """Return the goal, or the nearest free position within ``tolerance`` metres, as NavFn does.
 
-        None where the goal lies outside the map or too deep in a wall.
+        None if the goal is outside the map or too deep in a wall.
         """
         if not self.covers(goal.x, goal.y):
             return None
@@ -93,12 +93,12 @@ class GridMap:
         return min(near, key=goal.distance, default=None)
 
     def _in_cells(self, x: float, y: float) -> tuple[float, float]:
-        """Give the way from the origin to a place in cells; it may be infinite."""
+        """Return the offset of a position from the origin in cells; may be infinite."""
         return (x - self.origin_x) / self.resolution, (y - self.origin_y) / self.resolution
 
 
 def hall(*, min_x: float, min_y: float, max_x: float, max_y: float, resolution: float) -> GridMap:
-    """Make the map of a hall whose walls, two cells thick, stand just outside the given metres."""
+    """Create the map of a hall with walls, two cells thick, just outside the given bounds (m)."""
     wall = 2
     inner_width = math.ceil((max_x - min_x) / resolution)
     inner_height = math.ceil((max_y - min_y) / resolution)
@@ -117,16 +117,16 @@ def hall(*, min_x: float, min_y: float, max_x: float, max_y: float, resolution: 
 
 
 TURN_IN_PLACE_ABOVE = math.radians(60.0)
-"""A goal that lies further off the heading than this is turned to before driving."""
+"""Heading error above which the robot turns on the spot before driving, rad."""
 AT_PLACE = 0.05
-"""Metres within which only the heading is still corrected."""
+"""Distance to the target below which only the heading is corrected, m."""
 HEADING_GAIN = 3.0
-"""Yaw rate per radian of heading error, 1/s; the acceleration limit smooths it."""
+"""Yaw rate per heading error, 1/s; smoothed by the acceleration limit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """What the drive can do: m/s, m/s², rad/s, rad/s²."""
+    """Limits of the drive: m/s, m/s², rad/s, rad/s²."""
 
     speed: float
     acceleration: float
@@ -136,7 +136,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Where the robot is and how fast it goes: forward m/s, counter-clockwise rad/s."""
+    """Pose and velocity of the robot: forward m/s, counter-clockwise rad/s."""
 
     pose: Pose
     speed: float = 0.0
@@ -151,7 +151,7 @@ class Motion:
 def step(motion: Motion, target: Pose | None, limits: Limits, dt: float, *, behind: float = 0.0) -> Motion:
     """Move for ``dt`` seconds towards ``target`` (same frame); without a target, brake to standstill.
 
-    ``behind`` is how far the way goes on behind the target, m: above 0 it is passed and not stopped at.
+    ``behind`` is the length of the path beyond the target, m: above 0 the robot passes without a stop.
     """
     wanted_speed, wanted_yaw_rate = (
         (0.0, 0.0) if target is None else _wanted(motion.pose, target, limits, behind)
@@ -191,5 +191,5 @@ def _turn(error: float, limits: Limits) -> float:
 
 
 def _approach(value: float, wanted: float, most: float) -> float:
-    """Go from ``value`` towards ``wanted`` by at most ``most``."""
+    """Change ``value`` towards ``wanted`` by at most ``most``."""
     return wanted if abs(wanted - value) <= most else value + math.copysign(most, wanted - value)

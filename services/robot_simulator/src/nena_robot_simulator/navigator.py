@@ -24,7 +24,7 @@ from nena_robot_simulator.motion import Pose, wrap
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A NavigateToPose goal, or over the places of ``via`` a NavigateThroughPoses goal, in ``frame_id``."""
+    """A NavigateToPose goal, or with ``via`` a NavigateThroughPoses goal, in ``frame_id``."""
 
     goal_id: UUID
     pose: Pose
@@ -33,7 +33,7 @@ class Goal:
 
 
 class Target(NamedTuple):
-    """Where the robot is to drive for a goal, over the places of ``via``, in the map frame."""
+    """The target of a goal in the map frame, through the poses of ``via``."""
 
     goal_id: UUID
     pose: Pose
@@ -41,7 +41,7 @@ class Target(NamedTuple):
 
 
 class Progress(Enum):
-    """What the robot tells the loop of the drive to the target."""
+    """Progress of the drive to the target."""
 
     UNDERWAY = auto()
     REACHED = auto()
@@ -49,7 +49,7 @@ class Progress(Enum):
 
 
 class Navigator:
-    """Takes goals, decides when each one ends and with which status.
+    """Accepts goals and decides when and with which status each one ends.
 
     ``resolve`` turns a pose of a frame into one in the map frame, or gives None where the frame is unknown or
     the robot not localised. ``halting`` gives the seconds that halting the behaviour tree takes, ``barred``
@@ -71,48 +71,48 @@ class Navigator:
         self._active = True
         self._current: Goal | None = None
         self._pending: Goal | None = None
-        self._way: tuple[Pose, ...] | None = None
+        self._path: tuple[Pose, ...] | None = None
         self._began_at = 0.0
         self._halted_at: float | None = None
 
     @property
     def active(self) -> bool:
-        """Whether the lifecycle node is active and takes goals."""
+        """Whether the lifecycle node is active and accepts goals."""
         return self._active
 
     @property
     def busy(self) -> bool:
-        """Whether a goal has not ended yet."""
+        """Whether a goal is active."""
         return self._current is not None
 
     @property
     def driving(self) -> bool:
-        """Whether the robot drives for a goal, or is just being halted."""
-        return self._way is not None
+        """Whether the robot drives for a goal or is being halted."""
+        return self._path is not None
 
     @property
     def target(self) -> Target | None:
-        """What the robot is to drive for now; None: it is to stand."""
-        if self._current is None or self._way is None or self._halted_at is not None:
+        """The current target; None: stop."""
+        if self._current is None or self._path is None or self._halted_at is not None:
             return None
-        return Target(self._current.goal_id, self._way[-1], self._way[:-1])
+        return Target(self._current.goal_id, self._path[-1], self._path[:-1])
 
     @property
     def began_at(self) -> float:
-        """When the goal was accepted that is driven for."""
+        """Time of acceptance of the current goal."""
         return self._began_at
 
     def set_active(self, *, active: bool) -> None:
-        """Activate or deactivate the lifecycle node; running goals end when the loop has halted the tree."""
+        """Activate or deactivate the lifecycle node; goals end once the tree is halted."""
         self._active = active
 
     def restart(self) -> None:
-        """Begin anew, as a process that has died; its goals are gone without an end."""
+        """Restart like a crashed process; its goals disappear without an end."""
         self.goals.forget_all()
-        self._current = self._pending = self._way = self._halted_at = None
+        self._current = self._pending = self._path = self._halted_at = None
 
     def take(self, goal: Goal, accepted_ns: int, now: float) -> bool:
-        """Accept a goal; False when the server is inactive, and then nobody will hear of it."""
+        """Accept a goal; return False if the server is inactive."""
         if not self._active:
             return False
         self.goals.accept(goal.goal_id, accepted_ns, now)
@@ -125,13 +125,13 @@ class Navigator:
         return True
 
     def tick(self, now: float, progress: Progress, error_code: int = 0) -> None:
-        """Go once round the loop; ``progress`` is that towards :attr:`target`; why, if it has failed."""
+        """Run one cycle; ``progress`` is towards :attr:`target`, ``error_code`` says why it failed."""
         if self._current is None:
             return
         if self._halted_at is not None:
             if now >= self._halted_at:
                 self._terminate_all(now)
-        elif self._way is None:
+        elif self._path is None:
             self._begin(self._current, now)
         elif self._cancel_requested(self._pending or self._current):
             self._halted_at = now + self._halting()
@@ -144,22 +144,22 @@ class Navigator:
         return not self._active or self.goals[asked.goal_id] is GoalStatus.CANCELING
 
     def _preempted(self, current: Goal, now: float) -> Goal:
-        """Let the pending goal take over; one with an unusable pose keeps the robot on its old way."""
+        """Replace the current goal by the pending one; with an invalid pose the robot keeps its old path."""
         if self._pending is None:
             return current
         self.goals.end(current.goal_id, GoalStatus.ABORTED, now)
         self._current, self._pending, self._began_at = self._pending, None, now
-        self._way = self._way_of(self._current) or self._way
+        self._path = self._path_of(self._current) or self._path
         return self._current
 
     def _begin(self, goal: Goal, now: float) -> None:
-        """Find the way from standstill; a goal without a usable pose ends at once."""
-        self._way = None if self._barred() else self._way_of(goal)
-        if self._way is None:
+        """Start from standstill; a goal with an invalid pose ends at once."""
+        self._path = None if self._barred() else self._path_of(goal)
+        if self._path is None:
             self._finish(goal, Progress.FAILED, now)
 
-    def _way_of(self, goal: Goal) -> tuple[Pose, ...] | None:
-        """Give the places of a goal in the map frame; None where one of them cannot be told."""
+    def _path_of(self, goal: Goal) -> tuple[Pose, ...] | None:
+        """Return the poses of a goal in the map frame; None if one of them is unknown."""
         places = [self._resolve(place, goal.frame_id) for place in (*goal.via, goal.pose)]
         found = tuple(place for place in places if place is not None)
         return found if len(found) == len(places) else None
@@ -169,16 +169,16 @@ class Navigator:
             self.goals.end(goal.goal_id, GoalStatus.SUCCEEDED, now)
         else:
             self._terminate(goal, now, error_code)
-        self._current, self._pending, self._way, self._began_at = self._pending, None, None, now
+        self._current, self._pending, self._path, self._began_at = self._pending, None, None, now
 
     def _terminate_all(self, now: float) -> None:
         ending = [goal for goal in (self._current, self._pending) if goal is not None]
-        self._current = self._pending = self._way = self._halted_at = None
+        self._current = self._pending = self._path = self._halted_at = None
         for goal in ending:
             self._terminate(goal, now)
 
     def _terminate(self, goal: Goal, now: float, error_code: int = 0) -> None:
-        """End a goal without success: CANCELED where a client had asked for it, ABORTED otherwise."""
+        """End a goal without success: CANCELED if a client requested it, else ABORTED."""
         asked = self.goals[goal.goal_id] is GoalStatus.CANCELING
         status = GoalStatus.CANCELED if asked else GoalStatus.ABORTED
         self.goals.end(goal.goal_id, status, now, error_code)
@@ -222,31 +222,31 @@ class Drive:
         self._at_place = False
         self._reached = False
         self.cancelled = False
-        """Whether the controller's own goal was cancelled, which the behaviour tree takes for success."""
+        """Whether the controller's own goal was cancelled, which the behaviour tree treats as success."""
 
     @property
     def places_left(self) -> int:
-        """How many places are not passed yet, the last one among them."""
+        """Number of poses not passed yet, including the last one."""
         return len(self._via) + 1
 
     @property
     def next_place(self) -> Pose | None:
-        """Where the robot is to drive to now; None: it is to stand."""
+        """The pose to drive to; None: stop."""
         if self.cancelled:
             return None
         return self._via[0] if self._via and self.end is not None else self.end
 
     @property
     def behind(self) -> float:
-        """How far the way goes on behind :attr:`next_place`, m."""
+        """Length of the path beyond :attr:`next_place`, m."""
         return _length([*self._via, self.end]) if self.end is not None else 0.0
 
     def left(self, pose: Pose) -> float:
-        """Give the length of the way that is left for a robot at ``pose``, m."""
+        """Return the remaining length of the path from ``pose``, m."""
         return _length([pose, *self._via, self.target.pose])
 
     def move_to(self, pose: Pose) -> None:
-        """Note that the robot is at ``pose`` now; the place counts once it has been met."""
+        """Update the robot's pose; the goal's position counts once it has been reached."""
         if self.end is None:
             return
         while self._via and pose.distance(self._via[0]) <= PASSED_WITHIN:
@@ -255,7 +255,7 @@ class Drive:
         self._reached = self._at_place and abs(wrap(pose.yaw - self.end.yaw)) <= YAW_TOLERANCE
 
     def progress(self, pose: Pose) -> Progress:
-        """Tell how the drive stands with the robot at ``pose``."""
+        """Return the progress with the robot at ``pose``."""
         if self.cancelled:
             return Progress.REACHED
         given_up = self._abort_within is not None and self.left(pose) <= self._abort_within
@@ -264,7 +264,7 @@ class Drive:
         return Progress.REACHED if self._reached else Progress.UNDERWAY
 
     def plan(self, pose: Pose) -> list[Pose]:
-        """Give the way that is left, straight from ``pose`` over each place to its end, turned last."""
+        """Return the remaining path: straight lines from ``pose`` through each pose to the end."""
         if self.end is None:
             return []
         corners = [pose, *self._via, self.end]
@@ -274,7 +274,7 @@ class Drive:
 
 
 def _straight(start: Pose, end: Pose, most: int) -> list[Pose]:
-    """Give at most ``most`` poses from ``start`` to before ``end``, heading along the way."""
+    """Return at most ``most`` poses from ``start`` up to ``end`` (exclusive), heading along the line."""
     heading = start.bearing(end)
     parts = max(1, math.ceil(min(start.distance(end) / PLAN_SPACING, most)))
     dx, dy = (end.x - start.x) / parts, (end.y - start.y) / parts

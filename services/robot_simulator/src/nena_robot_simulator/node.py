@@ -43,19 +43,19 @@ BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 FAULTS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
 GOAL_DELAY = 0.003
-"""Seconds that a goal takes from the topic through bt_navigator's own action client to its server."""
+"""Latency of a goal from the topic through bt_navigator's own action client to its server, seconds."""
 LOOP_PERIOD = 0.01
-"""Seconds of one round of the behaviour tree (``bt_loop_duration``)."""
+"""Period of the behaviour tree (``bt_loop_duration``), seconds."""
 BASE_PERIOD = 0.05
-"""Seconds between two odometry messages, and between two laser scans."""
+"""Period of odometry and laser scans, seconds."""
 PLAN_PERIOD = 1.0
 BATTERY_PERIOD = 1.0
-GOALS_ON_THE_WAY = 10
-"""Goals that may wait for the delay to pass; the oldest is lost above that."""
+GOAL_QUEUE_LIMIT = 10
+"""Maximum number of goals waiting for the delay; beyond, the oldest is dropped."""
 
 
 class RobotNode:
-    """One simulated robot in its domain and namespace; ``start`` it, ``close`` it."""
+    """A simulated robot in its domain and namespace. Call ``start`` and ``close``."""
 
     def __init__(
         self, settings: RobotSettings, *, simulator: SimulatorSettings, hall: GridMap, clock: Clock
@@ -66,14 +66,12 @@ class RobotNode:
         self._log = log.bind(robot=settings.name)
         self._robot = Robot(
             settings,
+            simulator,
             hall=hall,
-            time_factor=simulator.time_factor,
-            retention=simulator.result_timeout,
             now=clock.monotonic(),
             noise=random.Random(settings.name),  # noqa: S311 - noise of a simulation that can be repeated
-            replan_period=simulator.replan_period,
         )
-        self._goals_on_the_way: deque[tuple[Pose, str]] = deque(maxlen=GOALS_ON_THE_WAY)
+        self._goal_queue: deque[tuple[Pose, str]] = deque(maxlen=GOAL_QUEUE_LIMIT)
         self._held_back: dict[Action, Snapshot] = {}
         self._planned_for: object = None
         self._session = RosSession(
@@ -104,13 +102,13 @@ class RobotNode:
         return self._session.alive
 
     def start(self) -> None:
-        """Publish the map and answer from now on."""
+        """Publish the map and start serving."""
         self._publish_map()
         self._session.start()
         self._log.info("robot ready", namespace=self._session.namespace, domain_id=self._settings.domain_id)
 
     def close(self) -> None:
-        """Leave the ROS graph in order, within two seconds."""
+        """Leave the ROS graph within two seconds."""
         self._session.close()
 
     def _make_publishers(self) -> None:
@@ -136,7 +134,7 @@ class RobotNode:
     def _make_timers(self) -> None:
         self._delivery = self._session.every(GOAL_DELAY, self._deliver_goals)
         self._delivery.cancel()
-        self._loop = self._session.every(LOOP_PERIOD, self._go_round)
+        self._loop = self._session.every(LOOP_PERIOD, self._on_loop)
         self._session.every(BASE_PERIOD, self._on_base)
         self._replanning = self._session.every(PLAN_PERIOD, self._publish_plan)
         self._session.every(BATTERY_PERIOD, self._publish_battery)
@@ -146,26 +144,26 @@ class RobotNode:
         return int(self._clock.now().timestamp() * 1_000_000) * 1000
 
     def _on_goal_pose(self, message: PoseStamped) -> None:
-        if not self._goals_on_the_way:
+        if not self._goal_queue:
             self._delivery.reset()
-        self._goals_on_the_way.append((messages.goal_pose_of(message.pose), message.header.frame_id))
+        self._goal_queue.append((messages.goal_pose_of(message.pose), message.header.frame_id))
 
     def _deliver_goals(self) -> None:
         self._delivery.cancel()
-        while self._goals_on_the_way:
-            pose, frame_id = self._goals_on_the_way.popleft()
+        while self._goal_queue:
+            pose, frame_id = self._goal_queue.popleft()
             if self.hangs:
                 continue
             self._take(Goal(uuid.uuid4(), pose, frame_id), Action.TO_POSE)
 
     def on_goal(self, action: Action, goal: Goal) -> int | None:
-        """Take a goal of an action; gives the time of its acceptance (UTC, ns), None: it is refused."""
+        """Accept a goal of an action; return the time of acceptance (UTC, ns), or None if it is rejected."""
         if self.find(action, goal.goal_id) is not None:
             return None
         return self._take(goal, action)
 
     def find(self, action: Action, goal_id: uuid.UUID) -> GoalEntry | None:
-        """Give a goal that is remembered."""
+        """Return a known goal."""
         return self._robot.goals(action).find(goal_id, self._clock.monotonic())
 
     def _take(self, goal: Goal, action: Action) -> int | None:
@@ -181,7 +179,7 @@ class RobotNode:
     def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         pose = messages.pose_of(message.pose.pose)
         if pose is None or message.header.frame_id != self._settings.map_frame:
-            self._log.warning("initial pose dropped: bad numbers or frame", frame=message.header.frame_id)
+            self._log.warning("initial pose ignored: invalid numbers or frame", frame=message.header.frame_id)
             return
         self._robot.take_initial_pose(pose)
         self._log.info("initial pose", x=pose.x, y=pose.y, yaw=pose.yaw)
@@ -226,7 +224,7 @@ class RobotNode:
         try:
             fault = faults.parse(message.data)
         except faults.FaultRefusedError as error:
-            self._log.warning("fault refused", problems=error.problems)
+            self._log.warning("fault rejected", problems=error.problems)
             return
         self._apply(fault)
         self._show_navigator()
@@ -236,7 +234,7 @@ class RobotNode:
     def _apply(self, fault: faults.AnyFault) -> None:
         if isinstance(fault, faults.Freeze):
             self._log.info("fault", **fault.model_dump())
-            threading.Event().wait(fault.seconds)  # in the robot's own thread: all of it hangs
+            threading.Event().wait(fault.seconds)  # blocks the robot's thread, so that all of it hangs
             return
         was_silent = self._silent
         now = self._clock.monotonic()
@@ -253,14 +251,16 @@ class RobotNode:
     def _silent(self) -> bool:
         return self._robot.faults.on(faults.Silence)
 
-    def _go_round(self) -> None:
-        """Let the robot live; while it rests, only the slower round of the base goes on."""
+    def _on_loop(self) -> None:
+        """Advance the robot. While it rests, only the slower cycle of the base runs."""
         now = self._clock.monotonic()
         self._robot.advance(now)
         self._publish_statuses()
         if not self._silent:
             frame = self._settings.map_frame
-            self._navigator.tell(lambda action: self._robot.feedback(action, now), frame, self._stamp)
+            self._navigator.publish_progress(
+                lambda action: self._robot.feedback(action, now), frame, self._stamp
+            )
         if self._robot.drive is not None and self._robot.drive is not self._planned_for:
             self._publish_plan()
             self._replanning.reset()

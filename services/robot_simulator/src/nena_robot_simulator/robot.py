@@ -1,4 +1,4 @@
-"""The simulated robot as a whole, without ROS: goals, poses, requests and the time go in, state comes out."""
+"""The simulated robot without ROS: goals, poses, requests and time in, state out."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from nena_robot_simulator.goals import (
 from nena_robot_simulator.motion import GridMap, Limits, Motion, Pose, step
 from nena_robot_simulator.navigator import PLANNER_TOLERANCE, Drive, Goal, Navigator, Progress, Target
 from nena_robot_simulator.sensors import Battery, Estimate, Localisation
-from nena_robot_simulator.settings import RobotSettings
+from nena_robot_simulator.settings import RobotSettings, SimulatorSettings
 
 HALTING = (0.020, 0.050)
-"""Least and most seconds that halting the behaviour tree takes."""
+"""Minimum and maximum time that halting the behaviour tree takes, seconds."""
 SEVERAL_SLOWER = 3.0
 """How much longer the replanning period of NavigateThroughPoses is than that of NavigateToPose."""
 LONGEST_STEP = 0.02
-"""Seconds of the robot's time that one step of the kinematics covers at most."""
+"""Maximum step of the kinematics, seconds of the robot's time."""
 LONGEST_PAUSE = 0.2
-"""Seconds of standstill of this program that the robot makes up for; it does not jump after a longer one."""
+"""Maximum pause of this program that the robot catches up with, seconds; longer ones are skipped."""
 
 
 @dataclass(frozen=True, slots=True)
 class Feedback:
-    """How the drive for a goal stands: seconds since it was accepted, metres and places that are left."""
+    """Progress of the drive for a goal: seconds since acceptance, remaining metres and poses."""
 
     goal_id: UUID
     pose: Pose
@@ -52,13 +52,11 @@ class Robot:
     def __init__(
         self,
         settings: RobotSettings,
+        simulator: SimulatorSettings,
         *,
         hall: GridMap,
-        time_factor: float,
-        retention: float,
         now: float,
         noise: random.Random,
-        replan_period: float = 0.0,
     ) -> None:
         self.faults = Faults()
         self.battery = Battery(
@@ -68,10 +66,10 @@ class Robot:
         )
         self._settings = settings
         self._hall = hall
-        self._time_factor = time_factor
+        self._time_factor = simulator.time_factor
         self._noise = noise
         self._limits = Limits(**settings.drive.model_dump())
-        self._navigators = {action: self._navigator(action, retention) for action in Action}
+        self._navigators = {action: self._navigator(action, simulator.result_timeout) for action in Action}
         self._localisation = Localisation(
             known=settings.localisation.known_at_start,
             xy_deviation=settings.localisation.xy_deviation,
@@ -84,17 +82,17 @@ class Robot:
         self._drive: Drive | None = None
         self._stuck_for = 0.0
         self._advanced_at = now
-        self._replan_period = replan_period / time_factor
+        self._replan_period = simulator.replan_period / simulator.time_factor
         self._replan_at = now
 
     @property
     def pose(self) -> Pose:
-        """Where the robot really is."""
+        """The true pose."""
         return self._motion.pose
 
     @property
     def odometry(self) -> Pose:
-        """Where the odometry sees the robot: in its own frame, without jumps."""
+        """The pose in the odometry frame, without jumps."""
         return self._odom_origin.inverse().then(self._motion.pose)
 
     @property
@@ -109,7 +107,7 @@ class Robot:
 
     @property
     def resting(self) -> bool:
-        """Whether the robot stands and has no goal: only a request can change that."""
+        """Whether the robot stands still without a goal; only a request can change that."""
         if self._drive is not None:
             return False
         return self._motion.standing and not any(each.busy for each in self._navigators.values())
@@ -120,11 +118,11 @@ class Robot:
         return self._drive
 
     def goals(self, action: Action) -> StatusArray:
-        """Give the goals of an action."""
+        """Return the goals of an action."""
         return self._navigators[action].goals
 
     def take_goal(self, goal: Goal, accepted_ns: int, now: float, action: Action = Action.TO_POSE) -> bool:
-        """Take a goal; False when it is refused, of which nobody hears who has given it by the topic."""
+        """Accept a goal; return False if it is rejected. A sender on the topic is not notified."""
         if self.faults.on(faults.RejectGoals):
             self.faults.spend(faults.RejectGoals)
             return False
@@ -148,7 +146,7 @@ class Robot:
         return True
 
     def feedback(self, action: Action, now: float) -> Feedback | None:
-        """Tell how the drive of an action stands; None where it drives for no goal."""
+        """Return the progress of an action's drive; None without a drive."""
         navigator, drive = self._navigators[action], self._drive
         if navigator.target is None or drive is None or self.faults.on(faults.NavigatorHung):
             return None
@@ -164,18 +162,18 @@ class Robot:
         )
 
     def take_initial_pose(self, pose: Pose) -> None:
-        """Put the robot to ``pose``: it stands, and believes to stand, where it was told to be."""
+        """Move the robot to ``pose``, in truth and in its estimate."""
         odometry = self.odometry
         self._motion = Motion(pose, self._motion.speed, self._motion.yaw_rate)
         self._odom_origin = pose.then(odometry.inverse())
         self._localisation.initialise()
 
     def force_estimate(self) -> None:
-        """Let the next scan give an estimate although the robot stands."""
+        """Make the next scan yield an estimate even if the robot stands still."""
         self._localisation.force()
 
     def scan(self) -> Estimate | None:
-        """Give the estimate of a laser scan made now; none when AMCL has nothing to say."""
+        """Return AMCL's estimate after a laser scan; None if it publishes none."""
         if self.faults.on(faults.AmclSilent):
             return None
         estimate, lost = self._localisation.scan(self.pose), self.faults.get(faults.LocalisationLost)
@@ -184,7 +182,7 @@ class Robot:
         return self._misplaced(estimate)
 
     def _misplaced(self, estimate: Estimate | None) -> Estimate | None:
-        """Put the estimate where a fault wants it."""
+        """Displace the estimate according to the active faults."""
         if estimate is None:
             return None
         pose = self._shown(estimate.pose)
@@ -193,19 +191,19 @@ class Robot:
         return replace(estimate, pose=pose)
 
     def _shown(self, pose: Pose) -> Pose:
-        """Give where AMCL takes a robot for that it sees at ``pose``."""
+        """Return the pose that AMCL reports for a robot at ``pose``."""
         jump = self.faults.get(faults.PoseJump)
         return Pose(pose.x + jump.x, pose.y + jump.y, pose.yaw) if jump else pose
 
     def apply(self, fault: AnyFault, *, goal_id: UUID, accepted_ns: int, now: float) -> None:
-        """Let a fault begin or end; ``goal_id`` is for a goal that the fault may bring."""
+        """Start or end a fault; ``goal_id`` is the ID of the goal that a fault may send."""
         if isinstance(fault, faults.ForeignGoal):
             pose = Pose(fault.x, fault.y, fault.yaw)
             goal = Goal(goal_id, pose, self._settings.map_frame)
             self._navigators[Action.TO_POSE].take(goal, accepted_ns, now)
             return
         if isinstance(fault, faults.Freeze):
-            return  # the node has hung already
+            return  # handled by the node
         self.faults.apply(fault)
         gone = self.faults.on(faults.Unconfigured) or self.faults.on(faults.NavigatorDied)
         idle = gone or self.faults.on(faults.Inactive) or self.faults.on(faults.BringUp)
@@ -236,7 +234,7 @@ class Robot:
         self._follow(now)
 
     def take_unpublished(self, action: Action = Action.TO_POSE) -> list[Snapshot]:
-        """Give the status arrays of an action that came about since the last call."""
+        """Return the new status arrays of an action since the last call."""
         return self.goals(action).take_unpublished()
 
     def _navigator(self, action: Action, retention: float) -> Navigator:
@@ -253,7 +251,7 @@ class Robot:
         if not self._localisation.known:
             return None
         if math.isnan(pose.x):
-            return pose  # it is no place in any frame, which the planner is to say
+            return pose  # not a position in any frame; the planner rejects it
         if frame_id == self._settings.odom_frame:
             return self._odom_origin.then(pose)
         return pose if frame_id == self._settings.map_frame else None
@@ -298,7 +296,7 @@ class Robot:
         )
 
     def _end_of(self, target: Target) -> tuple[Pose | None, int]:
-        """Give where the planner ends the way to a target, or why it finds none."""
+        """Return the end of the planner's path to a target, or the error code without one."""
         if math.isnan(target.pose.x):
             return None, ErrorCode.NO_VIAPOINTS_GIVEN
         unreachable = self.faults.get(faults.Unreachable)
@@ -312,7 +310,7 @@ class Robot:
         return None, ErrorCode.GOAL_OCCUPIED if inside else ErrorCode.GOAL_OUTSIDE_MAP
 
     def _move(self, seconds: float) -> None:
-        """Let the robot move for ``seconds`` of its own time."""
+        """Move the robot for ``seconds`` of its own time."""
         stuck = self.faults.on(faults.Stuck)
         before = self.pose
         steps = max(1, math.ceil(seconds / LONGEST_STEP))

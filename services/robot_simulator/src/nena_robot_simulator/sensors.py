@@ -1,4 +1,4 @@
-"""A battery that driving empties."""
+"""Battery, and localisation as AMCL reports it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ IDLE_CURRENT = 0.8
 
 @dataclass(slots=True, kw_only=True)
 class Battery:
-    """State of charge between 0 and 1, and what takes from it: per metre driven and per second anyway."""
+    """State of charge (0 to 1), drained per metre driven and per second."""
 
     charge: float
     per_metre: float
@@ -26,7 +26,7 @@ class Battery:
     driving: bool = False
 
     def drain(self, metres: float, seconds: float) -> None:
-        """Take what ``metres`` of driving in ``seconds`` cost; an empty battery stays empty."""
+        """Drain for ``metres`` driven within ``seconds``; an empty battery stays empty."""
         self.driving = metres > 0.0
         self.charge = max(0.0, self.charge - metres * self.per_metre - seconds * self.per_second)
 
@@ -61,7 +61,7 @@ class Estimate:
 
 
 class Localisation:
-    """Silent until a pose is known, and while the robot stands.
+    """AMCL's behaviour: no estimates until a pose is known, and none at standstill.
 
     ``xy_deviation`` (m) and ``yaw_deviation`` (rad) are the standard deviations of each estimate.
     """
@@ -82,15 +82,15 @@ class Localisation:
         return self._known
 
     def initialise(self) -> None:
-        """Take up an initial pose; the next scan gives an estimate."""
+        """Accept an initial pose; the next scan yields an estimate."""
         self._known, self._last = True, None
 
     def force(self) -> None:
-        """Let the filter run at the next scan although the robot stands (``request_nomotion_update``)."""
+        """Run the filter on the next scan even if the robot stands still (``request_nomotion_update``)."""
         self._forced = True
 
     def scan(self, true: Pose) -> Estimate | None:
-        """Give the estimate after a laser scan at the true pose; none when the filter does not run."""
+        """Return the estimate after a laser scan at the true pose; None if the filter does not run."""
         if not self._known or not (self._forced or self._last is None or _moved(self._last, true)):
             return None
         self._last, self._forced = true, False

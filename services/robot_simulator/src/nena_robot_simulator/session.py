@@ -1,6 +1,6 @@
-"""A ROS node with a context of its own, spun by a thread of its own.
+"""A ROS node with its own context, spun by its own thread.
 
-Robots in different domains, or with different lives, stay apart this way in one process.
+This keeps robots in different domains, or with different lifetimes, apart in one process.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class RosSession:
         return self._thread.is_alive()
 
     def start(self) -> None:
-        """Run callbacks from now on."""
+        """Start running callbacks."""
         self._thread.start()
 
     @property
@@ -68,49 +68,49 @@ class RosSession:
         return str(self._node.get_namespace())
 
     def publisher(self, kind: type[Any], topic: str, qos: QoSProfile) -> Publisher:
-        """Offer a topic."""
+        """Create a publisher."""
         return self._node.create_publisher(kind, topic, qos)
 
     def subscribe(
         self, kind: type[Any], topic: str, callback: Callable[[Any], None], qos: QoSProfile
     ) -> Subscription:
-        """Give each message of a topic to ``callback``; a failure is logged and costs that message only."""
+        """Pass each message of a topic to ``callback``; a failure is logged and affects only that message."""
 
-        def guarded(message: object) -> None:
-            with self._guard(topic):
+        def isolated(message: object) -> None:
+            with self._isolated(topic):
                 callback(message)
 
-        return self._node.create_subscription(kind, topic, guarded, qos)
+        return self._node.create_subscription(kind, topic, isolated, qos)
 
     def serve(self, kind: type[Any], name: str, callback: Callable[[Any, Any], None]) -> Service:
-        """Let ``callback`` fill the answers of a service; after a failure the answer goes out as it is."""
+        """Serve a service; ``callback`` fills the response, which is sent even if it fails."""
 
-        def guarded(request: object, response: object) -> object:
-            with self._guard(name):
+        def isolated(request: object, response: object) -> object:
+            with self._isolated(name):
                 callback(request, response)
             return response
 
-        return self._node.create_service(kind, name, guarded)
+        return self._node.create_service(kind, name, isolated)
 
     def serve_later(
         self, kind: type[Any], name: str, callback: Callable[[Any, Callable[[Any], None]], None]
     ) -> Service:
-        """Give each request of a service to ``callback``, with what sends its answer, now or later.
+        """Serve a service; ``callback`` receives each request and a function that sends the response later.
 
-        rclpy lets a service answer late only by a coroutine, which its executor then asks without a pause.
+        rclpy supports late responses only by coroutines, which its executor polls continuously.
         """
         service = self._node.create_service(kind, name, lambda request, _response: request)
         send = service.send_response
 
-        def hand_on(request: object, header: object) -> None:
-            with self._guard(name):
+        def forward(request: object, header: object) -> None:
+            with self._isolated(name):
                 callback(request, lambda response: send(response, header))
 
-        service.send_response = hand_on
+        service.send_response = forward
         return service
 
     def destroy(self, entity: Publisher | Subscription | Service | None) -> None:
-        """Take a topic's end or a service out of the ROS graph."""
+        """Remove a publisher, subscription or service from the ROS graph."""
         match entity:
             case Publisher():
                 self._node.destroy_publisher(entity)
@@ -120,29 +120,29 @@ class RosSession:
                 self._node.destroy_service(entity)
 
     def every(self, seconds: float, callback: Callable[[], None]) -> Timer:
-        """Call ``callback`` again and again; after a failure the next round follows as usual."""
+        """Call ``callback`` periodically; a failure is logged and the next call follows as usual."""
 
-        def guarded() -> None:
-            with self._guard(callback.__name__):
+        def isolated() -> None:
+            with self._isolated(callback.__name__):
                 callback()
 
-        return self._node.create_timer(seconds, guarded, clock=self._steady)
+        return self._node.create_timer(seconds, isolated, clock=self._steady)
 
     @contextmanager
-    def _guard(self, work: str) -> Iterator[None]:
-        """Keep an exception from ending the thread."""
+    def _isolated(self, work: str) -> Iterator[None]:
+        """Log an exception instead of ending the thread."""
         try:
             yield
         except Exception:
-            log.exception("callback has failed", robot=self._name, work=work)
+            log.exception("callback failed", robot=self._name, work=work)
 
     def close(self, timeout: float = 1.5) -> None:
-        """End the thread within ``timeout`` seconds, then the node and the context."""
+        """Stop the thread within ``timeout`` seconds, then destroy node and context."""
         if self._thread.is_alive():
             self._executor.create_task(self._stop.set)
             self._thread.join(timeout)
         if self._thread.is_alive():
-            log.error("ROS thread does not end; left to the end of the process", robot=self._name)
+            log.error("ROS thread does not stop; abandoned", robot=self._name)
             return
         self._executor.shutdown()
         self._node.destroy_node()
@@ -153,4 +153,4 @@ class RosSession:
             while not self._stop.is_set():
                 self._executor.spin_once()
         except Exception:
-            log.exception("ROS thread has failed", robot=self._name)
+            log.exception("ROS thread failed", robot=self._name)

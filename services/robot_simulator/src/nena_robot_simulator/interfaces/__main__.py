@@ -1,7 +1,7 @@
-"""Makes Nav2's action types in the virtual environment that this runs in: ``make action-types``.
+"""Builds Nav2's action types in the current virtual environment: ``make action-types``.
 
-For the simulator and for tests alone; a robot has the real ones. What cannot be made is told, and is no
-failure: the simulator then offers Nav2's topics only.
+Only for the simulator and for tests; a robot has the real ones. If they cannot be built, this is reported
+and not a failure: the simulator then offers Nav2's topics only.
 """
 
 from __future__ import annotations
@@ -22,37 +22,39 @@ MARK = "Made from definitions of NeNa's robot simulator, "
 
 
 def main() -> int:
-    """Make the types where that is needed and possible; the exit status is 1 when the compiler fails."""
+    """Build the types if needed and possible; return 1 if the compiler fails."""
     mark = MARK + _digest()
     there = find_spec(DEFINITIONS.name)
     if there is not None and (text := _text_of(there.origin)) is not None:
         if MARK not in text:
-            return _say(f"{DEFINITIONS.name} is here already: {there.origin}")
+            return _report(f"{DEFINITIONS.name} is already installed: {there.origin}")
         if mark in text:
             return 0
-    problem = _obstacle()
+    problem = _missing()
     if problem is not None:
-        return _say(f"Nav2's action types are not made, {problem}. The simulator offers Nav2's topics only.")
+        return _report(
+            f"Nav2's action types were not built: {problem}. The simulator offers Nav2's topics only."
+        )
     with tempfile.TemporaryDirectory(prefix="nena-action-types-") as folder:
         try:
             made = build.generate(DEFINITIONS, Path(folder))
             build.build(made, Path(folder) / "built")
         except build.CompilationError as error:
-            return _say(str(error)) + 1
-        return _say(f"Nav2's action types: {build.install(made, Path(folder) / 'built', mark)}")
+            return _report(str(error)) + 1
+        return _report(f"Nav2's action types: {build.install(made, Path(folder) / 'built', mark)}")
 
 
-def _obstacle() -> str | None:
-    """Say what keeps the types from being made here; None: nothing."""
+def _missing() -> str | None:
+    """Return why the types cannot be built here, or None."""
     if sys.prefix == sys.base_prefix:
-        return "outside of a virtual environment"
+        return "not in a virtual environment"
     if not (Path(sys.prefix) / "share" / "rosidl_generator_py" / "resource").is_dir():
-        return "without the ROS wheels' generators"
+        return "the generators of the ROS wheels are missing"
     return build.missing_tool()
 
 
 def _digest() -> str:
-    """Tell apart what the types are made from: the definitions, this code, Python and ROS."""
+    """Return a digest of everything the types are built from: definitions, this code, Python and ROS."""
     text = hashlib.sha256()
     for path in sorted([*DEFINITIONS.rglob("*.action"), *HERE.glob("*.py")]):
         text.update(path.read_bytes())
@@ -69,7 +71,7 @@ def _text_of(origin: str | None) -> str | None:
     return Path(origin).read_text(encoding="utf-8") if origin and Path(origin).exists() else None
 
 
-def _say(text: str) -> int:
+def _report(text: str) -> int:
     sys.stderr.write(text + "\n")
     return 0
 

@@ -1,4 +1,4 @@
-"""Turns interface definitions into C and Python sources, by the generators that the ROS wheels bring."""
+"""Generates C and Python sources from interface definitions, and compiles them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 TYPE_SUPPORTS = ("rosidl_typesupport_fastrtps_c", "rosidl_typesupport_introspection_c")
-"""What rmw_fastrtps asks for: the one writes messages, the other describes them."""
+"""The type supports of rmw_fastrtps: one serialises messages, the other describes them."""
 DEPENDENCIES = (
     "action_msgs",
     "builtin_interfaces",
@@ -25,9 +25,9 @@ DEPENDENCIES = (
     "std_msgs",
     "unique_identifier_msgs",
 )
-"""Packages of the wheels that definitions may build on, with those that these build on."""
+"""Packages of the wheels that definitions may use, including indirect dependencies."""
 WITH_HEADER = ("rosidl_generator_c", "rosidl_typesupport_fastrtps_c", "rosidl_typesupport_introspection_c")
-"""Generators whose sources include a header that a build of a ROS workspace writes."""
+"""Generators whose sources include a header written by the build of a ROS workspace."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,14 +38,14 @@ class Sources:
     folder: Path
 
     def of(self, generator: str) -> Path:
-        """Give the folder of what ``generator`` has made."""
+        """Return the output folder of ``generator``."""
         return self.folder / generator
 
 
 def generate(definitions: Path, folder: Path) -> Sources:
     """Generate the package that the folder ``definitions`` is named for, with its actions."""
     sources = Sources(definitions.name, folder)
-    # The generators find each other's parts by this variable, and tell what they read on the output.
+    # The generators find each other by this variable, and print what they read.
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
     with contextlib.redirect_stdout(io.StringIO()):
         _Generators(sources, _idl_of(definitions, folder / "idl" / definitions.name)).run()
@@ -53,7 +53,7 @@ def generate(definitions: Path, folder: Path) -> Sources:
 
 
 def _idl_of(definitions: Path, folder: Path) -> list[str]:
-    """Write each definition as IDL; give what generators take them by."""
+    """Write each definition as IDL; return the generators' names for them."""
     from rosidl_adapter.action import convert_action_to_idl  # noqa: PLC0415 - heavy, and only needed here
 
     tuples = []
@@ -89,7 +89,7 @@ class _Generators:
             self._write_header(generator)
 
     def _arguments(self, generator: str) -> str:
-        """Write the file of arguments for a generator and give its path."""
+        """Write the argument file of a generator; return its path."""
         package, output = self._sources.package, self._sources.of(generator) / self._sources.package
         output.mkdir(parents=True)
         hashes = self._sources.of("rosidl_generator_type_description") / package
@@ -112,7 +112,7 @@ class _Generators:
         return str(path)
 
     def _write_header(self, generator: str) -> None:
-        """Define what is put before each symbol as nothing: with gcc all of them are visible anyway."""
+        """Define the visibility macros as empty; with gcc all symbols are visible anyway."""
         package = self._sources.package
         folder = self._sources.of(generator) / package / "msg"
         folder.mkdir()
@@ -122,7 +122,7 @@ class _Generators:
 
 
 LONGEST_COMPILATION = 300.0
-"""Seconds for one library; it takes about five."""
+"""Timeout per library, seconds; it takes about five."""
 _KINDS = {
     "rosidl_generator_c": ("generator_c",),
     "rosidl_typesupport_fastrtps_c": ("generator_c", "typesupport_fastrtps_c"),
@@ -130,7 +130,7 @@ _KINDS = {
     "rosidl_typesupport_c": ("generator_c", "typesupport_c"),
     "rosidl_generator_py": ("generator_c", "typesupport_c", "generator_py"),
 }
-"""For each generator, which libraries of other packages what it makes is linked with."""
+"""Libraries of other packages to link, by generator."""
 _RUNTIME = (
     "rosidl_runtime_c",
     "rosidl_typesupport_c",
@@ -144,7 +144,7 @@ _RUNTIME = (
 
 
 class CompilationError(Exception):
-    """The compiler refuses; ``output`` is what it said last."""
+    """The compiler failed; ``output`` is the end of its output."""
 
     def __init__(self, library: str, output: str) -> None:
         super().__init__(f"{library} cannot be compiled: {output}")
@@ -153,21 +153,21 @@ class CompilationError(Exception):
 
 
 def missing_tool() -> str | None:
-    """Say what a compilation lacks on this machine; None: nothing."""
+    """Return the missing build tool, or None."""
     for tool in ("gcc", "g++"):
         if shutil.which(tool) is None:
-            return f"there is no {tool} (apt-get install g++)"
+            return f"{tool} is missing (apt-get install g++)"
     header = Path(sysconfig.get_path("include")) / "Python.h"
     if not header.exists():
-        return f"there is no {header} (apt-get install python3-dev)"
+        return f"{header} is missing (apt-get install python3-dev)"
     return None
 
 
 def build(sources: Sources, folder: Path) -> None:
-    """Compile all libraries into ``folder``; the package of ``sources`` can be installed from there.
+    """Compile all libraries of ``sources`` into ``folder``.
 
     Raises:
-        CompilationError: the compiler refuses.
+        CompilationError: the compiler failed.
 
     """
     folder.mkdir()
@@ -226,9 +226,9 @@ def _linked(generator: str) -> Iterator[str]:
 
 
 def install(sources: Sources, built: Path, mark: str) -> Path:
-    """Put libraries and Python package where the wheels have theirs; give the package's folder.
+    """Install libraries and Python package beside those of the wheels; return the package's folder.
 
-    ``mark`` is left in the package. A program that runs keeps what it has loaded.
+    ``mark`` is stored in the package. Running programs keep what they have loaded.
     """
     package = Path(sysconfig.get_path("purelib")) / sources.package
     for library in built.glob("lib*.so"):
@@ -242,7 +242,7 @@ def install(sources: Sources, built: Path, mark: str) -> Path:
 
 
 def _put(path: Path, target: Path) -> None:
-    """Copy a file into its place at once, a folder as target gives it its name."""
+    """Copy a file atomically; a folder as target keeps the file's name."""
     place = target / path.name if target.suffix not in {".so", ".py"} else target
     place.parent.mkdir(parents=True, exist_ok=True)
     fresh = place.with_name(place.name + ".new")
