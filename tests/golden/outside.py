@@ -22,7 +22,7 @@ from nena_order_service.api.rest import role_needed
 from nena_order_service.parts import OrderService, build
 from nena_order_service.plant_file import load_plant
 from nena_order_service.settings import OrderServiceSettings, StoreSettings
-from nena_order_service.store.database import open_database
+from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
 from nena_shared.clock import SystemClock
 from nena_shared.fleet_api.plant import topics_of_maps

@@ -14,8 +14,9 @@ from nena_order_service.app import serve
 from nena_order_service.plant_file import load_plant
 from nena_order_service.serving import KIND, StoredPlant
 from nena_order_service.store.changes import Changes
-from nena_order_service.store.database import open_database, write
+from nena_order_service.store.database import write
 from nena_order_service.store.leadership import Fence
+from nena_order_service.store.schema import open_database
 from nena_shared.tasks import TaskFailedError
 from support.order_service_fleet import Fleet
 from support.postgres import Postgres

@@ -10,7 +10,7 @@ from nena_order_service.parts import OrderService, build
 from nena_order_service.plant_file import PlantFile, load_plant
 from nena_order_service.serving import CHANGING, Serving
 from nena_order_service.settings import OrderServiceSettings
-from nena_order_service.store.database import open_database
+from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
 from nena_shared.plant import PlantModel
 from nena_shared.tasks import Supervisor

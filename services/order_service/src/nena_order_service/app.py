@@ -11,10 +11,9 @@ from nena_order_service.parts import OrderService, build
 from nena_order_service.plant_file import PlantFile, load_plant
 from nena_order_service.serving import Serving
 from nena_order_service.settings import OrderServiceSettings
-from nena_order_service.store.database import open_database
-from nena_order_service.store.engine import is_shared
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.lead import Lead
+from nena_order_service.store.schema import is_shared, open_database
 from nena_order_service.store.store import Store
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Term, always

@@ -29,8 +29,7 @@ from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder, sortable_id
 from nena_order_service.orders.validation import check_request
 from nena_order_service.path_locks import PathLocks
-from nena_order_service.store.database import OrderFilter
-from nena_order_service.store.sequences import SequenceFilter
+from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_order_service.zone_sets import ZoneSets

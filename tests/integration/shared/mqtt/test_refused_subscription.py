@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from nena_order_service.parts import readiness
-from nena_order_service.store.database import open_database
 from nena_order_service.store.instance_lock import InstanceLock
+from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
 from nena_shared.mqtt import MqttLink
 from nena_shared.vda5050.topics import Topic

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from nena_order_service.store.database import open_database
+from nena_order_service.store.schema import open_database
 from nena_order_service.store.store import Store
 from support.postgres import Postgres
 

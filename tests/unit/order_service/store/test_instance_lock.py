@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from nena_order_service.store.errors import StoreError
 from nena_order_service.store.instance_lock import InstanceLock
+from nena_order_service.store.schema import StoreError
 
 
 def test_second_owner_is_refused_until_the_first_lets_go(sqlite_url: str) -> None:

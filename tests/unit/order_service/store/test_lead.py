@@ -9,10 +9,9 @@ import pytest
 from sqlalchemy import Engine
 
 from nena_order_service.store import lead as lead_module
-from nena_order_service.store.database import open_database
-from nena_order_service.store.errors import FencedError, StoreError
 from nena_order_service.store.lead import Lead
 from nena_order_service.store.leadership import Fence
+from nena_order_service.store.schema import FencedError, StoreError, open_database
 from nena_order_service.store.store import Store
 from nena_shared.tasks import end
 from support.order_service import dispatchable_order

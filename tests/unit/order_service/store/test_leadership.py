@@ -8,9 +8,9 @@ import pytest
 from sqlalchemy import text
 
 from nena_order_service.store.changes import Changes
-from nena_order_service.store.database import open_database, read_order, write
-from nena_order_service.store.errors import FencedError
+from nena_order_service.store.database import read_order, write
 from nena_order_service.store.leadership import Fence, LeaderLock
+from nena_order_service.store.schema import FencedError, open_database
 from support.order_service import dispatchable_order
 from support.postgres import Postgres
 from support.stores import changes

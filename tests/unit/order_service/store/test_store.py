@@ -12,9 +12,8 @@ from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import store as store_module
 from nena_order_service.store.changes import Changes
-from nena_order_service.store.database import open_database
-from nena_order_service.store.errors import StoreLostError
 from nena_order_service.store.instance_lock import InstanceLock
+from nena_order_service.store.schema import StoreLostError, open_database
 from nena_order_service.store.store import Store
 from support.order_service import NOW, dispatchable_order
 from support.pausing import turn_passes

@@ -21,8 +21,7 @@ from nena_order_service.api.problems import FORESEEN, problem_of
 from nena_order_service.errors import NameTakenError, SequenceNameTakenError
 from nena_order_service.host_requests import HostRequests, HostServices, SequenceRequests
 from nena_order_service.path_locks import PathLocks
-from nena_order_service.store.database import OrderFilter
-from nena_order_service.store.sequences import SequenceFilter
+from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_shared.fleet_api.base import CamelCase, Moment
 from nena_shared.fleet_api.requests import SOMEBODY, InstantActionAnswer, InstantActionRequest
 from nena_shared.fleet_api.transport_order import (

@@ -1,33 +1,227 @@
-"""Reads and writes the tables; every function blocks and belongs into a thread of the store."""
+"""The tables of the store, and the queries and statements over them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 from pydantic import ValidationError
-from sqlalchemy import Connection, Engine, func, select
+from sqlalchemy import (
+    BindParameter,
+    ClauseElement,
+    Column,
+    ColumnElement,
+    Connection,
+    Engine,
+    Table,
+    bindparam,
+    delete,
+    false,
+    func,
+    insert,
+    select,
+    update,
+)
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.dialects.postgresql import psycopg
 from sqlalchemy.engine import Row
-from sqlalchemy.exc import DBAPIError, SQLAlchemyError
+from sqlalchemy.exc import SQLAlchemyError
 
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.store import schema
 from nena_order_service.store.changes import Changes, Document, OrderChange
-from nena_order_service.store.documents import write_documents
-from nena_order_service.store.engine import make_engine, reason_of, unusable
-from nena_order_service.store.errors import StoreError
 from nena_order_service.store.leadership import Fence
-from nena_order_service.store.migration import migrate
-from nena_order_service.store.sequences import last_sequence, read_unfinished_sequences, write_sequences
-from nena_order_service.store.statements import DatabaseRow, Statements, equals, execute, statements
-from nena_order_service.store.vehicles import read_vehicles, write_vehicles
+from nena_order_service.store.schema import StoreError
 from nena_shared.fleet_api.transport_order import (
     HistoryEntry,
+    OrderSequenceStatus,
     TransportOrderState,
     TransportOrderStatus,
 )
+
+DatabaseRow = dict[str, object]
+"""Values by the names of columns."""
+
+
+@dataclass(frozen=True, slots=True)
+class Statements:
+    """SQL with parameters by name; they are those of the tables' columns, keys in WHERE too."""
+
+    insert_order: str
+    update_order: str
+    insert_history: str
+    forget_history: str
+    """Entries of ``order_number`` from ``entry`` on."""
+    put_mission: str
+    forget_mission: str
+    put_vehicle: str
+    put_sequence: str
+    put_path_lock: str
+    put_document: str
+    forget_document: str
+
+
+def statements(engine: Engine) -> Statements:
+    """Give the statements in the words of this database."""
+    return _statements(engine.dialect.name)
+
+
+@lru_cache
+def _statements(name: str) -> Statements:
+    orders, history, missions = schema.transport_orders, schema.history, schema.missions
+    documents = schema.documents
+    others: dict[str, BindParameter[Any]] = {
+        column.name: bindparam(column.name) for column in orders.c if column.name != "number"
+    }
+    texts: dict[str, ClauseElement] = {
+        "insert_order": insert(orders),
+        "update_order": update(orders).where(orders.c.number == bindparam("number")).values(others),
+        "insert_history": insert(history),
+        "forget_history": delete(history).where(
+            history.c.order_number == bindparam("order_number"), history.c.entry >= bindparam("entry")
+        ),
+        "put_mission": _put(name, missions),
+        "forget_mission": delete(missions).where(missions.c.order_number == bindparam("order_number")),
+        "put_vehicle": _put(name, schema.vehicles),
+        "put_sequence": _put(name, schema.order_sequences),
+        "put_path_lock": _put(name, schema.path_locks),
+        "put_document": _put(name, documents),
+        "forget_document": delete(documents).where(
+            documents.c.kind == bindparam("kind"), documents.c.name == bindparam("name")
+        ),
+    }
+    dialect = sqlite.dialect(paramstyle="named") if name == "sqlite" else psycopg.dialect()  # type: ignore[no-untyped-call] # of the library
+    return Statements(**{key: str(text.compile(dialect=dialect)) for key, text in texts.items()})
+
+
+def _put(name: str, table: Table) -> ClauseElement:
+    """Insert a row, or lay it over the one that has the same key."""
+    # Both dialects have the same words for it, in classes of their own.
+    statement: Any = (sqlite.insert if name == "sqlite" else postgresql.insert)(table)
+    others = {column.name: statement.excluded[column.name] for column in table.c if not column.primary_key}
+    return statement.on_conflict_do_update(index_elements=list(table.primary_key), set_=others)  # type: ignore[no-any-return]
+
+
+def equals(column: Column[Any], text: str) -> ColumnElement[bool]:
+    """Ask for rows with what a host says; PostgreSQL takes no text with NUL, so there is none."""
+    return false() if "\0" in text else column == text
+
+
+def execute(connection: Connection, statement: str, rows: Sequence[DatabaseRow]) -> None:
+    """Execute a statement for each row; nothing where there is none."""
+    if rows:
+        connection.exec_driver_sql(statement, list(rows) if len(rows) > 1 else rows[0])
+
+
+def write_documents(
+    connection: Connection, texts: Statements, documents: Mapping[tuple[str, str], str | None]
+) -> None:
+    """Put documents, in place of those before; None: delete it."""
+    put: list[DatabaseRow] = []
+    gone: list[DatabaseRow] = []
+    for (kind, name), document in documents.items():
+        if document is None:
+            gone.append({"kind": kind, "name": name})
+        else:
+            put.append({"kind": kind, "name": name, "document": document})
+    execute(connection, texts.put_document, put)
+    execute(connection, texts.forget_document, gone)
+
+
+def read_documents(engine: Engine, kind: str) -> dict[str, str]:
+    """Read all documents of a kind, by their names."""
+    table = schema.documents
+    with engine.connect() as connection:
+        rows = connection.execute(select(table.c.name, table.c.document).where(table.c.kind == kind))
+        return {row.name: row.document for row in rows}
+
+
+def write_vehicles(connection: Connection, texts: Statements, documents: Mapping[str, Document]) -> None:
+    """Replace the documents of these robots, by their keys."""
+    rows: list[DatabaseRow] = [
+        {"robot": robot, "document": document()} for robot, document in documents.items()
+    ]
+    execute(connection, texts.put_vehicle, rows)
+
+
+def read_vehicles(connection: Connection) -> dict[str, str]:
+    """Give all documents by the robots' keys."""
+    return {row.robot: row.document for row in connection.execute(select(schema.vehicles))}
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceFilter:
+    """Which sequences are asked for, newest first; ``before`` is the number of the last one had already."""
+
+    finished: bool | None = None
+    intended_vehicle: str | None = None
+    before: int | None = None
+    limit: int = 100
+
+
+def write_sequences(connection: Connection, texts: Statements, sequences: Iterable[OrderSequence]) -> None:
+    """Write sequences, new ones and new versions."""
+    rows: list[DatabaseRow] = [
+        {
+            "number": sequence.number,
+            "name": sequence.name,
+            "idempotency_key": sequence.idempotency_key,
+            "finished": sequence.status.finished,
+            "intended_vehicle": sequence.status.intended_vehicle,
+            "document": sequence.status.model_dump_json(by_alias=True),
+        }
+        for sequence in sequences
+    ]
+    execute(connection, texts.put_sequence, rows)
+
+
+def read_unfinished_sequences(connection: Connection) -> tuple[OrderSequence, ...]:
+    """Read all sequences that are not finished."""
+    table = schema.order_sequences
+    query = select(table).where(table.c.finished.is_(False)).order_by(table.c.number)
+    return tuple(map(_sequence, connection.execute(query)))
+
+
+def last_sequence(connection: Connection) -> int:
+    """Give the greatest number that a sequence has; 0 for none."""
+    return connection.execute(select(func.max(schema.order_sequences.c.number))).scalar() or 0
+
+
+def read_sequence(
+    engine: Engine, *, name: str | None = None, idempotency_key: str | None = None
+) -> OrderSequence | None:
+    """Read the sequence of this key, else of this name."""
+    table = schema.order_sequences
+    with engine.connect() as connection:
+        for column, value in ((table.c.idempotency_key, idempotency_key), (table.c.name, name)):
+            if value is not None:
+                row = connection.execute(select(table).where(equals(column, value))).first()
+                if row:
+                    return _sequence(row)
+    return None
+
+
+def read_sequences(engine: Engine, wanted: SequenceFilter) -> tuple[OrderSequence, ...]:
+    """Read a page of sequences, newest first."""
+    table = schema.order_sequences
+    query = select(table).order_by(table.c.number.desc()).limit(wanted.limit)
+    if wanted.finished is not None:
+        query = query.where(table.c.finished.is_(wanted.finished))
+    if wanted.intended_vehicle is not None:
+        query = query.where(equals(table.c.intended_vehicle, wanted.intended_vehicle))
+    if wanted.before is not None:
+        query = query.where(table.c.number < wanted.before)
+    with engine.connect() as connection:
+        return tuple(map(_sequence, connection.execute(query)))
+
+
+def _sequence(row: Row[Any]) -> OrderSequence:
+    status = OrderSequenceStatus.model_validate_json(row.document)
+    return OrderSequence(row.number, status, row.idempotency_key)
+
 
 NUMBERS_PER_QUERY = 500
 """Databases bound the parameters of a statement."""
@@ -61,22 +255,6 @@ class Unfinished:
     sequences: tuple[OrderSequence, ...] = ()
     last_sequence: int = 0
     """The greatest number that an order sequence has; 0 for none."""
-
-
-def open_database(url: str) -> Engine:
-    """Open the database and bring its tables to what this program needs.
-
-    Raises:
-        StoreError: there is no such database, it cannot be written, or its tables are of another release.
-
-    """
-    engine = make_engine(url)
-    try:
-        migrate(engine)
-    except SQLAlchemyError as error:
-        engine.dispose()
-        raise unusable(reason_of(error) if isinstance(error, DBAPIError) else str(error)) from error
-    return engine
 
 
 def write(engine: Engine, changes: Changes, fence: Fence | None = None) -> None:

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Self
 from urllib.parse import urlsplit
 
-from nena_order_service.store.engine import parse_url
-from nena_order_service.store.errors import StoreError
+from nena_order_service.store.schema import StoreError, parse_url
 
 
 class InstanceLock:

@@ -11,9 +11,6 @@ from typing import TypeVar
 from sqlalchemy import Engine
 from sqlalchemy.exc import DBAPIError
 
-from nena_order_service.store.database import open_database
-from nena_order_service.store.engine import reason_of, unusable
-from nena_order_service.store.errors import FencedError
 from nena_order_service.store.leadership import (
     HANG_SECONDS,
     LEASE_SECONDS,
@@ -22,6 +19,7 @@ from nena_order_service.store.leadership import (
     Lease,
     seconds_since_boot,
 )
+from nena_order_service.store.schema import FencedError, open_database, reason_of, unusable
 from nena_order_service.store.store import Store
 from nena_shared.log import get_logger
 from nena_shared.tasks import end

@@ -19,8 +19,7 @@ from sqlalchemy import Connection, Engine, bindparam, select, text, update
 from sqlalchemy.exc import DBAPIError
 
 from nena_order_service.store import schema
-from nena_order_service.store.engine import make_engine
-from nena_order_service.store.errors import FencedError
+from nena_order_service.store.schema import FencedError, make_engine
 from nena_shared.database_lines import hang_up
 
 LOCK_CLASS = 5_050_022

@@ -12,15 +12,12 @@ from sqlalchemy import Engine
 from nena_order_service.errors import StoreNotReadyError
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder
-from nena_order_service.store import database, sequences
-from nena_order_service.store.change_numbers import ChangeNumbers
-from nena_order_service.store.changes import Changes
-from nena_order_service.store.database import OrderFilter, Unfinished
-from nena_order_service.store.documents import read_documents
-from nena_order_service.store.engine import PASSING, reason_of
-from nena_order_service.store.errors import StoreLostError
+from nena_order_service.store import database
+from nena_order_service.store.changes import ChangeNumbers, Changes
+from nena_order_service.store.database import OrderFilter, Unfinished, read_documents
 from nena_order_service.store.instance_lock import InstanceLock
 from nena_order_service.store.leadership import Fence
+from nena_order_service.store.schema import PASSING, StoreLostError, reason_of
 from nena_shared.database_lines import hang_up
 from nena_shared.log import get_logger
 
@@ -169,12 +166,12 @@ class Store:
     ) -> OrderSequence | None:
         """Read the order sequence of this key, else of this name."""
         return await self._read(
-            lambda: sequences.read_sequence(self._engine, name=name, idempotency_key=idempotency_key)
+            lambda: database.read_sequence(self._engine, name=name, idempotency_key=idempotency_key)
         )
 
-    async def sequences(self, wanted: sequences.SequenceFilter) -> tuple[OrderSequence, ...]:
+    async def sequences(self, wanted: database.SequenceFilter) -> tuple[OrderSequence, ...]:
         """Read a page of order sequences, newest first."""
-        return await self._read(lambda: sequences.read_sequences(self._engine, wanted))
+        return await self._read(lambda: database.read_sequences(self._engine, wanted))
 
     async def path_locks(self) -> dict[str, bool]:
         """Read whether hosts have locked or unlocked a path, by its name."""

@@ -10,7 +10,7 @@ import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
 from sqlalchemy import text
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
 from nena_order_service.orders.automatic import park_request
 from nena_order_service.orders.transport_order import TransportOrder
@@ -18,18 +18,86 @@ from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.store import schema
 from nena_order_service.store.database import (
     OrderFilter,
-    open_database,
     read_changes,
     read_order,
     read_orders,
     read_unfinished,
     write,
 )
-from nena_order_service.store.engine import make_engine
-from nena_order_service.store.errors import StoreError
-from nena_order_service.store.migration import migrate
+from nena_order_service.store.schema import (
+    StoreError,
+    is_shared,
+    make_engine,
+    migrate,
+    open_database,
+    reason_of,
+    unusable,
+)
 from support.order_service import NOW, dispatchable_order
 from support.stores import changes, first_store
+
+
+def test_sqlite_is_durable(sqlite_url: str) -> None:
+    with open_database(sqlite_url).connect() as connection:
+        assert connection.execute(text("PRAGMA journal_mode")).scalar() == "wal"
+        assert connection.execute(text("PRAGMA synchronous")).scalar() == 2
+
+
+def test_changes_of_tables_are_taken_back_too(url: str) -> None:
+    engine = make_engine(url)
+    with engine.connect() as connection:
+        connection.execute(text("CREATE TABLE half_done (x INTEGER)"))
+        connection.rollback()
+        with pytest.raises(DBAPIError, match="half_done"):
+            connection.execute(text("SELECT * FROM half_done"))
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        "sqlite:////no/such/folder/x.db",
+        "nonsense",
+        "mysql://user:secret@host/orders",
+        "gibberish://x",
+        "postgresql://user:secret@127.0.0.1:1/orders",
+        "postgresql://user:an@secret@127.0.0.1:1/orders",
+        "postgresql://user:an@other:secret@127.0.0.1:1/orders",
+        "postgresql://user@127.0.0.1:secret/orders",
+    ],
+)
+def test_store_that_cannot_be_opened_is_one_line_without_secrets(bad: str) -> None:
+    with pytest.raises(StoreError, match=r"store\.url cannot be used: .*sqlite:///orders\.db") as caught:
+        open_database(bad)
+    assert "secret" not in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "reason",
+    [
+        "database or disk is full",
+        "disk I/O error",
+        'could not extend file "base/1": No space left on device',
+    ],
+)
+def test_a_disk_that_takes_nothing_is_looked_at(reason: str) -> None:
+    assert str(unusable(reason)) == (
+        f"store.url cannot be used: {reason}. Look at the room on its disk, and at the disk itself"
+    )
+
+
+def test_any_name_of_postgresql_means_the_one_driver() -> None:
+    for name in ("postgresql", "postgresql+psycopg", "postgresql+asyncpg"):
+        assert make_engine(f"{name}://host/orders").dialect.driver == "psycopg"
+    assert is_shared("postgresql://host/orders")
+    assert not is_shared("sqlite:///orders.db")
+
+
+def test_reason_is_what_the_database_says_in_one_line(url: str) -> None:
+    with pytest.raises(DBAPIError) as caught, make_engine(url).connect() as connection:
+        connection.execute(text("SELECT * FROM nothing"))
+    assert "nothing" in reason_of(caught.value)
+    assert "\n" not in reason_of(caught.value)
 
 
 def test_new_tables_are_those_that_the_program_knows(url: str) -> None:
