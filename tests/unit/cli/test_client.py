@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
+from dataclasses import replace
 from itertools import islice
 from typing import Any
 
@@ -14,11 +15,17 @@ from fastapi import FastAPI, Response
 from nena_cli import client
 from nena_cli.client import Connection, Event, NotReachedError, RefusedError, follow, read_events
 from nena_order_service.api.server import make_standby_app
+from nena_shared.fleet_api.operations import DELIVERY, Operation
 from nena_shared.fleet_api.transport_order import DeliveryPhase, DeliveryStatus, Problem
 from nena_shared.web.server import HttpServer
 from nena_shared.web.settings import HttpSettings
 from support.broker import free_port
 from support.waiting import PATIENCE
+
+
+def at(path: str) -> Operation[DeliveryStatus]:
+    """Return an operation whose answer stands at this path."""
+    return replace(DELIVERY, path=path)
 
 
 @asynccontextmanager
@@ -62,7 +69,7 @@ async def test_the_active_one_is_found_and_asked_first_from_then_on() -> None:
         url = await stack.enter_async_context(served(active(seen)))
         connection = Connection([f"http://127.0.0.1:{free_port()}", standby, url + "/"], "secret")
         for _ in range(2):
-            found = await asyncio.to_thread(connection.get, DeliveryStatus, "/here")
+            found = await asyncio.to_thread(connection.call, at("/here"))
             assert found.transport_order == "T-1"
         assert connection._urls[0] == url
         assert seen == ["Bearer secret"] * 2
@@ -74,7 +81,7 @@ async def test_nobody_active_names_everybody_who_was_asked() -> None:
     async with served(make_standby_app(lambda: "", lambda: "")) as standby:
         connection = Connection([away, standby], None)
         with pytest.raises(NotReachedError) as caught:
-            await asyncio.to_thread(connection.get, DeliveryStatus, "/here")
+            await asyncio.to_thread(connection.call, at("/here"))
         assert away in str(caught.value)
         assert standby in str(caught.value)
         connection.close()
@@ -84,9 +91,9 @@ async def test_refusals_say_all_that_is_wrong() -> None:
     async with served(active([])) as url:
         connection = Connection([url], None)
         with pytest.raises(RefusedError, match=r"It has ended\.\n- one\n- two"):
-            await asyncio.to_thread(connection.get, DeliveryStatus, "/refused")
+            await asyncio.to_thread(connection.call, at("/refused"))
         with pytest.raises(RefusedError, match="is the URL right"):
-            await asyncio.to_thread(connection.get, DeliveryStatus, "/strange")
+            await asyncio.to_thread(connection.call, at("/strange"))
         connection.close()
 
 

@@ -12,19 +12,12 @@ from typing import Any, TypeVar
 import httpx
 from pydantic import BaseModel, JsonValue, ValidationError
 
-from nena_shared.fleet_api.base import Resource
+from nena_shared.fleet_api.operations import LIST_VEHICLES, Operation
+from nena_shared.fleet_api.requests import OrderSequencePage, TransportOrderPage, VehicleList
 from nena_shared.fleet_api.transport_order import Problem
 
-M = TypeVar("M", bound=BaseModel)
-
-
-class Page(Resource):
-    """Some of the things of a list, and where the next ones begin; None: these are the last."""
-
-    next: str | None = None
-
-
-P = TypeVar("P", bound=Page)
+A = TypeVar("A", bound=BaseModel)
+P = TypeVar("P", TransportOrderPage, OrderSequencePage, VehicleList)
 Query = Mapping[str, str | int | Sequence[str]]
 
 PAGE = 200
@@ -63,40 +56,41 @@ class Connection:
         """End all connections."""
         self._client.close()
 
-    def get(self, model: type[M], path: str, query: Query | None = None) -> M:
-        """Give what is at ``path``; raises RefusedError and NotReachedError."""
-        return model.model_validate_json(self._request("GET", path, query=query).content)
+    def call(
+        self,
+        operation: Operation[A],
+        name: str = "",
+        *,
+        query: Query | None = None,
+        body: JsonValue = None,
+        content: bytes | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> A:
+        """Ask for an operation on the object of this name; raises RefusedError and NotReachedError."""
+        answer = self._request(
+            operation.method,
+            operation.path_of(name),
+            query=query,
+            body=body,
+            content=content,
+            headers=headers,
+        )
+        return operation.answer.model_validate_json(answer.content)
 
-    def pages(self, model: type[P], path: str, query: Query) -> Iterator[P]:
-        """Give the pages of a list, one after the other; raises RefusedError and NotReachedError."""
+    def pages(self, operation: Operation[P], query: Query) -> Iterator[P]:
+        """Return the pages of a list, one after the other; raises RefusedError and NotReachedError."""
         after: str | None = None
         while True:
             more: dict[str, str | int] = {"limit": PAGE, **({"after": after} if after else {})}
-            page = self.get(model, path, {**query, **more})
+            page = self.call(operation, query={**query, **more})
             yield page
             after = page.next
             if after is None:
                 return
 
-    def post(self, model: type[M], path: str, body: JsonValue, headers: Mapping[str, str] | None = None) -> M:
-        """Ask for something and give the answer; raises RefusedError and NotReachedError."""
-        return model.model_validate_json(self._request("POST", path, body=body, headers=headers).content)
-
-    def put(self, model: type[M], path: str, body: JsonValue) -> M:
-        """Set something and give the answer; raises RefusedError and NotReachedError."""
-        return model.model_validate_json(self._request("PUT", path, body=body).content)
-
-    def delete(self, model: type[M], path: str) -> M:
-        """Delete something and give the answer; raises RefusedError and NotReachedError."""
-        return model.model_validate_json(self._request("DELETE", path).content)
-
-    def put_content(self, model: type[M], path: str, content: bytes, query: Query | None = None) -> M:
-        """Put a file and give the answer; raises RefusedError and NotReachedError."""
-        return model.model_validate_json(self._request("PUT", path, query=query, content=content).content)
-
     @contextmanager
     def stream(self, path: str, query: dict[str, str], last_id: str | None) -> Iterator[Iterator[str]]:
-        """Follow the lines of an event stream; raises as :meth:`get` does, also while it is followed."""
+        """Follow the lines of an event stream; raises as :meth:`call` does, also while it is followed."""
         headers = {"Last-Event-ID": last_id} if last_id else {}
         url = self._active()
         timeout = httpx.Timeout(SILENCE_SECONDS, connect=CONNECT_SECONDS)
@@ -115,7 +109,7 @@ class Connection:
     def _active(self) -> str:
         """Give the one that is active; with one alone it is taken to be that."""
         if len(self._urls) > 1:
-            self._request("GET", "/v1/vehicles", query={"limit": 1})
+            self.call(LIST_VEHICLES, query={"limit": 1})
         return self._urls[0]
 
     def _request(

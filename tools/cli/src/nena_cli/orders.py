@@ -6,7 +6,6 @@ from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from getpass import getuser
 from itertools import islice
 from typing import Annotated, Generic, TypeVar
-from urllib.parse import quote
 
 import typer
 from pydantic import BaseModel, JsonValue, ValidationError
@@ -17,11 +16,20 @@ from rich.table import Table
 from nena_cli import arguments as option
 from nena_cli import tables
 from nena_cli.arguments import parse_measure, parse_property, parse_stop
-from nena_cli.client import Connection, Event, Page, follow
+from nena_cli.client import Connection, Event, follow
 from nena_cli.output import REFUSED, give_up, put_json, say
 from nena_cli.service import Service, of_service
+from nena_shared.fleet_api.operations import (
+    CREATE_ORDER,
+    DELIVERY,
+    HOLD,
+    LIST_ORDERS,
+    RESUME,
+    SHOW_ORDER,
+    WITHDRAW,
+    Operation,
+)
 from nena_shared.fleet_api.transport_order import (
-    DeliveryStatus,
     DependencyFailure,
     TransportOrderRequest,
     TransportOrderState,
@@ -90,15 +98,6 @@ def _is_over(body: BaseModel) -> bool:
 
 app = typer.Typer(help="Transport orders of a running order service.", no_args_is_help=True)
 
-ORDERS = "/v1/transportOrders"
-
-
-class OrderPage(Page):
-    """Some of the orders."""
-
-    transport_orders: tuple[TransportOrderStatus, ...]
-
-
 Name = Annotated[str, typer.Argument(help="Name of the order.")]
 By = Annotated[str | None, typer.Option(help="Who asks; without it the name of the user.")]
 Version = Annotated[int | None, typer.Option(help="Only if it still has this version.")]
@@ -148,7 +147,7 @@ def create(
     )
     body = request.model_dump(mode="json", by_alias=True, exclude_none=True)
     with service.connected() as connection:
-        put_or_watch(service, connection, connection.post(TransportOrderStatus, ORDERS, body), wait=wait)
+        put_or_watch(service, connection, connection.call(CREATE_ORDER, body=body), wait=wait)
 
 
 @app.command("list")
@@ -175,8 +174,8 @@ def list_(
 def show_(service: Service, name: Name) -> None:
     """Show a transport order with its delivery and its history."""
     with service.connected() as connection:
-        order = connection.get(TransportOrderStatus, _path(name))
-        delivery = connection.get(DeliveryStatus, f"{_path(name)}/delivery")
+        order = connection.call(SHOW_ORDER, name)
+        delivery = connection.call(DELIVERY, name)
     service.put(order, tables.order_details(order, delivery), tables.history_table(order))
 
 
@@ -208,7 +207,7 @@ def withdraw(
     version: Version = None,
 ) -> None:
     """Withdraw a transport order: it fails at once, or when its vehicle has let it go."""
-    _change(service, name, "withdrawal", {"reason": reason}, version)
+    _change(service, WITHDRAW, name, {"reason": reason}, version)
 
 
 @app.command()
@@ -226,7 +225,7 @@ def hold(
 ) -> None:
     """Let a transport order wait until it is resumed; it keeps its vehicle, which stands."""
     body: dict[str, JsonValue] = {"by": by or getuser(), "immediate": immediate, "reason": reason}
-    _change(service, name, "hold", body, version)
+    _change(service, HOLD, name, body, version)
 
 
 @app.command()
@@ -240,15 +239,21 @@ def resume(
     version: Version = None,
 ) -> None:
     """Let a held transport order go on from where its vehicle stands."""
-    _change(service, name, "resume", {"by": by or getuser(), "reason": reason}, version)
+    _change(service, RESUME, name, {"by": by or getuser(), "reason": reason}, version)
 
 
-def _change(service: Service, name: str, what: str, body: dict[str, JsonValue], version: int | None) -> None:
+def _change(
+    service: Service,
+    operation: Operation[TransportOrderStatus],
+    name: str,
+    body: dict[str, JsonValue],
+    version: int | None,
+) -> None:
     """Have an order changed, only if it has that version still, and tell of it; what is None is left out."""
     given: dict[str, JsonValue] = {key: value for key, value in body.items() if value is not None}
     headers = {} if version is None else {"If-Match": f'"{version}"'}
     with service.connected() as connection:
-        _put(service, connection.post(TransportOrderStatus, f"{_path(name)}/{what}", given, headers))
+        _put(service, connection.call(operation, name, body=given, headers=headers))
 
 
 def _request(file: typer.FileBinaryRead | None, **fields: object) -> TransportOrderRequest:
@@ -276,7 +281,7 @@ def put_or_watch(
 
 def _watch_one(service: Service, connection: Connection, name: str) -> None:
     """Watch an order to its end; the exit status says whether it was done."""
-    order = connection.get(TransportOrderStatus, _path(name))
+    order = connection.call(SHOW_ORDER, name)
     if order.state.final:
         _put(service, order)
     else:
@@ -291,7 +296,7 @@ def _watch_one(service: Service, connection: Connection, name: str) -> None:
 def _orders(
     connection: Connection, query: dict[str, str | int | Sequence[str]]
 ) -> Iterator[TransportOrderStatus]:
-    for page in connection.pages(OrderPage, ORDERS, query):
+    for page in connection.pages(LIST_ORDERS, query):
         yield from page.transport_orders
 
 
@@ -301,7 +306,3 @@ def _put(service: Service, *orders: TransportOrderStatus) -> None:
 
 def _board() -> Board[TransportOrderStatus]:
     return Board(TransportOrderStatus, tables.orders_table)
-
-
-def _path(name: str) -> str:
-    return f"{ORDERS}/{quote(name, safe='')}"

@@ -19,7 +19,7 @@ from rich.text import Text
 
 from nena_cli.output import give_up, put_json, say
 from nena_cli.service import Service, of_service
-from nena_shared.fleet_api.plant import PlantModelChange
+from nena_shared.fleet_api.operations import CHANGE_PLANT
 from nena_shared.plant import PlantModel, PlantModelError, Problem, files, lif, opentcs_xml
 from nena_shared.plant.exchange import JSON_LIMITS
 from nena_shared.plant.files import PlantFormat
@@ -277,7 +277,7 @@ def put(
     with _errors_reported():
         data = read_bytes(file)
     with service.connected() as connection:
-        done = connection.put_content(PlantModelChange, "/v1/plantModel", data, {"check": str(check).lower()})
+        done = connection.call(CHANGE_PLANT, content=data, query={"check": str(check).lower()})
     if service.as_json:
         put_json(done)
         return

@@ -5,26 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import islice
 from typing import Annotated
-from urllib.parse import quote
 
 import typer
 from pydantic import JsonValue
 
 from nena_cli import arguments as option
 from nena_cli import tables
-from nena_cli.client import Connection, Page, Query
+from nena_cli.client import Connection, Query
 from nena_cli.service import Service, of_service
+from nena_shared.fleet_api.operations import COMPLETE_SEQUENCE, CREATE_SEQUENCE, LIST_SEQUENCES, SHOW_SEQUENCE
 from nena_shared.fleet_api.transport_order import OrderSequenceStatus
 
 app = typer.Typer(help="Order sequences of a running order service.", no_args_is_help=True)
-
-SEQUENCES = "/v1/orderSequences"
-
-
-class SequencePage(Page):
-    """Some of the order sequences."""
-
-    order_sequences: tuple[OrderSequenceStatus, ...]
 
 
 Name = Annotated[str, typer.Argument(help="Name of the order sequence.")]
@@ -54,7 +46,7 @@ def create(
     if types:
         body["orderTypes"] = [*types]
     with service.connected() as connection:
-        _put(service, connection.post(OrderSequenceStatus, SEQUENCES, body))
+        _put(service, connection.call(CREATE_SEQUENCE, body=body))
 
 
 @app.command("list")
@@ -83,7 +75,7 @@ def list_(
 def show_(service: Service, name: Name) -> None:
     """Show an order sequence with its history."""
     with service.connected() as connection:
-        sequence = connection.get(OrderSequenceStatus, _path(name))
+        sequence = connection.call(SHOW_SEQUENCE, name)
     details, history = tables.sequence_details, tables.sequence_history
     service.put(sequence, details(sequence), history(sequence))
 
@@ -93,17 +85,13 @@ def show_(service: Service, name: Name) -> None:
 def complete(service: Service, name: Name) -> None:
     """Mark an order sequence complete: no more orders are added, and its vehicle is free after the last."""
     with service.connected() as connection:
-        _put(service, connection.post(OrderSequenceStatus, f"{_path(name)}/completion", {}))
+        _put(service, connection.call(COMPLETE_SEQUENCE, name, body={}))
 
 
 def _all(connection: Connection, query: Query) -> Iterator[OrderSequenceStatus]:
-    for page in connection.pages(SequencePage, SEQUENCES, query):
+    for page in connection.pages(LIST_SEQUENCES, query):
         yield from page.order_sequences
 
 
 def _put(service: Service, *sequences: OrderSequenceStatus) -> None:
     service.put_all(sequences, tables.sequences_table)
-
-
-def _path(name: str) -> str:
-    return f"{SEQUENCES}/{quote(name, safe='')}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from typing import Annotated
-from urllib.parse import quote
 
 import typer
 from pydantic import JsonValue
@@ -13,19 +12,10 @@ from nena_cli import tables
 from nena_cli.arguments import COORDINATE, parse_coordinate
 from nena_cli.orders import Board, put_or_watch, watch
 from nena_cli.service import Service, of_service
-from nena_shared.fleet_api.base import Resource
-from nena_shared.fleet_api.transport_order import TransportOrderStatus
-from nena_shared.fleet_api.vehicle import ReroutingAnswer, ReroutingType, VehicleState, VehicleStatus
+from nena_shared.fleet_api.operations import DISPATCH, LIST_VEHICLES, ORDER_TYPES, REROUTE, SHOW_VEHICLE
+from nena_shared.fleet_api.vehicle import ReroutingType, VehicleState, VehicleStatus
 
 app = typer.Typer(help="Vehicles of a running order service.", no_args_is_help=True)
-
-VEHICLES = "/v1/vehicles"
-
-
-class VehiclePage(Resource):
-    """The vehicles."""
-
-    vehicles: tuple[VehicleStatus, ...]
 
 
 Name = Annotated[str, typer.Argument(help="Name of the vehicle.")]
@@ -43,7 +33,7 @@ def list_(
     """List the vehicles, and robots that are not in the plant model; with --json a line for each."""
     with service.connected() as connection:
         query = {"state": [each.value for each in state or ()]}
-        vehicles = connection.get(VehiclePage, VEHICLES, query).vehicles
+        vehicles = connection.call(LIST_VEHICLES, query=query).vehicles
     _put(service, *vehicles)
 
 
@@ -52,7 +42,7 @@ def list_(
 def show_(service: Service, name: Name) -> None:
     """Show a vehicle, and why it stands."""
     with service.connected() as connection:
-        vehicle = connection.get(VehicleStatus, _path(name))
+        vehicle = connection.call(SHOW_VEHICLE, name)
     _put(service, vehicle)
 
 
@@ -67,7 +57,7 @@ def watch_(
     board = Board(VehicleStatus, lambda shown: tables.vehicles_table(sorted(shown, key=_by_name)))
     with service.connected() as connection:
         if name is not None:
-            connection.get(VehicleStatus, _path(name))
+            connection.call(SHOW_VEHICLE, name)
         for _ in watch(connection, board, query, as_json=service.as_json):
             pass
 
@@ -92,9 +82,9 @@ def order_types(
         if types or none:
             wanted: list[JsonValue] = [{"name": each, "priority": n} for n, each in enumerate(types or ())]
             body: dict[str, JsonValue] = {"acceptableOrderTypes": wanted}
-            vehicle = connection.put(VehicleStatus, f"{_path(name)}/acceptableOrderTypes", body)
+            vehicle = connection.call(ORDER_TYPES, name, body=body)
         else:
-            vehicle = connection.get(VehicleStatus, _path(name))
+            vehicle = connection.call(SHOW_VEHICLE, name)
     service.put(vehicle, tables.order_types_table(vehicle))
 
 
@@ -111,7 +101,7 @@ def reroute(
     """Plan the way of the order that a vehicle works on anew, from the end of what its robot was given."""
     kind = ReroutingType.FORCED if forced else ReroutingType.REGULAR
     with service.connected() as connection:
-        done = connection.post(ReroutingAnswer, f"{_path(name)}/rerouting", {"type": kind.value})
+        done = connection.call(REROUTE, name, body={"type": kind.value})
     service.put(done, tables.rerouting_table(done))
 
 
@@ -139,7 +129,7 @@ def dispatch(
     if operation is not None:
         body["operation"] = operation
     with service.connected() as connection:
-        order = connection.post(TransportOrderStatus, f"{_path(name)}/dispatch", body)
+        order = connection.call(DISPATCH, name, body=body)
         put_or_watch(service, connection, order, wait=wait)
 
 
@@ -149,7 +139,3 @@ def _put(service: Service, *vehicles: VehicleStatus) -> None:
 
 def _by_name(vehicle: VehicleStatus) -> str:
     return vehicle.name
-
-
-def _path(name: str) -> str:
-    return f"{VEHICLES}/{quote(name, safe='')}"

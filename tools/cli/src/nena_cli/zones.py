@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Annotated
-from urllib.parse import quote
 
 import typer
 from pydantic_core import from_json
@@ -12,11 +11,10 @@ from pydantic_core import from_json
 from nena_cli import tables
 from nena_cli.output import give_up
 from nena_cli.service import Service, of_service
-from nena_shared.fleet_api.plant import ZoneSetList, ZoneSetStatus
+from nena_shared.fleet_api.operations import DELETE_ZONE_SET, ENABLE_ZONE_SET, LIST_ZONE_SETS, PUT_ZONE_SET
+from nena_shared.fleet_api.plant import ZoneSetStatus
 
 app = typer.Typer(help="Zone sets of a running order service.", no_args_is_help=True)
-
-ZONE_SETS = "/v1/zoneSets"
 
 Name = Annotated[str, typer.Argument(help="zoneSetId of the zone set.")]
 
@@ -26,7 +24,7 @@ Name = Annotated[str, typer.Argument(help="zoneSetId of the zone set.")]
 def list_(service: Service) -> None:
     """List the zone sets, and how they stand at the robots."""
     with service.connected() as connection:
-        found = connection.get(ZoneSetList, ZONE_SETS)
+        found = connection.call(LIST_ZONE_SETS)
     _put(service, *found.zone_sets)
 
 
@@ -42,7 +40,7 @@ def put(
     except (OSError, ValueError) as error:
         give_up(f"{file}: {error}")
     with service.connected() as connection:
-        _put(service, connection.post(ZoneSetStatus, ZONE_SETS, body))
+        _put(service, connection.call(PUT_ZONE_SET, body=body))
 
 
 @app.command()
@@ -50,7 +48,7 @@ def put(
 def enable(service: Service, name: Name) -> None:
     """Have robots use a zone set, and no other one of its map."""
     with service.connected() as connection:
-        done = connection.post(ZoneSetStatus, f"{ZONE_SETS}/{quote(name, safe='')}/enable", {})
+        done = connection.call(ENABLE_ZONE_SET, name, body={})
     _put(service, done)
 
 
@@ -59,7 +57,7 @@ def enable(service: Service, name: Name) -> None:
 def delete(service: Service, name: Name) -> None:
     """Have robots delete a zone set."""
     with service.connected() as connection:
-        done = connection.delete(ZoneSetStatus, f"{ZONE_SETS}/{quote(name, safe='')}")
+        done = connection.call(DELETE_ZONE_SET, name)
     _put(service, done)
 
 
