@@ -15,7 +15,7 @@ from typing import get_args
 
 import pytest
 
-from nena_edge_agent.loopback.actions import rehearsal_actions
+from nena_edge_agent.loopback.actions import simulated_actions
 from nena_edge_agent.loopback.control import AnyCommand
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from support.broker import Broker, MqttPeer
@@ -95,6 +95,6 @@ def test_every_setting_is_shown() -> None:
 
 
 def test_every_action_for_rehearsal_is_shown() -> None:
-    names = [each.declaration.action_type for each in rehearsal_actions()]
+    names = [each.declaration.action_type for each in simulated_actions()]
 
-    assert first_column("## Actions for rehearsal") == names
+    assert first_column("## Simulated actions") == names

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 from pydantic_core import to_json
 
 from nena_edge_agent.driver.port import Pose
-from nena_edge_agent.loopback.control import Bench, ControlDoor
+from nena_edge_agent.loopback.control import ControlApi, SimulationControl
 from nena_edge_agent.loopback.driver import LoopbackDriver
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.protocol.events import Event
@@ -94,12 +94,12 @@ def loopback_control(_place: Place) -> Reader:
     """Read commands, and obey them."""
     said: list[Outbound] = []
     events: list[Event] = []
-    bench = Bench()
+    control = SimulationControl()
     start = Pose(0.0, 0.0, 0.0, "m")
-    bench.attach(
+    control.attach(
         LoopbackDriver(LoopbackSettings(), start, emit=events.append, clock=SystemClock()), events.append
     )
-    client = ControlDoor(MqttSettings(), "uagv", {ROBOT: bench})
+    client = ControlApi(MqttSettings(), "uagv", {ROBOT: control})
 
     def read(data: bytes) -> None:
         said.clear()

@@ -6,7 +6,7 @@ import pytest
 
 from nena_edge_agent.driver.port import Pose, PoseReport
 from nena_edge_agent.drivers import driver_maker
-from nena_edge_agent.loopback.control import Bench
+from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.protocol.events import Event
 from nena_edge_agent.ros.session_actions import SessionSwitch
@@ -28,7 +28,9 @@ async def test_the_loopback_driver_needs_no_ros_and_begins_where_the_robot_was(
     settings = EdgeAgentSettings(driver="loopback", loopback=LoopbackSettings(x=3.0))
     events: list[Event] = []
 
-    await driver_maker(settings, 0, SystemClock(), Bench(), SWITCH)(events.append, last_place).start()
+    await driver_maker(settings, 0, SystemClock(), SimulationControl(), SWITCH)(
+        events.append, last_place
+    ).start()
 
     assert [event.pose.x for event in events if isinstance(event, PoseReport)] == [x]
 
@@ -37,4 +39,4 @@ def test_without_ros_the_nav2_driver_says_what_to_install(monkeypatch: pytest.Mo
     monkeypatch.setitem(sys.modules, "nena_edge_agent.ros.driver", None)
 
     with pytest.raises(StartError, match=r"nena-edge-agent\[ros\]"):
-        driver_maker(EdgeAgentSettings(driver="nav2"), 0, SystemClock(), Bench(), SWITCH)
+        driver_maker(EdgeAgentSettings(driver="nav2"), 0, SystemClock(), SimulationControl(), SWITCH)

@@ -17,7 +17,7 @@ from nena_edge_agent.actions.settings import OperationSettings
 from nena_edge_agent.actions.timed_operation import TimedOperation
 from nena_edge_agent.actions.wait import Wait
 from nena_edge_agent.factsheet import braking_distance, make_capabilities, make_factsheet
-from nena_edge_agent.loopback.control import Bench
+from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.protocol.capabilities import RULES, Capabilities
 from nena_edge_agent.protocol.instant_actions import MESSAGE_LIMIT
 from nena_edge_agent.protocol.zone_sets import ZONES_IN_A_SET
@@ -162,7 +162,7 @@ def robot(
         }
     )
     context = PluginContext(RobotKey("ACME", "0001"), DryDrive(), ScriptedRos() if ros else None)
-    registry = make_registry(settings, Bench(), context=context)
+    registry = make_registry(settings, SimulationControl(), context=context)
     return settings, make_capabilities(settings, registry)
 
 

@@ -63,7 +63,7 @@ async def test_a_robot_is_given_up_after_its_restarts() -> None:
 async def test_a_fleet_of_which_nothing_works_ends() -> None:
     robots = {"a": Robot(100).make, "b": Robot(100).make}
 
-    with capture_logs(), pytest.raises(StartError, match="none of the robots"):
+    with capture_logs(), pytest.raises(StartError, match="no robot is running any more"):
         await asyncio.wait_for(run_fleet(robots, asyncio.Event(), restarts=1, pause=0.01), PATIENCE)
 
 

@@ -11,14 +11,13 @@ from zlib import crc32
 import pytest
 
 from nena_edge_agent import journal as journal_module
-from nena_edge_agent import journal as recorder_module
 from nena_edge_agent.factsheet import frame_of
 from nena_edge_agent.journal import (
     Journal,
     Recorder,
     UnreadableJournalError,
     check_frame,
-    recollection,
+    read_journal,
     sole_user,
 )
 from nena_edge_agent.protocol.memory import Memory
@@ -227,13 +226,13 @@ def test_a_record_that_the_disk_does_not_give_says_so(tmp_path: Path) -> None:
 
 
 def test_what_is_known_of_a_robot_is_its_memory_or_why_there_is_none(tmp_path: Path) -> None:
-    assert recollection(None) == (None, "")
-    assert recollection(Journal(tmp_path, ROBOT)) == (None, "")
+    assert read_journal(None) == (None, "")
+    assert read_journal(Journal(tmp_path, ROBOT)) == (None, "")
     memory = busy().core.memory()
     record(Journal(tmp_path, ROBOT), memory)
-    assert recollection(Journal(tmp_path, ROBOT)) == (memory, "")
+    assert read_journal(Journal(tmp_path, ROBOT)) == (memory, "")
     (tmp_path / FILE).write_bytes(b"")
-    assert "is damaged" in recollection(Journal(tmp_path, ROBOT))[1]
+    assert "is damaged" in read_journal(Journal(tmp_path, ROBOT))[1]
 
 
 def test_a_full_disk_is_told_with_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -311,7 +310,7 @@ class Rig:
 @pytest.fixture(autouse=True)
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """No disk counts as one that hangs because the machine is slow."""
-    monkeypatch.setattr(recorder_module, "PATIENCE", WAIT)
+    monkeypatch.setattr(journal_module, "WRITE_TIMEOUT", WAIT)
 
 
 @pytest.fixture
@@ -359,7 +358,7 @@ async def test_a_record_outlives_the_process_before_the_disk_has_it(disk: SlowDi
 async def test_a_disk_that_hangs_is_told_and_gets_the_newest_record_later(
     disk: SlowDisk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hangs_at: str
 ) -> None:
-    monkeypatch.setattr(recorder_module, "PATIENCE", 0.05)
+    monkeypatch.setattr(journal_module, "WRITE_TIMEOUT", 0.05)
     if hangs_at == "sync":
         disk.may_write.set()
     rig = Rig(disk)
@@ -377,7 +376,7 @@ async def test_a_disk_that_hangs_is_told_and_gets_the_newest_record_later(
     disk.may_sync.set()
     async with asyncio.timeout(WAIT):
         await rig.woken.wait()
-    monkeypatch.setattr(recorder_module, "PATIENCE", WAIT)
+    monkeypatch.setattr(journal_module, "WRITE_TIMEOUT", WAIT)
     await rig.write()
     await rig.recorder.sync()
 

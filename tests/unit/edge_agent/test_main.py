@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from nena_edge_agent.__main__ import make_registry
-from nena_edge_agent.loopback.control import Bench
+from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.settings import EdgeAgentSettings
 
 REHEARSAL = {"waitUninterrupted", "failAlways", "failOnce", "needParameter"}
@@ -19,7 +19,7 @@ def test_actions_for_rehearsal_are_there_only_on_a_loopback_robot_that_is_set_to
 ) -> None:
     settings = EdgeAgentSettings.model_validate({"driver": driver, "loopback": {"rehearsal": rehearsal}})
 
-    declared = set(make_registry(settings, Bench()).declarations)
+    declared = set(make_registry(settings, SimulationControl()).declarations)
 
     assert {"wait", "pick", "drop"} <= declared
     assert declared & REHEARSAL == (REHEARSAL if there else set())

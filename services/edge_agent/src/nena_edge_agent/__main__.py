@@ -16,12 +16,12 @@ from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.robot_ports import RobotPorts
 from nena_edge_agent.actions.wait import Wait
 from nena_edge_agent.actions.zone_set_download import ZoneSetDownload
-from nena_edge_agent.agent import RobotAgent
+from nena_edge_agent.agent import Equipment, RobotAgent
 from nena_edge_agent.drivers import driver_maker
 from nena_edge_agent.fleet import run_fleet
 from nena_edge_agent.journal import sole_user
-from nena_edge_agent.loopback.actions import ChargingWatch, rehearsal_actions
-from nena_edge_agent.loopback.control import Bench, ControlDoor
+from nena_edge_agent.loopback.actions import ChargingWatch, simulated_actions
+from nena_edge_agent.loopback.control import ControlApi, SimulationControl
 from nena_edge_agent.maps.actions import map_actions
 from nena_edge_agent.maps.selection import map_store
 from nena_edge_agent.maps.store import MapStore
@@ -58,21 +58,21 @@ async def serve(settings: EdgeAgentSettings, stop: asyncio.Event) -> None:
 async def _serve_alone(settings: EdgeAgentSettings, stop: asyncio.Event) -> None:
     clock = SystemClock()
     robots = [RobotKey(settings.manufacturer, each) for each in settings.serial_numbers]
-    benches = {robot: Bench() for robot in robots}
+    controls = {robot: SimulationControl() for robot in robots}
     makers = {
-        str(robot): _agent_maker(settings, index, robot, benches[robot], clock)
+        str(robot): _agent_maker(settings, index, robot, controls[robot], clock)
         for index, robot in enumerate(robots)
     }
     async with Supervisor() as supervisor:
         if settings.driver == "loopback" and settings.loopback.control:
             topics = topics_for(settings.version, settings.interface_name)
-            door = ControlDoor(settings.mqtt, topics.interface_name, benches)
-            supervisor.start("control door", forever("control door", door.run), vital=False)
+            api = ControlApi(settings.mqtt, topics.interface_name, controls)
+            supervisor.start("simulation control", forever("simulation control", api.run), vital=False)
         await _run_all(settings, makers, stop)
 
 
 def _agent_maker(
-    settings: EdgeAgentSettings, index: int, robot: RobotKey, bench: Bench, clock: Clock
+    settings: EdgeAgentSettings, index: int, robot: RobotKey, control: SimulationControl, clock: Clock
 ) -> Callable[[], RobotAgent]:
     ros = PluginRos() if settings.driver == "nav2" else None
     ports = RobotPorts(ros, settings.actions)
@@ -80,21 +80,19 @@ def _agent_maker(
     switch = session_switch(settings.ros, journal, robot)
     map_watch = MapWatch.of(settings)
     guests = (ros, map_watch) if ros else ()
-    driver = driver_maker(settings, index, clock, bench, switch, guests=guests)
+    driver = driver_maker(settings, index, clock, control, switch, guests=guests)
     store = map_store(settings, robot)
     context = PluginContext(robot, ports.drive, ros)
-    registry = make_registry(settings, bench, store, switch, context)
+    registry = make_registry(settings, control, store, switch, context)
 
     def make() -> RobotAgent:
         agent = RobotAgent(
             settings,
             robot.serial_number,
-            make_driver=ports.joined(driver),
-            registry=registry,
+            Equipment(ports.joined(driver), registry, store.maps if store else ()),
             clock=clock,
-            maps=store.maps if store else (),
         )
-        bench.cut_link = agent.cut_link
+        control.cut_link = agent.cut_link
         map_watch.tell = agent.publish_map
         return agent
 
@@ -103,12 +101,12 @@ def _agent_maker(
 
 def make_registry(
     settings: EdgeAgentSettings,
-    bench: Bench,
+    control: SimulationControl,
     store: MapStore | None = None,
     switch: SessionSwitch | None = None,
     context: PluginContext | None = None,
 ) -> ActionRegistry:
-    """Give the actions of one robot; a loopback robot charges its battery, and rehearses if it is to."""
+    """Return the actions of one robot; a loopback robot also gets simulated ones, if it is set up to."""
     context = context or PluginContext(
         RobotKey(settings.manufacturer, settings.serial_number), RobotPorts(None, settings.actions).drive
     )
@@ -126,12 +124,12 @@ def make_registry(
     if settings.driver == "nav2" and settings.map_transforms:
         plugins.append(MapTransforms(settings.map_transforms))
     if settings.driver == "loopback":
-        plugins = [ChargingWatch(each, bench.set_charging) for each in plugins]
+        plugins = [ChargingWatch(each, control.set_charging) for each in plugins]
         found = replace(
-            found, plugins=tuple(ChargingWatch(each, bench.set_charging) for each in found.plugins)
+            found, plugins=tuple(ChargingWatch(each, control.set_charging) for each in found.plugins)
         )
         if settings.loopback.rehearsal:
-            plugins.extend(rehearsal_actions())
+            plugins.extend(simulated_actions())
     return ActionRegistry(plugins, found)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import gc
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import ParamSpec
@@ -15,7 +16,7 @@ from nena_edge_agent.actions.registry import ActionRegistry
 from nena_edge_agent.actions.runner import ActionRunner
 from nena_edge_agent.driver.port import DriveFailed, DriveFailure, DriveGoal, Driver, Pose
 from nena_edge_agent.factsheet import make_capabilities
-from nena_edge_agent.journal import Journal, Recorder, check_frame, recollection
+from nena_edge_agent.journal import Journal, Recorder, check_frame, read_journal
 from nena_edge_agent.messages import Inbox, RobotMessages, client_id_of
 from nena_edge_agent.protocol.conditions import journal_lost
 from nena_edge_agent.protocol.errors import error_key
@@ -59,47 +60,54 @@ from nena_shared.vda5050.visualization import Visualization
 log = get_logger(__name__)
 P = ParamSpec("P")
 
-FAREWELL = 2.0
+DISCONNECT_TIMEOUT = 2.0
 """Seconds for the last messages to reach the broker."""
-LOOK_AT_TIME = 1.0
-"""Seconds between two looks at what may be overdue, while something is."""
-LONGEST_GATHERING = 0.2
-"""Seconds that a state waits for further events that are there already."""
+TIMEOUT_INTERVAL = 1.0
+"""Seconds between two checks of timeouts, while one runs."""
+LONGEST_COLLECTING = 0.2
+"""Seconds that a state waits for further events that are queued already."""
 TO_DRIVER = (Drive, Halt, LimitSpeed, SetPosition)
-"""Effects that end with the power of the robot, if not before."""
+"""Effects that end with the robot's power at the latest: they need not wait for the disk."""
 
 DriverMaker = Callable[[Callable[[Event], None], Pose | None], Driver]
-"""Makes a driver that tells its events to the first; the second is the place that the journal knows."""
+"""Makes a driver that sends its events to the first; the second is the last known position."""
+
+
+@dataclass(frozen=True, slots=True)
+class Equipment:
+    """What a robot works with: its driver, its actions and the maps on it."""
+
+    make_driver: DriverMaker
+    registry: ActionRegistry
+    maps: tuple[Map, ...] = ()
 
 
 class RobotAgent:
-    """One robot. Everything of it is changed by its one task only; all others put events into its mailbox.
+    """One robot. Only its own task changes it; all others put events into its mailbox.
 
-    The rule *durable before visible*: what events have changed outlives the process before the driver learns
-    of it, and a power cut before anything else has an effect, also the state that tells of it.
+    The rule is *durable before visible*: a change survives the end of the process before the driver is told,
+    and a power cut before anything else has an effect, including the state that reports it.
     """
 
     def __init__(
         self,
         settings: EdgeAgentSettings,
         serial_number: str,
+        equipment: Equipment,
         *,
-        make_driver: DriverMaker,
-        registry: ActionRegistry,
         clock: Clock,
-        maps: tuple[Map, ...] = (),
         make_link: Callable[..., MqttLink] = MqttLink,
         make_journal: Callable[[Path, RobotKey], Journal] = Journal,
     ) -> None:
         self._settings = settings
         self._clock = clock
-        self._maps = maps
+        self._maps = equipment.maps
         self.robot = RobotKey(settings.manufacturer, serial_number)
         self._log = log.bind(robot=str(self.robot))
-        self._registry = registry
+        self._registry = registry = equipment.registry
         self._capabilities = make_capabilities(settings, registry)
         journal = make_journal(settings.journal.folder, self.robot) if settings.journal.enabled else None
-        memory, self._journal_loss = recollection(journal)
+        memory, self._journal_loss = read_journal(journal)
         check_frame(memory, self._capabilities.frame)
         self._core = RobotCore(self._capabilities, memory)
         self._messages = RobotMessages(
@@ -116,7 +124,7 @@ class RobotAgent:
         self._inbox = Inbox(
             self._messages.codec, self.robot, self._mailbox.put, clock, strict=settings.strict
         )
-        self._driver = make_driver(self._mailbox.put, self._core.last_position)
+        self._driver = equipment.make_driver(self._mailbox.put, self._core.last_position)
         if own_goals := self._core.own_goals:
             self._driver.reclaim(own_goals)
         self._runner = ActionRunner(registry, self._mailbox.put, settings.actions.patience)
@@ -140,17 +148,15 @@ class RobotAgent:
             TaskFailedError: a task of the robot has failed.
 
         """
-        bind_contextvars(robot=str(self.robot))  # in the log of all that it has done, too
+        bind_contextvars(robot=str(self.robot))  # also in the logs of all that it calls
         if self._maps:
             self._mailbox.put(MapsReport(self._maps))
         if self._journal_loss:
-            self._log.error(
-                "no orders are taken: what the robot was doing is lost", reason=self._journal_loss
-            )
+            self._log.error("no orders are accepted: the journal is lost", reason=self._journal_loss)
             self._mailbox.put(ErrorSwitched(journal_lost(self._journal_loss), active=True))
         if self._registry.problems:
             self._mailbox.put(PluginsReport(self._registry.problems))
-        self._mailbox.put(Started(self._clock.now()))  # before all that the driver tells
+        self._mailbox.put(Started(self._clock.now()))  # before the driver's events
         await self._write_record()  # the ids of the first messages
         await self._recorder.sync()
         await self._driver.start()
@@ -162,20 +168,20 @@ class RobotAgent:
                 try:
                     await supervisor.wait(stop)
                 except TaskFailedError:
-                    await self._say_farewell(ConnectionState.CONNECTION_BROKEN)
+                    await self._disconnect(ConnectionState.CONNECTION_BROKEN)
                     raise
-                await self._say_farewell(ConnectionState.OFFLINE)
+                await self._disconnect(ConnectionState.OFFLINE)
         finally:
             self._runner.close()
             await self._driver.stop()
 
     def publish_map(self, found: RobotMap) -> None:
-        """Have the broker keep what the robot's map looks like, now and after each connect."""
+        """Publish the robot's map retained, now and after each connect."""
         self._map = self._messages.map(found)
         self._link.publish(self._map)
 
     def cut_link(self, seconds: float) -> None:
-        """Lose the broker without a farewell, for ``seconds``: for rehearsals."""
+        """Cut the connection to the broker for ``seconds``, without a disconnect: for simulation."""
         self._link.cut(seconds)
 
     async def _serve(self) -> None:
@@ -189,7 +195,7 @@ class RobotAgent:
             await self._recorder.sync()
             others = (each for each in effects if not isinstance(each, TO_DRIVER))
             self._perform_all(self._others.sift(others, recorded=self._recorded))
-            self._guarded(self._publish_due)
+            self._isolated(self._publish_due)
 
     def _handle(self, events: list[Event]) -> list[Effect]:
         now = self._clock.monotonic()
@@ -200,9 +206,7 @@ class RobotAgent:
             try:
                 effects.extend(self._core.handle(event, now))
             except Exception:
-                log.exception(
-                    "an event was not handled", robot=str(self.robot), event_type=type(event).__name__
-                )
+                log.exception("event not handled", robot=str(self.robot), event_type=type(event).__name__)
         self._log_new_errors()
         return effects
 
@@ -224,7 +228,7 @@ class RobotAgent:
 
     @property
     def _recorded(self) -> bool:
-        """Whether the disk has all that must outlive the program."""
+        """Whether everything that must survive a power cut is on the disk."""
         return self._recorder.has_synced(self._core.durable_version)
 
     async def _write_record(self) -> None:
@@ -232,14 +236,14 @@ class RobotAgent:
         await self._recorder.write(self._core.durable_version, self._core.memory)
 
     def _tell_journal(self, problem: str) -> None:
-        """Have the state show whether the journal works, once for each change."""
+        """Report in the state whether the journal works, once for each change."""
         if problem != self._core.robot.journal_problem:
             self._log.warning("journal", works=not problem, problem=problem)
             self._mailbox.put(JournalReport(problem))
 
     def _perform_all(self, effects: Iterable[Effect]) -> None:
         for effect in effects:
-            self._guarded(self._perform, effect)
+            self._isolated(self._perform, effect)
 
     def _perform(self, effect: Effect) -> None:
         match effect:
@@ -273,12 +277,12 @@ class RobotAgent:
         try:
             self._driver.go_to(goal)
         except Exception as error:
-            log.exception("the driver did not take a goal", robot=str(self.robot), goal=goal.generation)
+            log.exception("the driver refused a goal", robot=str(self.robot), goal=goal.generation)
             text = f"the driver failed: {error}"
             self._mailbox.put(DriveFailed(goal.generation, DriveFailure.NOT_TAKEN_UP, text))
 
-    def _guarded(self, step: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
-        """Do ``step``; what goes wrong in it is logged, and the robot's task goes on."""
+    def _isolated(self, step: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
+        """Run ``step``; log its failure, and continue the robot's task."""
         try:
             step(*args, **kwargs)
         except Exception:
@@ -287,12 +291,12 @@ class RobotAgent:
     def _next_due(self) -> float:
         due = min(self._states.due, self._visualizations.due)
         waits = self._core.waits or not self._recorded
-        return min(due, self._clock.monotonic() + LOOK_AT_TIME) if waits else due
+        return min(due, self._clock.monotonic() + TIMEOUT_INTERVAL) if waits else due
 
     def _publish_due(self) -> None:
         now = self._clock.monotonic()
-        if not self._mailbox.empty and now - self._states.due < LONGEST_GATHERING:
-            return  # what comes next belongs into the same message
+        if not self._mailbox.empty and now - self._states.due < LONGEST_COLLECTING:
+            return  # include it in the same message
         if self._greeting or self._states.due <= now:
             self._publish_state()
             self._states.sent(now)
@@ -302,7 +306,7 @@ class RobotAgent:
             self._visualizations.sent(now)
 
     def _publish_state(self) -> None:
-        """Send the state; the first one after a connect waits until the link lets it through."""
+        """Publish the state; the first one after a connect is kept until the link sends it."""
         if self._greeting or self._link.state.connected:
             state = self._core.state(self._messages.header(Topic.STATE))
             state = self._shown = state if self._recorded else as_recorded(state, self._shown)
@@ -327,7 +331,7 @@ class RobotAgent:
         return link
 
     def _greet(self) -> Iterator[Outbound]:
-        """Give what is published first on each connection; the robot's task sends the full state."""
+        """Yield what is published first on each connection; the robot's task publishes the state."""
         yield self._messages.connection(ConnectionState.ONLINE)
         yield self._messages.factsheet()
         if self._map:
@@ -339,10 +343,10 @@ class RobotAgent:
         self._mailbox.put(SubscriptionsReport(self._link.state.refused))
         self._mailbox.put(LinkReport(connected=True))
 
-    async def _say_farewell(self, state: ConnectionState) -> None:
+    async def _disconnect(self, state: ConnectionState) -> None:
         self._link.publish(self._messages.connection(state))
-        if not await self._link.drain(FAREWELL):
-            self._log.warning("the broker was not told that the robot leaves")
+        if not await self._link.drain(DISCONNECT_TIMEOUT):
+            self._log.warning("the connection ended before the last messages were sent")
 
 
 @cache

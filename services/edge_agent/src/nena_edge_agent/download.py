@@ -71,7 +71,7 @@ async def download(link: str, digest: str | None, settings: DownloadSettings) ->
 
 
 def _fetch(link: str, settings: DownloadSettings) -> bytes:
-    """Block until the file is there; silence and the time-out end it, also when nobody waits any more."""
+    """Block until the file is fetched; both timeouts end it, also after the caller has given up."""
     request = Request(link, headers={"User-Agent": "nena-edge-agent"})  # noqa: S310 - the scheme was checked
     end = monotonic() + settings.timeout
     parts: list[bytes] = []
@@ -92,7 +92,7 @@ def _fetch(link: str, settings: DownloadSettings) -> bytes:
 
 
 def _check(link: str, size: int, end: float, settings: DownloadSettings) -> None:
-    """Give up a file that is too large, or comes too slowly: the time is over at ``end``, monotonic."""
+    """Return up a file that is too large, or comes too slowly: the time is over at ``end``, monotonic."""
     if size > settings.maximum_bytes:
         message = f"{link} is larger than {settings.maximum_bytes} bytes"
         raise DownloadError(message)
@@ -102,7 +102,7 @@ def _check(link: str, size: int, end: float, settings: DownloadSettings) -> None
 
 
 def _opener() -> OpenerDirector:
-    """Give what opens http and https, and nothing else that a server may send the robot to."""
+    """Return what opens http and https, and nothing else that a server may send the robot to."""
     opener = OpenerDirector()
     for handler in (
         ProxyHandler(),

@@ -8,7 +8,7 @@ from nena_edge_agent.agent import DriverMaker
 from nena_edge_agent.driver.map_port import MapDriver, MapEmit
 from nena_edge_agent.driver.plant_frame import PlantFrame, PlantFrameDriver
 from nena_edge_agent.driver.port import Driver, Emit, Pose
-from nena_edge_agent.loopback.control import Bench
+from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.loopback.driver import LoopbackDriver
 from nena_edge_agent.protocol.events import Event
 from nena_edge_agent.ros.guest import NodeGuest
@@ -22,14 +22,14 @@ def driver_maker(
     settings: EdgeAgentSettings,
     index: int,
     clock: Clock,
-    bench: Bench,
+    control: SimulationControl,
     switch: SessionSwitch,
     *,
     guests: Sequence[NodeGuest] = (),
 ) -> DriverMaker:
-    """Give what makes the driver of robot ``index``, from 0.
+    """Return what makes the driver of robot ``index``, from 0.
 
-    ``bench`` gets hold of a loopback robot, ``switch`` of the ROS session of another one, on whose nodes
+    ``control`` gets hold of a loopback robot, ``switch`` of the ROS session of another one, on whose nodes
     ``guests`` have topics and services of their own.
 
     Raises:
@@ -38,15 +38,17 @@ def driver_maker(
     """
     if settings.driver == "nav2":
         return _nav2(settings, clock, switch, guests)
-    return _loopback(settings, index, clock, bench)
+    return _loopback(settings, index, clock, control)
 
 
-def _loopback(settings: EdgeAgentSettings, index: int, clock: Clock, bench: Bench) -> DriverMaker:
+def _loopback(
+    settings: EdgeAgentSettings, index: int, clock: Clock, control: SimulationControl
+) -> DriverMaker:
     def make(put: Callable[[Event], None], last_place: Pose | None) -> Driver:
         start = settings.loopback.start(index)
         place = last_place or Pose(start.x, start.y, start.theta, settings.map_id)
         driver = LoopbackDriver(settings.loopback, place, emit=put, clock=clock, speed=start.speed)
-        bench.attach(driver, put)
+        control.attach(driver, put)
         return driver
 
     return make

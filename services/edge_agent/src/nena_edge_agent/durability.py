@@ -1,4 +1,4 @@
-"""What a file system needs to be told before a file outlives a power cut."""
+"""Make files survive a power cut."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def sync_folder(folder: Path) -> None:
-    """Have the names in ``folder`` outlive a power cut: a new file has none on the disk before.
+    """Flush the names in ``folder`` to the disk, so that a new file survives a power cut.
 
     Raises:
         OSError: the folder is not there, or the disk fails.

@@ -40,13 +40,13 @@ def frame_of(settings: EdgeAgentSettings) -> str:
 
 
 def braking_distance(description: DescriptionSettings) -> float:
-    """Give the way in m in which the robot stops, with half a second to begin to."""
+    """Return the way in m in which the robot stops, with half a second to begin to."""
     speed, deceleration = description.maximum_speed, description.maximum_deceleration
     return speed * 0.5 + (speed * speed / (2 * deceleration) if deceleration else 0.0)
 
 
 def make_capabilities(settings: EdgeAgentSettings, registry: ActionRegistry) -> Capabilities:
-    """Give the core what it needs to know of the settings."""
+    """Return the core what it needs to know of the settings."""
     drive, goals = settings.drive, settings.ros.goals
     by_nav2 = settings.driver == "nav2"
     return Capabilities(

@@ -27,7 +27,7 @@ class Robot(Protocol):
 async def run_fleet(
     makers: Mapping[str, Callable[[], Robot]], stop: asyncio.Event, *, restarts: int, pause: float
 ) -> None:
-    """Run the robots by their names until ``stop`` is set; each is made anew for each of its starts.
+    """Run the robots by their names until ``stop`` is set; each start makes a new one.
 
     A robot that fails is started again up to ``restarts`` times, the first time after ``pause`` s, then after
     twice as long, and so on.
@@ -43,7 +43,7 @@ async def run_fleet(
         ]
         await asyncio.gather(*tasks)
     if not stop.is_set():
-        message = "none of the robots works any more; the log says why"
+        message = "no robot is running any more; see the log for the reasons"
         raise StartError(message)
 
 
@@ -64,7 +64,7 @@ async def _keep_up(
 
 
 async def _run(name: str, make: Callable[[], Robot], stop: asyncio.Event) -> bool:
-    """Run the robot once; tell whether it has ended in order."""
+    """Run the robot once; return whether it has ended in order."""
     try:
         await make().run(stop)
     except (StartError, TaskFailedError) as error:

@@ -27,10 +27,10 @@ CHECKSUM = 9
 
 @contextmanager
 def sole_user(folder: Path, robot: RobotKey) -> Iterator[None]:
-    """Be the only program on this machine that works for ``robot`` with this folder, until the block ends.
+    """Lock the journal of ``robot`` in this folder against other programs until the block ends.
 
     Raises:
-        StartError: another one does, or the folder cannot be used.
+        StartError: another program holds the lock, or the folder cannot be used.
 
     """
     path = _at_home(folder) / f"{_file_name(robot)}.lock"
@@ -51,14 +51,14 @@ def sole_user(folder: Path, robot: RobotKey) -> Iterator[None]:
 
 
 class UnreadableJournalError(Exception):
-    """There is a journal, and nobody knows what it says; the text tells why and what to do."""
+    """The journal cannot be read; the text contains the reason and what to do."""
 
 
 class Journal:
-    """Holds the newest record and the one before it, each in its half of one file; no record is half there.
+    """Keeps the newest record and the one before it, each in its half of one file.
 
-    A record is written over the older one. The file keeps its size, so that the disk has to take these bytes
-    and nothing else; where a record needs more room, a new file takes the old one's place.
+    A record overwrites the older one. The file keeps its size, so that a write needs no new blocks on the
+    disk; where a record needs more room, a new file replaces the old one.
     """
 
     def __init__(self, folder: Path, robot: RobotKey) -> None:
@@ -69,7 +69,7 @@ class Journal:
         self._made = False
 
     def read(self) -> Memory | None:
-        """Give the last record, None if there is none; to be called before the first :meth:`write`.
+        """Return the last record, None if there is none; to be called before the first :meth:`write`.
 
         Raises:
             StartError: the folder cannot be used, with what to do.
@@ -101,7 +101,7 @@ class Journal:
         raise UnreadableJournalError(message)
 
     def write(self, memory: Memory) -> None:
-        """Replace the record; when this returns it outlives the process, after :meth:`sync` a power cut.
+        """Replace the record; when this returns it survives the process, after :meth:`sync` a power cut.
 
         Both block for the time of the disk: to be called outside of the event loop's thread.
 
@@ -129,7 +129,7 @@ class Journal:
         self._number += 1
 
     def _overwrite(self, number: int, record: bytes) -> bool:
-        """Write over the older record; tell whether there is a file with room for it."""
+        """Write over the older record; return whether there is a file with room for it."""
         with suppress(FileNotFoundError), self._file.open("r+b") as file:
             half = os.fstat(file.fileno()).st_size // 2
             framed = _framed(number, record, half)
@@ -151,8 +151,8 @@ class Journal:
         new.replace(self._file)
 
 
-def recollection(journal: Journal | None) -> tuple[Memory | None, str]:
-    """Give what ``journal`` holds, if there is one, and why nobody knows what it holds, if so.
+def read_journal(journal: Journal | None) -> tuple[Memory | None, str]:
+    """Return the memory in ``journal``, if there is any, and why it cannot be read, if so.
 
     Raises:
         StartError: its folder cannot be used, with what to do.
@@ -165,13 +165,13 @@ def recollection(journal: Journal | None) -> tuple[Memory | None, str]:
 
 
 def _framed(number: int, record: bytes, size: int) -> bytes:
-    """Give a record with its number, filled up to ``size`` where it is shorter, after a checksum of all."""
+    """Return a record with its number, padded to ``size``, behind a checksum of both."""
     rest = (b"%d\n%b" % (number, record)).ljust(size - CHECKSUM)
     return b"%08x " % crc32(rest) + rest
 
 
 def _newest(content: bytes) -> tuple[int, bytes]:
-    """Give the newest record of a journal and its number; one that was being written may be torn.
+    """Return the newest record of a journal and its number; one that was being written may be torn.
 
     Raises:
         ValueError: there is none.
@@ -191,10 +191,9 @@ def _read(framed: bytes) -> tuple[int, bytes] | None:
 
 
 def _file_name(robot: RobotKey) -> str:
-    """Give a name that no other robot has: its first full stop ends the manufacturer.
+    """Return the robot's unique file name: manufacturer, full stop, serial number.
 
-    A serial number may hold any of the standard's signs as it is; all else that file systems stumble over is
-    written as in an URL.
+    Characters of the standard stay as they are; all others are percent-encoded as in a URL.
     """
     manufacturer = quote(robot.manufacturer, safe=" ").replace(".", "%2E")
     return f"{manufacturer}.{quote(robot.serial_number, safe=' :')}"
@@ -215,10 +214,10 @@ def _at_home(folder: Path) -> Path:
 
 
 def check_frame(memory: Memory | None, frame: str) -> None:
-    """Make sure that what was being driven means the same places still.
+    """Check that the coordinates in ``memory`` still mean the same positions.
 
     Raises:
-        StartError: the robot would drive elsewhere.
+        StartError: the coordinates mean other positions.
 
     """
     if memory is None or memory.frame == frame or not (memory.progress.nodes or memory.zone_sets):
@@ -233,17 +232,17 @@ def check_frame(memory: Memory | None, frame: str) -> None:
 
 
 AT_ONCE = 0.01
-"""Seconds for which the event loop itself waits: the kernel takes a record in a tenth of a millisecond, and
-to come back to a loop that has gone on takes longer than that."""
-PATIENCE = 2.0
-"""Seconds that the disk has to take a record; a robot that is told to stop cannot wait for longer."""
+"""Seconds for which the event loop itself waits: the kernel usually takes a record in 0.1 ms, which is
+shorter than a switch to another task and back."""
+WRITE_TIMEOUT = 2.0
+"""Seconds that the disk has to write a record; a robot that must stop cannot wait for longer."""
 
 Version = tuple[object, ...]
-"""Differs from another one when the memories differ that they are of."""
+"""A value that differs when the memory differs."""
 
 
 class Recorder:
-    """Records what a robot must still know; a disk that fails or hangs is told, and the robot goes on.
+    """Writes records in a thread; a disk that fails or hangs is reported, and the robot continues.
 
     To be used in turn: :meth:`write`, then what may be done once the record outlives the process, then
     :meth:`sync`, then what may be done once it outlives a power cut.
@@ -262,8 +261,8 @@ class Recorder:
         Args:
             journal: where to; None: nowhere.
             version: of what the journal holds.
-            tell: is told after each record what is wrong with the disk, "" for nothing.
-            wake: is called when a disk that hung has answered: the newest record can be written then.
+            tell: called after each record with the problem of the disk, "" for none.
+            wake: called when a disk that hung has answered: the newest record can be written then.
 
         """
         self._journal = journal
@@ -276,11 +275,11 @@ class Recorder:
         self._deadline = 0.0
 
     async def write(self, version: Version, memory: Callable[[], Memory]) -> None:
-        """Begin to record what is new; come back when it outlives the process, or the disk has failed."""
+        """Begin to write a changed memory; return when it survives the process, or the disk has failed."""
         if self._journal is None or version == self._durable or self._hangs:
-            return  # while the disk hangs at an older record, a newer one must not get in between
+            return  # a newer record must not overtake an older one on a disk that hangs
         loop = asyncio.get_running_loop()
-        self._begun, self._deadline = version, loop.time() + PATIENCE
+        self._begun, self._deadline = version, loop.time() + WRITE_TIMEOUT
         self._written = self._durable = None  # a record that fails may have taken the place of the one before
         written: SimpleQueue[bool] = SimpleQueue()
         self._record = loop.run_in_executor(None, _work, self._journal, memory(), written)
@@ -288,16 +287,16 @@ class Recorder:
         try:
             outlives = written.get(timeout=AT_ONCE)
         except Empty:
-            outlives = await asyncio.to_thread(_await, written, PATIENCE)
+            outlives = await asyncio.to_thread(_await, written, WRITE_TIMEOUT)
         self._written = version if outlives else None
 
     async def sync(self) -> None:
-        """Come back when what was begun is on the disk, or the disk has failed."""
+        """Wait until the record is on the disk, or the disk has failed."""
         if self._record is None or self._begun is None:
             return
         version, self._begun = self._begun, None
-        patience = self._deadline - asyncio.get_running_loop().time()
-        done, _ = await asyncio.wait((self._record,), timeout=max(0.0, patience))
+        timeout = self._deadline - asyncio.get_running_loop().time()
+        done, _ = await asyncio.wait((self._record,), timeout=max(0.0, timeout))
         if not done:
             self._record.add_done_callback(lambda _: self._wake())
             self._tell("the disk does not answer")
@@ -308,11 +307,11 @@ class Recorder:
             self._tell("")
 
     def has_written(self, version: Version) -> bool:
-        """Tell whether what differs in ``version`` outlives the process; without a journal nothing does."""
+        """Return whether what differs in ``version`` survives the process; always without a journal."""
         return self._journal is None or version in (self._written, self._durable)
 
     def has_synced(self, version: Version) -> bool:
-        """Tell whether what differs in ``version`` outlives a power cut; without a journal nothing does."""
+        """Return whether what differs in ``version`` survives a power cut; always without a journal."""
         return self._journal is None or version == self._durable
 
     @property
@@ -321,7 +320,7 @@ class Recorder:
 
 
 def _work(journal: Journal, memory: Memory, written: SimpleQueue[bool]) -> None:
-    """Live in a thread: write, tell whether the kernel has it, and wait for the disk."""
+    """Write in a thread: report when the kernel has the record, and wait for the disk."""
     taken = False
     try:
         journal.write(memory)
@@ -332,7 +331,7 @@ def _work(journal: Journal, memory: Memory, written: SimpleQueue[bool]) -> None:
 
 
 def _await(written: SimpleQueue[bool], seconds: float) -> bool:
-    """Live in another thread: wait for what is told, for so long."""
+    """Wait in another thread for the result of a write, at most ``seconds``."""
     try:
         return written.get(timeout=seconds)
     except Empty:
@@ -340,6 +339,6 @@ def _await(written: SimpleQueue[bool], seconds: float) -> bool:
 
 
 def _hear(record: asyncio.Future[None]) -> None:
-    """Take in what became of a record; where nobody waits for it any more, it does not matter."""
+    """Consume the result of a record that is no longer waited for."""
     if not record.cancelled():
         record.exception()

@@ -43,19 +43,19 @@ from nena_shared.vda5050.zone_set import ZoneSetTransfer
 
 WRAP = 2**32
 RESERVE = 100
-"""Ids of a topic that are set apart at once: at most so many are left out by a restart."""
+"""Ids of a topic that are reserved at once: a restart skips at most so many."""
 TOPICS = (Topic.STATE, Topic.VISUALIZATION, Topic.CONNECTION, Topic.FACTSHEET)
-"""What a robot sends."""
+"""Topics that a robot publishes."""
 
 Reserved = tuple[tuple[Topic, int], ...]
-"""For each topic the first id that is not set apart."""
+"""For each topic the first id that is not reserved."""
 
 
 class HeaderMaker:
-    """Counts the messages of each topic, from 0 or from where an earlier run of the program may have been.
+    """Counts the messages of each topic, from 0 or from where an earlier run may have been (section 7.2).
 
-    Ids are used after they have been reserved on disk, so that none comes twice. A robot that cannot write
-    goes on counting: fleet control must take ids that begin anew.
+    Ids are reserved on disk before they are used, so that none is used twice. A robot whose disk fails
+    continues to count: fleet control must accept a counter that starts again.
     """
 
     def __init__(self, robot: RobotKey, *, version: str, clock: Clock, reserved: Reserved = ()) -> None:
@@ -66,7 +66,7 @@ class HeaderMaker:
         self._reserved: dict[Topic, int] = {}
 
     def reserve(self) -> Reserved:
-        """Give the first id of each topic that is not set apart; raised when half of those are used."""
+        """Return the first unreserved id of each topic; reserve more when half of them are used."""
         for topic in TOPICS:
             left = (self._reserved.get(topic, 0) - self._counts[topic]) % WRAP
             if not RESERVE // 2 <= left <= RESERVE:
@@ -74,13 +74,13 @@ class HeaderMaker:
         return tuple(self._reserved.items())
 
     def make(self, topic: Topic) -> dict[str, Any]:
-        """Give the header of the next message under ``topic``, by its neutral names."""
+        """Return the header of the next message under ``topic``, by its neutral names."""
         number = self._counts[topic]
         self._counts[topic] = (number + 1) % WRAP
         return self.form(number)
 
     def form(self, number: int) -> dict[str, Any]:
-        """Give a header with this headerId, without counting it."""
+        """Return a header with this headerId, without counting it."""
         return {
             "header_id": number,
             "timestamp": self._clock.now(),
@@ -90,12 +90,12 @@ class HeaderMaker:
         }
 
     def last_id(self, topic: Topic) -> int:
-        """Give the headerId of the last message under ``topic``; 0 before the first."""
+        """Return the headerId of the last message under ``topic``; 0 before the first."""
         return max(0, self._counts[topic] - 1)
 
 
 def client_id_of(robot: RobotKey, settings: MqttSettings) -> str:
-    """Give the robot's MQTT client id, where the settings name none.
+    """Return the robot's MQTT client id, where the settings name none.
 
     Raises:
         ConfigurationError: a file with the robot's secret cannot be read.
@@ -128,29 +128,29 @@ class RobotMessages:
         return self._topics.of(self._robot, topic)
 
     def header(self, topic: Topic) -> dict[str, Any]:
-        """Give the header of the next message under ``topic``."""
+        """Return the header of the next message under ``topic``."""
         return self.headers.make(topic)
 
     def connection(self, state: ConnectionState) -> Outbound:
-        """Say whether the robot is there; kept by the broker."""
+        """Make the connection message (section 6.5), retained."""
         message = Connection(**self.header(Topic.CONNECTION), connection_state=state)
         return self._outbound(Topic.CONNECTION, message, qos=1, retain=True)
 
     def factsheet(self) -> Outbound:
-        """Say what the robot can do; kept by the broker."""
+        """Make the factsheet message (section 6.10), retained."""
         message = make_factsheet(self.header(Topic.FACTSHEET), self._settings, self._capabilities)
         return self._outbound(Topic.FACTSHEET, message, qos=self._settings.qos, retain=True)
 
     def state(self, message: State, *, keep: bool) -> Outbound:
-        """Say how the robot stands; ``keep``: for as long as it takes until the link is there."""
+        """Make the state message (section 6.6); ``keep``: until the link can send it."""
         return self._outbound(Topic.STATE, message, qos=self._settings.qos, keep=keep)
 
     def visualization(self, message: Visualization) -> Outbound:
-        """Say where the robot is; of no use when it is late."""
+        """Make the visualization message (section 6.7), dropped when it is late."""
         return self._outbound(Topic.VISUALIZATION, message, qos=0)
 
     def map(self, found: RobotMap) -> Outbound:
-        """Say what the robot's map looks like; kept by the broker."""
+        """Make the message with the robot's map, retained."""
         payload = found.model_dump_json(by_alias=True).encode()
         return Outbound(topic_of_map(self._topics, self._robot), payload, retain=True, keep=False)
 
@@ -168,12 +168,12 @@ _UNTIL = {
     Topic.INSTANT_ACTIONS: Until.INSTANT_ACTION_ACCEPTED,
     Topic.ZONE_SET: Until.ZONE_SET_ACCEPTED,
 }
-"""What ends the report of a message that was refused, where it is not the next order."""
+"""What ends the report of a refused message, where it is not the next order."""
 
 
 @dataclass(slots=True)
 class InboxCounts:
-    """What came in so far."""
+    """Messages received so far."""
 
     taken: int = 0
     malformed: int = 0
@@ -205,7 +205,7 @@ class Inbox:
         self.counts = InboxCounts()
 
     def handlers(self, *, zones: bool) -> dict[Topic, Handler]:
-        """Give what takes the messages under each topic; those for ``zones`` only where they are wanted."""
+        """Return the handler of each topic; those for zones only if ``zones``."""
         always: dict[Topic, Handler] = {
             Topic.ORDER: self.take_order,
             Topic.INSTANT_ACTIONS: self.take_instant_actions,
@@ -243,11 +243,11 @@ class Inbox:
 
     def _read(self, kind: type[M], message: Inbound, topic: Topic) -> M | None:
         if not message.payload:
-            self._log.debug("an empty message is passed over: it clears what the broker keeps", topic=topic)
+            self._log.debug("empty message ignored: it clears a retained one", topic=topic)
             return None
         if message.retained:
             self.counts.retained += 1
-            self._log.warning("a retained command is passed over; it may be old", topic=message.topic)
+            self._log.warning("retained command ignored; it may be old", topic=message.topic)
             return None
         try:
             read = self._decode(kind, message.payload, topic)

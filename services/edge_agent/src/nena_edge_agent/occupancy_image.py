@@ -1,4 +1,4 @@
-"""From an occupancy grid to a picture of it: small, and drawn in any colour by whoever shows it."""
+"""Convert an occupancy grid to a small PNG whose colour the viewer chooses."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 UNKNOWN: Final = 255
-"""-1 as a byte: nobody has looked there."""
+"""-1 as a byte: unexplored."""
 SURE: Final = 100
 """Something is there for certain."""
 UNKNOWN_OPACITY: Final = 40
@@ -54,7 +54,7 @@ def occupancy_image(cells: bytes, width: int, height: int, *, side_limit: int) -
 
 
 def _rows(cells: bytes, width: int, factor: int) -> Iterator[bytes]:
-    """Give the rows of pixels, the lowest first."""
+    """Return the rows of pixels, the lowest first."""
     if factor == 1:
         yield from (cells[at : at + width] for at in range(0, len(cells), width))
         return

@@ -34,8 +34,8 @@ class Mailbox:
     """Collects events for one task.
 
     Of poses, battery reports, plans, progress and tables of goals only the newest waits. Messages beyond the
-    limit are dropped and counted: fleet control sends them again until a state echoes them. All else is an
-    answer to something that the core has asked for, a handful per goal and action, and is never dropped.
+    limit are dropped and counted: fleet control sends them again until a state confirms them. All else is an
+    answer to a request of the core, a handful per goal and action, and is never dropped.
     """
 
     def __init__(self) -> None:
@@ -59,7 +59,7 @@ class Mailbox:
         self._filled.set()
 
     def take(self) -> list[Event]:
-        """Give and forget all that waits, in its order."""
+        """Remove and return all waiting events, in their order."""
         self._flush_newest()
         events = list(self._events)
         self._events.clear()
@@ -77,7 +77,7 @@ class Mailbox:
         self._filled.set()
 
     async def wait(self, seconds: float) -> None:
-        """Wait until something is there, at most ``seconds``."""
+        """Wait for an event, at most ``seconds``."""
         if self._filled.is_set() or seconds <= 0:
             await asyncio.sleep(0)
             return
@@ -97,27 +97,27 @@ class Mailbox:
         self._newest.clear()
 
 
-BEGINNINGS = (Drive, SetPosition, StartAction)
-"""All else ends something, or tells of it: that never waits."""
+STARTS = (Drive, SetPosition, StartAction)
+"""All other effects end or report something: they never wait."""
 
 
 class Postponed:
-    """Keeps back what is to be begun while the newest record is not on the disk."""
+    """Delays the start of drives and actions while the newest record is not on the disk."""
 
     def __init__(self) -> None:
         self._waiting: list[Effect] = []
 
     def sift(self, effects: Iterable[Effect], *, recorded: bool) -> list[Effect]:
-        """Give what may be done now, in its order; ``recorded``: a record tells of all ``effects``.
+        """Return what may be done now, in its order; ``recorded``: the disk has a record of all ``effects``.
 
-        What is ended while it waits is not begun any more.
+        What is ended while it waits is not started any more.
         """
         if recorded:
             waiting, self._waiting = self._waiting, []
             return [*waiting, *effects]
         now: list[Effect] = []
         for effect in effects:
-            if isinstance(effect, BEGINNINGS):
+            if isinstance(effect, STARTS):
                 self._waiting.append(effect)
             else:
                 self._waiting = [each for each in self._waiting if not _ends(effect, each)]
@@ -126,7 +126,7 @@ class Postponed:
 
 
 def _ends(effect: Effect, waiting: Effect) -> bool:
-    """Tell whether ``effect`` is the end of what ``waiting`` would begin."""
+    """Return whether ``effect`` ends what ``waiting`` would start."""
     match effect, waiting:
         case Halt(), Drive():
             return True
@@ -146,7 +146,7 @@ class StateSchedule:
         self._requested = inf
 
     def request(self, now: float) -> None:
-        """Want a state as soon as the minimum interval allows."""
+        """Request a state as soon as the minimum interval allows."""
         self._requested = min(self._requested, now)
 
     @property

@@ -59,43 +59,45 @@ class DriveSettings(SettingsGroup):
 
     strategy: DriveStrategy = Field(
         DriveStrategy.STOP_AT_NODES,
-        description="stop_at_nodes: each node is driven to its end; pass_through: nodes without a reason to "
-        "stop are passed.",
+        description="stop_at_nodes: stops at each node; pass_through: passes nodes that need no stop.",
     )
     pass_radius: Metres = Field(
-        0.5, description="Metres around a passed node within which the next goal is given at most."
+        0.5, description="Maximum distance from a passed node at which the next goal is sent, metres."
     )
-    deviation_xy: Metres = Field(0.3, description="Metres allowed around a node that does not say.")
+    deviation_xy: Metres = Field(
+        0.3, description="Allowed deviation from a node without allowedDeviationXY, metres."
+    )
     deviation_theta: float = Field(
-        0.3, gt=0, le=3.15, description="Radians allowed where a node wants a heading and does not say."
+        0.3,
+        gt=0,
+        le=3.15,
+        description="Allowed deviation from a theta without allowedDeviationTheta, radians.",
     )
     base_request_distance: NotNegative = Field(
-        2.0, description="Metres before the end of the base from which more of the order is asked for."
+        2.0, description="Distance to the end of the base at which a new base is requested, metres."
     )
     external_goals: ExternalGoals = Field(
         ExternalGoals.PAUSE,
-        description="What becomes of an order while navigation drives for somebody else (RViz, a docking "
-        "server): pause: it waits and goes on by itself; fail: its drive fails.",
+        description="What happens to an order while navigation drives to a goal of another program (RViz, a "
+        "docking server): pause: it waits and continues automatically; fail: its drive fails.",
     )
     link_loss: LinkLossPolicy = Field(
         LinkLossPolicy.ASSERTIVE,
-        description="What the robot does without its broker: assertive: it drives what was released to it; "
-        "preventive_at_once: it stops where it is; preventive_next_node: it stops at the next node.",
+        description="What the robot does without its broker: assertive: drives its base to the end; "
+        "preventive_at_once: stops where it is; preventive_next_node: stops at the next node.",
     )
     link_loss_patience: Seconds = Field(
         10.0, description="Seconds without the broker after which a preventive robot stops."
     )
-    retries: int = Field(
-        0, ge=0, le=100, description="How often a drive that has failed is tried again before it is told."
-    )
-    retry_wait: Seconds = Field(5.0, description="Seconds before each of these tries.")
+    retries: int = Field(0, ge=0, le=100, description="Retries of a failed drive before it is reported.")
+    retry_wait: Seconds = Field(5.0, description="Seconds before each retry.")
 
 
 class IntervalSettings(SettingsGroup):
     """How often messages are sent, in seconds."""
 
-    state_minimum: Seconds = Field(0.1, description="Least seconds between two states.")
-    state_maximum: float = Field(30.0, gt=0, le=30, description="Most seconds between two states.")
+    state_minimum: Seconds = Field(0.1, description="Minimum state interval, seconds.")
+    state_maximum: float = Field(30.0, gt=0, le=30, description="Maximum state interval, seconds.")
     visualization: float = Field(
         1.0, ge=0, le=3600, description="Seconds between two visualization messages; 0: none."
     )
@@ -109,21 +111,21 @@ class IntervalSettings(SettingsGroup):
 
 
 class JournalSettings(SettingsGroup):
-    """Where it is kept what the robot was doing."""
+    """The journal, which keeps orders and actions over a restart."""
 
-    enabled: bool = Field(default=True, description="Without it an order does not survive a restart.")
+    enabled: bool = Field(default=True, description="Keep a journal; without it no order survives a restart.")
     folder: Path = Field(
         Path("~/.local/state/nena/edge_agent"), description="Folder with one file per robot."
     )
 
 
 class DescriptionSettings(SettingsGroup):
-    """What the factsheet says of the robot: m, m/s, rad/s, m/s², kg."""
+    """The robot in its factsheet: m, m/s, rad/s, m/s², kg."""
 
-    series_name: str = Field("NeNa", description="Name of the robot's series.")
+    series_name: str = Field("NeNa", description="Series name.")
     robot_class: str = Field("CARRIER", description="FORKLIFT, CONVEYOR, TUGGER, CARRIER, ...")
     kinematics: str = Field("DIFFERENTIAL", description="DIFFERENTIAL, OMNIDIRECTIONAL or THREE_WHEEL.")
-    localization_types: tuple[str, ...] = Field(("NATURAL",), description="How it localises itself.")
+    localization_types: tuple[str, ...] = Field(("NATURAL",), description="Localisation types.")
     maximum_load_mass: NotNegative = Field(50.0, description="kg")
     maximum_speed: NotNegative = Field(1.0, description="m/s")
     maximum_angular_speed: NotNegative = Field(1.5, description="rad/s")
@@ -137,14 +139,14 @@ class DescriptionSettings(SettingsGroup):
 class EdgeAgentSettings(ServiceSettings):
     """The edge agent."""
 
-    manufacturer: TopicLevel = Field("NeNa", description="Maker of the robot; a level of its topics.")
-    serial_number: TopicLevel = Field("robot1", description="Serial number of the robot; a level too.")
+    manufacturer: TopicLevel = Field("NeNa", description="Manufacturer; a level of the robot's topics.")
+    serial_number: TopicLevel = Field("robot1", description="Serial number; a level of the robot's topics.")
     version: SpokenVersion = Field(
-        "2.1.0", description=f"Version of VDA 5050 that the robot speaks: {', '.join(CODECS)}."
+        "2.1.0", description=f"VDA 5050 version of the robot: {', '.join(CODECS)}."
     )
     interface_name: TopicPrefix | None = Field(
         None,
-        description="First levels of all topics; not given: what the version suggests, uagv or vda5050.",
+        description="First levels of all topics. Unset: by the version, uagv or vda5050.",
     )
     qos: Literal[0, 1] = Field(
         1,

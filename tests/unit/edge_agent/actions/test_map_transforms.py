@@ -3,7 +3,7 @@ from __future__ import annotations
 from nena_edge_agent.__main__ import make_registry
 from nena_edge_agent.actions.map_transforms import MapTransforms
 from nena_edge_agent.factsheet import make_capabilities, make_factsheet
-from nena_edge_agent.loopback.control import Bench
+from nena_edge_agent.loopback.control import SimulationControl
 from nena_edge_agent.protocol.events import ActionReport
 from nena_edge_agent.settings import EdgeAgentSettings
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
@@ -23,7 +23,7 @@ def test_the_transforms_are_told_by_map() -> None:
 
 def declares(**fields: object) -> bool:
     settings = EdgeAgentSettings.model_validate(fields)
-    capabilities = make_capabilities(settings, make_registry(settings, Bench()))
+    capabilities = make_capabilities(settings, make_registry(settings, SimulationControl()))
     return transforms_itself(make_factsheet(HEADER, settings, capabilities))
 
 

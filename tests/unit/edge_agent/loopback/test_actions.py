@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from nena_edge_agent.actions.settings import OperationSettings
 from nena_edge_agent.actions.timed_operation import TimedOperation
-from nena_edge_agent.loopback.actions import ChargingWatch, rehearsal_actions
+from nena_edge_agent.loopback.actions import ChargingWatch, simulated_actions
 from nena_edge_agent.protocol.events import ActionReport
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.factsheet import ActionScope
@@ -13,7 +13,7 @@ from support.waiting import until
 class Stage:
     def __init__(self) -> None:
         self.reports: list[ActionReport] = []
-        self.plugins = {each.declaration.action_type: each for each in rehearsal_actions()}
+        self.plugins = {each.declaration.action_type: each for each in simulated_actions()}
 
     async def play(self, action_type: str, **parameters: int) -> ActionStatus:
         """Do an action to its end, and give it."""
@@ -46,7 +46,7 @@ async def test_the_others_succeed_after_their_time() -> None:
 
 
 def test_each_says_what_it_takes_and_allows() -> None:
-    declared = {each.declaration.action_type: each.declaration for each in rehearsal_actions()}
+    declared = {each.declaration.action_type: each.declaration for each in simulated_actions()}
 
     assert not declared["waitUninterrupted"].pause_allowed
     assert not declared["waitUninterrupted"].cancel_allowed

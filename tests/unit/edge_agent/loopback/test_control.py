@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_edge_agent.driver.port import Circle, NavigationReport, NoRouteReport, Pose, PoseReport
-from nena_edge_agent.loopback.control import Bench, CommandRefusedError, parse
+from nena_edge_agent.loopback.control import CommandRefusedError, SimulationControl, parse
 from nena_edge_agent.loopback.driver import LoopbackDriver
 from nena_edge_agent.loopback.settings import LoopbackSettings
 from nena_edge_agent.protocol.events import (
@@ -30,15 +30,15 @@ from nena_shared.vda5050.state import EmergencyStop, OperatingMode
 class Stand:
     def __init__(self) -> None:
         self.events: list[Event] = []
-        self.bench = Bench()
+        self.control = SimulationControl()
         start = Pose(0.0, 0.0, 0.0, "m")
         settings = LoopbackSettings()
         self.driver = LoopbackDriver(settings, start, emit=self.events.append, clock=SystemClock())
-        self.bench.attach(self.driver, self.events.append)
+        self.control.attach(self.driver, self.events.append)
 
     def do(self, command: str, **fields: Any) -> Event:
         """Obey a command, and give the event that came of it last."""
-        self.bench.apply(parse(json.dumps({"command": command, **fields}).encode()))
+        self.control.apply(parse(json.dumps({"command": command, **fields}).encode()))
         return self.events[-1]
 
 
@@ -74,7 +74,7 @@ def test_what_the_world_does_goes_to_the_driver() -> None:
     stand = Stand()
 
     assert stand.do("navigation", available=False) == NavigationReport(
-        available=False, reason="switched off at the control door"
+        available=False, reason="switched off by simulation control"
     )
     assert stand.do("navigation", available=True, reason="x") == NavigationReport(available=True, reason="")
     assert stand.do("noRoute", x=3, y=4) == NoRouteReport((Circle(3, 4, 0.5),))
@@ -87,20 +87,20 @@ def test_what_the_world_does_goes_to_the_driver() -> None:
 
 def test_the_link_is_cut_for_the_time_that_is_named() -> None:
     stand, cuts = Stand(), list[float]()
-    stand.bench.cut_link = cuts.append
-    stand.bench.apply(parse(b'{"command": "linkSilence", "seconds": 2.5}'))
+    stand.control.cut_link = cuts.append
+    stand.control.apply(parse(b'{"command": "linkSilence", "seconds": 2.5}'))
 
     assert cuts == [2.5]
 
 
 async def test_while_the_robot_does_not_run_a_command_is_refused() -> None:
     stand, press = Stand(), parse(b'{"command": "pauseButton", "pressed": true}')
-    with pytest.raises(CommandRefusedError, match="does not run now"):
-        Bench().apply(press)
+    with pytest.raises(CommandRefusedError, match="is not running"):
+        SimulationControl().apply(press)
 
     await stand.driver.stop()
-    with pytest.raises(CommandRefusedError, match="does not run now"):
-        stand.bench.apply(press)
+    with pytest.raises(CommandRefusedError, match="is not running"):
+        stand.control.apply(press)
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ Outcome = Callable[[Action], str | None]
 """Tells why an action fails at its end; None: it finishes."""
 
 
-class RehearsalAction:
+class SimulatedAction:
     """Takes its ``duration`` in s, by default none, and ends as ``outcome`` says."""
 
     def __init__(self, declaration: ActionDeclaration, outcome: Outcome) -> None:
@@ -52,26 +52,26 @@ class Alternately:
         self._fails_next = True
 
     def __call__(self, _: Action) -> str | None:
-        """Give the reason of a failure, every other time."""
+        """Return the reason of a failure, every other time."""
         fails, self._fails_next = self._fails_next, not self._fails_next
         return "it fails the first time, as it is meant to" if fails else None
 
 
-def rehearsal_actions() -> tuple[ActionPlugin, ...]:
+def simulated_actions() -> tuple[ActionPlugin, ...]:
     """Make the actions of one robot."""
     return (
-        RehearsalAction(
+        SimulatedAction(
             _declare("waitUninterrupted", "Waits, and can be neither paused nor cancelled.", stoppable=False),
             lambda _: None,
         ),
-        RehearsalAction(
+        SimulatedAction(
             _declare("failAlways", "Fails after its duration."),
             lambda _: "it always fails, as it is meant to",
         ),
-        RehearsalAction(
+        SimulatedAction(
             _declare("failOnce", "Fails the first time, succeeds the second time, and so on."), Alternately()
         ),
-        RehearsalAction(
+        SimulatedAction(
             _declare(
                 "needParameter",
                 "Is refused without its parameter.",

@@ -36,7 +36,7 @@ Name = Annotated[str, Field(min_length=1, max_length=200)]
 
 
 class CommandRefusedError(Exception):
-    """A message to the control door is no command, or cannot be obeyed; ``problems`` says what to change."""
+    """A command is invalid or cannot be executed; ``problems`` contains what to change."""
 
     def __init__(self, *problems: str) -> None:
         super().__init__("; ".join(problems))
@@ -48,7 +48,7 @@ class _Command(BaseModel):
         extra="forbid", frozen=True, strict=True, alias_generator=to_camel, validate_by_name=False
     )
 
-    id: Text | None = Field(None, description="Comes back in the answer.")
+    id: Text | None = Field(None, description="Repeated in the answer.")
 
 
 class SwitchOperatingMode(_Command):
@@ -66,11 +66,11 @@ class SwitchLocalization(_Command):
 
 
 class SwitchNavigation(_Command):
-    """What drives the robot goes away, or is there again."""
+    """Navigation becomes unavailable, or available again."""
 
     command: Literal["navigation"]
     available: bool
-    reason: Text = "switched off at the control door"
+    reason: Text = "switched off by simulation control"
 
 
 class _Area(_Command):
@@ -97,19 +97,19 @@ class _Area(_Command):
 
 
 class MakeUnreachable(_Area):
-    """Nodes there cannot be reached, which the robot finds out on the way."""
+    """Nodes there cannot be reached, which the robot finds out while driving."""
 
     command: Literal["unreachable"]
 
 
 class TakeRoute(_Area):
-    """No way leads there, which the robot knows: it refuses orders that do."""
+    """No route leads there, which the robot knows: it refuses such orders."""
 
     command: Literal["noRoute"]
 
 
 class SwitchError(_Command):
-    """An error comes, or goes; type and references say which."""
+    """An error is reported or withdrawn, identified by its type and references."""
 
     command: Literal["error"]
     error_type: Name
@@ -136,7 +136,7 @@ class SwitchError(_Command):
 
 
 class SwitchFieldViolation(_Command):
-    """Something is in the protective field, or has left it."""
+    """The protective field is violated, or free again."""
 
     command: Literal["fieldViolation"]
     active: bool
@@ -163,21 +163,21 @@ class SwitchPauseButton(_Command):
 
 
 class SwitchCharging(_Command):
-    """The charger is put to the robot, or taken away."""
+    """The charger is connected or disconnected."""
 
     command: Literal["charging"]
     charging: bool
 
 
 class SetBattery(_Command):
-    """The battery holds so many percent from now on."""
+    """The battery is set to a state of charge, in percent."""
 
     command: Literal["battery"]
     state_of_charge: Annotated[float, Field(ge=0, le=100)]
 
 
 class CarryAway(_Command):
-    """The robot is carried somewhere (m, rad), by default on its own map, and knows where it is."""
+    """The robot is carried to another pose (m, rad), by default on its own map, and stays localised."""
 
     command: Literal["pose"]
     x: Finite
@@ -187,21 +187,21 @@ class CarryAway(_Command):
 
 
 class SetSpeed(_Command):
-    """The robot drives at so many m/s from now on, where the order does not want less."""
+    """The robot drives at ``speed`` m/s from now on, unless the order limits it further."""
 
     command: Literal["speed"]
     speed: Positive
 
 
 class PullTrigger(_Command):
-    """Somebody at the robot releases the actions that wait for a trigger of this type."""
+    """A person at the robot releases the actions that wait for a trigger of this type."""
 
     command: Literal["trigger"]
     trigger_type: Name = "LOCAL"
 
 
 class LoseLink(_Command):
-    """The link to the broker breaks without a farewell, for so many seconds."""
+    """The connection to the broker breaks without a disconnect, for ``seconds``."""
 
     command: Literal["linkSilence"]
     seconds: Annotated[float, Field(gt=0, le=3600)]
@@ -244,15 +244,15 @@ def parse(payload: bytes) -> AnyCommand:
 
 @dataclass(slots=True)
 class _Robot:
-    """What the bench has of a robot that runs."""
+    """A running robot, and how its core is reached."""
 
     driver: LoopbackDriver
     put: Callable[[Event], None]
     safety: SafetyReport
 
 
-class Bench:
-    """One robot's; what was done to the world around it is forgotten when the robot is started anew.
+class SimulationControl:
+    """Applies commands to one robot; a restart of the robot resets what they have changed.
 
     ``cut_link`` breaks the robot's link to the broker for a number of seconds.
     """
@@ -262,7 +262,7 @@ class Bench:
         self.cut_link: Callable[[float], None] | None = None
 
     def attach(self, driver: LoopbackDriver, put: Callable[[Event], None]) -> None:
-        """Work on the robot that ``driver`` drives; its core is told by ``put``."""
+        """Control the robot of ``driver``; ``put`` sends events to its core."""
         self._robot = _Robot(driver, put, SafetyReport())
 
     def set_charging(self, charging: bool) -> None:  # noqa: FBT001 - called back with the one value
@@ -271,15 +271,15 @@ class Bench:
             self._robot.driver.set_charging(charging=charging)
 
     def apply(self, command: AnyCommand) -> None:
-        """Obey ``command``.
+        """Apply ``command``.
 
         Raises:
-            CommandRefusedError: it makes no sense now.
+            CommandRefusedError: it is not possible now.
 
         """
         robot = self._robot
         if robot is None or robot.driver.ended:
-            message = "the robot does not run now; send the command again"
+            message = "the robot is not running; send the command again later"
             raise CommandRefusedError(message)
         match command:
             case LoseLink(seconds=seconds) if self.cut_link:
@@ -346,7 +346,7 @@ LONGEST_PAYLOAD = 10_000
 """Bytes of a command."""
 
 
-class ControlDoor:
+class ControlApi:
     """One for all robots of the program, on a link of its own: a robot whose link is cut hears it still.
 
     A command stands under ``<interface name>/loopback/<manufacturer>/<serial number>/control``, its answer
@@ -354,17 +354,17 @@ class ControlDoor:
     """
 
     def __init__(
-        self, settings: MqttSettings, interface_name: str, benches: Mapping[RobotKey, Bench]
+        self, settings: MqttSettings, interface_name: str, controls: Mapping[RobotKey, SimulationControl]
     ) -> None:
-        self._benches = {f"{interface_name}/loopback/{robot}": bench for robot, bench in benches.items()}
-        first = next(iter(benches))
+        self._benches = {f"{interface_name}/loopback/{robot}": control for robot, control in controls.items()}
+        first = next(iter(controls))
         self._link = MqttLink(
             settings.model_copy(update={"client_id": None}),  # that one is the robot's own
             client_id=f"nena-loopback-control-{first.manufacturer}-{first.serial_number}",
         )
         topic_filter = f"{interface_name}/loopback/{first.manufacturer}/+/control"
         self._link.subscribe(topic_filter, self._take)
-        log.info("control door open", topic=topic_filter)
+        log.info("simulation control ready", topic=topic_filter)
 
     async def run(self) -> None:
         """Answer until cancelled."""
@@ -372,22 +372,22 @@ class ControlDoor:
 
     def _take(self, message: Inbound) -> None:
         place = message.topic.removesuffix("/control")
-        bench = self._benches.get(place)
-        if bench is None or not message.payload:
+        control = self._benches.get(place)
+        if control is None or not message.payload:
             return
-        problems = _obey(bench, message)
+        problems = _obey(control, message)
         log.info("control command", topic=message.topic, accepted=not problems, problems=problems)
         self._link.publish(Outbound(f"{place}/answer", _answer(message.payload, problems), keep=False))
 
 
-def _obey(bench: Bench, message: Inbound) -> tuple[str, ...]:
-    """Obey the command; gives what keeps it from being obeyed."""
+def _obey(control: SimulationControl, message: Inbound) -> tuple[str, ...]:
+    """Obey the command; returns what keeps it from being obeyed."""
     if message.retained:
         return ("a retained command may be old and is not obeyed; send it without the retain flag",)
     if len(message.payload) > LONGEST_PAYLOAD:
         return (f"a command has at most {LONGEST_PAYLOAD} bytes",)
     try:
-        bench.apply(parse(message.payload))
+        control.apply(parse(message.payload))
     except CommandRefusedError as refused:
         return refused.problems
     return ()
@@ -402,7 +402,7 @@ def _answer(payload: bytes, problems: tuple[str, ...]) -> bytes:
 
 
 def _named(payload: bytes) -> dict[str, str]:
-    """Give id and name of a command, as far as it has them."""
+    """Return id and name of a command, as far as it has them."""
     try:
         command = json.loads(payload[:LONGEST_PAYLOAD])
     except (ValueError, RecursionError):

@@ -45,14 +45,14 @@ class Battery:
         return self._charged_at is not None
 
     def level(self, now: float) -> float:
-        """Give the state of charge at the time ``now``."""
+        """Return the state of charge at the time ``now``."""
         if self._charged_at is not None:
             self._charge = min(FULL, self._charge + (now - self._charged_at) * self._rate)
             self._charged_at = now
         return self._charge
 
     def drive(self, metres: float) -> None:
-        """Take what driving costs."""
+        """Drain the battery by driving ``metres``."""
         self._charge = max(0.0, self._charge - self._drain * metres)
 
     def switch(self, now: float, *, charging: bool) -> None:
@@ -61,7 +61,7 @@ class Battery:
         self._charged_at = now if charging else None
 
     def set_level(self, now: float, charge: float) -> None:
-        """Hold ``charge`` percent from the time ``now`` on."""
+        """Set the state of charge to ``charge`` percent at the time ``now``."""
         self.level(now)
         self._charge = charge
 
@@ -88,7 +88,7 @@ class Motion:
         return self.begin + self._first_turn_time + self._line_time + abs(self._last_turn) / self.rate
 
     def at(self, now: float) -> tuple[Pose, float, float]:
-        """Give the pose at the time ``now`` in s, with the speed in m/s and the turning rate in rad/s."""
+        """Return the pose at the time ``now`` in s, with the speed in m/s and the turning rate in rad/s."""
         elapsed = max(0.0, now - self.begin)
         if elapsed < self._first_turn_time:
             rate = copysign(self.rate, self._first_turn)
@@ -125,7 +125,7 @@ class Motion:
         return _turn(self._direction, self.goal.theta) if self.turn_at_end else 0.0
 
     def _pose(self, along: float, theta: float) -> Pose:
-        """Give the pose ``along`` metres from the start, exactly on the goal at the end of the line."""
+        """Return the pose ``along`` metres from the start, exactly on the goal at the end of the line."""
         done = along >= self.length
         x = self.goal.x if done else self.start.x + along * cos(self._direction)
         y = self.goal.y if done else self.start.y + along * sin(self._direction)
@@ -147,7 +147,7 @@ class Braking:
         return self.begin + 2 * self.distance / self.speed
 
     def at(self, now: float) -> tuple[Pose, float, float]:
-        """Give the pose at the time ``now`` in s, with the speed in m/s and the turning rate in rad/s."""
+        """Return the pose at the time ``now`` in s, with the speed in m/s and the turning rate in rad/s."""
         left = max(0.0, (self.end - now) / (self.end - self.begin)) if now > self.begin else 1.0
         along = self.distance * (1 - left**2)
         heading = self.start.theta
@@ -156,7 +156,7 @@ class Braking:
 
 
 def braking(motion: Motion, now: float, deceleration: float) -> Braking | None:
-    """Give how a robot in ``motion`` comes to a stand, at ``deceleration`` m/s²; None: it does at once.
+    """Return how a robot in ``motion`` comes to a stand, at ``deceleration`` m/s²; None: it does at once.
 
     It never goes beyond the goal: near to it the robot brakes harder.
     """
@@ -211,7 +211,7 @@ class LoopbackDriver:
         self.ended = False
 
     async def start(self) -> None:
-        """Tell where the robot is, and that it can drive."""
+        """Report the robot's pose, and that it can drive."""
         self._tell_pose(0.0, 0.0)
         self._tell_battery()
         self._emit(self._navigation)
@@ -255,7 +255,7 @@ class LoopbackDriver:
             self._wait()
 
     def reclaim(self, goals: OwnGoals) -> None:
-        """Do nothing: its goals end with the program."""
+        """Ignore earlier goals: they end with the program."""
 
     def limit_speed(self, speed: float | None) -> None:
         """Go on at another speed, at once."""
@@ -264,7 +264,7 @@ class LoopbackDriver:
             self.go_to(self._goal)
 
     def initialize_position(self, pose: Pose) -> None:
-        """Be there, at once."""
+        """Move to ``pose`` at once."""
         self._stand()
         self._pose, self._localized = pose, True
         self._soon(self._placed)
@@ -278,7 +278,7 @@ class LoopbackDriver:
             self._emit(Halted())
 
     def carry_to(self, x: float, y: float, theta: float, map_id: str | None = None) -> None:
-        """Be somewhere else, without having driven there: m, rad; a goal is driven to from there."""
+        """Move to another pose without driving: m, rad; a current goal continues from there."""
         goal = self._goal
         self.stop_at_once()
         self._pose = Pose(x, y, theta, map_id or self._pose.map_id)
@@ -305,7 +305,7 @@ class LoopbackDriver:
         self._emit(self._navigation)
 
     def set_unreachable(self, circle: Circle, *, active: bool) -> None:
-        """Have no goal in ``circle`` be reached, or have them reached again."""
+        """Make goals in ``circle`` unreachable, or reachable again."""
         if not active:
             self._unreachable.pop(circle, None)
             return
@@ -316,7 +316,7 @@ class LoopbackDriver:
             self.go_to(goal)
 
     def set_no_route(self, circle: Circle, *, active: bool) -> None:
-        """Have it known that no way leads into ``circle``, or have one lead there again."""
+        """Report that no route leads into ``circle``, or that one does again."""
         if active:
             self._no_route[circle] = None
         else:
@@ -331,12 +331,12 @@ class LoopbackDriver:
         self._wait_for_charge()
 
     def set_charge(self, charge: float) -> None:
-        """Have ``charge`` percent in the battery."""
+        """Set the battery to ``charge`` percent."""
         self._battery.set_level(self._clock.monotonic(), charge)
         self._tell_battery()
 
     def _problem(self, goal: DriveGoal) -> str | None:
-        """Say why ``goal`` cannot be reached."""
+        """Return why ``goal`` cannot be reached."""
         if goal.pose.map_id != self._pose.map_id:
             return f"the robot is on map '{self._pose.map_id}', the goal on '{goal.pose.map_id}'"
         if any(circle.holds(goal.pose.x, goal.pose.y) for circle in self._unreachable):
@@ -353,7 +353,7 @@ class LoopbackDriver:
         self._goal, self._motion = None, None
 
     def _move(self, motion: Motion | Braking) -> tuple[float, float]:
-        """Be where ``motion`` has brought the robot; gives speed and turning rate."""
+        """Move the robot along ``motion``; return speed and turning rate."""
         before = self._pose
         self._pose, vx, omega = motion.at(self._clock.monotonic())
         self._battery.drive(dist((before.x, before.y), (self._pose.x, self._pose.y)))

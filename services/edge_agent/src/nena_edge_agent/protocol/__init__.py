@@ -1,7 +1,9 @@
-"""The mobile robot's side of VDA 5050, pure: events and the time go in, effects and a new state come out.
+"""The mobile robot's side of VDA 5050: events and the time go in, effects come out, the state changes.
 
-Everything here works on the version-neutral messages; no I/O, no clock, no threads. Section numbers are those
-of VDA 5050 3.0.0 unless it says otherwise.
+Everything here is pure and works on version-neutral messages: no I/O, no clock, no threads, no ROS. One
+:class:`RobotState` holds everything; the modules ``orders``, ``driving``, ``actions``, ``instant_actions``
+and ``zones`` are functions that change it. Section numbers are those of VDA 5050 3.0.0
+unless stated otherwise.
 """
 
 from nena_edge_agent.protocol.robot import RobotCore

@@ -13,7 +13,7 @@ from nena_shared.vda5050.state import Load
 ACTIVE = frozenset(
     {ActionStatus.INITIALIZING, ActionStatus.RUNNING, ActionStatus.PAUSED, ActionStatus.RETRIABLE}
 )
-"""Begun and not ended."""
+"""Started and not ended."""
 
 _BEFORE: dict[ActionStatus, frozenset[ActionStatus]] = {
     ActionStatus.WAITING: frozenset(),
@@ -26,7 +26,7 @@ _BEFORE: dict[ActionStatus, frozenset[ActionStatus]] = {
 }
 """From which states each state may follow; FINISHED and FAILED are final."""
 DESCRIPTOR_SHOWN = 200
-"""Characters of a descriptor that a state repeats: it is for people, and comes with every state."""
+"""Characters of an actionDescriptor that a state repeats."""
 
 
 @dataclass(slots=True)
@@ -46,7 +46,7 @@ class ActionRecord:
 
 
 class ActionStates:
-    """Actions in the order in which they came."""
+    """Actions with their states, in the order in which they were received."""
 
     def __init__(self) -> None:
         self._records: dict[str, ActionRecord] = {}
@@ -61,7 +61,7 @@ class ActionStates:
         return action_id in self._records
 
     def get(self, action_id: str) -> ActionRecord | None:
-        """Give the record of an action, if it is known."""
+        """Return the record of an action, if it is known."""
         return self._records.get(action_id)
 
     def add(self, records: Iterable[ActionRecord]) -> None:
@@ -72,7 +72,7 @@ class ActionStates:
         self._changed()
 
     def remove(self, unwanted: Callable[[ActionRecord], bool]) -> None:
-        """Forget every action that ``unwanted`` says yes to."""
+        """Remove every action for which ``unwanted`` returns True."""
         kept = {key: record for key, record in self._records.items() if not unwanted(record)}
         if len(kept) != len(self._records):
             self._records = kept
@@ -80,7 +80,7 @@ class ActionStates:
             self._changed()
 
     def change(self, action_id: str, status: ActionStatus, result: str | None = None) -> bool:
-        """Set a new status; tell whether that was allowed (section 6.6.9, figure 21) and changed anything."""
+        """Set a status; return whether that was allowed (section 6.6.9, figure 21) and changed anything."""
         record = self._records.get(action_id)
         if record is None or record.status not in _BEFORE[status]:
             return False
@@ -140,7 +140,7 @@ STANDING = (BlockingType.SOFT, BlockingType.HARD)
 
 
 def lets_drive(actions: Iterable[Action]) -> bool:
-    """Tell whether none of ``actions`` wants the robot to stand."""
+    """Return whether none of ``actions`` needs the robot to stop (blockingType SOFT or HARD)."""
     return all(action.blocking_type not in STANDING for action in actions)
 
 
@@ -154,15 +154,15 @@ class ActionQueue:
         return iter(self._actions)
 
     def append(self, actions: Iterable[Action]) -> None:
-        """Put the actions of a node or edge behind those that are queued."""
+        """Append the actions of a node or edge."""
         self._actions.update((action.action_id, action.blocking_type) for action in actions)
 
     def remove(self, action_id: str) -> None:
-        """Take out an action that has ended; unknown ones are passed over."""
+        """Remove an action that has ended; an unknown one is ignored."""
         self._actions.pop(action_id, None)
 
     def clear(self) -> None:
-        """Forget all."""
+        """Remove all actions."""
         self._actions.clear()
 
     @property
@@ -171,10 +171,10 @@ class ActionQueue:
         return all(blocking not in STANDING for blocking in self._actions.values())
 
     def runnable(self) -> list[str]:
-        """Give the actions that may run now, those that run already among them.
+        """Return the actions that may run now, including those that run already (section 6.2.2).
 
-        NONE and SOFT gather from the front and run side by side; a SINGLE or HARD one waits for all before
-        it, runs alone, and holds back all behind it.
+        NONE and SOFT actions at the front run in parallel; a SINGLE or HARD one waits for all before it, runs
+        alone, and blocks all behind it.
         """
         gathered: list[str] = []
         for action_id, blocking in self._actions.items():
@@ -185,13 +185,13 @@ class ActionQueue:
 
 
 UNKNOWN_LOAD = Load()
-"""What a robot carries of which only that is known."""
+"""A load of which nothing else is known."""
 
 
 def loads_after(
     action: Action, declaration: ActionDeclaration | None, loads: tuple[Load, ...]
 ) -> tuple[Load, ...]:
-    """Give what a robot with ``loads`` carries when ``action`` has finished; the action may name its load."""
+    """Return what a robot with ``loads`` carries after ``action``, which may name its load."""
     match declaration.load if declaration else None:
         case LoadChange.TAKE:
             return (Load(load_id=_text(action, "loadId"), load_type=_text(action, "loadType")),)
@@ -204,7 +204,7 @@ def loads_after(
 def loaded_after(
     actions: Iterable[Action], declarations: Mapping[str, ActionDeclaration], *, loaded: bool
 ) -> bool:
-    """Tell whether the robot carries something when all of ``actions`` have finished, one after the other."""
+    """Return whether the robot carries something after ``actions``, one after the other."""
     for action in actions:
         declaration = declarations.get(action.action_type)
         if declaration and declaration.load:
@@ -215,7 +215,7 @@ def loaded_after(
 def first_load_problem(
     actions: Iterable[Action], declarations: Mapping[str, ActionDeclaration], *, loaded: bool
 ) -> tuple[Action, str] | None:
-    """Find the first action that will not fit what the robot carries by then, and say why."""
+    """Return the first action that does not fit the load by then, and why."""
     for action in actions:
         declaration = declarations.get(action.action_type)
         problem = declaration.load_problem(loaded=loaded) if declaration else None
@@ -226,7 +226,7 @@ def first_load_problem(
 
 
 def sensed(loads: tuple[Load, ...], *, loaded: bool) -> tuple[Load, ...]:
-    """Give what the robot carries by its sensor, which knows no names; one that is known stays known."""
+    """Return the loads by the load sensor, which knows no ids; a known load keeps its id."""
     if not loaded:
         return ()
     return loads or (UNKNOWN_LOAD,)

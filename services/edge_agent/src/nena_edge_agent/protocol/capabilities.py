@@ -52,10 +52,10 @@ RULES: Final[Mapping[str, Rules]] = MappingProxyType(
 
 
 class LinkLossPolicy(StrEnum):
-    """How a robot drives without its broker."""
+    """How a robot drives while its broker connection is lost."""
 
     ASSERTIVE = "assertive"
-    """It drives the base to its end, as the standard has it."""
+    """It drives the base to its end, as the standard defines."""
     PREVENTIVE_AT_ONCE = "preventive_at_once"
     """It stops where it is, and waits."""
     PREVENTIVE_NEXT_NODE = "preventive_next_node"
@@ -63,19 +63,19 @@ class LinkLossPolicy(StrEnum):
 
 
 class DriveStrategy(StrEnum):
-    """How nodes are driven to."""
+    """How the robot drives from node to node."""
 
     STOP_AT_NODES = "stop_at_nodes"
-    """Each node is a goal that is driven to its end."""
+    """Each node is a goal of its own, at which the robot stops."""
     PASS_THROUGH = "pass_through"  # noqa: S105 - a way to drive, no password
-    """The next goal is given in the range of a node that gives no reason to stop."""
+    """The next goal is sent within the deviation of a node that needs no stop."""
 
 
 class ExternalGoals(StrEnum):
-    """What becomes of an order when somebody else has navigation drive."""
+    """What happens to an order while navigation drives to a goal of another program."""
 
     PAUSE = "pause"
-    """It waits for the end of the other drive, and goes on."""
+    """It waits for the end of the other drive, and continues."""
     FAIL = "fail"
     """Its drive fails; fleet control decides."""
 
@@ -100,7 +100,7 @@ class Capabilities:
 
     ``frame`` names the frame of all coordinates, by how the plant lies on the robot's maps.
 
-    ``tolerated_parameters`` are optional fields of the order that are passed over instead of refused, by
+    ``tolerated_parameters`` are optional fields of the order that are ignored instead of refused, by
     their path, e.g. ``edges.trajectory``.
     """
 
@@ -132,7 +132,7 @@ class Capabilities:
 
     @property
     def zones(self) -> frozenset[ZoneType]:
-        """The types of zones that the robot honours."""
+        """The types of zones that the robot supports."""
         if not self.rules.standard.zones:
             return frozenset()
         limit = {ZoneType.SPEED_LIMIT} if self.limits_speed else set()
@@ -158,7 +158,7 @@ _ALWAYS: tuple[OptionalParameter, ...] = (
 
 
 def _speed(edge: Edge, capabilities: Capabilities) -> bool:
-    """Tell whether the robot would be too fast; nobody drives along an edge at 0 m/s."""
+    """Return whether the robot would be too fast; an edge cannot be driven at 0 m/s."""
     limit = edge.maximum_speed
     if limit is None or limit >= capabilities.maximum_speed:
         return False
@@ -189,11 +189,11 @@ DEMANDS: dict[str, Callable[[Edge, Capabilities], bool]] = {
 What the robot does anyway (drive forwards, turn freely, keep to its own speed) is no demand.
 """
 TOLERABLE: frozenset[str] = frozenset({ZONE_SET, *DEMANDS})
-"""Fields that a setting may have passed over."""
+"""Fields that the setting ``tolerated_parameters`` may name."""
 
 
 def supported(capabilities: Capabilities) -> tuple[OptionalParameter, ...]:
-    """Give the optional fields that the factsheet names; what it does not name counts as unsupported."""
+    """Return the optional fields for the factsheet; fields that it does not list are unsupported."""
     more: list[str] = []
     if capabilities.limits_speed:
         more.append(SPEED)
@@ -204,7 +204,7 @@ def supported(capabilities: Capabilities) -> tuple[OptionalParameter, ...]:
 
 
 def unsupported(order: Order, capabilities: Capabilities) -> tuple[str, Edge | None] | None:
-    """Find the first optional field that the robot cannot act on, and the edge that it stands at, if any."""
+    """Return the first optional field that the robot cannot act on, and its edge, if any."""
     if order.zone_set_id and ZONE_SET not in capabilities.tolerated_parameters:
         return ZONE_SET, None
     return next(_unsupported(order, capabilities), None)

@@ -41,7 +41,7 @@ class Parameter:
     choices: tuple[JsonValue, ...] = ()
 
     def problem(self, value: JsonValue) -> str | None:
-        """Say what is wrong with ``value`` (None: not given); None if nothing is. An empty list is none."""
+        """Return what is wrong with ``value``, None if nothing is; None and [] mean that it is missing."""
         if value is None or (value == [] and self.data_type is ValueDataType.ARRAY):
             return f"parameter '{self.key}' is missing" if self.required else None
         if not _fits(value, self.data_type):
@@ -79,9 +79,9 @@ class ActionDeclaration:
     """One action type (section 7.10, mobileRobotActions).
 
     ``open_ended``: it has no goal of its own, like a lamp, and has succeeded when its edge ends.
-    ``restartable``: it may be begun anew after the agent was interrupted in it. ``result``: what its result
-    says, for people. ``load``: what it does to the load when it finishes, and that it needs. ``check``: what
-    else stands against an action, by its parameters. ``unavailable``: why this robot never does it, empty if
+    ``restartable``: it may start again after a restart of the agent interrupted it. ``result``: what its
+    result says, for people. ``load``: what it does to the load, which it needs for that. ``check``: whether
+    its parameters make sense. ``unavailable``: why this robot never does it, empty if
     it does. ``timeout``: seconds that it runs at most, pauses not counted, None: as long as it takes.
     ``needs_idle``: it is refused while an order is active.
     """
@@ -103,7 +103,7 @@ class ActionDeclaration:
     needs_idle: bool = False
 
     def problem(self, action: Action, scope: ActionScope) -> str | None:
-        """Say why ``action`` cannot be done in ``scope``; None if it can."""
+        """Return why ``action`` cannot be done in ``scope``; None if it can."""
         if self.unavailable:
             return f"action '{self.action_type}' is not possible: {self.unavailable}"
         if scope not in self.scopes:
@@ -118,7 +118,7 @@ class ActionDeclaration:
         return found and f"action '{self.action_type}': {found}"
 
     def load_problem(self, *, loaded: bool) -> str | None:
-        """Say why the action cannot be done by a robot that is loaded, or is not; None if it can."""
+        """Return why the action cannot be done by a robot that is loaded, or is not; None if it can."""
         if self.load is LoadChange.TAKE and loaded:
             return f"action '{self.action_type}' takes a load, and the robot is loaded already"
         if self.load is LoadChange.GIVE and not loaded:
@@ -137,7 +137,7 @@ _PYTHON_TYPES: dict[ValueDataType, tuple[type, ...]] = {
 
 
 def _fits(value: JsonValue, data_type: ValueDataType) -> bool:
-    """Tell whether ``value`` is of the type; a number is one that a float64 can hold (section 7.1)."""
+    """Return whether ``value`` is of the type; a number is one that a float64 can hold (section 7.1)."""
     if type(value) not in _PYTHON_TYPES[data_type]:
         return False
     return not isinstance(value, int) or abs(value) <= float_info.max
@@ -204,16 +204,18 @@ PREDEFINED: dict[str, ActionDeclaration] = {
             "Stops the robot where it is and ends the order.",
             (Parameter("orderId", ValueDataType.STRING, required=False),),
         ),
-        _instant(START_PAUSE, "Stops driving and holds actions that can be held."),
-        _instant(STOP_PAUSE, "Lets driving and held actions go on."),
-        _instant(STATE_REQUEST, "Has the robot send its state."),
-        _instant(FACTSHEET_REQUEST, "Has the robot send its factsheet."),
-        _instant(INITIALIZE_POSITION, "Tells the localisation where the robot is.", _POSITION),
-        _on_node_too(CLEAR_INSTANT_ACTIONS, "Takes the ended instant actions out of the state."),
-        _on_node_too(ENABLE_ZONE_SET, "Has a zone set count in place of another one of its map.", _ZONE_SET),
-        _instant(DELETE_ZONE_SET, "Forgets a zone set that is not enabled.", _ZONE_SET),
-        _instant(RETRY, "Begins an action anew that failed and may be tried again.", _WHICH),
-        _instant(SKIP_RETRY, "Lets an action that may be tried again be failed.", _WHICH),
+        _instant(START_PAUSE, "Stops driving and pauses actions that can be paused."),
+        _instant(STOP_PAUSE, "Resumes driving and paused actions."),
+        _instant(STATE_REQUEST, "Requests a state message."),
+        _instant(FACTSHEET_REQUEST, "Requests a factsheet message."),
+        _instant(INITIALIZE_POSITION, "Sets the robot's pose in the localisation.", _POSITION),
+        _on_node_too(CLEAR_INSTANT_ACTIONS, "Removes ended instant actions from the state."),
+        _on_node_too(
+            ENABLE_ZONE_SET, "Enables a zone set and disables the other sets of its map.", _ZONE_SET
+        ),
+        _instant(DELETE_ZONE_SET, "Deletes a zone set that is not enabled.", _ZONE_SET),
+        _instant(RETRY, "Starts a RETRIABLE action again.", _WHICH),
+        _instant(SKIP_RETRY, "Ends a RETRIABLE action as FAILED.", _WHICH),
         _instant(TRIGGER, "Releases the actions that wait for fleet control."),
         ActionDeclaration(
             WAIT_FOR_TRIGGER,
@@ -222,7 +224,7 @@ PREDEFINED: dict[str, ActionDeclaration] = {
                 Parameter(TRIGGER_TYPE, ValueDataType.ARRAY, description="FLEET_CONTROL, LOCAL or others"),
             ),
             cancel_allowed=True,
-            description="Waits until one of the triggers is pulled.",
+            description="Waits until one of the triggers is released.",
         ),
     )
 }

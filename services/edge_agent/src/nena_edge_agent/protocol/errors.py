@@ -22,11 +22,11 @@ class Until(Enum):
     INSTANT_ACTION_ACCEPTED = auto()
     """The next instant action is accepted."""
     ZONE_SET_ACCEPTED = auto()
-    """The next zone set is taken."""
+    """The next zone set is accepted."""
     CONDITION_OVER = auto()
-    """Its cause is gone."""
+    """Its cause is over."""
     WITHDRAWN = auto()
-    """Who has shown it takes it back."""
+    """Its reporter withdraws it."""
     AVAILABLE = auto()
     """The robot takes orders again."""
 
@@ -46,7 +46,7 @@ class ActiveErrors:
         self.revision = 0
         self.entries: tuple[ErrorEntry, ...] = ()
         self.worst_reported: ErrorLevel | None = None
-        """The level of the worst error that somebody has shown and not taken back."""
+        """The level of the worst error that a person or device has reported and not withdrawn."""
 
     def report(self, error: ErrorEntry, until: Until) -> None:
         """Add ``error``, in place of an older one of the same type and references."""
@@ -60,7 +60,7 @@ class ActiveErrors:
         self._changed()
 
     def end(self, *causes: Until) -> None:
-        """Take away every error that one of ``causes`` ends."""
+        """Remove every error that one of ``causes`` ends."""
         ended = [key for key, (_, until) in self._active.items() if until in causes]
         for key in ended:
             del self._active[key]
@@ -68,17 +68,17 @@ class ActiveErrors:
             self._changed()
 
     def withdraw(self, error: ErrorEntry) -> None:
-        """Take away ``error``; one that is not active is passed over."""
+        """Remove ``error``; one that is not active is ignored."""
         if self._active.pop(error_key(error), None):
             self._changed()
 
     @property
     def stop_robot(self) -> bool:
-        """Whether somebody has shown an error with which the robot cannot go on (section 6.6.5.1)."""
+        """Whether a reported error keeps the robot from continuing (section 6.6.5.1)."""
         return self.worst_reported in (ErrorLevel.CRITICAL, ErrorLevel.FATAL)
 
     def set_condition(self, kind: ErrorType | str, error: ErrorEntry | None) -> None:
-        """Show ``error`` as the only one of its ``kind`` for as long as its cause lasts, None: it is gone."""
+        """Report ``error`` as the only one of its ``kind`` while its cause lasts; None ends it."""
         if error is None and not self._active:
             return
         if error is None or self._other_than(error):
@@ -98,7 +98,7 @@ class ActiveErrors:
         return [key for key, (_, until) in self._active.items() if until is Until.CONDITION_OVER]
 
     def _least_needed(self) -> ErrorKey:
-        """Give the oldest refusal, else the oldest error: why the robot stands must stay."""
+        """Return the oldest refusal, else the oldest error: why the robot stands must stay."""
         refusals = (key for key, (_, until) in self._active.items() if until in REFUSED)
         return next(refusals, next(iter(self._active)))
 

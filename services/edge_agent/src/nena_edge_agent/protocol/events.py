@@ -17,7 +17,7 @@ from nena_shared.vda5050.zone_set import ZoneSet, ZoneSetTransfer
 
 @dataclass(frozen=True, slots=True)
 class Started:
-    """The driver works: go on with what the journal held. ``utc`` is the time of day, if that is known."""
+    """The driver works: continue with what the journal holds. ``utc`` is the time of day, if known."""
 
     utc: datetime | None = None
 
@@ -124,7 +124,7 @@ class ErrorSwitched:
 
 @dataclass(frozen=True, slots=True)
 class LocalTrigger:
-    """Somebody at the robot has released the actions that wait for a trigger of this type."""
+    """A person at the robot has released the actions that wait for a trigger of this type."""
 
     trigger_type: str = "LOCAL"
 
@@ -138,7 +138,7 @@ class LoadSensed:
 
 @dataclass(frozen=True, slots=True)
 class PluginsReport:
-    """What is wrong with plug-ins for actions that are installed and cannot be used; a sentence for each."""
+    """Problems of installed action plug-ins that cannot be used; a sentence for each."""
 
     problems: tuple[str, ...]
 
@@ -152,21 +152,21 @@ class JournalReport:
 
 @dataclass(frozen=True, slots=True)
 class SubscriptionsReport:
-    """The topics that the broker does not let the robot subscribe to."""
+    """Topics whose subscription the broker refuses."""
 
     refused: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class LinkReport:
-    """Whether the link to the broker stands; until the first one it does not."""
+    """Whether the robot is connected to the broker; it is not until the first report."""
 
     connected: bool
 
 
 @dataclass(frozen=True, slots=True)
 class TimePassed:
-    """Nothing but time: what waits for an answer may be overdue."""
+    """Only time has passed: a timeout may be over."""
 
 
 Event = (
@@ -195,33 +195,33 @@ Event = (
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """Give the driver this goal."""
+    """Send this goal to the driver."""
 
     goal: DriveGoal
 
 
 @dataclass(frozen=True, slots=True)
 class Halt:
-    """Have the driver stop and drop its goal."""
+    """Stop the driver and drop its goal."""
 
 
 @dataclass(frozen=True, slots=True)
 class LimitSpeed:
-    """Have the driver be no faster than ``speed`` m/s, whatever its goal allows; None: no limit."""
+    """Limit the driver to ``speed`` m/s, whatever its goal allows; None: no limit."""
 
     speed: float | None
 
 
 @dataclass(frozen=True, slots=True)
 class SetPosition:
-    """Tell the localisation where the robot is."""
+    """Set the robot's pose in the localisation."""
 
     pose: Pose
 
 
 @dataclass(frozen=True, slots=True)
 class StartAction:
-    """Have a plug-in begin ``action``; ``loads`` is what the robot carries now."""
+    """Start ``action`` in its plug-in; ``loads`` is what the robot carries now."""
 
     action: Action
     loads: tuple[Load, ...]
@@ -229,21 +229,21 @@ class StartAction:
 
 @dataclass(frozen=True, slots=True)
 class PauseAction:
-    """Have a plug-in hold an action."""
+    """Pause an action in its plug-in."""
 
     action_id: str
 
 
 @dataclass(frozen=True, slots=True)
 class ResumeAction:
-    """Have a plug-in go on with a held action."""
+    """Resume a paused action in its plug-in."""
 
     action_id: str
 
 
 @dataclass(frozen=True, slots=True)
 class CancelAction:
-    """Have a plug-in give up an action."""
+    """Cancel an action in its plug-in."""
 
     action_id: str
 

@@ -18,7 +18,7 @@ Box = tuple[float, float, float, float]
 
 
 def rectangle(start: Point, end: Point, *, length: float, width: float, theta: float) -> Polygon:
-    """Give what a rectangle covers that moves ahead to ``end``; on the spot it looks along ``theta``."""
+    """Return what a rectangle covers that moves ahead to ``end``; on the spot it looks along ``theta``."""
     run = hypot(end[0] - start[0], end[1] - start[1])
     heading = atan2(end[1] - start[1], end[0] - start[0]) if run else theta
     ahead, side = (cos(heading), sin(heading)), (-sin(heading), cos(heading))
@@ -38,25 +38,25 @@ def rectangle(start: Point, end: Point, *, length: float, width: float, theta: f
 
 
 def turning_circle(centre: Point, *, length: float, width: float) -> Polygon:
-    """Give an octagon around what a rectangle covers that turns about its centre."""
+    """Return an octagon around what a rectangle covers that turns about its centre."""
     radius = hypot(length, width) / 2 / cos(pi / 8)
     angles = (pi / 8 + index * pi / 4 for index in range(8))
     return tuple((centre[0] + radius * cos(each), centre[1] + radius * sin(each)) for each in angles)
 
 
 def box(polygon: Polygon) -> Box:
-    """Give the upright rectangle around ``polygon``."""
+    """Return the upright rectangle around ``polygon``."""
     xs, ys = zip(*polygon, strict=True)
     return min(xs), min(ys), max(xs), max(ys)
 
 
 def boxes_meet(one: Box, other: Box) -> bool:
-    """Tell whether two boxes have a point in common; if not, what is in them has none."""
+    """Return whether two boxes have a point in common; if not, what is in them has none."""
     return one[0] <= other[2] and other[0] <= one[2] and one[1] <= other[3] and other[1] <= one[3]
 
 
 def overlap(one: Polygon, other: Polygon) -> bool:
-    """Tell whether the two have a point in common."""
+    """Return whether the two have a point in common."""
     return (
         any(_cross(*side, *cut) for side in _sides(one) for cut in _sides(other))
         or contains(one, other[0])
@@ -65,7 +65,7 @@ def overlap(one: Polygon, other: Polygon) -> bool:
 
 
 def contains(polygon: Polygon, point: Point) -> bool:
-    """Tell whether ``point`` lies inside; on the very border either answer may come."""
+    """Return whether ``point`` lies inside; on the very border either answer may come."""
     x, y = point
     inside = False
     for (x1, y1), (x2, y2) in _sides(polygon):
@@ -75,7 +75,7 @@ def contains(polygon: Polygon, point: Point) -> bool:
 
 
 def is_simple(polygon: Polygon) -> bool:
-    """Tell whether no two sides meet but neighbours at their corner, and the polygon holds some ground."""
+    """Return whether no two sides meet but neighbours at their corner, and the polygon holds some ground."""
     sides = list(_sides(polygon))
     last = len(sides) - 1
     apart = ((i, j) for i, j in combinations(range(len(sides)), 2) if j - i > 1 and (i, j) != (0, last))
@@ -91,7 +91,7 @@ def _area(polygon: Polygon) -> float:
 
 
 def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
-    """Tell whether the stretches a-b and c-d have a point in common."""
+    """Return whether the segments a-b and c-d have a point in common."""
     one, two = _turn(a, b, c), _turn(a, b, d)
     three, four = _turn(c, d, a), _turn(c, d, b)
     if one * two < 0 and three * four < 0:
@@ -101,28 +101,28 @@ def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
 
 
 def _turn(a: Point, b: Point, c: Point) -> float:
-    """Give twice the area of the triangle: above 0 where c lies to the left of a-b."""
+    """Return twice the area of the triangle: above 0 where c lies to the left of a-b."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def _between(start: Point, end: Point, point: Point) -> bool:
-    """Tell whether a point of the line through both lies on the stretch."""
+    """Return whether a point of the line through both lies on the segment."""
     return all(min(s, e) <= p <= max(s, e) for s, e, p in zip(start, end, point, strict=True))
 
 
 def radius(position: NodePosition, default: float) -> float:
-    """Give the deviation that is allowed in every direction; 0 or none means the robot's own."""
+    """Return the deviation that is allowed in every direction; 0 or none means the robot's own."""
     allowed = position.allowed_deviation_xy
     return min(allowed.a, allowed.b) or default if allowed else default
 
 
 def distance(pose: Pose, position: NodePosition) -> float:
-    """Give the straight distance."""
+    """Return the straight distance."""
     return hypot(pose.x - position.x, pose.y - position.y)
 
 
 def in_place(pose: Pose, position: NodePosition, default: float) -> bool:
-    """Tell whether ``pose`` lies within the allowed ellipse around ``position``, on its map."""
+    """Return whether ``pose`` lies within the allowed ellipse around ``position``, on its map."""
     if pose.map_id != position.map_id:
         return False
     allowed = position.allowed_deviation_xy
@@ -135,19 +135,19 @@ def in_place(pose: Pose, position: NodePosition, default: float) -> bool:
 
 
 def heading_fits(pose: Pose, position: NodePosition, default: float) -> bool:
-    """Tell whether the robot looks where ``position`` demands; without a demand it does."""
+    """Return whether the robot's heading fits ``position``; any heading does without a theta."""
     if position.theta is None:
         return True
     return abs(turn(position.theta, pose.theta)) <= (position.allowed_deviation_theta or default)
 
 
 def turn(start: float, end: float) -> float:
-    """Give the shortest turn from ``start`` to ``end``, in [-π, π)."""
+    """Return the shortest turn from ``start`` to ``end``, in [-π, π)."""
     return (end - start + pi) % (2 * pi) - pi
 
 
 def same_place(one: NodePosition, other: NodePosition) -> bool:
-    """Tell whether a robot that stands at ``one`` need not move for ``other``."""
+    """Return whether a robot at ``one`` need not move to be at ``other``."""
     there = (one.x, one.y, one.map_id) == (other.x, other.y, other.map_id)
     return there and other.theta in (None, one.theta)
 
@@ -160,12 +160,12 @@ class Footprint:
     width: float
 
     def at(self, pose: Pose) -> tuple[Polygon, ...]:
-        """Give what the robot covers where it stands."""
+        """Return the area that the robot covers at ``pose``."""
         place = (pose.x, pose.y)
         return (rectangle(place, place, length=self.length, width=self.width, theta=pose.theta),)
 
     def along_path(self, start: Pose | NodePosition, end: NodePosition) -> tuple[Polygon, ...]:
-        """Give what the robot covers on the straight way to ``end``, where it may turn."""
+        """Return the area that the robot covers on the straight path to ``end``, and when it turns there."""
         begin, place = (start.x, start.y), (end.x, end.y)
         return (
             rectangle(begin, place, length=self.length, width=self.width, theta=start.theta or 0.0),

@@ -30,7 +30,7 @@ class Situation:
     """What the decision about an order depends on.
 
     ``off`` says why the robot's ROS session keeps it from taking orders, empty if it does not.
-    ``fatal``: somebody has shown an error with which the robot takes no orders. ``cancelled``: the held order
+    ``fatal``: a reported error keeps the robot from taking orders. ``cancelled``: the held order
     was cancelled, or is being ended; ``cleared``: it was ended before its end, perhaps far from its base.
     ``pose`` is None unless it can be trusted, ``no_route`` are the areas that navigation knows no way into.
     ``maps`` are the areas that the robot has a map of, ``closed`` the zones that it must not drive in.
@@ -92,7 +92,7 @@ def _off_fault(order: Order, situation: Situation) -> ErrorEntry | None:
         ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
         order,
         f"the robot takes no orders: {situation.off}",
-        hint=f"have it started by the instant action {START_ROS_SESSION}",
+        hint=f"start it by the instant action {START_ROS_SESSION}",
     )
 
 
@@ -101,7 +101,7 @@ def _fatal_fault(order: Order) -> ErrorEntry:
         ErrorType.MOBILE_ROBOT_NOT_AVAILABLE,
         order,
         "the robot has a fatal error and takes no orders",
-        hint="the errors of the level FATAL say what a person has to see to",
+        hint="see the errors of level FATAL for what a person has to do",
     )
 
 
@@ -204,15 +204,15 @@ def route_fault(order: Order, situation: Situation, capabilities: Capabilities) 
 def _way_fault(
     start: NodePosition | None, node: Node, situation: Situation, footprint: Footprint
 ) -> tuple[str, str] | None:
-    """Say why no way leads to ``node``, and what to do about it."""
+    """Return why no way leads to ``node``, and what to do about it."""
     place = node.node_position
     if place is None:
         hint = "the robot drives to coordinates only; send nodePosition with every node"
         return f"node '{node.node_id}' has no nodePosition", hint
     if any(area.holds(place.x, place.y) for area in situation.no_route):
         return (
-            f"no way leads to node '{node.node_id}'",
-            "see what blocks the way, or send the robot elsewhere",
+            f"no route leads to node '{node.node_id}'",
+            "check what blocks the route, or send the robot elsewhere",
         )
     begin = start or place
     if begin.map_id != place.map_id:
@@ -223,8 +223,8 @@ def _way_fault(
     zone = first_closed(zones_in(footprint.along_path(begin, place), place.map_id, situation.closed))
     if zone is None:
         return None
-    text = f"the way to node '{node.node_id}' leads through zone '{zone.zone.zone_id}'"
-    return text, f"the zone is {zone.zone.zone_type}: lead the order around it, or enable another zone set"
+    text = f"the path to node '{node.node_id}' leads through zone '{zone.zone.zone_id}'"
+    return text, f"the zone is {zone.zone.zone_type}: plan the order around it, or enable another zone set"
 
 
 def map_list(maps: Iterable[str]) -> str:
@@ -247,7 +247,7 @@ def repeated_action_fault(order: Order, used: frozenset[str], *, skip: int = 0) 
 
 
 def stands_on(node: Node, situation: Situation, capabilities: Capabilities) -> bool:
-    """Tell whether the robot is at ``node``; one that somebody has driven away is not where it stood."""
+    """Return whether the robot is at ``node``, and was not driven away from it by hand."""
     pose, position = situation.pose, node.node_position
     strayed = pose and position and distance(pose, position) > radius(position, 0.0) + STRAY
     if situation.stands_on and situation.stands_on == node.node_id and not strayed:
@@ -278,7 +278,7 @@ def refusal(
 
 
 def update_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
-    """Tell what is wrong with an update of the held order that no general check has found."""
+    """Return what is wrong with an update of the held order that no general check has found."""
     fault = _outdated_fault(order, situation)
     if fault is None and repeats(order, situation):
         return _same_id_fault(order, situation, capabilities)
@@ -292,7 +292,7 @@ def update_fault(order: Order, situation: Situation, capabilities: Capabilities)
 
 
 def repeats(order: Order, situation: Situation) -> bool:
-    """Tell whether the update has the number of the one that is held."""
+    """Return whether the update has the number of the one that is held."""
     return order.order_update_id == situation.order_update_id
 
 
@@ -316,14 +316,14 @@ def _outdated_fault(order: Order, situation: Situation) -> ErrorEntry | None:
 
 
 def _same_id_fault(order: Order, situation: Situation, capabilities: Capabilities) -> ErrorEntry | None:
-    """Check B3: a message that comes again is passed over, another one may not have its number."""
+    """Check B3: a repeated message is ignored, another one must not reuse its orderUpdateId."""
     held = situation.content if capabilities.rules.standard.equal_update_id_compared else None
     if held is None or held.whole == fingerprint(order):
         return None
     return refusal(
         ErrorType.SAME_ORDER_UPDATE_ID,
         order,
-        f"update {order.order_update_id} is held already, and said something else",
+        f"update {order.order_update_id} was already accepted with another content",
         hint="give each update a higher orderUpdateId",
     )
 
@@ -380,22 +380,22 @@ def _changed_fault(
 
 @dataclass(frozen=True, slots=True)
 class NewOrder:
-    """Take the order in place of the old one."""
+    """Accept the order in place of the old one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Update:
-    """Put the order behind the base of the held one."""
+    """Append the order to the base of the held one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Duplicate:
-    """The order was taken before: do nothing."""
+    """The order was accepted before: do nothing."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rejected:
-    """Refuse the order with this error."""
+    """Reject the order with this error."""
 
     error: ErrorEntry
 
@@ -404,7 +404,7 @@ Verdict = NewOrder | Update | Duplicate | Rejected
 
 
 def judge(order: Order, situation: Situation, capabilities: Capabilities) -> Verdict:
-    """Decide about ``order``."""
+    """Decide about ``order`` (section 6.1.2, figure 8)."""
     fault = _identity_fault(order) or general_fault(order, situation, capabilities)
     if fault is not None:
         return Rejected(fault)

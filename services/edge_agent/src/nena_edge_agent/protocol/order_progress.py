@@ -16,21 +16,21 @@ from nena_shared.vda5050.state import EdgeState, NodeState, PlannedPath
 
 
 class BasePath:
-    """Straight from node to node; what lies before a node is known by its sequenceId.
+    """The straight path over the nodes of the base, measured once for each order message.
 
-    Navigation chooses its own way between the nodes; what is planned for certain are the nodes.
+    Navigation plans its own path between the nodes; only the nodes are certain.
     """
 
     def __init__(self, nodes: Iterable[Node] = ()) -> None:
         self._base = [node for node in nodes if node.released]
 
     def length_from(self, sequence_id: int) -> float:
-        """Give the way in m from a node of the base to its end; 0 where that is not known."""
+        """Return the length in m from a node of the base to its end; 0 where it is not known."""
         index = self._index_of(sequence_id)
         return self._left[index] if index is not None and index < len(self._left) else 0.0
 
     def path(self, last: Node | None, sequence_id: int) -> PlannedPath | None:
-        """Give the planned path (section 6.6.2) from ``last`` over the nodes from ``sequence_id`` on.
+        """Return the planned path (section 6.6.2) from ``last`` over the nodes from ``sequence_id`` on.
 
         None where there is none: no base is left, or a node of it has no place.
         """
@@ -46,7 +46,7 @@ class BasePath:
         return PlannedPath(trajectory=trajectory, traversed_nodes=self._ids[index:])
 
     def _index_of(self, sequence_id: int) -> int | None:
-        """Give the place of a node in the base: its nodes are numbered without gaps, by twos."""
+        """Return the place of a node in the base: its nodes are numbered without gaps, by twos."""
         index = (sequence_id - self._base[0].sequence_id) // 2 if self._base else -1
         return index if 0 <= index < len(self._base) else None
 
@@ -65,7 +65,7 @@ class BasePath:
 
 
 def _lengths(corners: tuple[ControlPoint, ...]) -> list[float]:
-    """Give for each corner the way from it to the last one."""
+    """Return for each corner the length from it to the last one."""
     left = [0.0] * len(corners)
     for index in range(len(corners) - 2, -1, -1):
         here, there = corners[index], corners[index + 1]
@@ -80,7 +80,7 @@ def _corner(x: float, y: float) -> ControlPoint:
 
 @lru_cache(maxsize=256)
 def _knots(points: int) -> tuple[float, ...]:
-    """Give the knots of a curve of degree 1, which has a corner at each of its control points."""
+    """Return the knots of a curve of degree 1, which has a corner at each of its control points."""
     steps = points - 1
     return (0.0, *(index / steps for index in range(steps + 1)), 1.0)
 
@@ -93,7 +93,7 @@ class HeldContent(Protocol):
 
     @property
     def whole(self) -> str:
-        """Of all that it said."""
+        """Of the whole message without its header."""
         ...
 
     @property
@@ -103,14 +103,14 @@ class HeldContent(Protocol):
 
 
 class OrderContent:
-    """The fingerprints of one message, taken when they are asked for: most orders never come again."""
+    """The fingerprints of one message, computed on demand: most orders are never repeated."""
 
     def __init__(self, order: Order) -> None:
         self._order = order
 
     @cached_property
     def whole(self) -> str:
-        """Of all that it said."""
+        """Of the whole message without its header."""
         return fingerprint(self._order)
 
     @cached_property
@@ -120,7 +120,7 @@ class OrderContent:
 
 
 def fingerprint(message: WireObject) -> str:
-    """Give a text that is the same for all messages that say the same under whatever header."""
+    """Return a digest of the message without its header."""
     return sha256(message.model_dump_json(exclude=set(_HEADER), exclude_none=True).encode()).hexdigest()
 
 
@@ -206,7 +206,7 @@ class OrderProgress:
 
     ``nodes`` never holds the node where the robot stands. ``edges`` begins with the edge that the robot is on
     (``edge_entered``) or will enter next. ``decision_point`` is the last released node, as nodeId and
-    sequenceId: there the base ends and an update begins. ``content`` is what the last message said.
+    sequenceId: there the base ends and an update begins. ``content`` identifies the last message.
     ``on_last_node``: the robot has not left it.
     ``cleared``: the order was ended before its end, by a cancel (``cancelled``) or a change of the mode.
     """
@@ -232,7 +232,7 @@ class OrderProgress:
         self._edge_states: dict[int, EdgeState] = {}
 
     def begin(self, order: Order) -> None:
-        """Take a new order; its first node counts as reached."""
+        """Begin a new order; its first node counts as reached."""
         self.order_id, self.order_update_id = order.order_id, order.order_update_id
         self.cancelled = self.cleared = False
         self.nodes.clear()
@@ -241,7 +241,7 @@ class OrderProgress:
         self._reach(order.nodes[0])
 
     def extend(self, order: Order) -> None:
-        """Take an update that begins at the decision point: a new way in place of the old horizon."""
+        """Append an update that begins at the decision point, in place of the old horizon."""
         self.order_update_id = order.order_update_id
         if self.cleared:
             self.cleared = False
@@ -276,7 +276,7 @@ class OrderProgress:
             self.revision += 1
 
     def traverse(self) -> tuple[Node, Edge]:
-        """Count the next node as traversed; gives it, and the edge that led there."""
+        """Count the next node as traversed; returns it, and the edge that led there."""
         node, edge = self.nodes.popleft(), self.edges.popleft()
         before = self._ahead
         self._reach(node)
@@ -296,7 +296,7 @@ class OrderProgress:
         self._changed()
 
     def place_at(self, node_id: str) -> None:
-        """Note that the robot was told to be on ``node_id``; on another one the ended order has no way on."""
+        """Note that the robot was placed on ``node_id``; on another node the ended order cannot continue."""
         if node_id != self.last_node_id:
             self.last_node_id, self.last_node_sequence_id, self.last_node = node_id, 0, None
             self.decision_point = None

@@ -18,7 +18,7 @@ CLOSED = (ZoneType.BLOCKED, ZoneType.LINE_GUIDED)
 
 
 def zones_in(ground: Iterable[Polygon], map_id: str, zones: Iterable[EnabledZone]) -> list[EnabledZone]:
-    """Give the zones of one map that ``ground`` touches."""
+    """Return the zones of one map that ``ground`` touches."""
     parts = [(part, box(part)) for part in ground]
     return [
         each
@@ -29,7 +29,7 @@ def zones_in(ground: Iterable[Polygon], map_id: str, zones: Iterable[EnabledZone
 
 
 def first_closed(zones: Iterable[EnabledZone]) -> EnabledZone | None:
-    """Give the first of ``zones`` that the robot must not drive in."""
+    """Return the first of ``zones`` that the robot must not drive in."""
     return next((each for each in zones if each.zone.zone_type in CLOSED), None)
 
 
@@ -43,16 +43,16 @@ class ZoneSetRefusedError(Exception):
 
 
 class DuplicateZoneSetError(ZoneSetRefusedError):
-    """A set of the same id is there: what stands under an id never changes."""
+    """A set with this id exists: the content of a zoneSetId never changes."""
 
 
 class NoRoomForZoneSetError(ZoneSetRefusedError):
-    """The robot holds as many zone sets as it can, or the set has more zones than it takes."""
+    """The robot's limit of zone sets, zones or vertices is reached."""
 
 
 @dataclass(frozen=True, slots=True)
 class EnabledZone:
-    """A zone that counts at present; ``contour`` in m in the frame of the map."""
+    """A zone of an enabled zone set; ``contour`` in m in the frame of the map."""
 
     map_id: str
     zone_set_id: str
@@ -83,16 +83,16 @@ class ZoneSets:
         return tuple((each, self._is_enabled(each)) for each in self._sets.values())
 
     def restore(self, held: tuple[tuple[ZoneSet, bool], ...]) -> None:
-        """Hold again what :attr:`held` gave."""
+        """Restore what :attr:`held` returned."""
         self._sets = {each.zone_set_id: each for each, _ in held}
         self._enabled = {each.map_id: each.zone_set_id for each, enabled in held if enabled}
         self._changed()
 
     def add(self, zone_set: ZoneSet) -> None:
-        """Take a set, DISABLED.
+        """Add a set, DISABLED.
 
         Raises:
-            ZoneSetRefusedError: it is not taken.
+            ZoneSetRefusedError: it is not accepted.
 
         """
         if zone_set.zone_set_id in self._sets:
@@ -107,7 +107,7 @@ class ZoneSets:
         self._changed()
 
     def enable(self, zone_set_id: str) -> None:
-        """Have a set count in place of the one that did for its map.
+        """Enable a set in place of the enabled one of its map.
 
         Raises:
             ZoneSetRefusedError: the robot does not hold it.
@@ -118,7 +118,7 @@ class ZoneSets:
         self._changed()
 
     def delete(self, zone_set_id: str) -> None:
-        """Forget a set.
+        """Delete a set.
 
         Raises:
             ZoneSetRefusedError: the robot does not hold it, or it is enabled.
@@ -176,14 +176,14 @@ def _contour(zone: Zone) -> Polygon:
 
 LOST: Final = frozenset({RequestStatus.REVOKED, RequestStatus.EXPIRED})
 PAUSE_AFTER_REFUSAL: Final = 10.0
-"""Seconds after a refusal until the robot asks again, if it still wants in."""
+"""Seconds after a rejection until the robot requests the zone again."""
 
 ZoneKey = tuple[str, str]
 
 
 @dataclass(frozen=True, slots=True)
 class AccessRequest:
-    """One request; ``lease_expiry`` (UTC) is when a grant ends, None: not by itself."""
+    """One request; ``lease_expiry`` (UTC) is when a grant expires, None: never."""
 
     zone_set_id: str
     zone_id: str
@@ -197,7 +197,7 @@ class AccessRequest:
         return self.zone_set_id, self.zone_id
 
     def with_status(self, status: RequestStatus, lease_expiry: datetime | None = None) -> AccessRequest:
-        """Give it with another status."""
+        """Return it with another status."""
         return AccessRequest(self.zone_set_id, self.zone_id, self.request_id, status, lease_expiry)
 
 
@@ -235,14 +235,14 @@ class ZoneRequests:
         return bool(self._refused) or any(each.lease_expiry for each in self._requests.values())
 
     def status(self, key: ZoneKey) -> RequestStatus | None:
-        """Give where the request for a zone stands, None if there is none."""
+        """Return the status of the request for a zone, None without a request."""
         request = self._requests.get(key)
         return request.status if request else None
 
     def apply(self, response: Response, inside: frozenset[ZoneKey], now: float) -> None:
-        """Take in what fleet control says at ``now`` (s); the robot is in the zones ``inside``.
+        """Apply a response at the time ``now`` (s); the robot is in the zones ``inside``.
 
-        An answer to a request that is not active any more is passed over.
+        A response to a request that is no longer active is ignored.
         """
         request = next((e for e in self._requests.values() if e.request_id == response.request_id), None)
         if request is None:
@@ -258,10 +258,10 @@ class ZoneRequests:
             case GrantType.REVOKED:
                 self._lose(request, RequestStatus.REVOKED, inside)
             case GrantType.QUEUED:
-                pass  # the request goes on to stand as REQUESTED: 3.0.0 knows no other word for it
+                pass  # the request stays REQUESTED: 3.0.0 has no other status for it
 
     def request(self, zones: Iterable[EnabledZone], now: float) -> None:
-        """Ask for each of ``zones`` that nothing is asked for yet, unless that was refused a moment ago."""
+        """Request each of ``zones`` that has no request yet, unless it was rejected a moment ago."""
         self._refused = {k: since for k, since in self._refused.items() if now - since < PAUSE_AFTER_REFUSAL}
         for zone in zones:
             if zone.key not in self._requests and zone.key not in self._refused:
@@ -269,20 +269,20 @@ class ZoneRequests:
                 self._put(AccessRequest(*zone.key, request_id=f"zone-{self.last_number}"))
 
     def keep_only(self, keys: frozenset[ZoneKey], inside: frozenset[ZoneKey] = frozenset()) -> None:
-        """Take back all requests but those for ``keys``; a lost one only stands while the robot is inside."""
+        """Drop all requests except those for ``keys``; a lost one is kept only while the robot is inside."""
         for key, request in list(self._requests.items()):
             if key not in keys or (request.status in LOST and key not in inside):
                 self._remove(key)
 
     def expire(self, utc: datetime, inside: frozenset[ZoneKey]) -> None:
-        """End the grants whose time is over at ``utc``."""
+        """End the grants that have expired at ``utc``."""
         for request in list(self._requests.values()):
             over = request.lease_expiry is not None and request.lease_expiry <= utc
             if over and request.status is RequestStatus.GRANTED:
                 self._lose(request, RequestStatus.EXPIRED, inside)
 
     def _lose(self, request: AccessRequest, status: RequestStatus, inside: frozenset[ZoneKey]) -> None:
-        """Show the loss while the robot is in the zone; one that is not in it has nothing to show."""
+        """Report the loss while the robot is in the zone, else drop the request."""
         if request.key in inside:
             self._put(request.with_status(status))
         else:
