@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-BOUNDED = ("aiomqtt", "paho-mqtt")
+BOUNDED = ("paho-mqtt",)
 
 
 def named_in(path: Path) -> list[str]:

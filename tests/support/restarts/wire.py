@@ -43,7 +43,7 @@ class WiredLink(MqttLink):
     def publish(self, message: Outbound) -> None:
         """Have the message on the wire at once."""
         if not self.state.connected:
-            self._put_aside(message)
+            self._queue(message)
         elif self._fate.spares(f"before: publish {message.topic}"):
             self._wire.take(message)
             self._fate.spares(f"after: publish {message.topic}")

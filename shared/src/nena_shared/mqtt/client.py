@@ -1,337 +1,582 @@
-"""aiomqtt's client, with a shorter way for messages: between the socket and those at its ends, in one step.
+"""One connection to an MQTT broker (MQTT 3.1.1) by paho-mqtt, in an asyncio event loop.
 
-aiomqtt reads one packet for each turn of the event loop, puts each message into a queue, makes a task to take
-it out, and wakes the loop through a pipe for each acknowledgement. Each message that is published has a task
-of its own and looks at all that are not acknowledged. That is more work than most messages are worth, so
-reading and writing are done directly here. Decision 0002 has the figures.
+paho makes the connection, subscribes and keeps it alive, through its documented interface for external event
+loops. Alone it costs half as much again per message (decision 0002 has the figures): it calls the socket four
+times for each packet that it reads and once for each that it writes, and makes objects with locks of each
+message. So paho reads and writes a :class:`_Stream` in place of the socket. Plain messages and their
+acknowledgements are taken out there before paho sees them, and messages to the broker are added there.
 """
 
 from __future__ import annotations
 
 import asyncio
 import socket
+import ssl
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
-from itertools import groupby
-from time import monotonic
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, cast
 
-import aiomqtt
 from paho.mqtt.client import Client as PahoClient
-from paho.mqtt.client import MQTTMessage
-from paho.mqtt.enums import MQTTErrorCode
+from paho.mqtt.client import MQTTMessage, error_string
+from paho.mqtt.enums import CallbackAPIVersion
+from paho.mqtt.reasoncodes import ReasonCode
 
+from nena_shared.log import get_logger
 from nena_shared.mqtt.message import Inbound, Outbound
 from nena_shared.mqtt.packets import (
     CHUNK,
-    PUBACK,
-    PUBLISH,
-    Packets,
-    Published,
+    PINGREQ,
+    PINGRESP,
+    PacketReader,
     acknowledgements,
     publication,
 )
+from nena_shared.mqtt.tls import tls_context
+from nena_shared.settings import MqttSettings
+
+log = get_logger(__name__)
 
 READ_AT_ONCE = 10
-"""Messages that are read before the event loop has its turn again."""
+"""Packets that are read before the event loop has its turn again."""
 
-FAREWELL = 2.0
-"""Seconds that a broker has to take DISCONNECT, which goes behind all that it has not taken yet."""
+WRITE_AT_ONCE = 16
+"""Chunks that are written before the event loop has its turn again."""
 
-ENDED_AT_ONCE = "the connection has ended as soon as it stood"
-UNGREETED = (
-    "before it had let us in; see whether it wants TLS on this port, or another certificate (mqtt.tls)"
+DISCONNECT_TIMEOUT = 2.0
+"""Seconds that the broker has to read DISCONNECT, which is sent behind all that it has not read yet."""
+
+KEEP_ALIVE_INTERVAL = 1.0
+"""Seconds between two calls of paho's ``loop_misc``."""
+
+OWN_PACKET_IDS = range(0x8000, 0x10000)
+"""Identifiers of messages that are published here; paho counts its subscriptions from 1."""
+
+CLOSED_AT_ONCE = "the broker closed the connection right after it accepted it"
+NOT_ACCEPTED = (
+    "before it accepted the connection; check whether it expects TLS on this port, or a different "
+    "certificate (mqtt.tls)"
 )
-ENDED_UNANSWERED = "the connection has ended before the broker has answered a subscription"
+NO_ANSWER = "the broker did not answer in time"
+CLOSED_UNANSWERED = "the connection ended before the broker answered a subscription"
+NOT_CONNECTED = "not connected"
 NOT_PERMITTED = "the program no longer has the right to publish"
-NOT_SENT = "the connection takes no message"
 
-Take = Callable[[Inbound], None]
+Receive = Callable[[Inbound], None]
 Confirmed = Callable[[], None]
 
 
-class Client(aiomqtt.Client):
-    """One connection: messages wait in ``messages`` until :meth:`hand_over`, which gives them away at once.
+class MqttError(Exception):
+    """A connection could not be made, or has ended; the text says why."""
 
-    It closes its socket whatever happens, also when the broker does not answer CONNECT or does not take
-    DISCONNECT. Left open, such connections pile up at a broker that hangs; when it goes on, each takes over
-    the client id of the one before, and the wills of all of them are sent.
+
+class _Stream:
+    """Stands for the socket that paho uses: it reads and writes in large pieces.
+
+    paho may only read whole packets that were offered to it. What it writes waits until :meth:`flush`, so
+    it never has to wait for the socket.
     """
 
-    may_write: Callable[[], bool] = staticmethod(lambda: True)
-    """Asked before each write to the socket; False closes the connection with all that waits for it."""
+    def __init__(self, sock: socket.socket) -> None:
+        self.sock = sock
+        self.reader = PacketReader(self._receive)
+        self.queued = 0
+        """Bytes that were ever added."""
+        self.ping_sent = False
+        """Whether paho waits for PINGRESP."""
+        self._outgoing = bytearray()
 
-    _take: Take | None = None
-    _given_up = False
-    """Whether nobody wants the connection any more, also when it comes to stand later."""
+    @property
+    def waiting(self) -> int:
+        """Bytes that the socket has not taken yet."""
+        return len(self._outgoing)
 
-    def __init__(self, *arguments: Any, **settings: Any) -> None:  # noqa: ANN401 - aiomqtt's
-        super().__init__(*arguments, **settings)
+    @property
+    def has_more(self) -> bool:
+        """Whether there is something to read although the socket may say nothing."""
+        decrypted = self.sock.pending() if isinstance(self.sock, ssl.SSLSocket) else 0
+        return self.reader.ready or bool(decrypted)
+
+    def add(self, data: bytes) -> None:
+        """Queue bytes to be written."""
+        self._outgoing += data
+        self.queued += len(data)
+
+    def flush(self) -> None:
+        """Write what the socket takes now.
+
+        Raises:
+            OSError: the connection is broken.
+
+        """
+        for _ in range(WRITE_AT_ONCE):
+            if not self._outgoing:
+                return
+            try:
+                count = self.sock.send(self._outgoing[:CHUNK])
+            except (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError):
+                return
+            del self._outgoing[:count]
+
+    def recv(self, bufsize: int) -> bytes:
+        """Return bytes of the packet that paho was offered."""
+        return self.reader.read(bufsize)
+
+    def send(self, data: bytes | bytearray) -> int:
+        """Queue a packet of paho's."""
+        self.ping_sent = self.ping_sent or data[0] == PINGREQ
+        self.add(bytes(data))
+        return len(data)
+
+    def do_handshake(self) -> None:
+        """Agree on encryption, if there is any."""
+        if isinstance(self.sock, ssl.SSLSocket):
+            self.sock.do_handshake()
+
+    def settimeout(self, seconds: float | None) -> None:
+        """Set the timeout of the handshake."""
+        self.sock.settimeout(seconds)
+
+    def setblocking(self, flag: bool) -> None:  # noqa: FBT001 - as sockets have it
+        """Set whether calls wait."""
+        self.sock.setblocking(flag)
+
+    def fileno(self) -> int:
+        """Return the number of the socket."""
+        return self.sock.fileno()
+
+    def close(self) -> None:
+        """Leave the socket open: :class:`Client` closes it when all is written."""
+
+    def _receive(self, bufsize: int) -> bytes:
+        try:
+            return self.sock.recv(bufsize)
+        except (ssl.SSLWantReadError, ssl.SSLWantWriteError) as error:
+            raise BlockingIOError from error
+
+
+class _StreamMaker:
+    """Takes the place of an SSL context at paho, which has it wrap the socket, here also without TLS."""
+
+    check_hostname = True
+    """paho need not check names; an SSL context does."""
+
+    def __init__(self, tls: ssl.SSLContext | None) -> None:
+        self._tls = tls
+        self.stream: _Stream | None = None
+
+    def wrap_socket(self, sock: socket.socket, server_hostname: str | None = None, **options: Any) -> _Stream:  # noqa: ANN401 - as SSL contexts have it
+        # without it, steady small messages wait up to 44 ms for each other
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if self._tls:
+            sock = self._tls.wrap_socket(sock, server_hostname=server_hostname, **options)
+        self.stream = _Stream(sock)
+        return self.stream
+
+
+class Client:
+    """One connection: an asynchronous context manager that connects and disconnects.
+
+    Messages wait until :meth:`receive`. The socket is closed whatever happens, also when the broker does not
+    answer CONNECT or does not read DISCONNECT. Left open, such connections pile up at a broker that hangs;
+    when it goes on, each takes over the client ID of the one before, and the wills of all are published.
+    """
+
+    def __init__(
+        self,
+        settings: MqttSettings,
+        client_id: str,
+        *,
+        timeout: float,
+        will: Outbound | None = None,
+        may_write: Callable[[], bool] = lambda: True,
+    ) -> None:
+        """Prepare the connection.
+
+        Args:
+            settings: where the broker is.
+            client_id: unique at the broker.
+            timeout: seconds that the broker has to answer CONNECT or SUBSCRIBE.
+            will: published by the broker if the connection ends without DISCONNECT.
+            may_write: asked before each write to the socket; False ends the connection unwritten.
+
+        Raises:
+            ConfigurationError: the password file or a file for TLS cannot be read.
+
+        """
+        self._settings = settings
+        self._timeout = timeout
+        self._may_write = may_write
+        self._loop = asyncio.get_running_loop()
+        self._accepted: asyncio.Future[None] = self._loop.create_future()
+        self._ended: asyncio.Future[None] = self._loop.create_future()
+        self._drained = asyncio.Event()
+        self._subscribing: dict[int, asyncio.Future[list[ReasonCode]]] = {}
+        self._receive: Receive | None = None
+        self._early: deque[Inbound] = deque()
         self._unconfirmed: dict[int, Confirmed] = {}
-        self._at_work = False
-        """Whether paho is used now, by somebody who writes at the end what waits to be written."""
-        self._waits_to_write = False
-        """Whether the socket did not take all, and the event loop tells when it takes more."""
+        self._unwritten: deque[tuple[int, Confirmed]] = deque()
+        """Messages without acknowledgement, with the count of bytes after which they are written."""
+        self._packet_id = OWN_PACKET_IDS.stop
+        self._keeping_alive: asyncio.Task[None] | None = None
         self._reads_on = False
         """Whether more is read in the next turn of the event loop, whatever the socket says."""
         self._wrote = False
-        """Whether something was written in this turn of the event loop; what follows goes at its end."""
-        self._packets = Packets(self._client._sock_recv)  # noqa: SLF001 - paho has no other place for it
-        self._client._sock_recv = self._packets.read  # type: ignore[method-assign] # noqa: SLF001 - the same
+        """Whether something was written in this turn of the event loop; the rest is written at its end."""
+        self._reading = False
+        """Whether what is sent waits for the end of a reading."""
+        self._awaits_socket = False
+        self._heard = False
+        """Whether anything has come since the last look of the keep-alive."""
+        self._maker = _StreamMaker(tls_context(settings.tls))
+        self._paho = self._make_paho(client_id, will)
+        self.dropped = 0
+        """Messages that came before :meth:`receive` and were more than ``incoming_limit``."""
+
+    @property
+    def socket(self) -> socket.socket | None:
+        """The socket of a connection that stands."""
+        stream = self._maker.stream
+        return stream.sock if stream and stream.fileno() >= 0 else None
 
     async def __aenter__(self) -> Self:
         """Connect to the broker.
 
         Raises:
-            aiomqtt.MqttError: it is not reached, or has ended the connection as soon as it stood, which
-                aiomqtt forgets.
+            MqttError: the broker refused the connection, closed it or did not answer.
+            OSError: the broker cannot be reached, or TLS failed.
 
         """
+        connecting = self._loop.run_in_executor(None, self._connect)
         try:
-            await super().__aenter__()
+            async with asyncio.timeout(self._timeout):
+                await asyncio.shield(connecting)
+                self._begin()
+                await asyncio.shield(self._accepted)
+        except TimeoutError:
+            self._discard(connecting)
+            raise MqttError(NO_ANSWER) from None
         except BaseException:
-            self._given_up = True
-            self._client.disconnect()
+            self._discard(connecting)
             raise
-        if not self._client.is_connected():
-            raise aiomqtt.MqttError(ENDED_AT_ONCE)
+        if self._ended.done():
+            raise MqttError(CLOSED_AT_ONCE)
         return self
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Disconnect in order if the broker takes that in :data:`FAREWELL` seconds; close in any case.
-
-        Nothing is handed over any more.
-        """
-        self._take = _pass_over
-        self.timeout = min(self.timeout, FAREWELL)
+        """Disconnect, in order if the broker reads that within :data:`DISCONNECT_TIMEOUT`."""
+        self._receive = _ignore
         try:
-            with suppress(aiomqtt.MqttError):  # what has ended the block is told, not this
-                await super().__aexit__(kind, error, trace)
+            if not self._ended.done():
+                self._paho.disconnect()
+                self._drained.clear()
+                self._flush()
+                with suppress(TimeoutError):
+                    async with asyncio.timeout(min(self._timeout, DISCONNECT_TIMEOUT)):
+                        await self._drained.wait()
         finally:
-            self._client._sock_close()  # noqa: SLF001 - what paho does with a connection that is lost
+            self._close()
 
-    async def hand_over(self, take: Take) -> None:
-        """Give ``take`` all messages, first those that have waited, until the connection ends.
+    async def subscribe(self, topic_filters: list[tuple[str, int]]) -> list[ReasonCode]:
+        """Subscribe to topic filters with their quality of service; return the broker's answers.
+
+        Raises:
+            MqttError: the broker did not answer, or the connection has ended.
+
+        """
+        if self._ended.done():
+            raise MqttError(CLOSED_UNANSWERED)
+        _, mid = self._paho.subscribe(topic_filters)
+        assert mid is not None, "paho is connected"  # noqa: S101 - for the type
+        answer: asyncio.Future[list[ReasonCode]] = self._loop.create_future()
+        self._subscribing[mid] = answer
+        self._flush()
+        try:
+            async with asyncio.timeout(self._timeout):
+                return await answer
+        except TimeoutError:
+            raise MqttError(NO_ANSWER) from None
+        finally:
+            self._subscribing.pop(mid, None)
+
+    async def receive(self, receive: Receive) -> None:
+        """Call ``receive`` with all messages, first those that have waited, until the connection ends.
 
         It is called from the event loop and must not raise.
 
         Raises:
-            aiomqtt.MqttError: the connection has ended.
+            MqttError: the connection has ended.
 
         """
-        while len(self.messages):
-            message = await anext(self.messages)
-            take(Inbound(message.topic.value, bytes(message.payload), message.retain, message.qos))
-        self._take = take
-        await anext(self.messages)
+        while self._early:
+            receive(self._early.popleft())
+        self._receive = receive
+        await asyncio.shield(self._ended)
 
     def send(self, message: Outbound, confirmed: Confirmed) -> None:
         """Publish in the order of the calls; ``confirmed`` is called when the broker has the message.
 
-        With quality of service 0, it is called when the message is written. That is done at once, so that
-        what is sent first does not wait for what the caller does next; but not while something is received,
-        and what is sent behind it in the same turn of the event loop goes together, in the next one.
+        With quality of service 0, it is called when the message is written. The first message of a turn of
+        the event loop is written at once, so that it does not wait for what the caller does next; what
+        follows in the same turn, or while messages are received, is written together.
 
         Raises:
-            aiomqtt.MqttError: the connection has ended.
-            ValueError: nobody can be sent such a message, its topic is none.
+            MqttError: the connection has ended.
+            ValueError: the topic is none to publish to, or the message is too long.
 
         """
-        if self._client.socket() is None:
-            raise aiomqtt.MqttCodeError(MQTTErrorCode.MQTT_ERR_NO_CONN, NOT_SENT)
-        at_work, self._at_work = self._at_work, True
-        try:
-            mid = self._put_in_line(message)
-        finally:
-            self._at_work = at_work
-        self._unconfirmed[mid] = confirmed
-        if not at_work and not self._wrote:
+        stream = self._maker.stream
+        if stream is None or self._ended.done():
+            raise MqttError(NOT_CONNECTED)
+        self._add(stream, message, confirmed)
+        if not self._reading and not self._wrote:
             self._wrote = True
-            self._loop.call_soon(self._guarded, self._write_rest)
-            self._guarded(self._write)
-
-    def _put_in_line(self, message: Outbound) -> int:
-        """Have a message written by paho; gives its number.
-
-        paho need not know one with quality of service 1: the link sends again what is not acknowledged.
-        """
-        if message.qos != 1:
-            return self._client.publish(message.topic, message.payload, message.qos, message.retain).mid
-        mid = self._client._mid_generate()  # noqa: SLF001 - subscriptions are numbered in the same row
-        packet = publication(message.topic, message.payload, mid, retained=message.retain)
-        self._client._packet_queue(PUBLISH, packet, mid, 1)  # noqa: SLF001 - it has no other
-        return mid
+            self._loop.call_soon(self._write_rest)
+            self._flush()
 
     def cut(self) -> None:
-        """Break the connection without DISCONNECT: the broker sends the will."""
-        sock = self._client.socket()
-        if isinstance(sock, socket.socket):
+        """Break the connection without DISCONNECT: the broker publishes the will."""
+        if sock := self.socket:
             with suppress(OSError):  # it is broken already
                 sock.shutdown(socket.SHUT_RDWR)
 
-    def _on_disconnect(self, *arguments: Any) -> None:  # noqa: ANN401 - paho's
-        if why := self._packets.why_ended:  # paho only knows that it is so
-            self._tell_end(why)
-        super()._on_disconnect(*arguments)
-        if self._disconnected.done() and not self._disconnected.cancelled():
-            self._disconnected.exception()  # asyncio logs one that nobody has looked at
-        for answer in self._pending_subscribes.values():
-            if not answer.done():  # aiomqtt would wait for it until its time is over
-                answer.set_exception(aiomqtt.MqttError(ENDED_UNANSWERED))
+    def _make_paho(self, client_id: str, will: Outbound | None) -> PahoClient:
+        made = PahoClient(CallbackAPIVersion.VERSION2, client_id=client_id, clean_session=True)
+        made.connect_timeout = self._timeout
+        made.max_inflight_messages_set(0)
+        made.username_pw_set(self._settings.username, self._settings.secret())
+        made.tls_set_context(cast("ssl.SSLContext", self._maker))
+        if will:
+            made.will_set(will.topic, will.payload, will.qos, will.retain)
+        made.on_connect = self._on_connect
+        made.on_disconnect = self._on_disconnect
+        made.on_subscribe = self._on_subscribe
+        made.on_message = self._on_message
+        made.on_publish = self._on_publish
+        return made
 
-    def _tell_end(self, why: str) -> None:
-        """Tell those who wait that it is in vain; aiomqtt would wait for CONNACK until its time is over."""
-        if not self._connected.done():
-            self._connected.set_exception(aiomqtt.MqttError(f"{why} {UNGREETED}"))
-            self._connected.exception()  # asyncio logs one that nobody has looked at
-        elif not self._disconnected.done():
-            self._disconnected.set_exception(aiomqtt.MqttError(why))
+    def _connect(self) -> None:
+        """Open the connection in a thread; CONNECT is written by the event loop."""
+        self._paho.connect(self._settings.host, self._settings.port, self._settings.keep_alive)
 
-    def _on_message(self, client: PahoClient, userdata: object, message: MQTTMessage) -> None:
-        if self._take is None:
-            super()._on_message(client, userdata, message)
-        else:  # one that only paho knows what to do with
-            self._take(Inbound(message.topic, bytes(message.payload), message.retain, message.qos))
+    def _begin(self) -> None:
+        self._keeping_alive = self._loop.create_task(self._keep_alive(), name="keep alive")
+        assert self._maker.stream, "paho has connected"  # noqa: S101 - for the type
+        self._loop.add_reader(self._maker.stream.fileno(), self._on_readable)
+        self._flush()
+
+    def _discard(self, connecting: asyncio.Future[None]) -> None:
+        """Close the socket, if it is still being opened as soon as it is; CONNECT is never written then."""
+
+        def discard(done: asyncio.Future[None]) -> None:
+            done.exception()  # asyncio logs one that was never retrieved
+            self._close()
+
+        if connecting.done():
+            self._close()
+        else:
+            connecting.add_done_callback(discard)
+
+    def _add(self, stream: _Stream, message: Outbound, confirmed: Confirmed) -> None:
+        if message.qos == 1:
+            packet_id = self._next_packet_id()
+            stream.add(publication(message, packet_id))
+            self._unconfirmed[packet_id] = confirmed
+        elif message.qos == 0:
+            stream.add(publication(message))
+            self._unwritten.append((stream.queued, confirmed))
+        else:
+            sent = self._paho.publish(message.topic, message.payload, message.qos, message.retain)
+            self._unconfirmed[sent.mid] = confirmed
+
+    def _next_packet_id(self) -> int:
+        self._packet_id += 1
+        if self._packet_id >= OWN_PACKET_IDS.stop:
+            self._packet_id = OWN_PACKET_IDS.start
+        return self._packet_id
+
+    def _on_readable(self) -> None:
+        if not self._reads_on:
+            self._read()
+
+    def _read(self) -> None:
+        """Read what has come, some packets in each turn of the event loop, and write the answers."""
+        self._reads_on = False
+        stream = self._maker.stream
+        if stream is None or self._ended.done():
+            return
+        self._reading = True
+        try:
+            self._read_packets(stream)
+        except Exception as error:  # noqa: BLE001 - whatever paho makes of a malformed packet
+            self._end(f"a packet of the broker cannot be read: {error}")
+        finally:
+            self._reading = False
+        self._flush()
+        if not self._ended.done() and stream.has_more:
+            self._reads_on = True
+            self._loop.call_soon(self._read)
+
+    def _read_packets(self, stream: _Stream) -> None:
+        reader = stream.reader
+        if not reader.ready and reader.fill():
+            self._heard = True
+        received = []
+        for _ in range(READ_AT_ONCE):
+            if message := reader.next_message():
+                self._deliver(Inbound(message.topic, message.payload, message.retained, message.qos))
+                if message.qos:
+                    received.append(message.packet_id)
+            elif packet_id := reader.next_acknowledgement(self._unconfirmed):
+                self._confirm(packet_id)
+            elif kind := reader.offer():
+                stream.ping_sent = stream.ping_sent and kind != PINGRESP
+                self._let_paho_read()
+            elif why := reader.why_ended:
+                self._end(why)
+                return
+            else:
+                break
+        if received:
+            stream.add(acknowledgements(received))
+
+    def _let_paho_read(self) -> None:
+        if problem := self._paho.loop_read():
+            self._end(error_string(problem))
+        elif self._paho.want_write():
+            self._paho.loop_write()
+
+    def _deliver(self, message: Inbound) -> None:
+        if self._receive:
+            self._receive(message)
+        elif len(self._early) < self._settings.incoming_limit:
+            self._early.append(message)
+        else:
+            if not self.dropped:
+                log.warning(
+                    "dropping messages that come while a connection is made",
+                    limit=self._settings.incoming_limit,
+                )
+            self.dropped += 1
+
+    def _write_rest(self) -> None:
+        """Write what was sent behind the first message of a turn of the event loop."""
+        self._wrote = False
+        self._flush()
+
+    def _flush(self) -> None:
+        """Write what waits; what the socket does not take now is written when it is ready again."""
+        stream = self._maker.stream
+        if stream is None or self._ended.done():
+            return
+        if stream.waiting:
+            if not self._may_write():
+                self._end(NOT_PERMITTED)
+                return
+            try:
+                stream.flush()
+            except OSError as error:
+                self._end(f"the connection broke: {error}")
+                return
+        written = stream.queued - stream.waiting
+        while self._unwritten and self._unwritten[0][0] <= written:
+            self._unwritten.popleft()[1]()
+        self._await_socket(stream)
+
+    def _await_socket(self, stream: _Stream) -> None:
+        """Have the event loop write on as soon as the socket takes more, while something waits."""
+        if not stream.waiting:
+            self._drained.set()
+        if bool(stream.waiting) is not self._awaits_socket:
+            self._awaits_socket = bool(stream.waiting)
+            if self._awaits_socket:
+                self._loop.add_writer(stream.fileno(), self._flush)
+            else:
+                self._loop.remove_writer(stream.fileno())
+
+    async def _keep_alive(self) -> None:
+        """Let paho send PINGREQ and notice a broker that no longer answers.
+
+        Not while messages come and PINGRESP is awaited: it may be behind them.
+        """
+        stream = self._maker.stream
+        while stream and not self._ended.done():
+            await asyncio.sleep(KEEP_ALIVE_INTERVAL)
+            heard, self._heard = self._heard, False
+            if not (heard and stream.ping_sent):
+                self._paho.loop_misc()
+                self._flush()
+
+    def _confirm(self, packet_id: int) -> None:
+        if confirmed := self._unconfirmed.pop(packet_id, None):
+            confirmed()
+
+    def _end(self, why: str) -> None:
+        """End the connection without DISCONNECT, and say why to all who wait for it."""
+        if self._ended.done():
+            return
+        self._ended.set_exception(MqttError(why))
+        self._ended.exception()  # asyncio logs one that was never retrieved
+        if not self._accepted.done():
+            self._accepted.set_exception(MqttError(f"{why} {NOT_ACCEPTED}"))
+            self._accepted.exception()
+        for answer in self._subscribing.values():
+            if not answer.done():
+                answer.set_exception(MqttError(CLOSED_UNANSWERED))
+        self._close()
+
+    def _close(self) -> None:
+        """Close the socket; what waits for it is never written."""
+        if not self._ended.done():
+            self._ended.set_exception(MqttError(NOT_CONNECTED))
+            self._ended.exception()
+        self._drained.set()
+        if self._keeping_alive:
+            self._keeping_alive.cancel()
+        if sock := self.socket:
+            self._loop.remove_reader(sock.fileno())
+            self._loop.remove_writer(sock.fileno())
+            sock.close()
+
+    def _on_connect(
+        self, _client: PahoClient, _userdata: object, _flags: object, reason: ReasonCode, _properties: object
+    ) -> None:
+        if self._accepted.done():
+            return
+        if reason.is_failure:
+            self._accepted.set_exception(MqttError(str(reason)))
+            self._accepted.exception()
+        else:
+            self._accepted.set_result(None)
+
+    def _on_disconnect(
+        self, _client: PahoClient, _userdata: object, _flags: object, reason: ReasonCode, _properties: object
+    ) -> None:
+        if reason.is_failure:
+            self._end(str(reason))
+
+    def _on_subscribe(
+        self,
+        _client: PahoClient,
+        _userdata: object,
+        mid: int,
+        reasons: list[ReasonCode],
+        _properties: object,
+    ) -> None:
+        answer = self._subscribing.get(mid)
+        if answer and not answer.done():
+            answer.set_result(reasons)
+
+    def _on_message(self, _client: PahoClient, _userdata: object, message: MQTTMessage) -> None:
+        """Deliver a message that only paho can read, such as one with quality of service 2."""
+        self._deliver(Inbound(message.topic, bytes(message.payload), message.retain, message.qos))
 
     def _on_publish(self, _client: PahoClient, _userdata: object, mid: int, *_: object) -> None:
         self._confirm(mid)
 
-    def _confirm(self, mid: int) -> None:
-        if confirmed := self._unconfirmed.pop(mid, None):
-            confirmed()
 
-    def _on_socket_open(self, _client: PahoClient, _userdata: object, sock: Any) -> None:  # noqa: ANN401 - paho's
-        self._loop.call_soon_threadsafe(self._watch, sock)
-
-    def _watch(self, sock: Any) -> None:  # noqa: ANN401 - paho's
-        """Read what comes, unless the thread that was to connect has closed the socket again.
-
-        If it was given up meanwhile, CONNECT is not written, so that it takes nobody's place at the broker.
-        """
-        if self._given_up:
-            sock.close()  # not by paho, in which the thread may still be at work
-        elif sock.fileno() >= 0:
-            self._misc_task = self._loop.create_task(self._misc_loop(), name="keep alive")
-            self._loop.add_reader(sock.fileno(), self._on_readable)
-
-    def _on_socket_register_write(self, _client: PahoClient, _userdata: object, sock: Any) -> None:  # noqa: ANN401 - paho's
-        if self._at_work:
-            return
-        if self._in_loop():
-            self._loop.call_soon(self._guarded, self._write)
-        else:
-            self._loop.call_soon_threadsafe(self._write_later, sock)
-
-    def _write_later(self, sock: Any) -> None:  # noqa: ANN401 - paho's
-        """Write when the socket takes something, unless it was closed meanwhile."""
-        if sock.fileno() >= 0:
-            self._waits_to_write = True
-            self._loop.add_writer(sock.fileno(), partial(self._guarded, self._write_permitted))
-
-    def _on_socket_unregister_write(self, client: PahoClient, userdata: object, sock: Any) -> None:  # noqa: ANN401 - paho's
-        if self._waits_to_write:
-            self._waits_to_write = False
-            super()._on_socket_unregister_write(client, userdata, sock)
-
-    def _on_readable(self) -> None:
-        if not self._reads_on:
-            self._guarded(self._read)
-
-    def _read(self) -> None:
-        """Read what has come, some packets for each turn of the event loop, and write what that brings."""
-        self._reads_on = False
-        if not self._packets.ready and self._packets.fill():
-            self._client._last_bytes_received = monotonic()  # noqa: SLF001 - else it takes a busy broker for dead
-        received = []
-        for _ in range(READ_AT_ONCE):
-            message = self._packets.take() if self._take else None
-            if message and self._take:
-                self._take(Inbound(message.topic, message.payload, message.retained, message.qos))
-                received.append(message)
-            elif mid := self._packets.take_acknowledgement(self._unconfirmed):
-                self._confirm(mid)
-            elif self._packets.offer():
-                self._client.loop_read()
-            else:
-                break
-        self._acknowledge(received)
-        if self._client.want_write():
-            self._write()
-        sock: Any = self._client.socket()
-        decrypted = sock is not None and hasattr(sock, "pending") and sock.pending()
-        if decrypted or (sock is not None and self._packets.ready):
-            self._reads_on = True  # the socket itself may stay quiet
-            self._loop.call_soon(self._guarded, self._read)
-
-    def _acknowledge(self, received: list[Published]) -> None:
-        """Tell the broker of all at once; paho would call the socket for each."""
-        if mids := [each.mid for each in received if each.qos]:
-            self._client._packet_queue(PUBACK, acknowledgements(mids), 0, 1)  # noqa: SLF001 - it has no other
-
-    def _write_rest(self) -> None:
-        """Write what was sent behind the first message of a turn."""
-        self._wrote = False
-        if self._client.want_write():
-            self._write()
-
-    def _write(self) -> None:
-        """Write what waits, at once; what the socket does not take goes when it is ready again."""
-        self._join_waiting()
-        self._write_permitted()
-        sock = self._client.socket()
-        if sock is not None and self._client.want_write():
-            self._write_later(sock)
-
-    def _write_permitted(self) -> None:
-        if not self.may_write():
-            self._tell_end(NOT_PERMITTED)
-            self.cut()
-        self._client.loop_write()
-
-    def _join_waiting(self) -> None:
-        """Make one packet of messages and acknowledgements in a row: paho calls the socket for each."""
-        waiting = self._client._out_packet  # noqa: SLF001 - it has no other
-        if len(waiting) < 2:  # noqa: PLR2004 - there is nothing to be joined
-            return
-        rows = [(plain, list(row)) for plain, row in groupby(waiting, _is_plain)]
-        waiting.clear()
-        for plain, row in rows:
-            if plain:
-                packet = b"".join(each["packet"] for each in row)
-                self._client._packet_queue(PUBLISH, packet, 0, 1)  # noqa: SLF001 - it has no other
-            else:
-                waiting.extend(row)
-
-    def _guarded(self, work: Callable[[], object]) -> None:
-        """Do ``work``; what breaks it breaks the connection: paho would stumble over it again and again."""
-        self._at_work = True
-        try:
-            work()
-        except Exception as error:  # noqa: BLE001 - whatever paho or the socket raise
-            if not self._disconnected.done():
-                self._disconnected.set_exception(error)
-            self.cut()
-            self._client.disconnect()
-            self._loop.call_soon(self._guarded, self._write)  # it finds that the connection is cut
-        finally:
-            self._at_work = False
-
-    def _in_loop(self) -> bool:
-        try:
-            return asyncio.get_running_loop() is self._loop
-        except RuntimeError:
-            return False
-
-
-def _is_plain(packet: Any) -> bool:  # noqa: ANN401 - paho's
-    """Whether paho has nothing to do with it but to write it, has not begun to, and it is worth copying."""
-    to_be_written = packet["qos"] == 1 and packet["command"] in {PUBLISH, PUBACK} and not packet["pos"]
-    return to_be_written and len(packet["packet"]) < CHUNK
-
-
-def _pass_over(_message: Inbound) -> None:
-    """Take a message that nobody wants any more."""
+def _ignore(_message: Inbound) -> None:
+    """Ignore a message that comes while the connection is closed."""

@@ -1,23 +1,22 @@
-"""A program's one connection to the broker: connects, subscribes, reconnects, and never blocks the caller."""
+"""A program's link to the broker: it connects, subscribes, reconnects, and never blocks the caller."""
 
 from __future__ import annotations
 
 import asyncio
-import socket
+from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from time import monotonic
 
-import aiomqtt
+from paho.mqtt.client import topic_matches_sub
 
 from nena_shared.log import get_logger
-from nena_shared.mqtt.client import Client
+from nena_shared.mqtt.client import Client, MqttError
 from nena_shared.mqtt.message import Inbound, Outbound
 from nena_shared.mqtt.outbox import Outbox
 from nena_shared.mqtt.pauses import Pauses
 from nena_shared.mqtt.tls import tls_context
-from nena_shared.mqtt.topic_filter import matches
 from nena_shared.settings import ConfigurationError, MqttSettings
 from nena_shared.tasks import end_if_cancelled
 
@@ -48,7 +47,7 @@ DROPS_LOGGED_EVERY = 60.0
 
 @dataclass(slots=True)
 class LinkState:
-    """What a program tells about its link, in health checks and metrics."""
+    """The state of a link, for health checks and metrics."""
 
     connected: bool = False
     connects: int = 0
@@ -57,7 +56,7 @@ class LinkState:
     dropped: int = 0
     handler_failures: int = 0
     refused: tuple[str, ...] = ()
-    """Topic filters that the broker does not let the program subscribe to."""
+    """Topic filters to which the broker refused a subscription."""
     last_error: str = ""
     term: int = 0
     """The term of the connection, see :data:`Term`."""
@@ -75,6 +74,8 @@ class _Session:
     """What belongs to one connection and ends with it."""
 
     client: Client
+    first: deque[Outbound] = field(default_factory=deque)
+    """What is published before all else and not kept over a break."""
     deliveries: dict[int, Outbound] = field(default_factory=dict)
     """What the broker has not confirmed yet, in the order in which it was sent."""
     sent: int = 0
@@ -83,12 +84,17 @@ class _Session:
     """How many of the link's subscriptions the broker has been asked for."""
     subscribing: asyncio.Task[None] | None = None
 
+    @property
+    def has_room(self) -> bool:
+        """Whether one more message may be in flight."""
+        return len(self.deliveries) < IN_FLIGHT_LIMIT
+
 
 class MqttLink:
-    """Publishes and receives for one program; every method is for the event loop's thread.
+    """Publishes and receives for one program; call it in the thread of the event loop only.
 
-    Sessions are clean on purpose: what was missed while the link was down is answered by the protocols above
-    (retained messages, states in full, orders resent until a state echoes them), never by a broker's queue of
+    Sessions are clean on purpose: the protocols above recover what was missed while the link was down
+    (retained messages, full states, orders resent until a state echoes them), never a broker's queue of
     old commands. Messages to publish wait in an :class:`Outbox` while the link is down or the broker is slow:
     it never loses the last retained message of a topic, and counts and logs what it drops. Messages with
     ``keep=False`` are not kept over a break.
@@ -113,13 +119,13 @@ class MqttLink:
 
         Args:
             settings: where the broker is, and limits.
-            client_id: MQTT client id unless the settings give one; unique per program at the broker.
-            will: makes the last will, at each connect.
-            on_connected: gives what is published first, before the subscriptions are made; made anew at
-                each connect, therefore never kept over a break.
-            on_subscribed: is told when the broker has answered the subscriptions; ``state.refused`` has
-                those that it refuses.
-            on_lost: is told when a connection that stood has gone.
+            client_id: MQTT client ID unless the settings have one; unique per program at the broker.
+            will: returns the last will, at each connect.
+            on_connected: returns what is published first, before the subscriptions are made; called at
+                each connect, so its messages are never kept over a break.
+            on_lost: called when a connection has ended.
+            on_subscribed: called when the broker has answered the subscriptions; ``state.refused`` has
+                those that it refused.
             term: returns the term in which the program may publish at this moment.
 
         Raises:
@@ -140,8 +146,8 @@ class MqttLink:
         self._drops_to_log = 0
         self._drops_logged_at = -DROPS_LOGGED_EVERY
         self._session: _Session | None = None
-        self._greeting = False
-        """Whether a session has begun that is about to stand."""
+        self._connecting = False
+        """Whether a session has begun and its subscriptions are not answered yet."""
         self._handlers = lru_cache(maxsize=10_000)(self._matching_handlers)
         self._silence = 0.0
         self._connected_at = 0.0
@@ -149,25 +155,26 @@ class MqttLink:
         self.state = LinkState()
 
     def subscribe(self, topic_filter: str, handler: Handler, *, qos: int = 1) -> None:
-        """Have ``handler`` get each message under ``topic_filter``, now or from the next connect on."""
+        """Call ``handler`` with each message under ``topic_filter``, now or from the next connect on."""
         self._subscriptions.append(_Subscription(topic_filter, handler, qos))
         self._handlers.cache_clear()
         if self._session:
             self._subscribe_late(self._session)
 
     def publish(self, message: Outbound) -> None:
-        """Send ``message`` now, or when the link stands again if it is to be kept; see :class:`Outbox`."""
+        """Send ``message`` now, or, if it is to be kept, when the link is up again; see :class:`Outbox`."""
+        session = self._session
         if self._term() is None:
             self.state.dropped += 1
-        elif self._session and len(self._session.deliveries) < IN_FLIGHT_LIMIT and not self._outbox:
-            self._deliver(self._session, message)
-        elif self._session or message.keep:
-            self._put_aside(message)
+        elif session and session.has_room and not session.first and not self._outbox:
+            self._send(session, message)
+        elif session or message.keep:
+            self._queue(message)
         else:
             self.state.dropped += 1
 
     async def run(self) -> None:
-        """Keep the link up until cancelled; a refused or broken connection is tried again, with pauses."""
+        """Keep the link up until cancelled; connect again with growing pauses after each failure."""
         pauses = Pauses(self._settings.reconnect_min, self._settings.reconnect_max)
         clock = asyncio.get_running_loop().time
         while True:
@@ -175,30 +182,31 @@ class MqttLink:
             await self._begin_term()
             try:
                 await self._serve()
-            except (aiomqtt.MqttError, OSError, UnicodeError, ConfigurationError) as error:
-                self._tell_failure(error, lost=self.state.connects > connects)
+            except (MqttError, OSError, UnicodeError, ConfigurationError) as error:
+                self._log_failure(error, lost=self.state.connects > connects)
             end_if_cancelled()
             stood = clock() - self._connected_at if self.state.connects > connects else None
             pause = pauses.after(stood)
             if pauses.suspicious:
-                self._tell_suspicion()
+                self._log_suspicion()
             silence, self._silence = self._silence, 0.0
             await asyncio.sleep(max(pause, silence))
 
     def cut(self, seconds: float) -> None:
-        """Break the connection as a robot does that leaves radio range, for ``seconds``: for rehearsals."""
+        """Break the connection for ``seconds``, as if the robot left radio range; for simulations."""
         if self._session:
             self._silence = seconds
             self._session.client.cut()
 
     async def drain(self, seconds: float) -> bool:
-        """Wait at most ``seconds`` until the broker has all that was published; tell whether it has.
+        """Wait at most ``seconds`` until the broker has all that was published; return whether it has.
 
-        A session that has begun is waited for: who has said that he is there has to be able to say farewell.
+        Wait also for a session that is being connected: a program that has published that it is online must
+        be able to publish that it is not.
         """
         try:
             async with asyncio.timeout(seconds):
-                while self._greeting or (self._session and (self._outbox or self._session.deliveries)):
+                while self._connecting or (self._session and (self._outbox or self._session.deliveries)):
                     self._settled.clear()
                     await self._settled.wait()
         except TimeoutError:
@@ -217,15 +225,15 @@ class MqttLink:
         async with self._make_client() as client:
             end_if_cancelled()
             session = _Session(client)
-            self._greeting = True
+            self._connecting = True
             watching = asyncio.create_task(self._watch_term(client), name="watch the term")
             try:
-                await self._greet(session)
+                await self._begin(session)
                 end_if_cancelled()
-                await client.hand_over(self._receive)
+                await client.receive(self._receive)
             finally:
                 watching.cancel()
-                self._leave(session)
+                self._end(session)
 
     async def _watch_term(self, client: Client) -> None:
         """Close the connection at the end of the term, also when nothing is written."""
@@ -240,31 +248,18 @@ class MqttLink:
         return self._term() == self.state.term
 
     def _make_client(self) -> Client:
-        will = self._will() if self._will else None
-        client = Client(
-            self._settings.host,
-            self._settings.port,
-            username=self._settings.username,
-            password=self._settings.secret(),
-            tls_context=tls_context(self._settings.tls),
-            identifier=self._client_id,
-            keepalive=self._settings.keep_alive,
-            clean_session=True,
+        return Client(
+            self._settings,
+            self._client_id,
             timeout=CONNECT_TIMEOUT,
-            will=aiomqtt.Will(will.topic, will.payload, will.qos, will.retain) if will else None,
-            max_queued_incoming_messages=self._settings.incoming_limit,
-            max_inflight_messages=IN_FLIGHT_LIMIT,
-            # without it, steady small messages wait up to 44 ms for each other
-            socket_options=[(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)],
+            will=self._will() if self._will else None,
+            may_write=self._may_write,
         )
-        client.may_write = self._may_write
-        client.pending_calls_threshold = IN_FLIGHT_LIMIT
-        return client
 
-    async def _greet(self, session: _Session) -> None:
-        """Publish what comes first, subscribe, then let the outbox go."""
-        for first in self._on_connected():
-            self._deliver(session, replace(first, keep=False))
+    async def _begin(self, session: _Session) -> None:
+        """Publish what comes first, subscribe, then publish what waits."""
+        session.first.extend(replace(first, keep=False) for first in self._on_connected())
+        self._send_waiting(session)
         self.state.refused = ()
         await self._subscribe(session)
         self._session = session
@@ -273,12 +268,12 @@ class MqttLink:
         self._connected_at = asyncio.get_running_loop().time()
         self.state.last_error = ""
         log.info("broker connected", host=self._settings.host, port=self._settings.port)
-        self._greeting = False
-        self._refill()
+        self._connecting = False
+        self._send_waiting(session)
         self._settled.set()
 
     async def _subscribe(self, session: _Session) -> None:
-        """Ask the broker for what it was not asked for yet, also for what is added meanwhile."""
+        """Make the subscriptions that were not made yet, also those that are added meanwhile."""
         while new := self._subscriptions[session.subscribed :]:
             session.subscribed += len(new)
             granted = await session.client.subscribe([(each.topic_filter, each.qos) for each in new])
@@ -289,33 +284,34 @@ class MqttLink:
             ]
             self.state.refused += tuple(refused)
             for topic_filter in refused:
-                log.error("the broker refuses a subscription; look at its access list", topic=topic_filter)
+                log.error("the broker refuses a subscription; check its access list", topic=topic_filter)
             self._on_subscribed()
 
     def _subscribe_late(self, session: _Session) -> None:
         if session.subscribing and not session.subscribing.done():
-            return  # it takes what is new as well
+            return  # it makes the new ones as well
         session.subscribing = asyncio.create_task(self._try_to_subscribe(session), name="subscribe")
 
     async def _try_to_subscribe(self, session: _Session) -> None:
         try:
             await self._subscribe(session)
-        except aiomqtt.MqttError as error:
-            log.warning("new subscriptions are not answered, connecting anew", reason=str(error))
+        except MqttError as error:
+            log.warning("new subscriptions are not answered, reconnecting", reason=str(error))
             session.client.cut()
 
-    def _leave(self, session: _Session) -> None:
-        """Take back what the broker has not confirmed, in its old order, before what waits already."""
-        unsent = [*session.deliveries.values(), *self._outbox]
+    def _end(self, session: _Session) -> None:
+        """Queue again what the broker has not confirmed, in its old order, before what waits already."""
+        unsent = [*session.deliveries.values(), *session.first, *self._outbox]
         session.deliveries.clear()
-        self._greeting = False
+        session.first.clear()
+        self._connecting = False
         self._settled.set()
         if session.subscribing:
             session.subscribing.cancel()
         self._outbox.clear()
         for message in unsent:
             if message.keep and self._may_write():
-                self._put_aside(message)
+                self._queue(message)
             else:
                 self.state.dropped += 1
         if self._session is session:
@@ -330,16 +326,18 @@ class MqttLink:
                 handler(inbound)
             except Exception:
                 self.state.handler_failures += 1
-                log.exception("a message was not handled", topic=inbound.topic, size=len(inbound.payload))
+                log.exception("message handler failed", topic=inbound.topic, size=len(inbound.payload))
 
     def _matching_handlers(self, topic: str) -> tuple[Handler, ...]:
-        return tuple(each.handler for each in self._subscriptions if matches(each.topic_filter, topic))
+        return tuple(
+            each.handler for each in self._subscriptions if topic_matches_sub(each.topic_filter, topic)
+        )
 
     def _drop_waiting(self) -> None:
         self.state.dropped += len(self._outbox)
         self._outbox.clear()
 
-    def _put_aside(self, message: Outbound) -> None:
+    def _queue(self, message: Outbound) -> None:
         dropped = self._outbox.add(message)
         if dropped is None:
             return
@@ -355,45 +353,50 @@ class MqttLink:
             )
             self._drops_to_log, self._drops_logged_at = 0, now
 
-    def _deliver(self, session: _Session, message: Outbound) -> None:
+    def _send(self, session: _Session, message: Outbound) -> None:
         session.sent += 1
         number = session.sent
         session.deliveries[number] = message
         try:
-            session.client.send(message, partial(self._delivered, session, number))
-        except aiomqtt.MqttError:
-            return  # the connection is about to end: what stays in `deliveries` is taken back then
+            session.client.send(message, partial(self._confirmed, session, number))
+        except MqttError:
+            return  # the connection is about to end: what stays in `deliveries` is queued again then
         except ValueError as error:
             del session.deliveries[number]
             self.state.dropped += 1
-            log.error("a message cannot be sent, dropped", topic=message.topic, reason=str(error))  # noqa: TRY400
+            log.error("dropping a message that cannot be sent", topic=message.topic, reason=str(error))  # noqa: TRY400
 
-    def _delivered(self, session: _Session, number: int) -> None:
+    def _confirmed(self, session: _Session, number: int) -> None:
         if session.deliveries.pop(number, None) is None:
-            return  # it was taken back
+            return  # it was queued again
         self.state.published += 1
-        self._refill()
+        self._send_waiting(session)
         if not session.deliveries:
             self._settled.set()
 
-    def _refill(self) -> None:
-        session = self._session
-        while session and self._outbox and len(session.deliveries) < IN_FLIGHT_LIMIT:
-            self._deliver(session, self._outbox.pop())
+    def _send_waiting(self, session: _Session) -> None:
+        """Send what waits, as far as the broker may have it in flight."""
+        while session.has_room:
+            if session.first:
+                self._send(session, session.first.popleft())
+            elif self._outbox and session is self._session:
+                self._send(session, self._outbox.pop())
+            else:
+                return
 
-    def _tell_suspicion(self) -> None:
+    def _log_suspicion(self) -> None:
         log.error(
-            "connections end as soon as they stand; see whether another program has this client id at the "
-            "broker, for a robot one with the same serial number",
+            "connections end right after they are made; check whether another program uses this client ID "
+            "at the broker, for a robot one with the same serial number",
             client_id=self._client_id,
             tried_at_most_every=self._settings.reconnect_max,
         )
 
-    def _tell_failure(self, error: Exception, *, lost: bool) -> None:
+    def _log_failure(self, error: Exception, *, lost: bool) -> None:
         text = str(error.__cause__ or error) or type(error).__name__
         if text != self.state.last_error:
             log.warning(
-                "broker connection lost" if lost else "broker not reached, trying on",
+                "broker connection lost" if lost else "broker not reachable, retrying",
                 host=self._settings.host,
                 port=self._settings.port,
                 reason=text,

@@ -1,4 +1,4 @@
-"""What goes over an MQTT link."""
+"""Messages of an MQTT link."""
 
 from __future__ import annotations
 

@@ -1,9 +1,7 @@
-"""What comes from the broker, cut into packets (MQTT 3.1.1 sections 2.2 to 3.4), with messages taken out.
+"""MQTT packets (MQTT 3.1.1 sections 2.2 to 3.4): messages and acknowledgements, read and written.
 
-paho calls the socket four times for each packet, and makes of each message, and of each acknowledgement,
-objects with locks and lines for a log that nobody keeps. Here the socket is read once for all that has come.
-All that is neither a plain message nor an acknowledgement that is waited for, and all that is wrong, is left
-to paho, as it came. Messages to the broker with quality of service 1 are written here as well.
+Bytes from the broker are cut into packets. Plain messages and awaited acknowledgements are read here; all
+else, also everything malformed, is left to paho as it came.
 """
 
 from __future__ import annotations
@@ -12,12 +10,16 @@ from collections.abc import Callable, Container, Iterable
 from struct import Struct
 from typing import Final, NamedTuple
 
+from nena_shared.mqtt.message import Outbound
+
 CHUNK: Final = 65_536
-"""Bytes that are read at once."""
+"""Bytes that are read or written at once."""
 
 PUBLISH: Final = 0x30
 PUBACK: Final = 0x40
-MID_BYTES: Final = 2
+PINGREQ: Final = 0xC0
+PINGRESP: Final = 0xD0
+ID_BYTES: Final = 2
 _ACKNOWLEDGEMENT: Final = Struct("!BBH")
 MORE: Final = 0x80
 """In a byte of a packet's length: another one follows."""
@@ -30,47 +32,39 @@ AT_LEAST_ONCE: Final = 1 << 1
 
 
 class Published(NamedTuple):
-    """A message; ``mid`` is 0 for quality of service 0, which is not acknowledged."""
+    """A message; ``packet_id`` is 0 for quality of service 0, which is not acknowledged."""
 
     topic: str
     payload: bytes
     qos: int
     retained: bool
-    mid: int
+    packet_id: int
 
 
-class Packets:
-    """Stands between a socket and paho, which reads by :meth:`read` what it is offered.
+class PacketReader:
+    """Cuts what comes from a socket into packets.
 
-    ``receive`` reads from the socket: it raises BlockingIOError where nothing has come, gives nothing where
-    the connection has ended, and raises other OSErrors where it is broken. paho is told so in its turn.
+    ``receive`` reads from the socket: it raises BlockingIOError where nothing has come, returns nothing where
+    the connection has ended, and raises other OSErrors where it is broken.
     """
 
     def __init__(self, receive: Callable[[int], bytes]) -> None:
         self._receive = receive
         self._data = bytearray()
         self._at = 0
-        """Where in the data the next packet begins, or what paho has not read of one that it was offered."""
+        """Where in the data the next packet begins, or the rest of one that paho was offered."""
         self._offered = 0
         """Where what was offered ends."""
-        self._ended: OSError | bytes | None = None
+        self.why_ended = ""
+        """Why nothing more comes; empty while something may."""
 
     @property
     def ready(self) -> bool:
         """Whether there is a packet, or the end."""
-        return self._bounds() is not None or self._ended is not None
-
-    @property
-    def why_ended(self) -> str:
-        """Say in words why nothing comes any more; empty while something may."""
-        if self._ended is None:
-            return ""
-        if isinstance(self._ended, OSError):
-            return f"the connection has broken: {self._ended}"
-        return "the broker has ended the connection"
+        return self._bounds() is not None or bool(self.why_ended)
 
     def fill(self) -> bool:
-        """Read what has come, and tell whether that is anything.
+        """Read what has come; return whether that is anything.
 
         To be called where nothing is ready, so that no more than that is kept here.
         """
@@ -79,17 +73,17 @@ class Packets:
         except BlockingIOError:
             return False
         except OSError as error:
-            self._ended = error
+            self.why_ended = f"the connection broke: {error}"
             return False
         if not came:
-            self._ended = came
+            self.why_ended = "the broker closed the connection"
         del self._data[: self._at]
         self._at = self._offered = 0
         self._data += came
         return bool(came)
 
-    def take(self) -> Published | None:
-        """Take out the next packet, if all of it is here and it is a message."""
+    def next_message(self) -> Published | None:
+        """Remove and return the next packet, if it is complete and a plain message."""
         bounds = self._bounds()
         if bounds is None or self._data[self._at] & 0xF0 != PUBLISH:
             return None
@@ -98,40 +92,39 @@ class Packets:
             self._at = bounds[1]
         return message
 
-    def take_acknowledgement(self, awaited: Container[int]) -> int | None:
-        """Take out the next packet, if it acknowledges one of these messages; gives the message's number."""
+    def next_acknowledgement(self, awaited: Container[int]) -> int | None:
+        """Remove the next packet and return its identifier, if it acknowledges one of these messages."""
         bounds = self._bounds()
-        if bounds is None or self._data[self._at] != PUBACK or bounds[1] - bounds[0] != MID_BYTES:
+        if bounds is None or self._data[self._at] != PUBACK or bounds[1] - bounds[0] != ID_BYTES:
             return None
-        mid = int.from_bytes(self._data[bounds[0] : bounds[1]])
-        if mid not in awaited:
+        packet_id = int.from_bytes(self._data[bounds[0] : bounds[1]])
+        if packet_id not in awaited:
             return None
         self._at = bounds[1]
-        return mid
+        return packet_id
 
-    def offer(self) -> bool:
-        """Let paho read the next packet, or that the connection has ended; False: there is nothing."""
+    def offer(self) -> int:
+        """Let paho read the next packet; return its first byte, 0 where no complete one is there."""
         bounds = self._bounds()
-        if bounds:
-            self._offered = bounds[1]
-        return bounds is not None or self._ended is not None
+        if bounds is None:
+            return 0
+        self._offered = bounds[1]
+        return self._data[self._at]
 
     def read(self, bufsize: int) -> bytes:
-        """Give paho at most so many bytes of what it was offered.
+        """Return at most ``bufsize`` bytes of what was offered.
 
         Raises:
-            OSError: there is no more of it, or the connection has broken.
+            BlockingIOError: all of it was read.
 
         """
-        if self._at < self._offered:
-            start, self._at = self._at, min(self._at + bufsize, self._offered)
-            return bytes(self._data[start : self._at])
-        if isinstance(self._ended, bytes):
-            return self._ended
-        raise self._ended or BlockingIOError
+        if self._at >= self._offered:
+            raise BlockingIOError
+        start, self._at = self._at, min(self._at + bufsize, self._offered)
+        return bytes(self._data[start : self._at])
 
     def _bounds(self) -> tuple[int, int] | None:
-        """Give where the next packet's content begins and ends; None: not all of it is here.
+        """Return where the next packet's content begins and ends; None where not all of it is here.
 
         A length without end is offered as it is.
         """
@@ -146,32 +139,33 @@ class Packets:
         return at, len(data)
 
 
-def acknowledgements(mids: Iterable[int]) -> bytes:
-    """Write PUBACK packets for the messages of these numbers (section 3.4)."""
-    return b"".join(_ACKNOWLEDGEMENT.pack(PUBACK, 2, mid) for mid in mids)
+def acknowledgements(packet_ids: Iterable[int]) -> bytes:
+    """Return PUBACK packets for the messages with these identifiers (section 3.4)."""
+    return b"".join(_ACKNOWLEDGEMENT.pack(PUBACK, 2, packet_id) for packet_id in packet_ids)
 
 
-def publication(topic: str, payload: bytes, mid: int, *, retained: bool) -> bytes:
-    """Write a message with quality of service 1 (section 3.3).
+def publication(message: Outbound, packet_id: int | None = None) -> bytes:
+    """Return a PUBLISH packet (section 3.3): with an identifier of quality of service 1, without it of 0.
 
     Raises:
-        ValueError: a message has no such topic, or it is too long.
+        ValueError: the topic is none to publish to, or the message is too long.
 
     """
-    name = topic.encode()
-    if not 0 < len(name) <= LONGEST_TOPIC or "+" in topic or "#" in topic:
-        message = f"{topic[:100]!r} is no topic of a message"
-        raise ValueError(message)
-    length = len(name) + len(payload) + 2 * MID_BYTES
+    name, payload = message.topic.encode(), message.payload
+    if not 0 < len(name) <= LONGEST_TOPIC or "+" in message.topic or "#" in message.topic:
+        problem = f"{message.topic[:100]!r} is no topic to publish to"
+        raise ValueError(problem)
+    number = b"" if packet_id is None else packet_id.to_bytes(ID_BYTES)
+    length = ID_BYTES + len(name) + len(number) + len(payload)
     if length > LONGEST:
-        message = f"{len(payload)} bytes are too long for a message"
-        raise ValueError(message)
-    head = bytes((PUBLISH | AT_LEAST_ONCE | retained,)) + _length(length)
-    return b"".join((head, len(name).to_bytes(2), name, mid.to_bytes(2), payload))
+        problem = f"{len(payload)} bytes are too long for a message"
+        raise ValueError(problem)
+    head = bytes((PUBLISH | (AT_LEAST_ONCE if number else 0) | message.retain,)) + _length(length)
+    return b"".join((head, len(name).to_bytes(2), name, number, payload))
 
 
 def _length(number: int) -> bytes:
-    """Write a packet's remaining length (section 2.2.3)."""
+    """Return a packet's remaining length (section 2.2.3)."""
     written = bytearray()
     while number >= MORE:
         written.append(number & ~MORE & 0xFF | MORE)
@@ -181,7 +175,7 @@ def _length(number: int) -> bytes:
 
 
 def _read(data: bytearray, at: int, end: int, *, head: int) -> Published | None:
-    """Read a message; None: it is of a kind, or wrong in a way, that paho knows what to do with."""
+    """Read a message; return None where it is malformed or of a kind that is left to paho."""
     qos = head >> 1 & 3
     rest = at + 2 + int.from_bytes(data[at : at + 2])
     payload = rest + 2 if qos else rest
@@ -191,5 +185,5 @@ def _read(data: bytearray, at: int, end: int, *, head: int) -> Published | None:
         topic = data[at + 2 : rest].decode()
     except UnicodeDecodeError:
         return None
-    mid = int.from_bytes(data[rest:payload])
-    return Published(topic, bytes(data[payload:end]), qos, bool(head & 1), mid)
+    packet_id = int.from_bytes(data[rest:payload])
+    return Published(topic, bytes(data[payload:end]), qos, bool(head & 1), packet_id)

@@ -1,19 +1,19 @@
-"""How long a program waits before it connects again."""
+"""Pauses before a program reconnects."""
 
 from __future__ import annotations
 
 from typing import Final
 
 SUSPICIOUS: Final = 3
-"""Connections in a row that ended as soon as they stood, from which something is wrong with them."""
+"""Connections in a row that ended right after they were made, after which something must be wrong."""
 
 
 class Pauses:
-    """Gives pauses that double, from ``shortest`` up to ``longest`` seconds.
+    """Pauses that double, from ``shortest`` up to ``longest`` seconds.
 
-    They begin anew behind a connection that has stood for twice the longest. One that ends sooner counts as a
-    try that failed: two programs with one client id throw each other out at the broker, and would do so for
-    ever as fast as they can.
+    They start again at the shortest after a connection that lasted twice the longest pause. One that ended
+    sooner counts as a failed attempt: two programs with one client ID disconnect each other at the broker,
+    and would do so as fast as they can.
     """
 
     def __init__(self, shortest: float, longest: float) -> None:
@@ -23,11 +23,11 @@ class Pauses:
 
     @property
     def suspicious(self) -> bool:
-        """Whether, with the last connection, so many have ended too soon that a person should be told."""
+        """Whether the last connection makes :data:`SUSPICIOUS` in a row that ended too soon."""
         return self._short_lived == SUSPICIOUS
 
     def after(self, stood: float | None) -> float:
-        """Give the seconds to wait after a connection that ``stood`` so many s, or none that came about."""
+        """Return the seconds to wait after a connection that lasted ``stood`` s; None if none was made."""
         if stood is not None and stood >= 2 * self._longest:
             self._next, self._short_lived = self._shortest, 0
         elif stood is not None:

@@ -1,4 +1,4 @@
-"""TLS to the broker: whom we believe to be the broker, and as whom we come."""
+"""TLS to the broker: which certificates the client accepts, and its own."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from nena_shared.settings import ConfigurationError, MqttTlsSettings
 
 
 def tls_context(settings: MqttTlsSettings) -> ssl.SSLContext | None:
-    """Give what a connection needs; None: the connection is not encrypted.
+    """Return the context of a connection; None where the connection is not encrypted.
 
-    The files are read anew at each call, so that renewed ones count from the next connection on. The
-    broker's name is always checked against its certificate.
+    The files are read at each call, so that renewed ones are used from the next connection on. The broker's
+    name is always checked against its certificate.
 
     Raises:
         ConfigurationError: a file cannot be read, is no PEM, or key and certificate do not belong together.

@@ -157,7 +157,8 @@ async def test_the_last_will_and_silence_are_told_apart(
         wired.link._settings = wired.link._settings.model_copy(update={"reconnect_min": 60.0})
         session = wired.link._session
         assert session is not None
-        session.client._client.socket().shutdown(socket.SHUT_RDWR)  # type: ignore[union-attr] # a cut cable
+        assert session.client.socket is not None
+        session.client.socket.shutdown(socket.SHUT_RDWR)  # a cut cable
         await until(
             lambda: fleet.fleet.view(ROBOT).link is LinkStatus.CONNECTION_BROKEN, what="the last will"
         )

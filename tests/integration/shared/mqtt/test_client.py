@@ -13,13 +13,20 @@ from functools import partial
 from time import monotonic
 from typing import Any
 
-import aiomqtt
 import pytest
 
 from nena_shared.mqtt import client as client_module
-from nena_shared.mqtt.client import ENDED_AT_ONCE, ENDED_UNANSWERED, READ_AT_ONCE, UNGREETED, Client
+from nena_shared.mqtt.client import (
+    CLOSED_AT_ONCE,
+    CLOSED_UNANSWERED,
+    NOT_ACCEPTED,
+    READ_AT_ONCE,
+    Client,
+    MqttError,
+)
 from nena_shared.mqtt.message import Inbound, Outbound
-from nena_shared.mqtt.packets import Packets, Published
+from nena_shared.mqtt.packets import PacketReader, Published
+from nena_shared.settings import MqttSettings
 from nena_shared.tasks import end
 from support.pausing import turn_passes
 from support.waiting import PATIENCE, until
@@ -80,6 +87,11 @@ class OddBroker:
         self.writer.write(data)
 
 
+def client_at(port: int, *, timeout: float = PATIENCE, keep_alive: int = 60) -> Client:
+    settings = MqttSettings(port=port).model_copy(update={"keep_alive": keep_alive})
+    return Client(settings, "client", timeout=timeout)
+
+
 @asynccontextmanager
 async def odd_broker(ends_at: int | None = None) -> AsyncIterator[OddBroker]:
     broker = OddBroker(ends_at)
@@ -94,8 +106,8 @@ async def test_a_backlog_leaves_the_event_loop_its_turns() -> None:
     number = 20 * READ_AT_ONCE
     taken: list[Inbound] = []
     turns: list[int] = []
-    async with odd_broker() as broker, Client("127.0.0.1", broker.port, timeout=PATIENCE) as client:
-        handing = asyncio.create_task(client.hand_over(taken.append), name="hand over")
+    async with odd_broker() as broker, client_at(broker.port, timeout=PATIENCE) as client:
+        handing = asyncio.create_task(client.receive(taken.append), name="receive")
         await turn_passes()
         broker.send(published(b"a/b", b"x" * 1400) * number)
         async with asyncio.timeout(PATIENCE):
@@ -110,7 +122,7 @@ async def test_a_backlog_leaves_the_event_loop_its_turns() -> None:
 async def test_what_is_sent_in_one_turn_keeps_its_order_and_goes_in_two_writings() -> None:
     sent = [Outbound(f"t/{number}", b"x", qos=1) for number in range(9)]
     confirmed: list[str] = []
-    async with odd_broker() as broker, Client("127.0.0.1", broker.port, timeout=PATIENCE) as client:
+    async with odd_broker() as broker, client_at(broker.port, timeout=PATIENCE) as client:
         writings = watch_writings(client)
         for message in sent:
             client.send(message, partial(confirmed.append, message.topic))
@@ -126,7 +138,7 @@ async def test_what_is_sent_in_one_turn_keeps_its_order_and_goes_in_two_writings
 async def test_messages_without_acknowledgement_keep_their_place_among_the_others() -> None:
     sent = [Outbound(f"t/{number}", b"x", qos=number % 2) for number in range(6)]
     confirmed: list[str] = []
-    async with odd_broker() as broker, Client("127.0.0.1", broker.port, timeout=PATIENCE) as client:
+    async with odd_broker() as broker, client_at(broker.port, timeout=PATIENCE) as client:
         for message in sent:
             client.send(message, partial(confirmed.append, message.topic))
         async with asyncio.timeout(PATIENCE):
@@ -136,17 +148,27 @@ async def test_messages_without_acknowledgement_keep_their_place_among_the_other
         assert confirmed == ["t/0", "t/2", "t/4"]
 
 
+class Watched(socket.socket):
+    """A socket that notes what is written to it."""
+
+    def __init__(self, other: socket.socket) -> None:
+        super().__init__(other.family, other.type, other.proto, fileno=other.detach())
+        self.settimeout(0)
+        self.writings: list[bytes] = []
+
+    def send(self, data: Any, flags: int = 0) -> int:
+        """Note what is written, then write it."""
+        self.writings.append(bytes(data))
+        return super().send(data, flags)
+
+
 def watch_writings(client: Client) -> list[bytes]:
-    """Give a list to which each call of the socket is added."""
-    writings: list[bytes] = []
-    write = client._client._sock_send
-
-    def written(buf: bytes | bytearray) -> int:
-        writings.append(bytes(buf))
-        return write(buf)
-
-    client._client._sock_send = written  # type: ignore[method-assign]
-    return writings
+    """Return a list to which each call of the socket is added."""
+    stream = client._maker.stream
+    assert stream
+    watched = Watched(stream.sock)
+    stream.sock = watched
+    return watched.writings
 
 
 def read_messages(data: bytes | bytearray) -> list[Published]:
@@ -158,9 +180,9 @@ def read_messages(data: bytes | bytearray) -> list[Published]:
             raise BlockingIOError
         return left.pop()
 
-    packets = Packets(receive)
-    packets.fill()
-    return list(iter(packets.take, None))
+    reader = PacketReader(receive)
+    reader.fill()
+    return list(iter(reader.next_message, None))
 
 
 async def test_a_link_full_of_messages_is_not_taken_for_dead() -> None:
@@ -175,9 +197,9 @@ async def test_a_link_full_of_messages_is_not_taken_for_dead() -> None:
 
     async with (
         odd_broker() as broker,
-        Client("127.0.0.1", broker.port, timeout=PATIENCE, keepalive=1) as client,
+        client_at(broker.port, timeout=PATIENCE, keep_alive=1) as client,
     ):
-        handing = asyncio.create_task(client.hand_over(take), name="hand over")
+        handing = asyncio.create_task(client.receive(take), name="receive")
         await turn_passes()
         broker.send(published(b"a/b", b"x" * 1400) * number)
         async with asyncio.timeout(PATIENCE):
@@ -189,55 +211,37 @@ async def test_a_link_full_of_messages_is_not_taken_for_dead() -> None:
 
 async def test_a_message_that_cannot_be_read_ends_the_connection_for_good() -> None:
     async with odd_broker() as broker:
-        client = Client("127.0.0.1", broker.port, timeout=PATIENCE)
+        client = client_at(broker.port, timeout=PATIENCE)
         await client.__aenter__()
-        handing = asyncio.create_task(client.hand_over(lambda _: None), name="hand over")
+        handing = asyncio.create_task(client.receive(lambda _: None), name="receive")
         await turn_passes()
         broker.send(published(b"a/\xff", b"{}"))
-        with pytest.raises(aiomqtt.MqttError):
+        with pytest.raises(MqttError):
             await asyncio.wait_for(handing, PATIENCE)
         await asyncio.wait_for(broker.ended.wait(), PATIENCE)
-        assert client._client.socket() is None
-
-
-async def test_a_connection_that_ends_before_the_event_loop_has_its_turn_is_let_go() -> None:
-    """paho opens and closes sockets in a thread of its own, while a broker cannot be reached."""
-    faults = kept_faults()
-    client, sock = Client("127.0.0.1", 1), socket.socket()
-
-    def connect_in_vain() -> None:
-        client._on_socket_open(client._client, None, sock)
-        client._on_socket_register_write(client._client, None, sock)
-        sock.close()
-
-    connecting = threading.Thread(target=connect_in_vain)
-    connecting.start()
-    connecting.join(PATIENCE)
-    await turn_passes()
-    assert faults == []
-    assert client._misc_task is None
+        assert client.socket is None
 
 
 async def test_a_subscription_is_not_waited_for_once_the_connection_has_ended() -> None:
     async with odd_broker(SUBSCRIBE) as broker:
-        async with Client("127.0.0.1", broker.port, timeout=PATIENCE) as client:
-            with pytest.raises(aiomqtt.MqttError, match=ENDED_UNANSWERED):
+        async with client_at(broker.port, timeout=PATIENCE) as client:
+            with pytest.raises(MqttError, match=CLOSED_UNANSWERED):
                 await client.subscribe([("a/b", 1)])
         await asyncio.wait_for(broker.ended.wait(), PATIENCE)
-        assert client._client.socket() is None
+        assert client.socket is None
 
 
-@pytest.mark.parametrize(("ends_at", "reason"), [(CONNECT, ENDED_AT_ONCE), (SUBSCRIBE, ENDED_UNANSWERED)])
+@pytest.mark.parametrize(("ends_at", "reason"), [(CONNECT, CLOSED_AT_ONCE), (SUBSCRIBE, CLOSED_UNANSWERED)])
 async def test_why_a_connection_has_ended_is_told_once(ends_at: int, reason: str) -> None:
     """asyncio tells of errors that nobody has looked at, as they are forgotten."""
     faults = kept_faults()
 
     async def subscribe(port: int) -> None:
-        async with Client("127.0.0.1", port, timeout=PATIENCE) as client:
+        async with client_at(port, timeout=PATIENCE) as client:
             await client.subscribe([("a/b", 1)])
 
     async with odd_broker(ends_at) as broker:
-        with pytest.raises(aiomqtt.MqttError) as told:
+        with pytest.raises(MqttError) as told:
             await subscribe(broker.port)
     assert str(told.value) == reason
     del told
@@ -253,10 +257,8 @@ async def test_a_broker_that_hangs_up_before_it_answers_is_told_at_once_and_what
 
     faults = kept_faults()
     async with await asyncio.start_server(hang_up, "127.0.0.1", 0) as server:
-        client = Client("127.0.0.1", server.sockets[0].getsockname()[1], timeout=10 * PATIENCE)
-        with pytest.raises(
-            aiomqtt.MqttError, match=rf"^the broker has ended the connection {UNGREETED[:20]}"
-        ):
+        client = client_at(server.sockets[0].getsockname()[1], timeout=10 * PATIENCE)
+        with pytest.raises(MqttError, match=rf"^the broker closed the connection {NOT_ACCEPTED[:20]}"):
             await asyncio.wait_for(client.__aenter__(), PATIENCE)
     gc.collect()
     await turn_passes()
@@ -270,8 +272,8 @@ async def test_a_connection_that_stands_only_after_it_was_given_up_is_closed_wit
         may_connect.wait(PATIENCE)
 
     async with odd_broker() as broker:
-        client = Client("127.0.0.1", broker.port, timeout=PATIENCE)
-        client._client.on_pre_connect = hold
+        client = client_at(broker.port, timeout=PATIENCE)
+        client._paho.on_pre_connect = hold
         entering = asyncio.create_task(client.__aenter__(), name="enter")
         await turn_passes()
         await end(entering)
@@ -280,7 +282,7 @@ async def test_a_connection_that_stands_only_after_it_was_given_up_is_closed_wit
         await asyncio.wait_for(broker.ended.wait(), PATIENCE)
 
         assert not broker.heard
-        assert client._misc_task is None
+        assert client._keeping_alive is None
         del client, entering
         gc.collect()
         assert faults == []
@@ -289,13 +291,13 @@ async def test_a_connection_that_stands_only_after_it_was_given_up_is_closed_wit
 async def test_a_broker_that_takes_nothing_more_is_left_soon_and_for_good(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(client_module, "FAREWELL", 0.2)
+    monkeypatch.setattr(client_module, "DISCONNECT_TIMEOUT", 0.2)
     loop, taken = asyncio.get_running_loop(), list[Inbound]()
     async with odd_broker() as broker:
-        client = Client("127.0.0.1", broker.port, timeout=2 * PATIENCE)
+        client = client_at(broker.port, timeout=2 * PATIENCE)
         await client.__aenter__()
         number = connected_socket(client).fileno()
-        handing = asyncio.create_task(client.hand_over(taken.append), name="hand over")
+        handing = asyncio.create_task(client.receive(taken.append), name="receive")
         await turn_passes()
         broker.reads.clear()
         fill(client)
@@ -303,10 +305,12 @@ async def test_a_broker_that_takes_nothing_more_is_left_soon_and_for_good(
         broker.send(published(b"a/b", b"late"))
         await asyncio.wait_for(client.__aexit__(None, None, None), PATIENCE)
 
-        assert client._client.socket() is None
+        assert client.socket is None
         assert not loop.remove_reader(number)
         assert not loop.remove_writer(number)
-        await until(lambda: client._misc_task and client._misc_task.cancelled(), what="the end of keep alive")
+        await until(
+            lambda: client._keeping_alive and client._keeping_alive.done(), what="the end of keep alive"
+        )
         broker.reads.set()
         await asyncio.wait_for(broker.ended.wait(), PATIENCE)
     assert taken == []
@@ -320,8 +324,8 @@ def kept_faults() -> list[dict[str, Any]]:
 
 
 def connected_socket(client: Client) -> socket.socket:
-    found = client._client.socket()
-    assert isinstance(found, socket.socket)
+    found = client.socket
+    assert found is not None
     return found
 
 

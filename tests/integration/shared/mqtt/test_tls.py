@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
-from nena_shared.mqtt.client import UNGREETED
+from nena_shared.mqtt.client import NOT_ACCEPTED
 from nena_shared.settings import MqttSettings, MqttTlsSettings
 from support.broker import Broker, MqttPeer, free_port
 from support.certificates import Authority
@@ -101,7 +101,7 @@ async def test_without_a_certificate_nobody_is_let_in(site: Site, interface_name
     async with running(link):
         await until(lambda: link.state.last_error)
 
-        assert UNGREETED in link.state.last_error
+        assert NOT_ACCEPTED in link.state.last_error
         assert not link.state.connected
         assert link.state.connects == 0
 

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from paho.mqtt.client import topic_matches_sub
 from pydantic import ValidationError
 
 from nena_shared.fleet_api import plant
@@ -18,7 +19,6 @@ from nena_shared.fleet_api.plant import (
     topic_of_map,
     topics_of_maps,
 )
-from nena_shared.mqtt.topic_filter import matches
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from support import robot_maps
 
@@ -34,7 +34,7 @@ def test_the_robot_is_read_back_from_its_topic(
     scheme, robot = TopicScheme("/".join(levels), "v3"), RobotKey(manufacturer, serial_number)
     topic = topic_of_map(scheme, robot)
     assert robot_of_map(scheme, topic) == robot
-    assert matches(topics_of_maps(scheme), topic)
+    assert topic_matches_sub(topics_of_maps(scheme), topic)
 
 
 @pytest.mark.parametrize(
@@ -47,7 +47,7 @@ def test_another_topic_is_of_no_robot(topic: str) -> None:
 
 def test_no_filter_of_the_standard_reaches_it() -> None:
     topic = topic_of_map(SCHEME, ROBOT)
-    assert not any(matches(SCHEME.for_all(each), topic) for each in Topic)
+    assert not any(topic_matches_sub(SCHEME.for_all(each), topic) for each in Topic)
     assert SCHEME.robot_of(topic) is None
 
 

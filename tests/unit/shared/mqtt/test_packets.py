@@ -1,12 +1,11 @@
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_shared.mqtt.packets import LONGEST, Packets, Published, acknowledgements, publication
+from nena_shared.mqtt.message import Outbound
+from nena_shared.mqtt.packets import LONGEST, PacketReader, Published, acknowledgements, publication
 
 PINGRESP = b"\xd0\x00"
 
@@ -26,7 +25,7 @@ def publish(topic: bytes, payload: bytes, *, qos: int = 0, retained: bool = Fals
     return bytes([0x30 | qos << 1 | retained]) + length(len(content)) + content
 
 
-def wire(*came: bytes | OSError) -> Packets:
+def wire(*came: bytes | OSError) -> PacketReader:
     """Give what stands before a socket on which this comes, piece by piece, and then nothing."""
     left = list(came)
 
@@ -38,10 +37,10 @@ def wire(*came: bytes | OSError) -> Packets:
             raise piece
         return piece
 
-    return Packets(receive)
+    return PacketReader(receive)
 
 
-def read_all(packets: Packets) -> bytes:
+def read_all(packets: PacketReader) -> bytes:
     """Read as paho does what is offered: byte by byte."""
     found = b""
     while True:
@@ -57,11 +56,11 @@ def read_all(packets: Packets) -> bytes:
 def test_messages_are_taken_out_and_all_else_is_offered() -> None:
     packets = wire(publish(b"a/b", b"one") + PINGRESP + publish(b"c", b"two", qos=1, retained=True, mid=300))
     assert packets.fill()
-    assert packets.take() == Published("a/b", b"one", 0, retained=False, mid=0)
-    assert packets.take() is None
+    assert packets.next_message() == Published("a/b", b"one", 0, retained=False, packet_id=0)
+    assert packets.next_message() is None
     assert packets.offer()
     assert read_all(packets) == PINGRESP
-    assert packets.take() == Published("c", b"two", 1, retained=True, mid=300)
+    assert packets.next_message() == Published("c", b"two", 1, retained=True, packet_id=300)
     assert not packets.ready
     assert not packets.offer()
 
@@ -72,10 +71,10 @@ def test_nothing_of_a_packet_is_given_before_all_of_it_is_here() -> None:
     for _ in range(3):
         packets.fill()
         assert not packets.ready
-        assert packets.take() is None
+        assert packets.next_message() is None
         assert not packets.offer()
     packets.fill()
-    assert packets.take() == Published("a", bytes(300), 0, retained=False, mid=0)
+    assert packets.next_message() == Published("a", bytes(300), 0, retained=False, packet_id=0)
     assert not packets.ready
     packets.fill()
     assert packets.offer()
@@ -110,27 +109,27 @@ def test_nothing_of_a_packet_is_given_before_all_of_it_is_here() -> None:
 def test_what_is_unusual_or_wrong_is_left_as_it_came(packet: bytes) -> None:
     packets = wire(packet)
     packets.fill()
-    assert packets.take() is None
+    assert packets.next_message() is None
     assert packets.offer()
     assert read_all(packets) == packet
 
 
-@pytest.mark.parametrize("end", [b"", ConnectionResetError()])
-def test_the_end_is_told_behind_what_came_before(end: bytes | OSError) -> None:
+@pytest.mark.parametrize(
+    ("end", "why"),
+    [
+        (b"", "the broker closed the connection"),
+        (ConnectionResetError("reset"), "the connection broke: reset"),
+    ],
+)
+def test_the_end_is_known_behind_what_came_before(end: bytes | OSError, why: str) -> None:
     packets = wire(PINGRESP, end)
     packets.fill()
     packets.fill()
     assert packets.offer()
     assert packets.read(2) == PINGRESP
     assert packets.ready
-    assert packets.offer()
-    ends: Callable[[], bytes] = lambda: packets.read(1)  # noqa: E731 - asked twice
-    for _ in range(2):
-        if isinstance(end, OSError):
-            with pytest.raises(ConnectionResetError):
-                ends()
-        else:
-            assert ends() == b""
+    assert not packets.offer()
+    assert packets.why_ended == why
 
 
 def test_acknowledgements_follow_each_other() -> None:
@@ -139,14 +138,16 @@ def test_acknowledgements_follow_each_other() -> None:
 
 @pytest.mark.parametrize("size", [0, 1, 120, 121, 16_376, 16_377, 2_097_144, 2_097_145])
 def test_a_message_is_written_as_the_standard_has_it(size: int) -> None:
-    written = publication("a/é", bytes(size), 300, retained=size == 0)
+    written = publication(Outbound("a/é", bytes(size), retain=size == 0), 300)
     assert written == publish("a/é".encode(), bytes(size), qos=1, retained=size == 0, mid=300)
+    unconfirmed = publication(Outbound("a/é", bytes(size), 0, retain=size == 0))
+    assert unconfirmed == publish("a/é".encode(), bytes(size), retained=size == 0)
 
 
 @pytest.mark.parametrize("topic", ["", "a/+", "#", "ä" * 32_768, "\ud800"])
 def test_what_is_no_topic_is_not_written(topic: str) -> None:
     with pytest.raises(ValueError, match=r"topic|surrogates"):
-        publication(topic, b"x", 1, retained=False)
+        publication(Outbound(topic, b"x"), 1)
 
 
 class Endless(bytes):
@@ -158,16 +159,16 @@ class Endless(bytes):
 
 def test_a_message_that_is_too_long_is_not_written() -> None:
     with pytest.raises(ValueError, match="too long"):
-        publication("a", Endless(), 1, retained=False)
+        publication(Outbound("a", Endless()), 1)
 
 
 def test_acknowledgements_that_are_awaited_are_taken_out() -> None:
     packets = wire(acknowledgements([1, 300, 2]))
     packets.fill()
-    assert packets.take() is None
-    assert packets.take_acknowledgement({1, 300}) == 1
-    assert packets.take_acknowledgement({1, 300}) == 300
-    assert packets.take_acknowledgement({1, 300}) is None
+    assert packets.next_message() is None
+    assert packets.next_acknowledgement({1, 300}) == 1
+    assert packets.next_acknowledgement({1, 300}) == 300
+    assert packets.next_acknowledgement({1, 300}) is None
     assert packets.offer()
     assert read_all(packets) == acknowledgements([2])
 
@@ -181,7 +182,7 @@ def test_what_is_no_plain_acknowledgement_is_not_taken_out(packet: bytes) -> Non
     packets = wire(packet or PINGRESP)
     if packet:
         packets.fill()
-    assert packets.take_acknowledgement(range(65_536)) is None
+    assert packets.next_acknowledgement(range(65_536)) is None
 
 
 @given(
@@ -213,7 +214,7 @@ def test_messages_come_whole_however_they_are_cut(
     for _ in pieces:
         packets.fill()
         while packets.ready:
-            if message := packets.take():
+            if message := packets.next_message():
                 found.append(message)
             else:
                 assert packets.offer()

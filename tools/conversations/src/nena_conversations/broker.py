@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import unquote, urlsplit
 
+from paho.mqtt.client import topic_matches_sub
 from pydantic import SecretStr
 from pydantic_core import from_json, to_json
 
 from nena_conversations.message import Sender, sender_of
 from nena_conversations.recording import Entry
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
-from nena_shared.mqtt.topic_filter import matches
 from nena_shared.settings import MqttSettings, MqttTlsSettings
 from nena_shared.tasks import Supervisor
 from nena_shared.vda5050.topics import Topic
@@ -130,7 +130,9 @@ class EntryFilter:
         """Return whether a message is selected."""
         if self.sender and sender_of(entry.topic) is not self.sender:
             return False
-        return not self.topic_filters or any(matches(each, entry.topic) for each in self.topic_filters)
+        return not self.topic_filters or any(
+            topic_matches_sub(each, entry.topic) for each in self.topic_filters
+        )
 
 
 def paced(entries: Iterable[Entry], speed: float) -> Iterator[tuple[float, Entry]]:
