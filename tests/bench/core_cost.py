@@ -14,9 +14,8 @@ from bench.figures import Figures
 from nena_edge_agent.driver.port import Arrived, PoseReport
 from nena_edge_agent.protocol.capabilities import RULES
 from nena_edge_agent.protocol.events import OrderReceived
-from nena_shared.vda5050.brief.reader import read_brief
-from nena_shared.vda5050.brief.state import StateBrief
 from nena_shared.vda5050.order import Order
+from nena_shared.vda5050.records import read_record
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.versions import CODECS
 from support.robot_core import HEADER, Bench, action, order
@@ -42,7 +41,7 @@ def _of_version(version: str) -> Figures:
         "order_accepted_us": _accepting(version, sent),
         "state_built_us": _building(version, sent),
         "state_read_us": _least(lambda: codec.decode(State, state_bytes)),
-        "state_read_in_brief_us": _least(lambda: read_brief(StateBrief, codec, state_bytes)),
+        "state_read_in_brief_us": _least(lambda: read_record(State, codec, state_bytes)),
         "state_written_us": _least(lambda: codec.encode(state)),
         "order_read_us": _least(lambda: codec.decode(Order, order_bytes)),
         "yardstick_json_loads_state_us": _least(lambda: json.loads(state_bytes)),

@@ -12,8 +12,8 @@ from prometheus_client import CollectorRegistry, Gauge, generate_latest
 from bench.figures import Figures
 from bench.state_cost import payload
 from nena_shared.clock import SystemClock
-from nena_shared.vda5050.brief.reader import read_brief
-from nena_shared.vda5050.brief.state import StateBrief
+from nena_shared.vda5050.records import read_record
+from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.v2_1 import CODEC
 from nena_shared.web.server import HttpServer
@@ -88,7 +88,7 @@ def _aggregator(robots: int) -> Aggregator:
     now = aggregator.now()
     for number in range(robots):
         key = RobotKey("Bench", f"bench-{number:03d}")
-        aggregator.model.on_state(key, read_brief(StateBrief, CODEC, payload(number, 1)), now)
+        aggregator.model.on_state(key, read_record(State, CODEC, payload(number, 1)), now)
     aggregator.model.advance(now)
     return aggregator
 

@@ -10,9 +10,8 @@ import pytest
 
 from nena_conversations.checker import Checker
 from nena_conversations.recording import Entry, read_file
-from nena_shared.vda5050.brief.reader import read_brief
-from nena_shared.vda5050.brief.state import StateBrief, VisualizationBrief
 from nena_shared.vda5050.malformed import MalformedMessageError
+from nena_shared.vda5050.records import read_record
 from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import Topic
 from nena_shared.vda5050.versions import CODECS, codec_of_header, reader_of, version_of
@@ -25,7 +24,7 @@ MESSAGES = int(os.environ.get("NENA_FUZZ_MESSAGES", "600"))
 READABLE = 5000
 """Signs."""
 SAID = [(version, topic) for version, codec in CODECS.items() for topic in codec.kinds]
-BRIEFS: dict[Topic, Any] = {Topic.STATE: StateBrief, Topic.VISUALIZATION: VisualizationBrief}
+RECORDS: dict[Topic, Any] = {Topic.STATE: State, Topic.VISUALIZATION: Visualization}
 
 
 @cache
@@ -78,10 +77,10 @@ def test_what_comes_is_read_or_refused(version: str, topic: Topic) -> None:
     assert min(outcomes.values()) > MESSAGES / 20, f"nearly all read or refused: {outcomes}"
 
 
-@pytest.mark.parametrize("topic", BRIEFS)
+@pytest.mark.parametrize("topic", RECORDS)
 @pytest.mark.parametrize("version", CODECS)
-def test_what_is_read_in_brief_is_what_the_codec_takes(version: str, topic: Topic) -> None:
-    codec, chance = CODECS[version], stream(f"{version} {topic} in brief")
+def test_what_is_read_as_a_record_is_what_the_codec_takes(version: str, topic: Topic) -> None:
+    codec, chance = CODECS[version], stream(f"{version} {topic} as a record")
     found = samples(version, topic)
     for _ in range(MESSAGES):
         payload = damaged(chance.choice(found), chance)
@@ -91,7 +90,7 @@ def test_what_is_read_in_brief_is_what_the_codec_takes(version: str, topic: Topi
         except MalformedMessageError:
             taken = False
         try:
-            read_brief(BRIEFS[topic], codec, payload)
+            read_record(RECORDS[topic], codec, payload)
         except MalformedMessageError:
             assert not taken, payload[:2000]
         else:

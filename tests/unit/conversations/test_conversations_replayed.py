@@ -7,7 +7,6 @@ from datetime import timedelta
 from pathlib import Path
 
 import pytest
-from msgspec import convert
 
 from nena_conversations.message import ReceivedMessage, parse
 from nena_conversations.recording import read_file
@@ -26,7 +25,6 @@ from nena_order_service.fleet import (
     PublishOrder,
 )
 from nena_shared.vda5050.action import InstantActions
-from nena_shared.vda5050.brief.state import StateBrief
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.order import Order
@@ -177,8 +175,7 @@ def test_the_fleet_model_shows_what_the_robot_said(file: Path) -> None:
             case Factsheet() as message:
                 model.on_factsheet(each.robot, message, at)
             case State() as message:
-                brief = convert(message, StateBrief, from_attributes=True)
-                model.on_state(each.robot, brief, at)
+                model.on_state(each.robot, message, at)
                 model.flush(at)
                 view = model.robot_view(each.robot)
                 assert view is not None

@@ -28,11 +28,11 @@ from nena_shared.settings import MqttSettings
 from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.codec import Codec
+from nena_shared.vda5050.commands import read_command
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.deviations import Deviations
 from nena_shared.vda5050.error import ErrorEntry, ErrorReference, ErrorType, error
 from nena_shared.vda5050.malformed import MalformedMessageError
-from nena_shared.vda5050.message_reader import read_command
 from nena_shared.vda5050.order import Order
 from nena_shared.vda5050.responses import Responses
 from nena_shared.vda5050.state import State

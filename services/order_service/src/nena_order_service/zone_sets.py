@@ -21,8 +21,8 @@ from nena_shared.log import get_logger
 from nena_shared.tasks import forever
 from nena_shared.vda5050 import state as vda_state
 from nena_shared.vda5050.action import Action, ActionParameter, ActionStatus, BlockingType
-from nena_shared.vda5050.brief.state import ZoneSetBrief
 from nena_shared.vda5050.rules import RULES
+from nena_shared.vda5050.state import ZoneSetState
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.zone_set import ZoneSet
 
@@ -75,7 +75,7 @@ class ZoneDistribution:
     def due(
         self,
         robot: RobotKey,
-        states: Iterable[vda_state.ZoneSetState | ZoneSetBrief],
+        states: Iterable[ZoneSetState],
         wanted: Mapping[str, Wanted],
         now: float,
     ) -> Iterator[Due]:

@@ -20,7 +20,6 @@ from nena_shared.mqtt import Inbound, MqttLink
 from nena_shared.plant import Vehicle
 from nena_shared.plant.model import PlantModel
 from nena_shared.settings import TopicPrefix
-from nena_shared.vda5050.brief.state import StateBrief, VisualizationBrief
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.deviations import Deviations
 from nena_shared.vda5050.factsheet import Factsheet
@@ -28,7 +27,9 @@ from nena_shared.vda5050.malformed import MalformedMessageError, problems_of
 from nena_shared.vda5050.message_reader import MessageReader
 from nena_shared.vda5050.repair import Repair
 from nena_shared.vda5050.robot_sources import RobotSources
+from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
+from nena_shared.vda5050.visualization import Visualization
 from nena_status_aggregator.fleet.messages import MessageKind
 from nena_status_aggregator.fleet.model import FleetModel
 from nena_status_aggregator.fleet.robot import Timestamp
@@ -70,7 +71,7 @@ KEPT_AT_THE_BROKER = (MessageKind.CONNECTION, MessageKind.FACTSHEET)
 KEY_LENGTH = 200
 """Maximum length of manufacturer and serial number together, characters."""
 
-M = TypeVar("M", Connection, StateBrief, VisualizationBrief, Factsheet)
+M = TypeVar("M", Connection, State, Visualization, Factsheet)
 Take = Callable[[RobotKey, M, Timestamp, Inbound], None]
 """Passes a robot's message on to the model; the last argument is the MQTT message it was read from."""
 
@@ -121,11 +122,11 @@ class FleetSubscriber:
                 return
             self._schemes.add(scheme)
             self._subscribe(scheme, MessageKind.CONNECTION, Connection, self._take_connection)
-            self._subscribe(scheme, MessageKind.STATE, StateBrief, self._take_state)
+            self._subscribe(scheme, MessageKind.STATE, State, self._take_state)
             self._subscribe(
                 scheme,
                 MessageKind.VISUALIZATION,
-                VisualizationBrief,
+                Visualization,
                 self._take_visualization,
             )
             self._subscribe(scheme, MessageKind.FACTSHEET, Factsheet, self._take_factsheet)
@@ -187,12 +188,10 @@ class FleetSubscriber:
     def _take_connection(self, key: RobotKey, message: Connection, at: Timestamp, _: Inbound) -> None:
         self._model.on_connection(key, message, at)
 
-    def _take_state(self, key: RobotKey, message: StateBrief, at: Timestamp, inbound: Inbound) -> None:
+    def _take_state(self, key: RobotKey, message: State, at: Timestamp, inbound: Inbound) -> None:
         self._model.on_state(key, message, at, retained=inbound.retained)
 
-    def _take_visualization(
-        self, key: RobotKey, message: VisualizationBrief, at: Timestamp, _: Inbound
-    ) -> None:
+    def _take_visualization(self, key: RobotKey, message: Visualization, at: Timestamp, _: Inbound) -> None:
         self._model.on_visualization(key, message, at)
 
     def _take_factsheet(self, key: RobotKey, message: Factsheet, at: Timestamp, _: Inbound) -> None:

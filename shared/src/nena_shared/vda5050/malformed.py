@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import msgspec
 from pydantic import ValidationError
-from pydantic_core import from_json
+from pydantic_core import from_json, to_json
 
 from nena_shared.misfits import in_words
 
@@ -69,8 +68,8 @@ def quoted(value: object) -> str:
     """Return a value as it stands in a message, shortened."""
     if isinstance(value, str | int | list | dict):
         try:
-            text = msgspec.json.encode(value).decode()
-        except (msgspec.MsgspecError, TypeError, ValueError, OverflowError, RecursionError):
+            text = to_json(value).decode()
+        except (ValueError, RecursionError):
             text = repr(value)
     else:
         text = "null" if value is None else repr(value)

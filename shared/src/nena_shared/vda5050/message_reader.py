@@ -1,17 +1,16 @@
-"""Reads what robots and fleet controls send, as generously as is safe, and reports what deviates."""
+"""Reads what robots send, in the version that each of them speaks, and as tolerantly as is safe."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any, Protocol, TypeVar, cast
+from typing import Any, TypeVar
 
 from nena_shared.vda5050.base import Header
-from nena_shared.vda5050.brief.reader import brief_of, read_brief
-from nena_shared.vda5050.brief.state import StateBrief, VisualizationBrief
 from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
 from nena_shared.vda5050.malformed import MalformedMessageError
+from nena_shared.vda5050.records import RECORDED, read_record, record_of
 from nena_shared.vda5050.repair import (
     EVERYWHERE,
     Repair,
@@ -29,16 +28,7 @@ from nena_shared.vda5050.versions import reader_for, reader_of
 TOPICS_REMEMBERED = 20_000
 
 
-class Versioned(Protocol):
-    """A message that says in which version it is written."""
-
-    @property
-    def version(self) -> str:
-        """Major, minor and patch number."""
-
-
-M = TypeVar("M", bound=Versioned)
-H = TypeVar("H", bound=Header)
+M = TypeVar("M", bound=Header)
 Report = Callable[[str, tuple[Repair, ...]], None]
 """Gets the topic of a message that deviates from the standard, and what was repaired."""
 
@@ -86,7 +76,7 @@ class MessageReader:
                 return message
         if known is not None:
             try:
-                message = decode(kind, known.codec, payload)
+                message = _read(kind, known.codec, payload)
             except MalformedMessageError:
                 del self._known[topic]  # perhaps it speaks another version now
             else:
@@ -99,7 +89,7 @@ class MessageReader:
         """Read a message without an idea of its version."""
         codec = reader_of(payload, major_version)
         try:
-            message = decode(kind, codec, payload)
+            message = _read(kind, codec, payload)
         except MalformedMessageError:
             repaired = None if self._strict else self._repaired(kind, topic, payload, major_version)
             if repaired is None:
@@ -134,7 +124,7 @@ class MessageReader:
         self, kind: type[M], codec: Codec, content: dict[str, Any], found: Repairs, usual: frozenset[str]
     ) -> M | None:
         """Repair the fields that ``usual``ly deviate, and all others only if that is not enough."""
-        form = codec.forms.get(_neutral(kind))
+        form = codec.forms.get(kind)
         if form is None:
             return None
         now = datetime.now(UTC)
@@ -142,7 +132,7 @@ class MessageReader:
             repair(form, content, found, version=codec.version, now=now, scope=Scope.REPORT, only=only)
             try:
                 if found:
-                    return _decode_repaired(kind, codec, content)
+                    return _read_repaired(kind, codec, content)
             except MalformedMessageError:
                 if only is EVERYWHERE:
                     raise
@@ -157,67 +147,18 @@ class MessageReader:
             self._report(topic, (unknown,))
 
 
-def decode(kind: type[M], codec: Codec, payload: bytes) -> M:
-    """Read a message of ``codec``'s version strictly, states and visualizations in brief.
-
-    Raises:
-        MalformedMessageError: it breaks the standard.
-
-    """
-    if kind in (StateBrief, VisualizationBrief):
-        return cast("M", read_brief(cast("Any", kind), codec, payload))
-    return cast("M", codec.decode(cast("type[Header]", kind), payload))
+def _read(kind: type[M], codec: Codec, payload: bytes) -> M:
+    """Read a message of ``codec``'s version strictly."""
+    return read_record(kind, codec, payload) if kind in RECORDED else codec.decode(kind, payload)
 
 
-def _decode_repaired(kind: type[M], codec: Codec, content: dict[str, Any]) -> M | None:
+def _read_repaired(kind: type[M], codec: Codec, content: dict[str, Any]) -> M | None:
     """Read a message that was repaired; None: there is a value that JSON does not have."""
-    if kind in (StateBrief, VisualizationBrief):
-        brief = brief_of(cast("Any", kind), codec, content)
-        if brief is not None:
-            return cast("M", brief)
+    record = record_of(kind, codec, content) if kind in RECORDED else None
+    if record is not None:
+        return record
     again = written(content)
-    return None if again is None else decode(kind, codec, again)
-
-
-def read_command(
-    kind: type[H], codec: Codec, payload: bytes, *, now: datetime
-) -> tuple[H, tuple[Repair, ...]]:
-    """Read a message of a fleet control, repaired where its meaning is certain; return what was repaired.
-
-    Raises:
-        MalformedMessageError: it breaks the standard otherwise.
-
-    """
-    try:
-        return codec.decode(kind, payload), ()
-    except MalformedMessageError:
-        repaired = _repaired_command(kind, codec, payload, now)
-        if repaired is None:
-            raise
-        return repaired
-
-
-def _repaired_command(
-    kind: type[H], codec: Codec, payload: bytes, now: datetime
-) -> tuple[H, tuple[Repair, ...]] | None:
-    found: Repairs = {}
-    content = parsed(payload, found) if len(payload) <= MAXIMUM_PAYLOAD else None
-    form = codec.forms.get(kind)
-    if content is None or form is None:
-        return None
-    repair(form, content, found, version=codec.version, now=now, scope=Scope.COMMAND)
-    again = written(content) if found else None
-    if again is None:
-        return None
-    try:
-        return codec.decode(kind, again), repairs_of(found)
-    except MalformedMessageError:
-        return None
-
-
-def _neutral(kind: type[Any]) -> type[Header]:
-    neutral: type[Header] = getattr(kind, "FULL", kind)
-    return neutral
+    return None if again is None else _read(kind, codec, again)
 
 
 def _unknown_version(known: _Known) -> Repair | None:

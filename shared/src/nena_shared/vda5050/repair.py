@@ -25,9 +25,8 @@ from functools import cache, lru_cache
 from math import isfinite, pi, remainder
 from typing import Any, Final, NamedTuple
 
-import msgspec
 from pydantic import TypeAdapter, ValidationError
-from pydantic_core import from_json
+from pydantic_core import PydanticSerializationError, from_json, to_json
 
 from nena_shared.clock import iso
 from nena_shared.vda5050.action import ActionState
@@ -150,12 +149,9 @@ def parsed(payload: bytes, found: Repairs) -> dict[str, Any] | None:
         payload = payload[len(BYTE_ORDER_MARK) :]
         found["message", RepairKind.BYTE_ORDER_MARK] = "EF BB BF"
     try:
-        content = msgspec.json.decode(payload)
-    except (msgspec.DecodeError, RecursionError):
-        try:
-            content = from_json(payload)  # it knows NaN
-        except ValueError:
-            return None
+        content = from_json(payload)
+    except ValueError:
+        return None
     return content if isinstance(content, dict) else None
 
 
@@ -190,8 +186,8 @@ def repair(
 def written(content: dict[str, Any]) -> bytes | None:
     """Write a repaired message, to read it strictly; None: there is a value that JSON does not have."""
     try:
-        return msgspec.json.encode(content)
-    except (msgspec.MsgspecError, TypeError, ValueError, OverflowError, RecursionError):
+        return to_json(content, inf_nan_mode="constants")
+    except (ValueError, RecursionError):
         return None
 
 
@@ -239,14 +235,8 @@ def _is_time(value: object) -> bool:
     if not isinstance(value, str):
         return False
     try:
-        msgspec.convert(value, datetime)
-    except msgspec.ValidationError:
-        pass
-    else:
-        return True
-    try:
-        _TIME.validate_json(msgspec.json.encode(value), strict=True)
-    except (ValidationError, UnicodeEncodeError):
+        _TIME.validate_json(to_json(value), strict=True)
+    except (ValidationError, PydanticSerializationError):
         return False
     return True
 
@@ -429,7 +419,7 @@ def _text_of(shape: Shape, at: str) -> _Fix:
             if not isinstance(value, int | float):
                 raise _Beyond
             found[at, RepairKind.NUMBER_AS_TEXT] = quoted(value)
-            value = msgspec.json.encode(value).decode() if isfinite(value) else str(value)
+            value = to_json(value, inf_nan_mode="constants").decode()
         if shape.longest is not None and len(value) > shape.longest:
             raise _Beyond
         return value

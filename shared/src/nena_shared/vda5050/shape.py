@@ -1,7 +1,7 @@
 """What the messages of a version look like, read from their pydantic forms: one description for several uses.
 
-A form states each field of its version once. What else has to know the fields (the repairs of deviating
-messages) reads them here.
+A form states each field of its version once. What else has to know the fields (the records of messages that
+come often, the repairs of deviating messages) reads them here.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ class Shape:
     above: float | None = None
     most: float | None = None
     longest: int | None = None
+    pattern: str | None = None
     item: Shape | None = None
     """Of a tuple: its elements."""
     names: Mapping[str, str] | None = None
@@ -118,5 +119,6 @@ def _limited(kind: type, metadata: list[Any]) -> Shape:
         above=None if above is None else float(above.gt),
         most=None if most is None else float(most.le),
         longest=None if longest is None else longest.max_length,
+        pattern=next((each.pattern for each in metadata if getattr(each, "pattern", None)), None),
         names=None if reads is None else reads.names,
     )

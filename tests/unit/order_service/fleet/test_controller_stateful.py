@@ -27,9 +27,8 @@ from nena_order_service.fleet import (
     PublishOrder,
 )
 from nena_order_service.fleet.controller import FleetController
-from nena_order_service.fleet.robot import State
 from nena_shared.vda5050.connection import ConnectionState
-from nena_shared.vda5050.state import OperatingMode
+from nena_shared.vda5050.state import OperatingMode, State
 from support.fleet import Bench, hand_over, make_mission
 
 AWAY = {LinkStatus.OFFLINE, LinkStatus.CONNECTION_BROKEN, LinkStatus.HIBERNATING, LinkStatus.UNKNOWN}

@@ -11,8 +11,8 @@ from nena_shared.clock import ManualClock
 from nena_status_aggregator.aggregator import Aggregator
 from nena_status_aggregator.api.app import make_app
 from nena_status_aggregator.settings import AggregatorHttpSettings, AggregatorSettings, EventSettings
-from support.fleet_briefs import state
 from support.fleet_examples import ROBOT, START, order_status
+from support.fleet_records import state
 
 
 @pytest.fixture

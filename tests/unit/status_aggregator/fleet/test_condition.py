@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from nena_shared.vda5050.brief.state import StateBrief
 from nena_shared.vda5050.connection import ConnectionState
+from nena_shared.vda5050.state import State
 from nena_status_aggregator.fleet.condition import (
     TEXTS,
     Condition,
@@ -17,8 +17,8 @@ from nena_status_aggregator.fleet.condition import (
     ros_session,
     session_of,
 )
-from support.fleet_briefs import state
 from support.fleet_examples import position, way
+from support.fleet_records import state
 
 
 def conclude(**fields: Any) -> tuple[Condition, str]:
@@ -209,7 +209,7 @@ def test_all_sentences_end_as_sentences_do() -> None:
 BLIND = state(errors=({"error_type": "NAVIGATION_NOT_AVAILABLE", "error_level": "WARNING"},))
 
 
-def reporting(name: str, **fields: Any) -> StateBrief:
+def reporting(name: str, **fields: Any) -> State:
     """Give a state of a robot whose edge agent tells of its ROS session."""
     facts = {"state": name, "namespace": "/r1", "domainId": "7"}
     references = [{"reference_key": key, "reference_value": value} for key, value in facts.items()]
@@ -234,7 +234,7 @@ def reporting(name: str, **fields: Any) -> StateBrief:
         (Condition.OFFLINE, reporting("ACTIVE"), "NOT_ACTIVE"),
     ],
 )
-def test_the_state_of_a_node(condition: Condition, last: StateBrief | None, session: str) -> None:
+def test_the_state_of_a_node(condition: Condition, last: State | None, session: str) -> None:
     assert session_of(condition, last).value == session
 
 

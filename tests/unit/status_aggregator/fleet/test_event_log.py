@@ -10,8 +10,8 @@ from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.events import Code, Event, Outcome
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
 from nena_status_aggregator.fleet.robot import Timestamp
-from support.fleet_briefs import state
 from support.fleet_examples import ROBOT, START, connection, order_status, vehicle_status, way
+from support.fleet_records import state
 
 
 def at(seconds: float) -> Timestamp:

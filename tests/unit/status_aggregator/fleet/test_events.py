@@ -5,15 +5,15 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from nena_shared.vda5050.brief.state import StateBrief
+from nena_shared.vda5050.state import State
 from nena_status_aggregator.fleet.events import changes
-from support.fleet_briefs import state
 from support.fleet_examples import position, way
+from support.fleet_records import state
 
 ERROR = {"error_type": "orderError", "error_level": "CRITICAL", "error_description": "No way."}
 
 
-def changes_of(before: StateBrief | None, now: StateBrief) -> dict[str, Any]:
+def changes_of(before: State | None, now: State) -> dict[str, Any]:
     """Return the values of the changes by code."""
     return {change.code.value: change.values for change in changes(before, now)}
 
@@ -69,7 +69,7 @@ def test_an_order_from_its_taking_to_its_end() -> None:
         (state(order_id="o2", last_node_id="B", **way("D")), "unseen"),
     ],
 )
-def test_how_an_order_ended(end: StateBrief, outcome: str) -> None:
+def test_how_an_order_ended(end: State, outcome: str) -> None:
     before = state(order_id="o1", last_node_id="A", action_states=(action("RUNNING"),), **way("B"))
     assert changes_of(before, end)["orderEnded"] == {"orderId": "o1", "outcome": outcome}
 

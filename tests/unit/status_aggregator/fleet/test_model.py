@@ -17,7 +17,6 @@ from nena_status_aggregator.fleet.model import FleetModel, MapCache, ModelLimits
 from nena_status_aggregator.fleet.publication import Delta, apply
 from nena_status_aggregator.fleet.robot import Timestamp
 from nena_status_aggregator.fleet.views import RobotView
-from support.fleet_briefs import state, visualization
 from support.fleet_examples import (
     ROBOT,
     START,
@@ -28,6 +27,7 @@ from support.fleet_examples import (
     vehicle_status,
     way,
 )
+from support.fleet_records import state, visualization
 from support.robot_maps import robot_map
 
 

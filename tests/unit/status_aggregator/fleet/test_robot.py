@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 
 from nena_shared.clock import iso
 from nena_shared.plant import PlantModel
-from nena_shared.vda5050.brief.state import PositionBrief
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.own_actions import SHOW_MAP_TRANSFORMS
+from nena_shared.vda5050.state import MobileRobotPosition
 from nena_status_aggregator.fleet.condition import Condition
 from nena_status_aggregator.fleet.model import FleetModel, ModelLimits
 from nena_status_aggregator.fleet.robot import Odometer, OrderProgress, PlantFrame, Robot, Timestamp
-from support.fleet_briefs import place, state, visualization
 from support.fleet_examples import ROBOT, START, connection, factsheet, position, way
+from support.fleet_records import place, state, visualization
 
 
 def at(seconds: float) -> Timestamp:
@@ -99,7 +99,7 @@ def test_times_are_written_with_milliseconds() -> None:
     assert iso(START + timedelta(microseconds=123_999)) == "2026-01-01T00:00:00.123Z"
 
 
-def driven(*positions: PositionBrief | None) -> float:
+def driven(*positions: MobileRobotPosition | None) -> float:
     odometer = Odometer()
     for each in positions:
         odometer.follow(each)
@@ -118,7 +118,7 @@ def test_a_standing_robot_with_noise_does_not_drive_and_a_slow_one_does() -> Non
 @pytest.mark.parametrize(
     "jump", [place(100, 0), place(3, 0, map_id="yard"), place(3, 0, localized=False), None], ids=repr
 )
-def test_what_is_no_drive_does_not_count(jump: PositionBrief | None) -> None:
+def test_what_is_no_drive_does_not_count(jump: MobileRobotPosition | None) -> None:
     assert driven(place(0, 0), place(1, 0), jump) == 1
     assert driven(place(0, 0), jump, place(1, 0), place(2, 0)) in (1, 2)
 
@@ -193,7 +193,7 @@ def sheet(*action_types: str) -> Factsheet:
     return Factsheet.model_validate({**content, "protocolFeatures": features}, strict=False)
 
 
-def xy(position: PositionBrief | None) -> tuple[float, float] | None:
+def xy(position: MobileRobotPosition | None) -> tuple[float, float] | None:
     return (position.x, position.y) if position else None
 
 

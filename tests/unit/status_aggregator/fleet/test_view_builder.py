@@ -10,8 +10,8 @@ from nena_status_aggregator.fleet.orders import TrackedOrder
 from nena_status_aggregator.fleet.robot import Robot, Timestamp
 from nena_status_aggregator.fleet.view_builder import LIST_LIMIT, place, view_order, view_robot
 from nena_status_aggregator.fleet.views import RobotView
-from support.fleet_briefs import state
 from support.fleet_examples import ROBOT, START, factsheet, order_status
+from support.fleet_records import state
 from support.robot_maps import robot_map
 
 

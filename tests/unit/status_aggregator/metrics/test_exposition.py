@@ -18,8 +18,8 @@ from nena_status_aggregator.fleet.messages import MessageKind
 from nena_status_aggregator.metrics.exposition import Exposition
 from nena_status_aggregator.metrics.robot_series import OF_ROBOT, OF_STATE
 from nena_status_aggregator.settings import AggregatorSettings
-from support.fleet_briefs import state
 from support.fleet_examples import ROBOT, START, connection, order_status, position
+from support.fleet_records import state
 from support.pausing import turn_passes
 from support.reference import PROJECT
 

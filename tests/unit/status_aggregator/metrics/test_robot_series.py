@@ -7,8 +7,8 @@ from nena_shared.clock import ManualClock
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.robot import Robot, Timestamp
 from nena_status_aggregator.metrics.robot_series import RobotSeries
-from support.fleet_briefs import state
 from support.fleet_examples import ROBOT, START, connection, position, way
+from support.fleet_records import state
 
 CLOCK = ManualClock(start=START)
 

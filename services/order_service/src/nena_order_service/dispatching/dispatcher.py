@@ -17,11 +17,11 @@ from nena_order_service.dispatching.settings import (
     VehicleKey,
 )
 from nena_order_service.dispatching.way import WayCost
-from nena_order_service.fleet.robot import State
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.fleet_api.vehicle import ANY_ORDER_TYPE, ANY_TYPE, AcceptableOrderType
 from nena_shared.plant.model import EnergyThresholds
 from nena_shared.vda5050.factsheet import Factsheet, LoadSpecification
+from nena_shared.vda5050.state import State
 
 
 @dataclass(frozen=True, slots=True)

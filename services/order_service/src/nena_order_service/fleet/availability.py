@@ -6,9 +6,9 @@ from collections.abc import Collection
 from typing import Final
 
 from nena_order_service.fleet import failures
-from nena_order_service.fleet.robot import LinkStatus, State, is_idle
+from nena_order_service.fleet.robot import LinkStatus, is_idle
 from nena_shared.fleet_api.vehicle import VehicleState
-from nena_shared.vda5050.state import EmergencyStop
+from nena_shared.vda5050.state import EmergencyStop, State
 
 LINK_REASONS: Final = {
     LinkStatus.UNKNOWN: "has never been heard of",

@@ -24,7 +24,6 @@ from nena_order_service.fleet.robot import (
     Robot,
     RobotView,
     Silences,
-    State,
     is_idle,
 )
 from nena_order_service.fleet.settings import FleetSettings
@@ -32,6 +31,7 @@ from nena_order_service.fleet.zones import ReleaseDesk
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 
 ENDED_MISSIONS_KEPT: Final = 50

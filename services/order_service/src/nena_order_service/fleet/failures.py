@@ -7,8 +7,7 @@ from enum import StrEnum
 from typing import Final
 
 from nena_order_service.fleet.mission import Mission
-from nena_order_service.fleet.robot import ErrorEntry
-from nena_shared.vda5050.error import ErrorLevel, ErrorType
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.v2_1.error_type import REJECTIONS, WRITTEN
 

@@ -11,16 +11,10 @@ from nena_order_service.fleet import availability
 from nena_order_service.fleet.delivery import Delivery
 from nena_order_service.fleet.feasibility import fitted_action, instant_action_problem
 from nena_order_service.fleet.outputs import FleetOutput, InstantActionEnded, PublishInstantActions
-from nena_order_service.fleet.robot import (
-    INSTANT_ACTIONS_LIMIT,
-    REPORTS_NOTHING,
-    ActionState,
-    LinkStatus,
-    Robot,
-    State,
-)
+from nena_order_service.fleet.robot import INSTANT_ACTIONS_LIMIT, REPORTS_NOTHING, LinkStatus, Robot
 from nena_order_service.fleet.settings import FleetSettings
-from nena_shared.vda5050.action import Action, ActionParameter, ActionStatus, BlockingType
+from nena_shared.vda5050.action import Action, ActionParameter, ActionState, ActionStatus, BlockingType
+from nena_shared.vda5050.state import State
 
 RETRY: Final = "retry"
 CANCEL_ORDER: Final = "cancelOrder"

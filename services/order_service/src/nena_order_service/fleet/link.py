@@ -21,20 +21,20 @@ from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
 from nena_shared.tasks import forever
 from nena_shared.vda5050.action import Action
-from nena_shared.vda5050.brief.state import StateBrief
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.deviations import Deviations
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.malformed import MalformedMessageError
 from nena_shared.vda5050.message_reader import MessageReader
 from nena_shared.vda5050.repair import Repair
+from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import nearest_codec
 from nena_shared.vda5050.zone_set import ZoneSet
 
 log = get_logger(__name__)
 
-M = TypeVar("M", Connection, Factsheet, StateBrief)
+M = TypeVar("M", Connection, Factsheet, State)
 Take = Callable[[RobotKey, M, float], Outputs]
 
 MALFORMED_LOGGED_EACH: Final = 100
@@ -84,7 +84,7 @@ class FleetLink:
         self._reader = MessageReader(self._note_repairs, strict=settings.strict)
         self._hear(Topic.CONNECTION, Connection, self._controller.on_connection, qos=1)
         self._hear(Topic.FACTSHEET, Factsheet, self._controller.on_factsheet, qos=settings.qos)
-        self._hear(Topic.STATE, StateBrief, self._controller.on_state, qos=settings.qos)
+        self._hear(Topic.STATE, State, self._controller.on_state, qos=settings.qos)
 
     async def run(self) -> None:
         """Look after what is overdue, until cancelled."""

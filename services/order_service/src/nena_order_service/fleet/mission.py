@@ -11,7 +11,6 @@ from typing import Final, Self
 from uuid import uuid4
 
 from nena_order_service.fleet.position import DEFAULT_DEVIATION_XY, RobotProfile, Standing
-from nena_order_service.fleet.robot import State
 from nena_order_service.routing import Route
 from nena_shared.fleet_api.transport_order import Coordinate
 from nena_shared.plant import Location, MapPlace, PlantModel, PlantPlace
@@ -19,6 +18,7 @@ from nena_shared.plant.geometry import normalized
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 from nena_shared.vda5050.base import Identifier, WireObject
 from nena_shared.vda5050.order import AllowedDeviationXY, Edge, Node, NodePosition
+from nena_shared.vda5050.state import State
 
 
 class Mission(WireObject):

@@ -24,9 +24,11 @@ from nena_order_service.fleet.outputs import (
     OperationStarted,
     PublishOrder,
 )
-from nena_order_service.fleet.robot import ActionState, ErrorEntry, MissionPhase, State
+from nena_order_service.fleet.robot import MissionPhase
 from nena_order_service.fleet.settings import FleetSettings
-from nena_shared.vda5050.action import ActionStatus
+from nena_shared.vda5050.action import ActionState, ActionStatus
+from nena_shared.vda5050.error import ErrorEntry
+from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from math import hypot
 from typing import Final, Self
 
-from nena_order_service.fleet.robot import Position, State
 from nena_shared.plant import MapPlace, MapTransform, PlantModel, PlantPlace, Point, Vehicle
+from nena_shared.vda5050.state import MobileRobotPosition, State
 
 DEFAULT_DEVIATION_XY: Final = 0.5
 """m; wide enough to pass a node without a stop, and above the goal tolerance that Nav2 has by default."""
@@ -64,7 +64,7 @@ class Standing:
 
     point: str
     on_point: bool
-    pose: Position | None
+    pose: MobileRobotPosition | None
 
 
 class NotLocatedError(Exception):
@@ -112,7 +112,7 @@ def _nearest(plant: PlantModel, here: PlantPlace, map_id: str, profile: RobotPro
     return min(filter(None, found), key=lambda point: _distance(point, here), default=None)
 
 
-def _on(point: Point, pose: Position, profile: RobotProfile) -> bool:
+def _on(point: Point, pose: MobileRobotPosition, profile: RobotProfile) -> bool:
     """Tell whether the point is on the map that the robot is on."""
     return (point.map_id or profile.map_id) == pose.map_id
 

@@ -13,25 +13,16 @@ from typing import Final
 
 from nena_order_service.fleet.settings import FleetSettings
 from nena_shared.fleet_api.vehicle import VehicleState
-from nena_shared.vda5050 import action, error, request, state
 from nena_shared.vda5050.action import Action, ActionStatus
-from nena_shared.vda5050.brief import state as brief
 from nena_shared.vda5050.codec import Codec
 from nena_shared.vda5050.connection import Connection, ConnectionState
 from nena_shared.vda5050.factsheet import ActionParameterDescription, Factsheet, MobileRobotAction, Support
 from nena_shared.vda5050.malformed import QUOTE
 from nena_shared.vda5050.own_actions import transforms_itself
 from nena_shared.vda5050.rules import RULES, Rules
+from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 from nena_shared.vda5050.versions import nearest_codec
-
-State = state.State | brief.StateBrief
-ErrorEntry = error.ErrorEntry | brief.ErrorBrief
-ActionState = action.ActionState | brief.ActionBrief
-Position = state.MobileRobotPosition | brief.PositionBrief
-ZoneRequest = request.ZoneRequest | brief.ZoneRequestBrief
-EdgeRequest = request.EdgeRequest | brief.EdgeRequestBrief
-
 
 BELIEVED_COUNT: Final = 3
 BELIEVED_AFTER: Final = 10.0

@@ -8,10 +8,10 @@ from datetime import datetime, timedelta
 from typing import Final
 
 from nena_order_service.fleet.outputs import PublishResponses
-from nena_order_service.fleet.robot import EdgeRequest, State, ZoneRequest
 from nena_order_service.fleet.settings import FleetSettings, ReleasePolicy
-from nena_shared.vda5050.request import RequestStatus
+from nena_shared.vda5050.request import EdgeRequest, RequestStatus, ZoneRequest
 from nena_shared.vda5050.responses import GrantType, Response
+from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 
 Request = ZoneRequest | EdgeRequest

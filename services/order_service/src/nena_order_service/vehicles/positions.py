@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 from nena_order_service.context import Context
 from nena_order_service.fleet import LinkStatus, NotLocatedError, RobotView, Standing
-from nena_order_service.fleet.robot import State
 from nena_order_service.traffic.resources import Found
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.vehicle import IntegrationLevel
 from nena_shared.log import get_logger
 from nena_shared.plant import MapPlace
 from nena_shared.plant.track import MM_PER_M, BoundingBox
+from nena_shared.vda5050.state import State
 
 log = get_logger(__name__)
 

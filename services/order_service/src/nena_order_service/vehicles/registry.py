@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from nena_order_service.fleet import RobotProfile
-from nena_order_service.fleet.robot import State
 from nena_shared.fleet_api.vehicle import RobotMap
 from nena_shared.plant import PlantModel, Vehicle
 from nena_shared.plant.model import map_transforms
-from nena_shared.vda5050.state import MapStatus
+from nena_shared.vda5050.state import MapStatus, State
 from nena_shared.vda5050.topics import RobotKey
 
 

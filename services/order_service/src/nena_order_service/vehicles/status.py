@@ -8,7 +8,6 @@ from typing import NamedTuple, Self
 from nena_order_service.context import Context
 from nena_order_service.dispatching.manager import Dispatching
 from nena_order_service.fleet import NotLocatedError, RobotView, locate
-from nena_order_service.fleet.robot import ErrorEntry, State
 from nena_order_service.orders.sequences import Sequences
 from nena_order_service.vehicles.idle import IdleVehicles
 from nena_order_service.vehicles.positions import Positions
@@ -23,6 +22,8 @@ from nena_shared.fleet_api.vehicle import (
     VehicleStatus,
 )
 from nena_shared.plant import MapPose, PlantModel
+from nena_shared.vda5050.error import ErrorEntry
+from nena_shared.vda5050.state import State
 
 
 class Essentials(NamedTuple):

@@ -7,12 +7,11 @@ from datetime import datetime
 from enum import StrEnum
 
 from nena_shared.clock import iso
-from nena_shared.vda5050.action import ActionStatus
-from nena_shared.vda5050.brief.state import ActionBrief, ErrorBrief, NodeBrief, StateBrief
+from nena_shared.vda5050.action import ActionState, ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
-from nena_shared.vda5050.error import ErrorLevel, ErrorType
+from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
 from nena_shared.vda5050.own_actions import ROS_SESSION
-from nena_shared.vda5050.state import EmergencyStop, OperatingMode
+from nena_shared.vda5050.state import EmergencyStop, NodeState, OperatingMode, State
 
 
 class Condition(StrEnum):
@@ -90,7 +89,7 @@ class ConditionInputs:
 
     connection: ConnectionState | None
     connection_since: datetime
-    state: StateBrief | None
+    state: State | None
     state_time: datetime
     state_after_connection: bool
     """The last state was received after the last connection message."""
@@ -157,7 +156,7 @@ def clock_text(moment: datetime) -> str:
     return f"{iso(moment)[11:19]} UTC"
 
 
-def _held(state: StateBrief) -> Assessment | None:
+def _held(state: State) -> Assessment | None:
     if state.operating_mode not in (OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC):
         return Condition.MANUAL, Reason("mode", {"mode": state.operating_mode.value})
     error = worst_error(state)
@@ -166,7 +165,7 @@ def _held(state: StateBrief) -> Assessment | None:
     return _blocked(state)
 
 
-def _blocked(state: StateBrief) -> Assessment | None:
+def _blocked(state: State) -> Assessment | None:
     if state.safety_state.active_emergency_stop is not EmergencyStop.NONE:
         by_hand = state.safety_state.active_emergency_stop is EmergencyStop.MANUAL
         return Condition.BLOCKED, Reason("emergency_stop", {"how": "at the robot" if by_hand else "remotely"})
@@ -179,7 +178,7 @@ def _blocked(state: StateBrief) -> Assessment | None:
     return None
 
 
-def _working(state: StateBrief) -> Assessment | None:
+def _working(state: State) -> Assessment | None:
     action = _open_action(state.action_states) or _open_action(state.instant_action_states)
     if state.node_states or state.edge_states:
         return Condition.BUSY, _way_reason(state, action)
@@ -190,13 +189,13 @@ def _working(state: StateBrief) -> Assessment | None:
     return None
 
 
-def _free(state: StateBrief, remark: str | None) -> Assessment:
+def _free(state: State, remark: str | None) -> Assessment:
     if state.power_supply.charging:
         return Condition.CHARGING, Reason("charging", {"charge": round(state.power_supply.state_of_charge)})
     return Condition.IDLE, Reason("idle_why", {"why": remark}) if remark else Reason("idle")
 
 
-def worst_error(state: StateBrief) -> ErrorBrief | None:
+def worst_error(state: State) -> ErrorEntry | None:
     """Return the first error of the highest level."""
     if not state.errors:
         return None
@@ -204,13 +203,13 @@ def worst_error(state: StateBrief) -> ErrorBrief | None:
     return max(state.errors, key=lambda each: levels.index(each.error_level))
 
 
-def _error_reason(error: ErrorBrief) -> Reason:
+def _error_reason(error: ErrorEntry) -> Reason:
     sentences = [text for text in (error.error_description, error.error_hint) if text]
     described = " ".join(sentences) or f"no description (level {error.error_level})."
     return Reason("error", {"type": error.error_type, "description": described})
 
 
-def _way_reason(state: StateBrief, action: ActionBrief | None) -> Reason:
+def _way_reason(state: State, action: ActionState | None) -> Reason:
     upcoming = state.node_states[0] if state.node_states else None
     target: dict[str, str | float] = {
         "place": state.last_node_id or "?",
@@ -226,14 +225,14 @@ def _way_reason(state: StateBrief, action: ActionBrief | None) -> Reason:
     return Reason("standing", target, shown)
 
 
-def _name_of(node: NodeBrief) -> str:
+def _name_of(node: NodeState) -> str:
     at = node.node_position
     if at is None or not node.node_id.startswith(COORDINATE_NODES):
         return node.node_id
     return f"x {at.x:.2f}, y {at.y:.2f}"
 
 
-def _action_reason(state: StateBrief, action: ActionBrief) -> Reason:
+def _action_reason(state: State, action: ActionState) -> Reason:
     waiting = action.action_status is ActionStatus.WAITING
     name = action.action_type or action.action_id
     return Reason(
@@ -241,7 +240,7 @@ def _action_reason(state: StateBrief, action: ActionBrief) -> Reason:
     )
 
 
-def _open_action(actions: tuple[ActionBrief, ...]) -> ActionBrief | None:
+def _open_action(actions: tuple[ActionState, ...]) -> ActionState | None:
     """Return the action in progress, else the first waiting one."""
     still_open = [each for each in actions if not each.action_status.ended]
     begun = (each for each in still_open if each.action_status is not ActionStatus.WAITING)
@@ -263,7 +262,7 @@ class SessionState(StrEnum):
     """Lost without notice, or navigation is not available."""
 
 
-def session_of(condition: Condition, state: StateBrief | None) -> SessionState:
+def session_of(condition: Condition, state: State | None) -> SessionState:
     """Return the state of a robot's driver, from its condition and its last state."""
     if condition is Condition.OFFLINE:
         return SessionState.NOT_ACTIVE
@@ -289,7 +288,7 @@ class RosSession:
     domain_id: str
 
 
-def ros_session(state: StateBrief) -> RosSession | None:
+def ros_session(state: State) -> RosSession | None:
     """Return the ROS session in a state's information, for display only."""
     for entry in state.information or ():
         if entry.info_type == ROS_SESSION:

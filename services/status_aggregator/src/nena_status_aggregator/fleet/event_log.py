@@ -6,7 +6,7 @@ from collections.abc import Callable
 from math import hypot
 
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
-from nena_shared.vda5050.brief.state import PositionBrief, StateBrief
+from nena_shared.vda5050.state import MobileRobotPosition, State
 from nena_status_aggregator.fleet.condition import Condition, Reason
 from nena_status_aggregator.fleet.events import Code, Event, Values, changes
 from nena_status_aggregator.fleet.robot import Robot, Timestamp
@@ -28,7 +28,7 @@ class EventLog:
         self._publish = publish
         self._track_distance = track_distance
 
-    def state(self, robot: Robot, before: StateBrief | None, now: StateBrief, at: Timestamp) -> None:
+    def state(self, robot: Robot, before: State | None, now: State, at: Timestamp) -> None:
         """Log the changes between two states."""
         for change in changes(before, now):
             self._statistics.count_change(change.code, change.values)
@@ -94,7 +94,7 @@ class EventLog:
         self._publish(Event(at.utc, code, text, robot.id, _order_of(robot), values))
 
 
-def _distance(start: PositionBrief, end: PositionBrief) -> float:
+def _distance(start: MobileRobotPosition, end: MobileRobotPosition) -> float:
     return hypot(end.x - start.x, end.y - start.y)
 
 

@@ -8,8 +8,9 @@ from datetime import datetime
 from enum import StrEnum
 from typing import NamedTuple
 
-from nena_shared.vda5050.action import ActionStatus
-from nena_shared.vda5050.brief.state import ActionBrief, ErrorBrief, StateBrief
+from nena_shared.vda5050.action import ActionState, ActionStatus
+from nena_shared.vda5050.error import ErrorEntry
+from nena_shared.vda5050.state import State
 from nena_status_aggregator.fleet.view_builder import LIST_LIMIT, is_active, short
 
 
@@ -91,7 +92,7 @@ class Change(NamedTuple):
     values: Values
 
 
-def changes(before: StateBrief | None, now: StateBrief) -> Iterator[Change]:
+def changes(before: State | None, now: State) -> Iterator[Change]:
     """Return the changes between two states; of a first state only the errors."""
     yield from _errors(before.errors if before else (), now.errors)
     if before is None:
@@ -104,7 +105,7 @@ def changes(before: StateBrief | None, now: StateBrief) -> Iterator[Change]:
     yield from _body(before, now)
 
 
-def _errors(before: tuple[ErrorBrief, ...], now: tuple[ErrorBrief, ...]) -> Iterator[Change]:
+def _errors(before: tuple[ErrorEntry, ...], now: tuple[ErrorEntry, ...]) -> Iterator[Change]:
     if not before and not now:
         return
     old, new = _by_identity(before), _by_identity(now)
@@ -118,21 +119,21 @@ def _errors(before: tuple[ErrorBrief, ...], now: tuple[ErrorBrief, ...]) -> Iter
 
 
 def _by_identity(
-    errors: tuple[ErrorBrief, ...],
-) -> dict[tuple[str, *tuple[str, ...]], ErrorBrief]:
+    errors: tuple[ErrorEntry, ...],
+) -> dict[tuple[str, *tuple[str, ...]], ErrorEntry]:
     return {(each.error_type, *_references(each)): each for each in errors[:LIST_LIMIT]}
 
 
-def _references(error: ErrorBrief) -> Iterator[str]:
+def _references(error: ErrorEntry) -> Iterator[str]:
     for each in error.error_references:
         yield from (each.reference_key, each.reference_value)
 
 
-def _error_values(entry: ErrorBrief) -> Values:
+def _error_values(entry: ErrorEntry) -> Values:
     return {"errorType": short(entry.error_type), "errorLevel": entry.error_level.value}
 
 
-def _order(before: StateBrief, now: StateBrief) -> Iterator[Change]:
+def _order(before: State, now: State) -> Iterator[Change]:
     another = now.order_id != before.order_id
     if is_active(before) and (another or not is_active(now)):
         outcome = _outcome(before, now)
@@ -148,14 +149,14 @@ def _order(before: StateBrief, now: StateBrief) -> Iterator[Change]:
         yield from _node(before, now)
 
 
-def _node(before: StateBrief, now: StateBrief) -> Iterator[Change]:
+def _node(before: State, now: State) -> Iterator[Change]:
     """Return a reached node, unless it is the first of a new order, where the robot already is."""
     if now.last_node_id != before.last_node_id or now.order_id == before.order_id:
         values: Values = {"nodeId": now.last_node_id, "sequenceId": now.last_node_sequence_id}
         yield Change(Code.NODE_REACHED, f"Reached {now.last_node_id}.", values)
 
 
-def _outcome(before: StateBrief, now: StateBrief) -> Outcome:
+def _outcome(before: State, now: State) -> Outcome:
     if now.order_id != before.order_id:
         return Outcome.UNSEEN
     last = before.node_states[-1].sequence_id if before.node_states else 0
@@ -164,7 +165,7 @@ def _outcome(before: StateBrief, now: StateBrief) -> Outcome:
     return Outcome.COMPLETED if completed else Outcome.ABANDONED
 
 
-def _actions(before: StateBrief, now: StateBrief) -> Iterator[Change]:
+def _actions(before: State, now: State) -> Iterator[Change]:
     if not (now.action_states or now.instant_action_states):
         return
     known = {
@@ -176,7 +177,7 @@ def _actions(before: StateBrief, now: StateBrief) -> Iterator[Change]:
             yield _action_ended(action)
 
 
-def _action_ended(action: ActionBrief) -> Change:
+def _action_ended(action: ActionState) -> Change:
     status, name = action.action_status.value, action.action_type or action.action_id
     result = short(action.action_result)
     values: Values = {
@@ -188,7 +189,7 @@ def _action_ended(action: ActionBrief) -> Change:
     return Change(Code.ACTION_ENDED, f"Action {name}: {status}." + (f" {result}" if result else ""), values)
 
 
-def _body(before: StateBrief, now: StateBrief) -> Iterator[Change]:
+def _body(before: State, now: State) -> Iterator[Change]:
     power = now.power_supply
     if power.charging is not before.power_supply.charging:
         text = "Charging started." if power.charging else "Charging stopped."

@@ -12,10 +12,11 @@ from nena_shared.fleet_api.plant import RobotMap
 from nena_shared.fleet_api.transport_order import TransportOrderStatus
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.plant.model import PlantModel
-from nena_shared.vda5050.brief.state import StateBrief, VisualizationBrief
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
+from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.visualization import Visualization
 from nena_status_aggregator.fleet.event_log import EventLog, Publish
 from nena_status_aggregator.fleet.messages import MessageKind, Verdict
 from nena_status_aggregator.fleet.orders import OrderRegistry
@@ -137,7 +138,7 @@ class FleetModel:
             robot.on_connection(message, at)
             self._event_log.connection(robot, before, at)
 
-    def on_state(self, key: RobotKey, message: StateBrief, at: Timestamp, *, retained: bool = False) -> None:
+    def on_state(self, key: RobotKey, message: State, at: Timestamp, *, retained: bool = False) -> None:
         """Apply a state; ``retained``: delivered from the broker's store."""
         robot = self._count_and_find(key, MessageKind.STATE, at)
         if robot is None or not self._is_new(robot, MessageKind.STATE, message):
@@ -148,7 +149,7 @@ class FleetModel:
         self._event_log.position(robot, at)
         self._touch_order_of(robot)
 
-    def on_visualization(self, key: RobotKey, message: VisualizationBrief, at: Timestamp) -> None:
+    def on_visualization(self, key: RobotKey, message: Visualization, at: Timestamp) -> None:
         """Apply a visualization message."""
         robot = self._count_and_find(key, MessageKind.VISUALIZATION, at)
         if robot is not None and self._is_new(robot, MessageKind.VISUALIZATION, message):
@@ -303,9 +304,7 @@ class FleetModel:
             self._touch(key)
         return robot
 
-    def _is_new(
-        self, robot: Robot, kind: MessageKind, message: StateBrief | VisualizationBrief | Factsheet
-    ) -> bool:
+    def _is_new(self, robot: Robot, kind: MessageKind, message: State | Visualization | Factsheet) -> bool:
         sequence = robot.sequences[kind]
         missed, restarts = sequence.missed, sequence.restarts
         verdict = sequence.assess(message.header_id, message.timestamp)

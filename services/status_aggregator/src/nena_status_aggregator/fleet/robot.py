@@ -8,19 +8,18 @@ from datetime import datetime, timedelta
 from math import hypot, inf
 from typing import NamedTuple
 
-from msgspec.structs import replace
-
 from nena_shared.clock import Clock
 from nena_shared.fleet_api.plant import RobotMap
 from nena_shared.fleet_api.vehicle import VehicleStatus
 from nena_shared.log import get_logger
 from nena_shared.plant import MapPlace, MapPose, MapTransform, PlantModel
 from nena_shared.plant.model import map_transforms
-from nena_shared.vda5050.brief.state import PositionBrief, StateBrief, VelocityBrief, VisualizationBrief
 from nena_shared.vda5050.connection import Connection
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.own_actions import transforms_itself
+from nena_shared.vda5050.state import MobileRobotPosition, State, Velocity
 from nena_shared.vda5050.topics import RobotKey
+from nena_shared.vda5050.visualization import Visualization
 from nena_status_aggregator.fleet.condition import Condition, ConditionInputs, Reason, assess
 from nena_status_aggregator.fleet.messages import ClockSkew, MessageKind, Sequence
 
@@ -51,9 +50,9 @@ class Odometer:
 
     def __init__(self) -> None:
         self.meters = 0.0
-        self._last: PositionBrief | None = None
+        self._last: MobileRobotPosition | None = None
 
-    def follow(self, position: PositionBrief | None) -> None:
+    def follow(self, position: MobileRobotPosition | None) -> None:
         """Add a position; the distance to a position that is not localised is unknown."""
         last = self._last
         if position is None or not position.localized:
@@ -82,7 +81,7 @@ class OrderProgress:
     """Nodes of the whole order, without the first."""
     nodes_left: int = 0
 
-    def follow(self, state: StateBrief) -> None:
+    def follow(self, state: State) -> None:
         """Update from a state."""
         if state.order_id != self.order_id:
             self.order_id = state.order_id
@@ -126,7 +125,7 @@ class PlantFrame:
             log.warning("ignoring the invalid map transforms of the plant model", reason=str(error))
             return cls()
 
-    def position(self, at: PositionBrief | None, sheet: Factsheet | None) -> PositionBrief | None:
+    def position(self, at: MobileRobotPosition | None, sheet: Factsheet | None) -> MobileRobotPosition | None:
         """Return a position in the plant frame; None until a factsheet shows who transforms."""
         transform = self.transforms.get(at.map_id) if at else None
         if at is None or transform is None or (sheet and transforms_itself(sheet)):
@@ -134,7 +133,15 @@ class PlantFrame:
         if sheet is None:
             return None
         pose = transform.pose_to_plant(MapPose(at.x, at.y, at.theta))
-        return replace(at, x=pose.x_m, y=pose.y_m, theta=pose.heading_rad)
+        return MobileRobotPosition.model_construct(
+            x=pose.x_m,
+            y=pose.y_m,
+            theta=pose.heading_rad,
+            map_id=at.map_id,
+            localized=at.localized,
+            localization_score=at.localization_score,
+            deviation_range=at.deviation_range,
+        )
 
     def place(
         self, x: float, y: float, map_id: str | None, sheet: Factsheet | None
@@ -165,21 +172,21 @@ class Robot:
         """Time of the last message of any kind, monotonic s."""
         self.connection: Connection | None = None
         self.connection_since = seen.utc
-        self.state: StateBrief | None = None
+        self.state: State | None = None
         self.state_at = seen
         """Time of the last state, or of the robot's first message."""
         self.state_after_connection = False
         self.frame = PlantFrame()
-        self.reported: PositionBrief | None = None
+        self.reported: MobileRobotPosition | None = None
         """Reported position, in the robot's own frame."""
-        self.velocity: VelocityBrief | None = None
+        self.velocity: Velocity | None = None
         self.factsheet: Factsheet | None = None
         self.vehicle: VehicleStatus | None = None
         self.map: RobotMap | None = None
         """The robot's grid map."""
         self.progress = OrderProgress()
         self.odometer = Odometer()
-        self.tracked: PositionBrief | None = None
+        self.tracked: MobileRobotPosition | None = None
         """The position in the last position event."""
         self.skew = ClockSkew()
         self.sequences = {
@@ -204,7 +211,7 @@ class Robot:
         return str(self.key)
 
     @property
-    def position(self) -> PositionBrief | None:
+    def position(self) -> MobileRobotPosition | None:
         """Position in the plant frame; None if unknown."""
         return self.frame.position(self.reported, self.factsheet)
 
@@ -217,7 +224,7 @@ class Robot:
             self.connection_since = at.utc
         self.connection = message
 
-    def on_state(self, message: StateBrief, at: Timestamp, *, retained: bool) -> None:
+    def on_state(self, message: State, at: Timestamp, *, retained: bool) -> None:
         """Update from a state; the age of a retained state is taken from its timestamp."""
         age = max(0.0, (at.utc - message.timestamp).total_seconds()) if retained else 0.0
         self.state = message
@@ -240,7 +247,7 @@ class Robot:
         if kind is MessageKind.STATE:
             self.unreadable, self.unreadable_at = self.problem, at.monotonic
 
-    def on_visualization(self, message: VisualizationBrief) -> None:
+    def on_visualization(self, message: Visualization) -> None:
         """Update position and velocity from a visualization message."""
         self.reported = message.mobile_robot_position or self.reported
         self.odometer.follow(self.reported)

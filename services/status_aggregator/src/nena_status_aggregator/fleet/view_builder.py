@@ -4,15 +4,10 @@ from __future__ import annotations
 
 from nena_shared.clock import iso
 from nena_shared.fleet_api.transport_order import Destination, Hold
-from nena_shared.vda5050.brief.state import (
-    ActionBrief,
-    ErrorBrief,
-    InformationBrief,
-    NodeBrief,
-    ReferenceBrief,
-    StateBrief,
-)
+from nena_shared.vda5050.action import ActionState
+from nena_shared.vda5050.error import ErrorEntry, ErrorReference
 from nena_shared.vda5050.factsheet import Factsheet, MobileRobotGeometry
+from nena_shared.vda5050.state import Information, NodeState, State
 from nena_status_aggregator.fleet.condition import ros_session, session_of
 from nena_status_aggregator.fleet.orders import TrackedOrder, progress
 from nena_status_aggregator.fleet.robot import Robot
@@ -98,7 +93,7 @@ def view_robot(robot: Robot, *, silence_limit: float, skew_limit: float) -> Robo
     }
 
 
-def _ros_session(state: StateBrief) -> RosSessionView | None:
+def _ros_session(state: State) -> RosSessionView | None:
     session = ros_session(state)
     if session is None:
         return None
@@ -127,7 +122,7 @@ def _velocity(robot: Robot) -> VelocityView | None:
     return {"vx": speed.vx, "vy": speed.vy, "omega": speed.omega} if speed else None
 
 
-def _battery(state: StateBrief) -> BatteryView:
+def _battery(state: State) -> BatteryView:
     power = state.power_supply
     return {
         "charge": power.state_of_charge,
@@ -137,7 +132,7 @@ def _battery(state: StateBrief) -> BatteryView:
     }
 
 
-def _maps(state: StateBrief) -> list[MapView] | None:
+def _maps(state: State) -> list[MapView] | None:
     if state.maps is None:
         return None
     return [
@@ -146,7 +141,7 @@ def _maps(state: StateBrief) -> list[MapView] | None:
     ]
 
 
-def _plan(robot: Robot, state: StateBrief) -> list[tuple[float, float]] | None:
+def _plan(robot: Robot, state: State) -> list[tuple[float, float]] | None:
     path, at = state.intermediate_path, robot.reported
     if path is None:
         return None
@@ -173,7 +168,7 @@ def _grid(robot: Robot) -> GridView | None:
     }
 
 
-def _loads(state: StateBrief) -> list[LoadView] | None:
+def _loads(state: State) -> list[LoadView] | None:
     if state.loads is None:
         return None
     return [
@@ -187,7 +182,7 @@ def _loads(state: StateBrief) -> list[LoadView] | None:
     ]
 
 
-def _error(entry: ErrorBrief) -> ErrorView:
+def _error(entry: ErrorEntry) -> ErrorView:
     return {
         "errorType": short(entry.error_type) or "",
         "errorLevel": entry.error_level.value,
@@ -197,7 +192,7 @@ def _error(entry: ErrorBrief) -> ErrorView:
     }
 
 
-def _information(entry: InformationBrief) -> InformationView:
+def _information(entry: Information) -> InformationView:
     return {
         "infoType": short(entry.info_type) or "",
         "infoLevel": entry.info_level.value,
@@ -206,15 +201,15 @@ def _information(entry: InformationBrief) -> InformationView:
     }
 
 
-def _references(references: tuple[ReferenceBrief, ...]) -> dict[str, str]:
+def _references(references: tuple[ErrorReference, ...]) -> dict[str, str]:
     return {each.reference_key: short(each.reference_value) or "" for each in references[:LIST_LIMIT]}
 
 
-def _all_actions(state: StateBrief) -> tuple[ActionBrief, ...]:
+def _all_actions(state: State) -> tuple[ActionState, ...]:
     return (*state.action_states, *state.instant_action_states)
 
 
-def _action(action: ActionBrief) -> ActionView:
+def _action(action: ActionState) -> ActionView:
     return {
         "actionId": action.action_id,
         "actionType": action.action_type,
@@ -223,7 +218,7 @@ def _action(action: ActionBrief) -> ActionView:
     }
 
 
-def _order(robot: Robot, state: StateBrief) -> RobotOrderView:
+def _order(robot: Robot, state: State) -> RobotOrderView:
     return {
         "orderId": state.order_id,
         "orderUpdateId": state.order_update_id,
@@ -236,14 +231,14 @@ def _order(robot: Robot, state: StateBrief) -> RobotOrderView:
     }
 
 
-def is_active(state: StateBrief) -> bool:
+def is_active(state: State) -> bool:
     """Return whether the robot's order is active (the reverse of idle, VDA 5050 3.0, 6.6.8)."""
     return bool(state.node_states or state.edge_states) or not all(
         each.action_status.ended for each in state.action_states
     )
 
 
-def _ahead(robot: Robot, node: NodeBrief) -> AheadView:
+def _ahead(robot: Robot, node: NodeState) -> AheadView:
     at = node.node_position
     place = robot.frame.place(at.x, at.y, at.map_id, robot.factsheet) if at else None
     x, y = place or (None, None)

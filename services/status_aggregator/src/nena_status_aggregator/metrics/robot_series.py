@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Generic, TypeVar
 
-from nena_shared.vda5050.brief.state import StateBrief
 from nena_shared.vda5050.connection import ConnectionState
-from nena_shared.vda5050.state import EmergencyStop
+from nena_shared.vda5050.state import EmergencyStop, State
 from nena_shared.vda5050.topics import RobotKey
 from nena_status_aggregator.fleet.robot import Robot, Timestamp
 from nena_status_aggregator.fleet.view_builder import is_active
@@ -27,7 +26,7 @@ def head(name: str, kind: str, text: str) -> str:
     return f"# HELP {name} {text}\n# TYPE {name} {kind}\n"
 
 
-S = TypeVar("S", Robot, StateBrief)
+S = TypeVar("S", Robot, State)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +39,7 @@ class Series(Generic[S]):
     value: Callable[[S, Timestamp], float | None]
 
 
-def of_state(
-    name: str, text: str, value: Callable[[StateBrief, Timestamp], float | None]
-) -> Series[StateBrief]:
+def of_state(name: str, text: str, value: Callable[[State, Timestamp], float | None]) -> Series[State]:
     """Create a gauge that is read from a robot's last state."""
     return Series(name, "gauge", text, value)
 
@@ -62,7 +59,7 @@ def _speed(robot: Robot, _: Timestamp) -> float | None:
     return None if speed is None else hypot(speed.vx or 0.0, speed.vy or 0.0)
 
 
-def _localized(state: StateBrief, _: Timestamp) -> float | None:
+def _localized(state: State, _: Timestamp) -> float | None:
     at = state.mobile_robot_position
     return None if at is None else int(at.localized)
 
@@ -108,7 +105,7 @@ OF_ROBOT: tuple[Series[Robot], ...] = (
     ),
 )
 
-OF_STATE: tuple[Series[StateBrief], ...] = (
+OF_STATE: tuple[Series[State], ...] = (
     of_state(
         "nena_robot_battery_ratio",
         "State of charge, 0 to 1.",

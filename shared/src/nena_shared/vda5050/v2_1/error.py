@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Self
 
 from pydantic import ValidationInfo, field_serializer, model_validator
 
@@ -19,17 +20,15 @@ PARAMETER: Final = "parameter"
 class ErrorReferenceV21(ErrorReference):
     """What an error is about; parameters of the order have their 2.x names, as key or as value."""
 
+    @staticmethod
+    def finish_record(record: Any) -> Mapping[str, object]:  # noqa: ANN401 - it has the fields of the form
+        """Return the neutral names."""
+        key, value = neutral_path(record.reference_key), record.reference_value
+        return {"reference_key": key, "reference_value": neutral_path(value) if key == PARAMETER else value}
+
     @model_validator(mode="after")
     def _read(self, info: ValidationInfo) -> Self:
-        if info.mode != "json":
-            return self
-        key, value = neutral_path(self.reference_key), self.reference_value
-        return self.model_copy(
-            update={
-                "reference_key": key,
-                "reference_value": neutral_path(value) if key == PARAMETER else value,
-            }
-        )
+        return self.model_copy(update=self.finish_record(self)) if info.mode == "json" else self
 
     @field_serializer("reference_key", when_used="json")
     def _written_key(self, key: str) -> str:

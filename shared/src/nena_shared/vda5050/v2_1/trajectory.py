@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -20,6 +21,14 @@ class TrajectoryV21(Trajectory):
     degree: Annotated[
         Annotated[int, Field(ge=1)] | None, AfterValidator(lambda degree: degree or DEFAULT_DEGREE)
     ] = DEFAULT_DEGREE
+
+    @staticmethod
+    def finish_record(record: Any) -> Mapping[str, object]:  # noqa: ANN401 - it has the fields of the form
+        """Leave to the codec what has to be filled in."""
+        if record.degree is None or record.knot_vector is None:
+            message = "degree and knots are filled in by the codec"
+            raise ValueError(message)
+        return {}
 
     @model_validator(mode="after")
     def _with_knots(self) -> Self:

@@ -1,0 +1,215 @@
+"""A record says what the codec reads, of every message that the codec takes, and of no other."""
+
+from __future__ import annotations
+
+import json
+from enum import Enum
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from msgspec import Struct
+from msgspec.structs import fields
+from pydantic import BaseModel
+
+from nena_shared.vda5050.base import Header
+from nena_shared.vda5050.codec import MAXIMUM_PAYLOAD, Codec
+from nena_shared.vda5050.malformed import MalformedMessageError
+from nena_shared.vda5050.records import RECORDED, read_record, record_of
+from nena_shared.vda5050.state import OperatingMode, State
+from nena_shared.vda5050.v2_0 import CODEC as CODEC_2_0
+from nena_shared.vda5050.v2_1 import CODEC as CODEC_2_1
+from nena_shared.vda5050.v3_0 import CODEC as CODEC_3_0
+from nena_shared.vda5050.versions import CODECS
+from support.fleet_examples import position, state, way
+from support.messages import messages
+
+EACH_KIND = pytest.mark.parametrize(
+    ("codec", "kind"),
+    [(codec, kind) for codec in CODECS.values() for kind in RECORDED],
+    ids=lambda value: value.version if isinstance(value, Codec) else value.__name__,
+)
+WORDS = ('"x"', '"INVALID_ORDER"', '"initPosition"', '"TEACHIN"', '"AUTOACK"', '"2026-01-01T01:00:00+01:00"')
+VALUES = st.sampled_from((*WORDS, "null", "true", "-1", "0.5", "[]", "{}", "1e400", "NaN", '"\\ud800"'))
+
+
+def same(record: object, full: object) -> bool:
+    """Tell whether a record, or a value in it, is what the full message has there."""
+    if isinstance(record, Struct):
+        return isinstance(full, BaseModel) and all(
+            same(getattr(record, each), getattr(full, each)) for each in common_fields(type(record), full)
+        )
+    if isinstance(record, tuple):
+        return isinstance(full, tuple) and len(record) == len(full) and all(map(same, record, full))
+    return (isinstance(record, Enum), record) == (isinstance(full, Enum), full)
+
+
+def common_fields(form: type[Struct], full: BaseModel) -> list[str]:
+    """Give the fields of a message; its record has them all and no others."""
+    names = list(type(full).model_fields)
+    members = {each.name for each in fields(form) if not each.name.startswith("other_")}
+    assert members <= set(names)
+    assert all(hasattr(form, each) for each in names)
+    return names
+
+
+def full_or_none(codec: Codec, kind: type[Any], payload: bytes) -> Header | None:
+    try:
+        full: Header = codec.decode(kind, payload)
+    except MalformedMessageError:
+        return None
+    return full
+
+
+def check(codec: Codec, kind: type[Any], payload: bytes) -> None:
+    full = full_or_none(codec, kind, payload)
+    if full is None:
+        with pytest.raises(MalformedMessageError):
+            read_record(kind, codec, payload)
+    else:
+        assert same(read_record(kind, codec, payload), full)
+
+
+@EACH_KIND
+@settings(max_examples=50)
+@given(st.data())
+def test_it_says_what_the_codec_reads(codec: Codec, kind: type[Any], data: st.DataObject) -> None:
+    check(codec, kind, codec.encode(data.draw(messages(kind))))
+
+
+@EACH_KIND
+@settings(max_examples=50)
+@given(st.data())
+def test_a_message_of_another_version_is_read_or_refused_as_by_the_codec(
+    codec: Codec, kind: type[Any], data: st.DataObject
+) -> None:
+    other = data.draw(st.sampled_from(list(CODECS.values())))
+    number = f'"{codec.version}"'.encode()
+    payload = other.encode(data.draw(messages(kind)))
+    check(codec, kind, payload)
+    check(codec, kind, payload.replace(f'"{other.version}"'.encode(), number))
+
+
+@EACH_KIND
+@settings(max_examples=100)
+@given(st.data())
+def test_what_is_put_into_a_message_is_judged_as_by_the_codec(
+    codec: Codec, kind: type[Any], data: st.DataObject
+) -> None:
+    text = codec.encode(data.draw(messages(kind))).decode()
+    ends = [at for at, sign in enumerate(text) if sign == ":" and text[at - 1] == '"']
+    start = data.draw(st.sampled_from(ends)) + 1
+    end = min(at for at in (text.find(",", start), text.find("}", start)) if at > 0)
+    check(codec, kind, (text[:start] + data.draw(VALUES) + text[end:]).encode())
+
+
+@pytest.mark.parametrize("codec", [CODEC_2_0, CODEC_2_1, CODEC_3_0], ids=lambda codec: codec.version)
+def test_an_ordinary_state_goes_the_short_way(codec: Codec, monkeypatch: pytest.MonkeyPatch) -> None:
+    error = {
+        "error_type": "noRouteError",
+        "error_level": "WARNING",
+        "error_references": ({"reference_key": "nodeId", "reference_value": "B"},),
+    }
+    payload = codec.encode(
+        state(**way("A", "B"), mobile_robot_position=position(1.0, 2.0), errors=(error,), paused=False)
+    )
+    with monkeypatch.context() as patch:
+        patch.setattr(Codec, "decode", None)
+        record = read_record(State, codec, payload)
+    assert same(record, codec.decode(State, payload))
+    assert [each.node_id for each in record.node_states] == ["A", "B"]
+
+
+def test_a_message_that_is_too_long_is_refused() -> None:
+    payload = CODEC_2_1.encode(state())
+    with pytest.raises(MalformedMessageError, match="longer than"):
+        read_record(State, CODEC_2_1, payload + b" " * MAXIMUM_PAYLOAD)
+
+
+def test_times_are_in_utc() -> None:
+    payload = CODEC_2_1.encode(state()).replace(b"T00:00:00.00Z", b"T01:00:00+01:00")
+    assert b"+01:00" in payload
+    assert read_record(State, CODEC_2_1, payload).timestamp.isoformat() == "2026-01-01T00:00:00+00:00"
+
+
+def test_maps_are_passed_over() -> None:
+    held = {"map_id": "hall", "map_version": "1", "map_status": "ENABLED"}
+    payload = CODEC_2_1.encode(state(maps=(held,)))
+    assert read_record(State, CODEC_2_1, payload).maps
+    assert read_record(State, CODEC_2_0, payload.replace(b'"2.1.0"', b'"2.0.0"')).maps is None
+
+
+def test_parameters_have_their_neutral_names() -> None:
+    reference = {"reference_key": "parameter", "reference_value": "order.edges.maximumSpeed"}
+    error = {"error_type": "orderError", "error_level": "WARNING", "error_references": (reference,)}
+    payload = CODEC_2_1.encode(state(errors=(error,)))
+    assert b"order.edges.maxSpeed" in payload
+    (entry,) = read_record(State, CODEC_2_1, payload).errors
+    assert entry.error_references[0].reference_value == "order.edges.maximumSpeed"
+
+
+def test_what_2_1_spells_otherwise_is_read_as_the_codec_reads_it() -> None:
+    action = {"action_id": "a", "action_type": "initializePosition", "action_status": "RUNNING"}
+    said = state(operating_mode="TEACH_IN", action_states=(action,))
+    payload = CODEC_2_1.encode(said).replace(b'"NONE"', b'"AUTOACK"')
+    assert b'"TEACHIN"' in payload
+    assert b'"initPosition"' in payload
+    record = read_record(State, CODEC_2_1, payload)
+    assert record.operating_mode is OperatingMode.TEACH_IN
+    assert record.safety_state.field_violation
+    assert record.action_states[0].action_type == "initializePosition"
+
+
+def test_a_trajectory_without_degree_and_knots_is_filled_in() -> None:
+    points = ({"x": 0.0, "y": 0.0}, {"x": 1.0, "y": 0.0})
+    edge = {"edge_id": "e", "sequence_id": 1, "released": True, "trajectory": {"control_points": points}}
+    payload = CODEC_2_1.encode(state(edge_states=(edge,)))
+    bare = payload.replace(b'"degree":1,', b"").replace(b'"knotVector":[0.0,0.0,1.0,1.0],', b"")
+    assert len(bare) < len(payload)
+    trajectory = read_record(State, CODEC_2_1, bare).edge_states[0].trajectory
+    assert trajectory is not None
+    assert (trajectory.degree, trajectory.knot_vector) == (1, (0.0, 0.0, 1.0, 1.0))
+
+
+def test_an_older_name_of_an_action_alone_is_read_as_the_newer_one() -> None:
+    action = {"action_id": "a", "action_type": "initializePosition", "action_status": "RUNNING"}
+    record = read_record(State, CODEC_2_1, CODEC_2_1.encode(state(action_states=(action,))))
+    assert record.action_states[0].action_type == "initializePosition"
+
+
+def test_older_names_are_read_as_the_newer_ones() -> None:
+    error = {"error_type": "INVALID_ORDER_ACTION", "error_level": "WARNING"}
+    action = {"action_id": "a", "action_type": "initializePosition", "action_status": "RUNNING"}
+    payload = CODEC_3_0.encode(state(errors=(error,), instant_action_states=(action,)))
+    older = payload.replace(b"INVALID_ORDER_ACTION", b"INVALID_ORDER")
+    older = older.replace(b"initializePosition", b"initPosition")
+    assert older != payload
+    record = read_record(State, CODEC_3_0, older)
+    assert record.errors[0].error_type == "INVALID_ORDER_ACTION"
+    assert record.instant_action_states[0].action_type == "initializePosition"
+
+
+def test_what_watchers_do_not_need_is_checked_too() -> None:
+    trajectory = {"control_points": ({"x": 0.0, "y": 0.0, "weight": 0.5}, {"x": 1.0, "y": 0.0})}
+    payload = CODEC_3_0.encode(state(planned_path={"trajectory": trajectory}))
+    assert read_record(State, CODEC_3_0, payload).header_id == 1
+    with pytest.raises(MalformedMessageError, match="weight"):
+        read_record(State, CODEC_3_0, payload.replace(b'"weight":0.5', b'"weight":0.0'))
+
+
+@EACH_KIND
+@settings(max_examples=20)
+@given(st.data())
+def test_a_message_that_is_parsed_already_gives_the_same_record(
+    codec: Codec, kind: type[Any], data: st.DataObject
+) -> None:
+    payload = codec.encode(data.draw(messages(kind)))
+    record = record_of(kind, codec, json.loads(payload))
+    assert record is None or same(record, codec.decode(kind, payload))
+
+
+def test_what_a_version_lacks_is_none() -> None:
+    record = read_record(State, CODEC_2_1, CODEC_2_1.encode(state()))
+    assert isinstance(record, Struct)
+    assert (record.zone_requests, record.planned_path, record.instant_action_states) == (None, None, ())
