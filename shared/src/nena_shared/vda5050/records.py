@@ -15,6 +15,7 @@ from collections.abc import Callable
 from datetime import datetime
 from enum import StrEnum
 from functools import cache
+from types import GenericAlias
 from typing import Annotated, Any, Final, TypeVar, cast
 
 from msgspec import DecodeError, Meta, ValidationError, convert, defstruct, field
@@ -131,7 +132,7 @@ def _type_of(shape: Shape) -> Any:  # noqa: ANN401 - any type annotation
     if shape.kind is object:
         return None  # the version reads it in a way of its own: the codec
     if shape.kind is tuple:
-        return tuple[_type_of(shape.item or Shape(object)), ...]
+        return GenericAlias(tuple, (_type_of(shape.item or Shape(object)), ...))
     if issubclass(shape.kind, WireObject):
         return _struct(shape.kind)
     if issubclass(shape.kind, StrEnum):

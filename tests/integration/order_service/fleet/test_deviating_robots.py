@@ -82,19 +82,17 @@ async def test_a_robot_that_cannot_be_understood_is_not_called_silent(
         WiredFleet(broker, interface_name, QUICK).connected() as fleet,
         DeviatingRobot(broker, interface_name, lose_order_id).connected() as robot,
     ):
-        view = await until(
-            lambda: (
-                (robot.report(), fleet.fleet.view(ROBOT))[1]
-                if "cannot be read" in fleet.fleet.view(ROBOT).availability.reason
-                else robot.report()
-            ),
-            what="a reason",
-        )
-        assert view.availability.reason == (
+
+        def reason() -> str:
+            robot.report()
+            return fleet.fleet.view(ROBOT).availability.reason
+
+        await until(lambda: "cannot be read" in reason(), what="a reason")
+        assert reason() == (
             'sends states that cannot be read: orderId: Input should be a valid string (received {"id":"m"})'
         )
         await until(
-            lambda: robot.report() or fleet.fleet.view(ROBOT).link is LinkStatus.UNREADABLE,
+            lambda: reason() and fleet.fleet.view(ROBOT).link is LinkStatus.UNREADABLE,
             what="the time after which a robot that sends nothing is silent",
         )
-        assert "silent" not in fleet.fleet.view(ROBOT).availability.reason
+        assert "silent" not in reason()

@@ -69,7 +69,7 @@ def read(payload: bytes) -> tuple[State, list[Repair]]:
     return reader.read(State, TOPIC, payload, "v2"), repairs
 
 
-REPAIRED: list[tuple[str, Any, str, str, Any]] = [
+REPAIRED: list[tuple[str, Any, str | None, str, Any]] = [
     ("agvPosition.theta", 3.1416, "angle_wrapped", "mobile_robot_position.theta", 3.1416 - 2 * pi),
     ("agvPosition.theta", -3.2, "angle_wrapped", "mobile_robot_position.theta", 2 * pi - 3.2),
     ("agvPosition.theta", "0.5", "text_as_number", "mobile_robot_position.theta", 0.5),
