@@ -108,6 +108,7 @@ async def paths_are_locked_and_vehicles_told(client: httpx.AsyncClient, host: Ho
         "acceptableOrderTypes", vehicle="Robot-02", acceptableOrderTypes=[{"name": "Park"}]
     )
     assert types["vehicle"]["acceptableOrderTypes"] == [{"name": "Park", "priority": 0}]
+    assert (await host.ask("summary"))["summary"] == (await client.get("/v1/summary")).json()
 
 
 async def sequences_are_made_and_completed(host: Host) -> None:

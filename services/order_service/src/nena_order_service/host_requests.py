@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from dataclasses import dataclass
 from math import hypot
 
@@ -33,6 +34,7 @@ from nena_order_service.store.database import OrderFilter, SequenceFilter
 from nena_order_service.store.store import Store
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_order_service.zone_sets import ZoneSets
+from nena_shared.fleet_api.requests import FleetSummary
 from nena_shared.fleet_api.transport_order import (
     AssignmentStatus,
     DeliveryPhase,
@@ -259,6 +261,16 @@ class HostRequests:
     def vehicle(self, name: str) -> VehicleStatus:
         """Give a vehicle."""
         return self._engine.status(self._vehicle(name))
+
+    def summary(self) -> FleetSummary:
+        """Return how many unfinished orders and vehicles there are in each state."""
+        orders = list(self._engine.state.orders.unfinished())
+        oldest = min(orders, key=lambda order: order.number, default=None)
+        return FleetSummary(
+            transport_orders=Counter(order.state for order in orders),
+            vehicles=Counter(vehicle.state for vehicle in self.vehicles()),
+            oldest_order=oldest.name if oldest else None,
+        )
 
     async def set_integration_level(self, name: str, level: IntegrationLevel) -> VehicleStatus:
         """Let a vehicle count so much from now on, also after a restart."""

@@ -18,6 +18,7 @@ from nena_shared.fleet_api.plant import PathStatus, PlantModelChange, ZoneSetLis
 from nena_shared.fleet_api.requests import (
     AssignmentQuery,
     DispatchRequest,
+    FleetSummary,
     HoldRequest,
     InstantActionAnswer,
     InstantActionRequest,
@@ -56,6 +57,7 @@ VEHICLES: Final = "/v1/vehicles"
 PATHS: Final = "/v1/paths"
 ZONE_SETS: Final = "/v1/zoneSets"
 PLANT_MODEL: Final = "/v1/plantModel"
+SUMMARY: Final = "/v1/summary"
 
 MADE_BEFORE: Final = {HTTPStatus.OK: "Made before by the key."}
 
@@ -116,6 +118,7 @@ TAGS: Final = {
     PATHS: "paths",
     ZONE_SETS: "zone sets",
     PLANT_MODEL: "plant model",
+    SUMMARY: "summary",
 }
 
 CREATE_ORDER = Operation(
@@ -392,6 +395,16 @@ DELETE_ZONE_SET = Operation(
     name_type=ObjectName,
 )
 
+SUMMARISE = Operation(
+    "summary",
+    "Count unfinished orders and vehicles by state.",
+    "GET",
+    SUMMARY,
+    FleetSummary,
+    Role.VIEWER,
+    result="summary",
+)
+
 CHANGE_PLANT = Operation(
     "changePlantModel",
     "Put another plant model in use: openTCS's XML, LIF as in its standard, or NeNa's own JSON.",
@@ -431,6 +444,7 @@ OPERATIONS: Final[tuple[Operation[Any], ...]] = (
     PUT_ZONE_SET,
     ENABLE_ZONE_SET,
     DELETE_ZONE_SET,
+    SUMMARISE,
 )
 """Those that are served alike; a route that could take another one's place stands behind it."""
 

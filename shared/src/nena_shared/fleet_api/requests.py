@@ -259,6 +259,17 @@ class InstantActionAnswer(Resource):
     """The robot's own."""
 
 
+class FleetSummary(Resource):
+    """How much there is to do, and who can do it."""
+
+    transport_orders: dict[TransportOrderState, int]
+    """Orders that have not ended, by state."""
+    vehicles: dict[VehicleState, int]
+    """Vehicles by state."""
+    oldest_order: str | None
+    """Name of the order that has waited or run for longest; None: no order."""
+
+
 class Readiness(Resource):
     """Whether the order service does its work, and what is missing."""
 

@@ -289,6 +289,11 @@ class HostOperations:
         """Have robots delete a zone set."""
         return Reply(await self._zones.delete(call.name))
 
+    @_does(table.SUMMARISE)
+    async def summarise(self, _: Call[None]) -> Reply:
+        """Count unfinished orders and vehicles by state."""
+        return Reply(self._orders.summary())
+
     def _vehicles_after(self, name: str | None) -> tuple[VehicleStatus, ...]:
         vehicles = self._orders.vehicles()
         if name is None:
