@@ -10,7 +10,7 @@ from nena_order_service.fleet import FleetSettings
 from nena_shared.vda5050.topics import Topic
 from support.broker import Broker, MqttPeer
 from support.edge_agent import FleetControl, agent_settings, running_agent
-from support.fleet import make_mission
+from support.fleet import make_vda_order
 from support.honest_robot import ROBOT
 from support.waiting import until
 from support.wired_robot import WiredFleet, WiredRobot
@@ -54,7 +54,7 @@ async def test_fleet_control_sends_orders_as_it_is_set(
             WiredRobot(broker, interface_name).connected(),
         ):
             await until(lambda: fleet.fleet.view(ROBOT).availability.can_take_order, what="a free robot")
-            fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B"))
-            await fleet.wait_for("MissionAccepted")
+            fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B"))
+            await fleet.wait_for("VdaOrderAccepted")
 
     assert peer.qualities == {"order": {qos}}

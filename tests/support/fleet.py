@@ -11,16 +11,16 @@ from nena_order_service.fleet import (
     FleetController,
     FleetOutput,
     FleetSettings,
-    Mission,
-    MissionCancelled,
-    MissionFailed,
-    MissionFinished,
     Outputs,
     PublishInstantActions,
     PublishOrder,
     PublishResponses,
     RobotChanged,
     RobotView,
+    VdaOrder,
+    VdaOrderCancelled,
+    VdaOrderFailed,
+    VdaOrderFinished,
 )
 from nena_shared.vda5050.action import Action, BlockingType, InstantActions
 from nena_shared.vda5050.connection import ConnectionState
@@ -29,11 +29,11 @@ from support.honest_robot import MAP, START, HonestRobot
 
 T = TypeVar("T")
 
-ENDS = (MissionFinished, MissionFailed, MissionCancelled)
+ENDS = (VdaOrderFinished, VdaOrderFailed, VdaOrderCancelled)
 
 
-def make_mission(name: str, *points: str, operation: str | None = None, x: float = 0.0) -> Mission:
-    """Make a mission along points that lie 1 m apart, the first at ``x``; an operation at its end."""
+def make_vda_order(name: str, *points: str, operation: str | None = None, x: float = 0.0) -> VdaOrder:
+    """Make a VDA order along points that lie 1 m apart, the first at ``x``; an operation at its end."""
     last = len(points) - 1
     action = (
         ()
@@ -42,8 +42,8 @@ def make_mission(name: str, *points: str, operation: str | None = None, x: float
             Action(action_type=operation, action_id=f"{name}/{operation}", blocking_type=BlockingType.HARD),
         )
     )
-    return Mission(
-        mission_id=name,
+    return VdaOrder(
+        order_id=name,
         nodes=tuple(
             Node(
                 node_id=point,
@@ -109,17 +109,17 @@ class Bench:
         """Let a state of the robot arrive."""
         return self.take(self.fleet.on_state(self.robot.key, self.robot.state(self.now), self.now))
 
-    def start(self, mission: Mission) -> Outputs:
-        return self.take(self.fleet.start_mission(self.robot.key, mission, self.now))
+    def start(self, vda_order: VdaOrder) -> Outputs:
+        return self.take(self.fleet.start_vda_order(self.robot.key, vda_order, self.now))
 
-    def start_and_tell(self, mission: Mission) -> None:
-        """Start a mission, have the robot get it, and hear so."""
-        self.start(mission)
+    def start_and_tell(self, vda_order: VdaOrder) -> None:
+        """Start a VDA order, have the robot get it, and hear so."""
+        self.start(vda_order)
         self.deliver()
         self.report()
 
     def cancel(self) -> Outputs:
-        return self.take(self.fleet.cancel_mission(self.robot.key, self.now))
+        return self.take(self.fleet.cancel_vda_order(self.robot.key, self.now))
 
     def instruct(self, action: Action) -> Outputs:
         return self.take(self.fleet.instant_action(self.robot.key, action, self.now))
@@ -160,15 +160,15 @@ class Bench:
         return [each for each in self.news if isinstance(each, kind)]
 
     def ends(self) -> Counter[str]:
-        """Count the ends that were told, by mission."""
-        return Counter(each.mission_id for each in self.news if isinstance(each, ENDS))
+        """Count the ends that were told, by VDA order."""
+        return Counter(each.order_id for each in self.news if isinstance(each, ENDS))
 
     def story(self) -> list[str]:
         """Name the news but RobotChanged."""
         return [type(each).__name__ for each in self.news if not isinstance(each, RobotChanged)]
 
     def orders_sent(self) -> list[str]:
-        return [each.mission.mission_id for each in self.sent if isinstance(each, PublishOrder)]
+        return [each.vda_order.order_id for each in self.sent if isinstance(each, PublishOrder)]
 
     def instants_sent(self) -> list[str]:
         return [
@@ -182,22 +182,22 @@ class Bench:
 def hand_over(output: PublishOrder | PublishInstantActions, robot: HonestRobot) -> None:
     """Let a robot take what was sent to it."""
     if isinstance(output, PublishOrder):
-        robot.take_order(order_of(output.mission, robot, output.order_update_id))
+        robot.take_order(order_of(output.vda_order, robot, output.order_update_id))
     else:
         robot.take_instant_actions(instants_of(output.actions, robot))
 
 
-def order_of(mission: Mission, robot: HonestRobot, update_id: int = 0) -> Order:
+def order_of(vda_order: VdaOrder, robot: HonestRobot, update_id: int = 0) -> Order:
     return Order(
         header_id=0,
         timestamp=START,
         version="2.1.0",
         manufacturer=robot.key.manufacturer,
         serial_number=robot.key.serial_number,
-        order_id=mission.mission_id,
+        order_id=vda_order.order_id,
         order_update_id=update_id,
-        nodes=mission.nodes,
-        edges=mission.edges,
+        nodes=vda_order.nodes,
+        edges=vda_order.edges,
     )
 
 

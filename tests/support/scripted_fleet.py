@@ -16,19 +16,19 @@ from nena_order_service.fleet import (
     FailureKind,
     InstantActionEnded,
     LinkStatus,
-    Mission,
-    MissionAccepted,
-    MissionCancelled,
-    MissionFailed,
-    MissionFinished,
     NodePassed,
     OperationMap,
     OperationStarted,
     RobotBusyError,
     RobotChanged,
     RobotView,
+    VdaOrder,
+    VdaOrderAccepted,
+    VdaOrderCancelled,
+    VdaOrderFailed,
+    VdaOrderFinished,
 )
-from nena_order_service.fleet.mission import grown
+from nena_order_service.fleet.vda_order import grown
 from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.routing import Router
 from nena_order_service.state import FleetState
@@ -94,7 +94,7 @@ class MemoryStore(Store):
 
 @dataclass
 class ScriptedFleet:
-    """Robots that are online at a point and take a mission; the test tells their news."""
+    """Robots that are online at a point and take a VDA order; the test tells their news."""
 
     at: dict[str, str]
     """Where each robot stands, by the vehicle's name."""
@@ -109,46 +109,48 @@ class ScriptedFleet:
     """Seconds for which the broker is there."""
     """Whether the broker has not told yet which robots there are."""
     notes: dict[str, str] = field(default_factory=dict)
-    """What each robot's mission waits for."""
+    """What each robot's VDA order waits for."""
     engine: Engine | None = None
-    missions: dict[RobotKey, Mission] = field(default_factory=dict)
-    sent: list[tuple[str, Mission]] = field(default_factory=list)
+    missions: dict[RobotKey, VdaOrder] = field(default_factory=dict)
+    sent: list[tuple[str, VdaOrder]] = field(default_factory=list)
     adopted: list[tuple[str, str, bool]] = field(default_factory=list)
-    extended: list[tuple[str, Mission]] = field(default_factory=list)
+    extended: list[tuple[str, VdaOrder]] = field(default_factory=list)
     updates: dict[str, int] = field(default_factory=dict)
-    """The update that each mission was adopted with."""
+    """The update that each VDA order was adopted with."""
     cancelled: list[str] = field(default_factory=list)
     actions: list[tuple[str, str]] = field(default_factory=list)
     instants: list[Action] = field(default_factory=list)
     """The instant actions that robots were sent."""
 
-    def start_mission(self, robot: RobotKey, mission: Mission) -> None:
+    def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
         if robot in self.missions:
-            raise RobotBusyError(robot, self.missions[robot].mission_id)
-        self.missions[robot] = mission
-        self.sent.append((robot.serial_number, mission))
+            raise RobotBusyError(robot, self.missions[robot].order_id)
+        self.missions[robot] = vda_order
+        self.sent.append((robot.serial_number, vda_order))
 
-    def extend_mission(self, robot: RobotKey, mission: Mission) -> None:
-        grown(self.missions[robot], mission)
-        self.missions[robot] = mission
-        self.extended.append((robot.serial_number, mission))
+    def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
+        grown(self.missions[robot], vda_order)
+        self.missions[robot] = vda_order
+        self.extended.append((robot.serial_number, vda_order))
 
     def pass_node(self, name: str, index: int) -> None:
-        """Let a robot have passed the ``index``-th node of its mission."""
-        mission = self.missions[key(name)]
-        node = mission.nodes[index]
-        self._tell(NodePassed(key(name), mission.mission_id, node.node_id, node.sequence_id))
+        """Let a robot have passed the ``index``-th node of its VDA order."""
+        vda_order = self.missions[key(name)]
+        node = vda_order.nodes[index]
+        self._tell(NodePassed(key(name), vda_order.order_id, node.node_id, node.sequence_id))
 
     def want_base(self, name: str) -> None:
         """Let a robot ask for more base."""
-        self._tell(BaseWanted(key(name), self.missions[key(name)].mission_id))
+        self._tell(BaseWanted(key(name), self.missions[key(name)].order_id))
 
-    def adopt_mission(self, robot: RobotKey, mission: Mission, *, accepted: bool, update_id: int = 0) -> None:
-        self.missions[robot] = mission
+    def adopt_vda_order(
+        self, robot: RobotKey, vda_order: VdaOrder, *, accepted: bool, update_id: int = 0
+    ) -> None:
+        self.missions[robot] = vda_order
         self.updates[robot.serial_number] = update_id
-        self.adopted.append((robot.serial_number, mission.mission_id, accepted))
+        self.adopted.append((robot.serial_number, vda_order.order_id, accepted))
 
-    def cancel_mission(self, robot: RobotKey) -> None:
+    def cancel_vda_order(self, robot: RobotKey) -> None:
         self.cancelled.append(robot.serial_number)
 
     def instant_action(self, robot: RobotKey, action: Action) -> None:
@@ -174,9 +176,9 @@ class ScriptedFleet:
             state=self._state(robot) if told else None,
             state_at=self.engine.clock.monotonic() + 0.001 if here and self.engine else None,
             factsheet=None,
-            mission_id=None,
-            mission_phase=None,
-            mission_note=self.notes.get(robot.serial_number, "") if busy else "",
+            order_id=None,
+            order_phase=None,
+            wait_reason=self.notes.get(robot.serial_number, "") if busy else "",
             malformed=0,
         )
 
@@ -195,11 +197,11 @@ class ScriptedFleet:
         self._tell(RobotChanged(key(name)))
 
     def accept(self, name: str) -> None:
-        """Let a robot echo its mission."""
-        self._tell(MissionAccepted(key(name), self.missions[key(name)].mission_id))
+        """Let a robot echo its VDA order."""
+        self._tell(VdaOrderAccepted(key(name), self.missions[key(name)].order_id))
 
     def finish(self, name: str, *, at: str | None = None) -> bool:
-        """Let a robot do its mission, and stand at the end of it unless told otherwise.
+        """Let a robot do its VDA order, and stand at the end of it unless told otherwise.
 
         It drives as far as it may; gives False where that is not to the end.
         """
@@ -210,48 +212,48 @@ class ScriptedFleet:
             self.pass_node(name, reached)
             if self.missions[robot].nodes == base:
                 return False
-        mission = self.missions.pop(robot)
-        self.at[name] = at or mission.nodes[-1].node_id
-        self._tell(MissionFinished(key(name), mission.mission_id))
+        vda_order = self.missions.pop(robot)
+        self.at[name] = at or vda_order.nodes[-1].node_id
+        self._tell(VdaOrderFinished(key(name), vda_order.order_id))
         self._tell(RobotChanged(key(name)))
         return True
 
     def fail(
         self, name: str, reason: str = "wheel lost", kind: FailureKind = FailureKind.DRIVE, *, at: str = ""
     ) -> None:
-        """Let a robot's mission have failed, and the robot stand where it was unless told otherwise."""
-        mission = self.missions.pop(key(name))
+        """Let a robot's VDA order have failed, and the robot stand where it was unless told otherwise."""
+        vda_order = self.missions.pop(key(name))
         self.at[name] = at or self.at[name]
-        self._tell(MissionFailed(key(name), mission.mission_id, reason, ("FATAL wheel",), kind))
+        self._tell(VdaOrderFailed(key(name), vda_order.order_id, reason, ("FATAL wheel",), kind))
         self._tell(RobotChanged(key(name)))
 
     def fail_operation(self, name: str) -> None:
-        """Let a robot have come to the end of its mission, and its operation have failed there."""
+        """Let a robot have come to the end of its VDA order, and its operation have failed there."""
         self.operate(name)
         self.fail(
             name, "the action has failed", FailureKind.ACTION, at=self.missions[key(name)].nodes[-1].node_id
         )
 
     def operate(self, name: str) -> None:
-        """Let a robot have come to the end of its mission, and have begun what is to be done there."""
-        mission = self.missions[key(name)]
-        self.pass_node(name, len(mission.nodes) - 1)
-        self._tell(OperationStarted(key(name), mission.mission_id))
+        """Let a robot have come to the end of its VDA order, and have begun what is to be done there."""
+        vda_order = self.missions[key(name)]
+        self.pass_node(name, len(vda_order.nodes) - 1)
+        self._tell(OperationStarted(key(name), vda_order.order_id))
 
     def wait_for_retry(self, name: str) -> None:
-        """Let an action of a robot's mission have failed that may be tried again."""
-        mission = self.missions[key(name)]
-        failed = mission.actions[0].action_id
-        self._tell(ActionRetriable(key(name), mission.mission_id, failed, "the action has failed"))
+        """Let an action of a robot's VDA order have failed that may be tried again."""
+        vda_order = self.missions[key(name)]
+        failed = vda_order.actions[0].action_id
+        self._tell(ActionRetriable(key(name), vda_order.order_id, failed, "the action has failed"))
 
     def answer_instant(self, name: str, status: ActionStatus) -> None:
         """Let a robot have ended the last instant action that it was sent."""
         self._tell(InstantActionEnded(key(name), self.instants[-1], status, "done"))
 
     def confirm_cancel(self, name: str) -> None:
-        """Let a robot have let its mission go."""
-        mission = self.missions.pop(key(name))
-        self._tell(MissionCancelled(key(name), mission.mission_id))
+        """Let a robot have let its VDA order go."""
+        vda_order = self.missions.pop(key(name))
+        self._tell(VdaOrderCancelled(key(name), vda_order.order_id))
         self._tell(RobotChanged(key(name)))
 
     def _tell(self, news: object) -> None:

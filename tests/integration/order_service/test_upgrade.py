@@ -55,11 +55,11 @@ def assert_kept(before: Any, now: Any) -> None:
 
 async def robot_takes_its_order(fleet: Fleet, wire: MqttPeer) -> None:
     """Send the robot what the first release had noted to send, as if it had been killed after that."""
-    (noted,) = in_first_store("SELECT document FROM missions")
+    (noted,) = in_first_store("SELECT document FROM VDA orders")
     record = SentOrder.model_validate_json(json.dumps(noted))
     topic = f"{fleet.interface}/v2/NeNa/robot-01"
     await wire.wait_for(f"{topic}/state")
-    _, message = Outgoing(SystemClock()).message(PublishOrder(record.robot, record.mission), "2.1.0")
+    _, message = Outgoing(SystemClock()).message(PublishOrder(record.robot, record.vda_order), "2.1.0")
     wire.publish(f"{topic}/order", CODEC.encode(message))
     await wire.wait_for(f"{topic}/state", lambda state: b'"orderId":"running-4-0"' in state.payload)
 

@@ -12,11 +12,11 @@ from nena_order_service.engine import Engine
 from nena_order_service.fleet import (
     FleetController,
     FleetSettings,
-    Mission,
     Outputs,
     PublishInstantActions,
     PublishOrder,
     RobotView,
+    VdaOrder,
 )
 from nena_shared.clock import ManualClock
 from nena_shared.vda5050.action import Action
@@ -129,18 +129,22 @@ class CoreFleet:
 
         self._wire.bring(("order", robot.key), arrives)
 
-    def start_mission(self, robot: RobotKey, mission: Mission) -> None:
-        self._take(self.core.start_mission(robot, mission, self.now))
+    def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
+        self._take(self.core.start_vda_order(robot, vda_order, self.now))
 
-    def adopt_mission(self, robot: RobotKey, mission: Mission, *, accepted: bool, update_id: int = 0) -> None:
-        outputs = self.core.adopt_mission(robot, mission, self.now, accepted=accepted, update_id=update_id)
+    def adopt_vda_order(
+        self, robot: RobotKey, vda_order: VdaOrder, *, accepted: bool, update_id: int = 0
+    ) -> None:
+        outputs = self.core.adopt_vda_order(
+            robot, vda_order, self.now, accepted=accepted, update_id=update_id
+        )
         self._take(outputs)
 
-    def extend_mission(self, robot: RobotKey, mission: Mission) -> None:
-        self._take(self.core.extend_mission(robot, mission, self.now))
+    def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
+        self._take(self.core.extend_vda_order(robot, vda_order, self.now))
 
-    def cancel_mission(self, robot: RobotKey) -> None:
-        self._take(self.core.cancel_mission(robot, self.now))
+    def cancel_vda_order(self, robot: RobotKey) -> None:
+        self._take(self.core.cancel_vda_order(robot, self.now))
 
     def instant_action(self, robot: RobotKey, action: Action) -> None:
         self._take(self.core.instant_action(robot, action, self.now))

@@ -14,15 +14,15 @@ from nena_order_service.fleet import (
     FleetController,
     FleetOutput,
     FleetSettings,
-    Mission,
-    MissionAccepted,
-    MissionCancelled,
-    MissionFailed,
-    MissionFinished,
     NodePassed,
     OperationStarted,
     PublishInstantActions,
     PublishOrder,
+    VdaOrder,
+    VdaOrderAccepted,
+    VdaOrderCancelled,
+    VdaOrderFailed,
+    VdaOrderFinished,
 )
 from nena_shared.vda5050.action import InstantActions
 from nena_shared.vda5050.connection import Connection
@@ -73,10 +73,10 @@ class Fleet:
             case State() as message:
                 yield from self.controller.on_state(self.robot, message, now)
             case Order() as order:
-                mission = Mission(mission_id=order.order_id, nodes=order.nodes, edges=order.edges)
-                yield from self.controller.start_mission(self.robot, mission, now)
+                vda_order = VdaOrder(order_id=order.order_id, nodes=order.nodes, edges=order.edges)
+                yield from self.controller.start_vda_order(self.robot, vda_order, now)
             case InstantActions() as message if message.actions[0].action_id in self.cancel_ids[:1]:
-                yield from self.controller.cancel_mission(self.robot, now)
+                yield from self.controller.cancel_vda_order(self.robot, now)
 
     def news(self, *kinds: type[FleetOutput]) -> list[FleetOutput]:
         return [each for each in self.outputs if isinstance(each, kinds)]
@@ -110,17 +110,17 @@ def test_fleet_control_sends_the_same_order_and_follows_it_to_its_end(version: s
 
     (sent,) = fleet.news(PublishOrder)
     assert isinstance(sent, PublishOrder)
-    assert (sent.mission.mission_id, sent.mission.nodes, sent.mission.edges) == (
+    assert (sent.vda_order.order_id, sent.vda_order.nodes, sent.vda_order.edges) == (
         name,
         order.nodes,
         order.edges,
     )
-    assert fleet.news(MissionAccepted) == [MissionAccepted(robot, name)]
+    assert fleet.news(VdaOrderAccepted) == [VdaOrderAccepted(robot, name)]
     passed = [NodePassed(robot, name, node.node_id, node.sequence_id) for node in order.nodes]
     assert fleet.news(NodePassed) == passed
     started = [OperationStarted(robot, name)] if any(node.actions for node in order.nodes) else []
     assert fleet.news(OperationStarted) == started
-    assert fleet.news(MissionFinished, MissionFailed) == [MissionFinished(robot, name)]
+    assert fleet.news(VdaOrderFinished, VdaOrderFailed) == [VdaOrderFinished(robot, name)]
 
 
 @pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
@@ -131,8 +131,8 @@ def test_fleet_control_cancels_the_same_way(version: str) -> None:
     (sent, *_) = fleet.news(PublishInstantActions)
     assert isinstance(sent, PublishInstantActions)
     assert [(each.action_type, each.action_id) for each in sent.actions] == [(CANCEL, fleet.cancel_ids[0])]
-    ends = fleet.news(MissionFinished, MissionFailed, MissionCancelled)
-    assert ends == [MissionCancelled(fleet.robot, order.order_id)]
+    ends = fleet.news(VdaOrderFinished, VdaOrderFailed, VdaOrderCancelled)
+    assert ends == [VdaOrderCancelled(fleet.robot, order.order_id)]
 
 
 @pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
@@ -140,11 +140,11 @@ def test_fleet_control_understands_refusals(version: str) -> None:
     fleet = replayed(version, "refusals")
     far, dance, good = (order.order_id for order in fleet.orders)
 
-    first, second, third = fleet.news(MissionFailed, MissionFinished)
-    assert isinstance(first, MissionFailed)
-    assert isinstance(second, MissionFailed)
-    assert (first.mission_id, second.mission_id) == (far, dance)
-    assert third == MissionFinished(fleet.robot, good)
+    first, second, third = fleet.news(VdaOrderFailed, VdaOrderFinished)
+    assert isinstance(first, VdaOrderFailed)
+    assert isinstance(second, VdaOrderFailed)
+    assert (first.order_id, second.order_id) == (far, dance)
+    assert third == VdaOrderFinished(fleet.robot, good)
 
 
 @pytest.mark.parametrize("version", ["2.0.0", "2.1.0", "3.0.0"])
@@ -155,9 +155,9 @@ def test_fleet_control_cancels_what_has_failed(version: str) -> None:
     (sent, *_) = fleet.news(PublishInstantActions)
     assert isinstance(sent, PublishInstantActions)
     assert [(each.action_type, each.action_id) for each in sent.actions] == [(CANCEL, fleet.cancel_ids[0])]
-    (end,) = fleet.news(MissionFinished, MissionFailed, MissionCancelled)
-    assert isinstance(end, MissionFailed)
-    assert end.mission_id == order.order_id
+    (end,) = fleet.news(VdaOrderFinished, VdaOrderFailed, VdaOrderCancelled)
+    assert isinstance(end, VdaOrderFailed)
+    assert end.order_id == order.order_id
     assert "it always fails" in " ".join((end.reason, *end.details))
 
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from nena_order_service.fleet import Availability, LinkStatus, RobotView
-from nena_order_service.fleet.robot import MissionPhase
+from nena_order_service.fleet.robot import VdaOrderPhase
 from nena_order_service.host_requests import delivery_status
 from nena_shared.fleet_api.transport_order import DeliveryPhase
 from nena_shared.fleet_api.vehicle import VehicleState
@@ -20,9 +20,9 @@ VIEW = RobotView(
     state_at=None,
     factsheet=None,
     malformed=0,
-    mission_id="T-1-0",
-    mission_phase=MissionPhase.SENT,
-    mission_note="no state echoes it yet",
+    order_id="T-1-0",
+    order_phase=VdaOrderPhase.SENT,
+    wait_reason="no state echoes it yet",
 )
 
 
@@ -35,7 +35,7 @@ def test_sent_order_is_not_delivered_before_a_state_echoes_it() -> None:
 
 
 def test_delivered_order_says_which_update_the_robot_has() -> None:
-    echo = replace(VIEW, mission_phase=MissionPhase.RUNNING, state=state(order_id="T-1-0", order_update_id=2))
+    echo = replace(VIEW, order_phase=VdaOrderPhase.RUNNING, state=state(order_id="T-1-0", order_update_id=2))
     told = delivery_status(assigned_order().status, echo)
     assert (told.phase, told.echoed_update_id) == (DeliveryPhase.DELIVERED, 2)
 
@@ -45,14 +45,14 @@ def test_nothing_is_delivered_of_an_order_without_a_vehicle_or_at_its_end() -> N
     for status, view in (
         (order.status, None),
         (order.finished(NOW).status, VIEW),
-        (order.status, replace(VIEW, mission_id="T-9-0")),
-        (order.status, replace(VIEW, mission_id=None, mission_phase=None)),
+        (order.status, replace(VIEW, order_id="T-9-0")),
+        (order.status, replace(VIEW, order_id=None, order_phase=None)),
     ):
         told = delivery_status(status, view)
         assert (told.phase, told.order_id) == (DeliveryPhase.NONE, None)
 
 
-def test_a_drive_order_that_is_tried_again_is_delivered_by_its_newest_mission() -> None:
-    again = replace(VIEW, mission_id="T-1-0~2", mission_phase=MissionPhase.RUNNING)
+def test_a_drive_order_that_is_tried_again_is_delivered_by_its_newest_vda_order() -> None:
+    again = replace(VIEW, order_id="T-1-0~2", order_phase=VdaOrderPhase.RUNNING)
     told = delivery_status(assigned_order().status, again)
     assert (told.phase, told.order_id) == (DeliveryPhase.DELIVERED, "T-1-0~2")

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_order_service.engine import Engine
-from nena_order_service.fleet import Mission
+from nena_order_service.fleet import VdaOrder
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.traffic.driving import EVASION_PAUSE
 from nena_shared.fleet_api.transport_order import (
@@ -84,7 +84,7 @@ def now(engine: Engine, order: TransportOrder) -> TransportOrderStatus:
 
 
 def sent(fleet: ScriptedFleet) -> list[tuple[str, str]]:
-    return [(robot, mission.mission_id) for robot, mission in fleet.sent]
+    return [(robot, vda_order.order_id) for robot, vda_order in fleet.sent]
 
 
 async def test_nothing_is_sent_or_told_before_it_is_committed(
@@ -101,19 +101,19 @@ async def test_nothing_is_sent_or_told_before_it_is_committed(
     assert ear.vehicles[-1].transport_order == "T"
 
 
-async def test_each_drive_order_is_a_mission_from_where_the_robot_stands(
+async def test_each_drive_order_is_a_vda_order_from_where_the_robot_stands(
     engine: Engine, fleet: ScriptedFleet
 ) -> None:
     order = engine.create(request("L:Load", "A"), "T")
     fleet.finish("V1")
     fleet.finish("V1")
     assert now(engine, order).state is S.FINISHED
-    nodes = [[node.node_id for node in mission.nodes] for _, mission in fleet.sent]
+    nodes = [[node.node_id for node in vda_order.nodes] for _, vda_order in fleet.sent]
     assert nodes == [["A", "B", "C"], ["C", "D", "A"]]
-    assert [len(mission.actions) for _, mission in fleet.sent] == [1, 0]
+    assert [len(vda_order.actions) for _, vda_order in fleet.sent] == [1, 0]
 
 
-async def test_failed_mission_fails_the_order_and_frees_the_vehicle(
+async def test_failed_vda_order_fails_the_order_and_frees_the_vehicle(
     engine: Engine, fleet: ScriptedFleet
 ) -> None:
     first, second = engine.create(request("B"), "T1"), engine.create(request("B"), "T2")
@@ -141,12 +141,12 @@ async def test_order_whose_robot_is_lost_says_so_until_it_is_back(
     assert now(engine, order).reason == "vehicle V1 travels to destination 1 of 1"
 
 
-async def test_robot_that_does_not_take_the_mission_fails_the_order(
+async def test_robot_that_does_not_take_the_vda_order_fails_the_order(
     engine: Engine, store: MemoryStore, fleet: ScriptedFleet
 ) -> None:
     store.held = True
     order = engine.create(request("B", "C"), "T")
-    fleet.missions[key("V1")] = Mission(mission_id="other", nodes=(), edges=())
+    fleet.missions[key("V1")] = VdaOrder(order_id="other", nodes=(), edges=())
     store.release()
     assert now(engine, order).state is S.FAILED
     assert "'other'" in now(engine, order).reason
@@ -269,7 +269,7 @@ async def test_restart_with_another_plant_fails_what_cannot_go_on(engine: Engine
     assert "'L'" in now(again, order).reason
 
 
-async def test_restart_before_the_mission_was_sent_sends_it(engine: Engine, store: MemoryStore) -> None:
+async def test_restart_before_the_vda_order_was_sent_sends_it(engine: Engine, store: MemoryStore) -> None:
     order = engine.create(request("B"), "T")
     store.found.missions.clear()
     fleet = ScriptedFleet({"V1": "A"}, mute={"V1"})
@@ -284,7 +284,7 @@ async def test_restart_before_the_mission_was_sent_sends_it(engine: Engine, stor
     assert now(again, order).state is S.FINISHED
 
 
-async def test_restart_with_a_mission_that_cannot_be_read_fails_the_order(
+async def test_restart_with_a_vda_order_that_cannot_be_read_fails_the_order(
     engine: Engine, store: MemoryStore
 ) -> None:
     order = engine.create(request("B"), "T")
@@ -349,7 +349,7 @@ async def _play(steps: list[str], chance: Random) -> None:
         elif step == "withdraw" and (alive := list(engine.state.orders.unfinished())):
             engine.withdraw(chance.choice(alive).number, "x")
         elif step == "restart":
-            started += [mission.mission_id for _, mission in fleet.sent]
+            started += [vda_order.order_id for _, vda_order in fleet.sent]
             missions, at = fleet.missions, fleet.at
             fleet = ScriptedFleet(at)
             engine = await make_engine(ROOMY, store, fleet)
@@ -361,7 +361,7 @@ async def _play(steps: list[str], chance: Random) -> None:
             _robot_acts(step, fleet, chance)
     _let_all_end(engine, fleet, 20 * count + 20)
 
-    started += [mission.mission_id for _, mission in fleet.sent]
+    started += [vda_order.order_id for _, vda_order in fleet.sent]
     assert len(started) == len(set(started))
     assert list(engine.state.orders.unfinished()) == []
     ends = [status.name for status in ear.orders if status.state.final]

@@ -82,7 +82,9 @@ async def test_nothing_is_given_before_each_robot_was_heard() -> None:
     fleet.mute.clear()
     fleet.appear("V2", "D")
     assert held(engine, "V2") == ["D"]
-    assert [len([node for node in mission.nodes if node.released]) for _, mission in fleet.extended] == [3]
+    assert [len([node for node in vda_order.nodes if node.released]) for _, vda_order in fleet.extended] == [
+        3
+    ]
 
 
 async def test_a_robot_that_never_speaks_again_keeps_its_place() -> None:

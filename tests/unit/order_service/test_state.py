@@ -21,7 +21,7 @@ from nena_shared.fleet_api.transport_order import (
 )
 from nena_shared.fleet_api.vehicle import IntegrationLevel, VehicleStatus
 from nena_shared.plant import Vehicle
-from support.fleet import make_mission
+from support.fleet import make_vda_order
 from support.order_service import NOW, assigned_order, dispatchable_order
 from support.scripted_fleet import MemoryStore, key, make_state
 
@@ -101,11 +101,11 @@ def test_queue_is_in_the_order_of_urgency_and_holds_what_waits(
 ROBOT = key("V-1")
 
 
-def test_a_robot_works_for_its_order_before_between_and_after_missions() -> None:
+def test_a_robot_works_for_its_order_before_between_and_after_vda_orders() -> None:
     state = make_state()
     book = state.sent_orders
     order = assigned_order("A", "B")
-    record = SentOrder.of(ROBOT, make_mission("m", "A", "B"), 0)
+    record = SentOrder.of(ROBOT, make_vda_order("m", "A", "B"), 0)
     book.assign(order, ROBOT)
     assert (book.order_number(ROBOT), book.of_order(order)) == (1, None)
 
@@ -122,12 +122,12 @@ def test_a_robot_works_for_its_order_before_between_and_after_missions() -> None
     assert book.release(order) is None
 
 
-def test_an_order_that_ends_takes_its_mission_with_it() -> None:
+def test_an_order_that_ends_takes_its_vda_order_with_it() -> None:
     state = make_state()
     book = state.sent_orders
     order = assigned_order("A")
     book.assign(order, ROBOT)
-    book.put(SentOrder.of(ROBOT, make_mission("m", "A", "B"), 0))
+    book.put(SentOrder.of(ROBOT, make_vda_order("m", "A", "B"), 0))
     take(state)
 
     book.release(order)
@@ -136,11 +136,11 @@ def test_an_order_that_ends_takes_its_mission_with_it() -> None:
     assert take(state)[0].missions == {1: None}
 
 
-def test_making_room_is_no_mission_of_the_order() -> None:
+def test_making_room_is_no_vda_order_of_the_order() -> None:
     state = make_state()
     vehicles, book = state.vehicles, state.sent_orders
     order = assigned_order("A")
-    evasion = SentOrder.of(ROBOT, make_mission("e", "A", "B"), None)
+    evasion = SentOrder.of(ROBOT, make_vda_order("e", "A", "B"), None)
     book.assign(order, ROBOT)
     book.put(evasion)
 

@@ -7,7 +7,7 @@ from typing import Protocol
 from pydantic import Field
 
 from nena_order_service.dispatching.settings import DispatchSettings
-from nena_order_service.fleet import Mission, RobotView
+from nena_order_service.fleet import RobotView, VdaOrder
 from nena_order_service.orders.vda_orders import OrderPlanner
 from nena_order_service.routing.vehicle_routes import VehicleRoutes
 from nena_order_service.state import FleetState
@@ -66,20 +66,22 @@ class EngineSettings(SettingsGroup):
 class FleetControl(Protocol):
     """Sends to robots what it is told, and tells how they are; its news go to the kernel's ``on_news``."""
 
-    def start_mission(self, robot: RobotKey, mission: Mission) -> None:
-        """Send a mission; raises RobotBusyError."""
+    def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
+        """Send a VDA order; raises RobotBusyError."""
         ...
 
-    def adopt_mission(self, robot: RobotKey, mission: Mission, *, accepted: bool, update_id: int = 0) -> None:
-        """Take up a mission from before a restart; raises RobotBusyError."""
+    def adopt_vda_order(
+        self, robot: RobotKey, vda_order: VdaOrder, *, accepted: bool, update_id: int = 0
+    ) -> None:
+        """Take up a VDA order from before a restart; raises RobotBusyError."""
         ...
 
-    def extend_mission(self, robot: RobotKey, mission: Mission) -> None:
-        """Give the robot's mission a newer plan; raises BaseChangedError."""
+    def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
+        """Give the robot's VDA order a newer plan; raises BaseChangedError."""
         ...
 
-    def cancel_mission(self, robot: RobotKey) -> None:
-        """End the robot's mission early."""
+    def cancel_vda_order(self, robot: RobotKey) -> None:
+        """End the robot's VDA order early."""
         ...
 
     def instant_action(self, robot: RobotKey, action: Action) -> None:

@@ -23,16 +23,16 @@ from nena_order_service.fleet import (
     FleetOutput,
     InstantActionEnded,
     LinkStatus,
-    MissionAccepted,
-    MissionCancelled,
-    MissionFailed,
-    MissionFinished,
     NodePassed,
     OperationStarted,
     RobotChanged,
     RobotView,
+    VdaOrderAccepted,
+    VdaOrderCancelled,
+    VdaOrderFailed,
+    VdaOrderFinished,
 )
-from nena_order_service.fleet.mission import state_request
+from nena_order_service.fleet.vda_order import state_request
 from nena_order_service.orders.life_cycle import LifeCycle
 from nena_order_service.orders.rerouting import Rerouted, Rerouting
 from nena_order_service.orders.sequences import Sequences
@@ -317,7 +317,7 @@ class Engine:
                 self._life_cycle.give_up(vehicle.key, reason)
                 self._driving.take_out(vehicle)
                 if sent:
-                    self.state.after_commit(lambda: self.context.fleet.cancel_mission(vehicle.key))
+                    self.state.after_commit(lambda: self.context.fleet.cancel_vda_order(vehicle.key))
             self._positions.set_level(vehicle, level)
             self.state.dispatch_due = self.state.drive_due = True
             self.state.vehicle_changed(vehicle.name)
@@ -383,18 +383,18 @@ class Engine:
             case ActionRetriable():
                 self._life_cycle.on_retriable_action(event)
             case (
-                MissionAccepted()
+                VdaOrderAccepted()
                 | OperationStarted()
-                | MissionFinished()
-                | MissionFailed()
-                | MissionCancelled()
+                | VdaOrderFinished()
+                | VdaOrderFailed()
+                | VdaOrderCancelled()
             ):
                 self._life_cycle.on_order_event(event)
                 self._life_cycle.update_reason(self.registry.discover(event.robot))
             case NodePassed():
-                self._driving.passed(event.mission_id, event.sequence_id)
+                self._driving.passed(event.order_id, event.sequence_id)
             case BaseWanted():
-                self._driving.base_wanted(event.mission_id)
+                self._driving.base_wanted(event.order_id)
             case _:
                 pass
 

@@ -24,8 +24,8 @@ from nena_order_service.errors import (
     VersionChangedError,
 )
 from nena_order_service.fleet import InstantActionEnded, LinkStatus, RobotView
-from nena_order_service.fleet.mission import fresh_id, mission_id
-from nena_order_service.fleet.robot import MissionPhase
+from nena_order_service.fleet.robot import VdaOrderPhase
+from nena_order_service.fleet.vda_order import fresh_id, order_id
 from nena_order_service.orders.order_sequence import OrderSequence
 from nena_order_service.orders.transport_order import TransportOrder, sortable_id
 from nena_order_service.orders.validation import check_request
@@ -98,28 +98,28 @@ async def committed(unit_of_work: UnitOfWork, store: Store, seconds: float) -> N
 
 
 PHASES = {
-    MissionPhase.WAITING: DeliveryPhase.WAITING,
-    MissionPhase.SENT: DeliveryPhase.SENT,
-    MissionPhase.RUNNING: DeliveryPhase.DELIVERED,
-    MissionPhase.CANCELLING: DeliveryPhase.CANCELLING,
+    VdaOrderPhase.WAITING: DeliveryPhase.WAITING,
+    VdaOrderPhase.SENT: DeliveryPhase.SENT,
+    VdaOrderPhase.RUNNING: DeliveryPhase.DELIVERED,
+    VdaOrderPhase.CANCELLING: DeliveryPhase.CANCELLING,
 }
 
 
 def delivery_status(order: TransportOrderStatus, view: RobotView | None) -> DeliveryStatus:
     """Tell it of an order and the robot of its vehicle; None: no vehicle has the order, or it is gone."""
-    first = mission_id(order.name, order.current_drive_order_index)
-    own = view.mission_id if view else None
+    first = order_id(order.name, order.current_drive_order_index)
+    own = view.order_id if view else None
     tried = own is not None and (own == first or own.startswith(f"{first}~"))
-    if order.state.final or not tried or view is None or view.mission_phase is None:
+    if order.state.final or not tried or view is None or view.order_phase is None:
         return DeliveryStatus(transport_order=order.name, phase=DeliveryPhase.NONE)
     echoed = view.state is not None and view.state.order_id == own
     return DeliveryStatus(
         transport_order=order.name,
-        phase=PHASES[view.mission_phase],
+        phase=PHASES[view.order_phase],
         vehicle=order.processing_vehicle,
         order_id=own,
         echoed_update_id=view.state.order_update_id if view.state and echoed else None,
-        note=view.mission_note,
+        note=view.wait_reason,
     )
 
 

@@ -62,7 +62,7 @@ class Recovery:
         return vehicle.name if vehicle else name
 
     def take_up_order(self, order: TransportOrder, document: str) -> FleetVehicle:
-        """Take up an order's mission; gives the vehicle that its robot is now. Raises LostOrderError."""
+        """Take up an order's VDA order; gives the vehicle that its robot is now. Raises LostOrderError."""
         try:
             record = SentOrder.model_validate_json(document)
         except ValidationError as error:
@@ -74,17 +74,17 @@ class Recovery:
         self._state.sent_orders.load(record)
         vehicle = self._registry.discover(record.robot)
         if vehicle.name not in self._traffic:
-            start = record.mission.nodes[0].node_id
+            start = record.vda_order.nodes[0].node_id
             under = self._traffic.resources.at(start) if start in self._plant.points_by_name else NOWHERE
             self._traffic.restore(vehicle.name, [under], box_of(vehicle).length_mm)
         self._driving.resume(vehicle, record)
         self._state.after_commit(
-            lambda: self._context.fleet.adopt_mission(
+            lambda: self._context.fleet.adopt_vda_order(
                 record.robot, record.as_released(), accepted=record.accepted, update_id=record.update_id
             )
         )
         if record.cancelled:
-            self._state.after_commit(lambda: self._context.fleet.cancel_mission(record.robot))
+            self._state.after_commit(lambda: self._context.fleet.cancel_vda_order(record.robot))
         return vehicle
 
 

@@ -392,7 +392,7 @@ class SentOrders:
     def load(self, sent: SentOrder) -> None:
         """Add one that the store has as it is; its transport order is assigned already."""
         self._sent[sent.robot] = sent
-        self._by_id[sent.mission.mission_id] = sent.robot
+        self._by_id[sent.vda_order.order_id] = sent.robot
 
     def put(self, sent: SentOrder) -> None:
         """Add a new one, or the new version of one."""
@@ -431,7 +431,7 @@ class SentOrders:
 
     def _forget(self, sent: SentOrder) -> None:
         del self._sent[sent.robot]
-        del self._by_id[sent.mission.mission_id]
+        del self._by_id[sent.vda_order.order_id]
 
 
 class PendingInstantActions:

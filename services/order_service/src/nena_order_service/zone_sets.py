@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from nena_order_service.engine import Engine
 from nena_order_service.errors import StoreNotReadyError, UnknownZoneSetError, ZoneSetChangedError
 from nena_order_service.fleet import InstantActionEnded, LinkStatus
-from nena_order_service.fleet.mission import fresh_id
+from nena_order_service.fleet.vda_order import fresh_id
 from nena_order_service.store.changes import Changes
 from nena_order_service.vehicles.registry import FleetVehicle
 from nena_shared.fleet_api.plant import ZoneSetAtVehicle, ZoneSetPhase, ZoneSetStatus

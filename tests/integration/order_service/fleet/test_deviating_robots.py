@@ -14,7 +14,7 @@ from nena_shared.mqtt import Outbound
 from nena_shared.vda5050.repair import RepairKind
 from nena_shared.vda5050.topics import Topic
 from support.broker import Broker
-from support.fleet import make_mission
+from support.fleet import make_vda_order
 from support.honest_robot import ROBOT
 from support.waiting import until
 from support.wired_robot import QUICK, WiredFleet, WiredRobot
@@ -62,11 +62,11 @@ async def test_a_robot_that_deviates_finishes_its_order(
         DeviatingRobot(broker, interface_name, change).connected() as robot,
     ):
         await until(lambda: fleet.fleet.view(ROBOT).availability.can_take_order, what="a free robot")
-        fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B", operation="pick"))
-        await fleet.wait_for("MissionAccepted")
+        fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B", operation="pick"))
+        await fleet.wait_for("VdaOrderAccepted")
         for _ in range(3):
             robot.step()
-        await fleet.wait_for("MissionFinished")
+        await fleet.wait_for("VdaOrderFinished")
         found = {(each.field, each.kind) for each in fleet.fleet.deviations.of(ROBOT)}
     assert ("state.agvPosition.theta", RepairKind.ANGLE_WRAPPED) in found
     assert fleet.fleet.malformed == 0

@@ -8,14 +8,14 @@ from collections.abc import AsyncIterator
 
 import pytest
 
-from nena_order_service.fleet import FleetSettings, LinkStatus, MissionFailed
+from nena_order_service.fleet import FleetSettings, LinkStatus, VdaOrderFailed
 from nena_order_service.fleet.addresses import KEY_LENGTH
 from nena_shared.plant import Vehicle
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 from nena_shared.vda5050.versions import codec_for
 from support.broker import Broker, MqttPeer
-from support.fleet import make_mission
+from support.fleet import make_vda_order
 from support.honest_robot import ROBOT, HonestRobot
 from support.schemas import schema_problems
 from support.waiting import until
@@ -47,20 +47,20 @@ async def free(fleet: WiredFleet, robot: RobotKey = ROBOT) -> None:
 
 
 @pytest.mark.clause("6.6.2/fleet", "6.1.2/confirm")
-async def test_a_mission_goes_its_whole_way(fleet: WiredFleet, robot: WiredRobot) -> None:
+async def test_a_vda_order_goes_its_whole_way(fleet: WiredFleet, robot: WiredRobot) -> None:
     await free(fleet)
-    fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B", operation="pick"))
-    await fleet.wait_for("MissionAccepted")
+    fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B", operation="pick"))
+    await fleet.wait_for("VdaOrderAccepted")
     for _ in range(3):
         robot.step()
-    await fleet.wait_for("MissionFinished")
+    await fleet.wait_for("VdaOrderFinished")
     assert robot.received == {"m": 1}
     assert fleet.story() == [
-        "MissionAccepted",
+        "VdaOrderAccepted",
         "NodePassed",
         "NodePassed",
         "OperationStarted",
-        "MissionFinished",
+        "VdaOrderFinished",
     ]
 
 
@@ -73,9 +73,9 @@ async def test_what_is_sent_is_what_the_standard_wants(
     with MqttPeer(
         broker, f"{interface_name}/v2/+/+/order", f"{interface_name}/v2/+/+/instantActions"
     ) as peer:
-        fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B", operation="pick"))
+        fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B", operation="pick"))
         first = await peer.wait_for(f"{interface_name}/v2/Honest/robot-1/order")
-        fleet.fleet.cancel_mission(ROBOT)
+        fleet.fleet.cancel_vda_order(ROBOT)
         second = await peer.wait_for(f"{interface_name}/v2/Honest/robot-1/instantActions")
     order, cancel = json.loads(first.payload), json.loads(second.payload)
     assert not first.retained
@@ -95,12 +95,12 @@ async def test_an_order_is_sent_again_with_new_headers_until_it_is_heard(
         robot.report()
         await free(fleet)
         robot.deaf = True
-        fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B"))
+        fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B"))
         await until(lambda: robot.received["m"] >= 3, what="the third sending")
         robot.deaf = False
-        await fleet.wait_for("MissionAccepted")
+        await fleet.wait_for("VdaOrderAccepted")
         robot.step()
-        await fleet.wait_for("MissionFinished")
+        await fleet.wait_for("VdaOrderFinished")
     assert robot.headers == list(range(len(robot.headers)))
     assert robot.robot.accepted == ["m"]
 
@@ -111,9 +111,9 @@ async def test_an_order_that_is_never_heard_fails(hasty_fleet: WiredFleet, robot
     robot.report()
     await free(fleet)
     robot.deaf = True
-    fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B"))
-    failed = await fleet.wait_for("MissionFailed")
-    assert isinstance(failed, MissionFailed)
+    fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B"))
+    failed = await fleet.wait_for("VdaOrderFailed")
+    assert isinstance(failed, VdaOrderFailed)
     assert failed.reason == "the order was sent 5 times, but the robot never took it up"
     await until(lambda: robot.received["m"] == 5, what="each sending at the robot")
 
@@ -126,19 +126,19 @@ async def test_a_refused_order_fails_with_the_robots_words(broker: Broker, inter
         WiredRobot(broker, interface_name, far).connected(),
     ):
         await free(fleet)
-        fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B"))
-        failed = await fleet.wait_for("MissionFailed")
-    assert isinstance(failed, MissionFailed)
+        fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B"))
+        failed = await fleet.wait_for("VdaOrderFailed")
+    assert isinstance(failed, VdaOrderFailed)
     assert failed.details == ("noRouteError: no",)
 
 
 @pytest.mark.clause("6.1.3/fleet")
-async def test_a_cancelled_mission_is_cancelled_at_the_robot(fleet: WiredFleet, robot: WiredRobot) -> None:
+async def test_a_cancelled_vda_order_is_cancelled_at_the_robot(fleet: WiredFleet, robot: WiredRobot) -> None:
     await free(fleet)
-    fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B"))
-    await fleet.wait_for("MissionAccepted")
-    fleet.fleet.cancel_mission(ROBOT)
-    await fleet.wait_for("MissionCancelled")
+    fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B"))
+    await fleet.wait_for("VdaOrderAccepted")
+    fleet.fleet.cancel_vda_order(ROBOT)
+    await fleet.wait_for("VdaOrderCancelled")
     assert robot.robot.idle
     assert robot.received == {"m": 1, "cancelOrder": 1}
 
@@ -176,8 +176,8 @@ async def test_malformed_messages_are_counted_and_change_nothing(
     await until(lambda: fleet.fleet.malformed == 4, what="four malformed messages")
     after = fleet.fleet.view(ROBOT)
     assert (after.state, after.link, after.malformed) == (before.state, before.link, 4)
-    fleet.fleet.start_mission(ROBOT, make_mission("m", "A"))
-    await fleet.wait_for("MissionFinished")
+    fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A"))
+    await fleet.wait_for("VdaOrderFinished")
 
 
 async def test_there_is_a_limit_to_the_robots_that_are_listened_to(
@@ -207,41 +207,41 @@ async def test_a_robot_whose_name_the_store_cannot_hold_is_not_listened_to(
 
 
 @pytest.mark.clause("4.1/offline")
-async def test_a_mission_outlives_a_restart_of_the_broker(own_broker: Broker, interface_name: str) -> None:
+async def test_a_vda_order_outlives_a_restart_of_the_broker(own_broker: Broker, interface_name: str) -> None:
     patient = FleetSettings(tick_interval=0.02, resend_after=0.1)
     async with (
         WiredFleet(own_broker, interface_name, patient).connected() as fleet,
         WiredRobot(own_broker, interface_name).connected() as robot,
     ):
         await free(fleet)
-        fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B", "C"))
-        await fleet.wait_for("MissionAccepted")
+        fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B", "C"))
+        await fleet.wait_for("VdaOrderAccepted")
         own_broker.kill()
-        await until(lambda: "no connection" in fleet.fleet.view(ROBOT).mission_note, what="the note")
-        fleet.fleet.cancel_mission(ROBOT)
+        await until(lambda: "no connection" in fleet.fleet.view(ROBOT).wait_reason, what="the note")
+        fleet.fleet.cancel_vda_order(ROBOT)
         own_broker.restart()
         await until(lambda: robot.link.state.connects >= 2, what="the robot's return")
         robot.report()
-        await fleet.wait_for("MissionCancelled")
+        await fleet.wait_for("VdaOrderCancelled")
         assert robot.robot.idle
 
 
 @pytest.mark.clause("6.6/restart")
-async def test_a_mission_is_adopted_by_a_new_process(
+async def test_a_vda_order_is_adopted_by_a_new_process(
     broker: Broker, interface_name: str, robot: WiredRobot
 ) -> None:
-    mission = make_mission("m", "A", "B", "C")
+    vda_order = make_vda_order("m", "A", "B", "C")
     async with WiredFleet(broker, interface_name).connected() as first:
         robot.report()
         await free(first)
-        first.fleet.start_mission(ROBOT, mission)
-        await first.wait_for("MissionAccepted")
+        first.fleet.start_vda_order(ROBOT, vda_order)
+        await first.wait_for("VdaOrderAccepted")
     robot.step()
     second = WiredFleet(broker, interface_name)
-    second.fleet.adopt_mission(ROBOT, mission, accepted=True)
+    second.fleet.adopt_vda_order(ROBOT, vda_order, accepted=True)
     async with second.connected():
         robot.step()
-        await second.wait_for("MissionFinished")
+        await second.wait_for("VdaOrderFinished")
     assert robot.received == {"m": 1}
 
 
@@ -254,11 +254,11 @@ async def test_a_robot_is_driven_in_its_own_version(
     with MqttPeer(broker, f"{interface_name}/+/+/+/order") as peer:
         async with wired.connected() as robot:
             await free(fleet)
-            fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B", operation="pick"))
-            await fleet.wait_for("MissionAccepted")
+            fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B", operation="pick"))
+            await fleet.wait_for("VdaOrderAccepted")
             for _ in range(3):
                 robot.step()
-            await fleet.wait_for("MissionFinished")
+            await fleet.wait_for("VdaOrderFinished")
         order = await peer.wait_for(f"{interface_name}/v{version[0]}/Honest/robot-1/order")
     assert json.loads(order.payload)["version"] == version
 
@@ -276,10 +276,10 @@ async def test_a_cancel_names_its_order_where_the_version_can(
     with MqttPeer(broker, topic) as peer:
         async with WiredRobot(broker, interface_name, robot, version).connected():
             await free(fleet)
-            fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B"))
-            await fleet.wait_for("MissionAccepted")
-            fleet.fleet.cancel_mission(ROBOT)
-            await fleet.wait_for("MissionCancelled")
+            fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B"))
+            await fleet.wait_for("VdaOrderAccepted")
+            fleet.fleet.cancel_vda_order(ROBOT)
+            await fleet.wait_for("VdaOrderCancelled")
         sent = json.loads((await peer.wait_for()).payload)
     assert schema_problems(version, Topic.INSTANT_ACTIONS, json.dumps(sent).encode()) == []
     (cancel,) = sent["actions"]
@@ -299,10 +299,10 @@ async def test_a_robot_is_found_where_the_plant_model_says(broker: Broker, inter
             WiredRobot(broker, own, HonestRobot(version="3.0.0"), "3.0.0").connected() as robot,
         ):
             await free(fleet)
-            fleet.fleet.start_mission(ROBOT, make_mission("m", "A", "B"))
-            await fleet.wait_for("MissionAccepted")
+            fleet.fleet.start_vda_order(ROBOT, make_vda_order("m", "A", "B"))
+            await fleet.wait_for("VdaOrderAccepted")
             robot.step()
-            await fleet.wait_for("MissionFinished")
+            await fleet.wait_for("VdaOrderFinished")
         peer.publish(old, b"", retain=True)
     assert robot.received == {"m": 1}
 
@@ -312,7 +312,7 @@ async def test_a_robot_is_found_where_the_plant_model_says(broker: Broker, inter
 async def test_a_new_process_speaks_the_robots_version_from_its_first_word(
     broker: Broker, interface_name: str, version: str
 ) -> None:
-    mission = make_mission("m", "A", "B")
+    vda_order = make_vda_order("m", "A", "B")
     patient = FleetSettings(tick_interval=0.02, resend_after=0.1)
     with MqttPeer(
         broker, *(f"{interface_name}/+/+/+/{each}" for each in ("order", "instantActions"))
@@ -323,10 +323,10 @@ async def test_a_new_process_speaks_the_robots_version_from_its_first_word(
             async with WiredFleet(broker, interface_name, patient).connected() as first:
                 await until(lambda: first.fleet.view(ROBOT).link is LinkStatus.ONLINE, what="the robot")
             second = WiredFleet(broker, interface_name, patient)
-            second.fleet.adopt_mission(ROBOT, mission, accepted=False)
+            second.fleet.adopt_vda_order(ROBOT, vda_order, accepted=False)
             async with second.connected():
                 wired.report()
-                await second.wait_for("MissionAccepted")
+                await second.wait_for("VdaOrderAccepted")
         messages = peer.received()
     assert {json.loads(each.payload)["version"] for each in messages} == {version}
     assert {each.topic.split("/")[-4] for each in messages} == {f"v{version[0]}"}

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from nena_order_service.fleet import InstantActionEnded, Mission, MissionFinished
+from nena_order_service.fleet import InstantActionEnded, VdaOrder, VdaOrderFinished
 from nena_shared.mqtt import Inbound
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.topics import RobotKey, Topic
@@ -94,9 +94,9 @@ async def test_one_robot_after_the_other_is_let_into_a_zone(
             await bring_gate(fleet, peer, interface_name, serial)
         for serial in SERIALS:
             way = order("n0", "n1", "n2")
-            mission = Mission(mission_id=f"m-{serial}", nodes=way.nodes, edges=way.edges)
-            fleet.fleet.start_mission(RobotKey(MANUFACTURER, serial), mission)
-        await until(lambda: fleet.story().count(MissionFinished.__name__) == 2, what="both at their ends")
+            vda_order = VdaOrder(order_id=f"m-{serial}", nodes=way.nodes, edges=way.edges)
+            fleet.fleet.start_vda_order(RobotKey(MANUFACTURER, serial), vda_order)
+        await until(lambda: fleet.story().count(VdaOrderFinished.__name__) == 2, what="both at their ends")
 
     messages = peer.received()
     told = [grants(messages, serial) for serial in SERIALS]

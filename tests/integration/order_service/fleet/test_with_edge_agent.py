@@ -11,14 +11,14 @@ import pytest
 from nena_order_service.fleet import (
     FleetSettings,
     InstantActionEnded,
-    MissionFailed,
     NodePassed,
     OperationMap,
     RobotProfile,
-    build_mission,
+    VdaOrderFailed,
+    build_vda_order,
     locate,
 )
-from nena_order_service.fleet.mission import released_to
+from nena_order_service.fleet.vda_order import released_to
 from nena_order_service.routing import Router
 from nena_shared.fleet_api.transport_order import Coordinate
 from nena_shared.plant import PlantModel
@@ -26,7 +26,7 @@ from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.topics import RobotKey
 from support.broker import Broker
 from support.edge_agent import MANUFACTURER, QUICK, SERIAL, agent_settings, running_agent
-from support.fleet import make_mission
+from support.fleet import make_vda_order
 from support.plants import path, point
 from support.robot_core import MAP
 from support.waiting import until
@@ -57,7 +57,7 @@ async def start(fleet: WiredFleet, name: str, goal: str | Coordinate, operation:
     assert view.state is not None
     standing = locate(PLANT, view.state, PROFILE)
     to_point = isinstance(goal, str)
-    mission = build_mission(
+    vda_order = build_vda_order(
         name,
         plant=PLANT,
         standing=standing,
@@ -66,21 +66,21 @@ async def start(fleet: WiredFleet, name: str, goal: str | Coordinate, operation:
         coordinate=None if to_point else goal,  # type: ignore[arg-type] # a coordinate then
         actions=OperationMap().actions(operation, {}),
     )
-    fleet.fleet.start_mission(AGENT, mission)
+    fleet.fleet.start_vda_order(AGENT, vda_order)
 
 
 @pytest.mark.clause("6.2.3/pick")
 async def test_drive_and_pick(fleet: WiredFleet, broker: Broker, interface_name: str, tmp_path: Path) -> None:
     async with running_agent(agent_settings(broker, interface_name, tmp_path)):
         await start(fleet, "m-0", "C", "Load cargo")
-        await fleet.wait_for("MissionFinished")
+        await fleet.wait_for("VdaOrderFinished")
         passed = [each.node_id for each in fleet.news if isinstance(each, NodePassed)]
         assert passed == ["A", "B", "C"]
         assert "OperationStarted" in fleet.story()
         await start(fleet, "m-1", Coordinate(x=3.0, y=2.0, theta=1.0))
-        await until(lambda: fleet.story().count("MissionFinished") == 2, what="the coordinate reached")
+        await until(lambda: fleet.story().count("VdaOrderFinished") == 2, what="the coordinate reached")
         await start(fleet, "m-2", "A", "Unload cargo")
-        await until(lambda: fleet.story().count("MissionFinished") == 3, what="the load dropped")
+        await until(lambda: fleet.story().count("VdaOrderFinished") == 3, what="the load dropped")
         state = fleet.fleet.view(AGENT).state
         assert state is not None
         assert (state.last_node_id, state.loads) == ("A", ())
@@ -92,8 +92,8 @@ async def test_an_operation_that_the_robot_cannot_do_is_refused(
 ) -> None:
     async with running_agent(agent_settings(broker, interface_name, tmp_path)):
         await start(fleet, "m-0", "C", "dance")
-        failed = await fleet.wait_for("MissionFailed")
-    assert isinstance(failed, MissionFailed)
+        failed = await fleet.wait_for("VdaOrderFailed")
+    assert isinstance(failed, VdaOrderFailed)
     assert failed.reason == (
         "the robot cannot take the order: its factsheet does not list the action 'dance'"
     )
@@ -110,12 +110,12 @@ async def test_cancel_on_the_way_and_go_on_from_there(
 ) -> None:
     async with running_agent(agent_settings(broker, interface_name, tmp_path, **slow)):
         await start(fleet, "m-0", "C")
-        await fleet.wait_for("MissionAccepted")
-        fleet.fleet.cancel_mission(AGENT)
-        await fleet.wait_for("MissionCancelled")
+        await fleet.wait_for("VdaOrderAccepted")
+        fleet.fleet.cancel_vda_order(AGENT)
+        await fleet.wait_for("VdaOrderCancelled")
         assert 0.0 < _x(fleet) < 2.0, "it stands between A and B"
         await start(fleet, "m-1", "B")
-        await fleet.wait_for("MissionFinished")
+        await fleet.wait_for("VdaOrderFinished")
 
 
 @pytest.mark.clause("6.2.3/startPause", "6.2.3/stopPause")
@@ -124,7 +124,7 @@ async def test_pause_and_go_on(
 ) -> None:
     async with running_agent(agent_settings(broker, interface_name, tmp_path, **slow)):
         await start(fleet, "m-0", "B")
-        await fleet.wait_for("MissionAccepted")
+        await fleet.wait_for("VdaOrderAccepted")
         for action_type in ("startPause", "stopPause"):
             fleet.news.clear()
             action = Action(action_type=action_type, action_id=action_type, blocking_type=BlockingType.HARD)
@@ -135,7 +135,7 @@ async def test_pause_and_go_on(
             state = fleet.fleet.view(AGENT).state
             assert state is not None
             assert state.paused is (action_type == "startPause")
-        await fleet.wait_for("MissionFinished")
+        await fleet.wait_for("VdaOrderFinished")
 
 
 def _x(fleet: WiredFleet) -> float:
@@ -152,15 +152,15 @@ async def test_a_base_is_extended_while_the_agent_drives(
 ) -> None:
     async with running_agent(agent_settings(broker, interface_name, tmp_path, version=version)):
         await until(lambda: fleet.fleet.view(AGENT).availability.can_take_order, what="a free agent")
-        whole = make_mission("m-0", "A", "B", "C", "D", operation="pick")
-        fleet.fleet.start_mission(AGENT, released_to(whole, 2))
+        whole = make_vda_order("m-0", "A", "B", "C", "D", operation="pick")
+        fleet.fleet.start_vda_order(AGENT, released_to(whole, 2))
         await fleet.wait_for("BaseWanted")
         await until(
             lambda: [each.node_id for each in passed(fleet)] == ["A", "B"], what="the end of the base"
         )
         for sequence_id in (4, 6):
-            fleet.fleet.extend_mission(AGENT, released_to(whole, sequence_id))
-        await fleet.wait_for("MissionFinished")
+            fleet.fleet.extend_vda_order(AGENT, released_to(whole, sequence_id))
+        await fleet.wait_for("VdaOrderFinished")
 
     assert [each.node_id for each in passed(fleet)] == ["A", "B", "C", "D"]
 

@@ -226,7 +226,7 @@ class TestRelease:
         assert robot.errors == []
 
     @pytest.mark.clause("6.4.3/loss")
-    def test_a_lease_that_ends_is_no_permission_any_more(self) -> None:
+    def test_a_lease_that_ends_is_no_pervda_order_any_more(self) -> None:
         robot = with_zones(GATE)
         robot.send(order("n0", "n1", "n2"))
         robot.arrive()

@@ -64,10 +64,10 @@ async def test_a_vehicle_that_kept_a_load_drops_it_before_it_picks_up_another_on
     assert [each.reason for each in engine.explain(order) if each.vehicle == "V1"] == [carries]
 
     engine.create(request("B:Unload", intendedVehicle="V1"), "drop")
-    assert [mission.mission_id for _, mission in fleet.sent] == ["drop-0"]
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["drop-0"]
     del fleet.fields["V1"]
     fleet.finish("V1")
-    assert [mission.mission_id for _, mission in fleet.sent] == ["drop-0", "T-0"]
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["drop-0", "T-0"]
 
 
 async def test_a_vehicle_gets_no_order_before_its_map_is_enabled() -> None:
@@ -82,12 +82,12 @@ async def test_a_vehicle_gets_no_order_before_its_map_is_enabled() -> None:
     assert engine.status(vehicle).reason == "has no version of map 'map' enabled (enableMap)"
     fleet.fields["V1"] = {"maps": ({**told, "map_status": "ENABLED"},)}
     fleet.appear("V1", "A")
-    assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0"]
 
     engine, fleet = await make(energy={"respected": False}, maps_respected=False)
     fleet.fields["V1"] = {"maps": ({**told, "map_status": "DISABLED"},)}
     engine.create(request("B", intendedVehicle="V1"), "T")
-    assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0"]
 
 
 @pytest.mark.parametrize("at", ["A", "C"])
@@ -113,7 +113,7 @@ async def test_the_map_that_counts_is_that_of_the_point_where_a_vehicle_stands(a
     engine = await make_engine(plant, MemoryStore(), fleet, settings=settings)
     fleet.appear("V1", at)
     engine.create(request("B", intendedVehicle="V1"), "T")
-    assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0"]
 
 
 async def test_loads_of_a_vehicle_that_does_a_sequence_are_those_that_its_host_has_planned() -> None:
@@ -125,7 +125,7 @@ async def test_loads_of_a_vehicle_that_does_a_sequence_are_those_that_its_host_h
     fleet.accept("V1")
     fleet.fields["V1"] = {"loads": ({"load_id": "first"},)}
     fleet.finish("V1")
-    assert [mission.mission_id for _, mission in fleet.sent] == ["S-1-0", "S-2-0"]
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["S-1-0", "S-2-0"]
 
 
 async def test_the_end_of_a_load_starts_a_decision_and_the_setting_switches_all_off() -> None:
@@ -136,12 +136,12 @@ async def test_the_end_of_a_load_starts_a_decision_and_the_setting_switches_all_
     assert fleet.sent == []
     fleet.fields["V1"] = {"loads": ()}
     fleet.appear("V1", "A")
-    assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0"]
 
     engine, fleet = await make(energy={"respected": False}, loads_respected=False)
     fleet.fields["V1"] = {"loads": ({"load_id": ""},)}
     engine.create(request("B:Load", intendedVehicle="V1"), "T")
-    assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0"]
 
 
 async def test_keys_of_the_settings_decide_who_is_taken() -> None:

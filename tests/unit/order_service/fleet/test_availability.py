@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
-from nena_order_service.fleet import LinkStatus, MissionPhase
+from nena_order_service.fleet import LinkStatus, VdaOrderPhase
 from nena_order_service.fleet.availability import matters, vehicle_state
 from nena_shared.fleet_api.vehicle import VehicleState
 from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.state import OperatingMode
-from support.fleet import Bench, make_mission
+from support.fleet import Bench, make_vda_order
 from support.fleet_examples import position, state
 
 
@@ -62,16 +62,16 @@ def test_modes_without_fleet_control(mode: OperatingMode) -> None:
 def test_an_order_of_somebody_else() -> None:
     bench = Bench().online()
     other = Bench(robot=bench.robot).online()
-    other.start(make_mission("theirs", "A", "B"))
+    other.start(make_vda_order("theirs", "A", "B"))
     other.deliver()
     assert reason(bench) == "still works on the order 'theirs'"
     assert bench.instants_sent() == [], "it is none of our business"
 
 
-def test_an_own_mission() -> None:
+def test_an_own_vda_order() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    assert reason(bench) == "works on the mission 'm'"
+    bench.start(make_vda_order("m", "A", "B"))
+    assert reason(bench) == "works on the VDA order 'm'"
 
 
 @pytest.mark.clause("6.6.5.1/fleet")
@@ -101,11 +101,11 @@ def test_a_paused_robot() -> None:
     assert reason(bench) == "is paused"
 
 
-def test_a_paused_robot_is_still_sent_the_mission_that_it_was_given() -> None:
+def test_a_paused_robot_is_still_sent_the_vda_order_that_it_was_given() -> None:
     bench = Bench().online()
     bench.robot.paused = True
     bench.report()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     assert bench.orders_sent() == ["m"]
 
 
@@ -185,7 +185,7 @@ def test_what_changes_all_the_time_does_not_matter(before: dict[str, Any], after
         place(1.0, localized=False),
     ],
 )
-def test_what_missions_and_news_are_made_of_matters(fields: dict[str, Any]) -> None:
+def test_what_vda_orders_and_news_are_made_of_matters(fields: dict[str, Any]) -> None:
     plain = {**place(1.0), **power(80.0), "driving": False}
     assert matters(state(**plain)) != matters(state(**{**plain, **fields}))
 
@@ -197,7 +197,7 @@ def test_the_first_node_to_come_stands_for_all() -> None:
 
 def test_states_that_say_nothing_new_are_seen_all_the_same() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B", "C"))
+    bench.start(make_vda_order("m", "A", "B", "C"))
     bench.deliver()
     bench.report()
     for _ in range(3):
@@ -205,4 +205,4 @@ def test_states_that_say_nothing_new_are_seen_all_the_same() -> None:
         told = bench.report()
         assert not told
         assert bench.view().state_at == bench.now
-        assert bench.view().mission_phase is MissionPhase.RUNNING
+        assert bench.view().order_phase is VdaOrderPhase.RUNNING

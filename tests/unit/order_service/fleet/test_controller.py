@@ -10,34 +10,34 @@ import pytest
 from nena_order_service.fleet import (
     FleetSettings,
     LinkStatus,
-    Mission,
-    MissionFinished,
-    MissionPhase,
     PublishOrder,
     RobotBusyError,
     RobotChanged,
+    VdaOrder,
+    VdaOrderFinished,
+    VdaOrderPhase,
 )
 from nena_order_service.fleet.controller import RETAINED_WITHIN, STRAY_PAUSE, RobotControl
-from nena_order_service.fleet.mission import released_to
+from nena_order_service.fleet.vda_order import released_to
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.factsheet import Factsheet
 from nena_shared.vda5050.state import OperatingMode
 from nena_shared.vda5050.topics import RobotKey
-from support.fleet import Bench, hand_over, make_mission
+from support.fleet import Bench, hand_over, make_vda_order
 from support.fleet_examples import factsheet
 from support.honest_robot import ROBOT, HonestRobot
 
 
 def test_robots_do_not_touch_each_other() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     other = Bench()
     other.fleet = bench.fleet
     other.robot.key = type(ROBOT)("Honest", "robot-2")
     other.online()
     bench.run()
-    assert bench.told(MissionFinished)
-    assert other.view().mission_id is None
+    assert bench.told(VdaOrderFinished)
+    assert other.view().order_id is None
     assert other.robot.accepted == []
 
 
@@ -146,19 +146,19 @@ def slow_factsheet() -> Factsheet:
     return made.model_copy(update={"protocol_limits": limits})
 
 
-def test_a_robot_has_one_mission_at_a_time() -> None:
+def test_a_robot_has_one_vda_order_at_a_time() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    with pytest.raises(RobotBusyError, match="one mission at a time") as caught:
-        bench.start(make_mission("n", "A", "B"))
-    assert caught.value.mission_id == "m"
+    bench.start(make_vda_order("m", "A", "B"))
+    with pytest.raises(RobotBusyError, match="one VDA order at a time") as caught:
+        bench.start(make_vda_order("n", "A", "B"))
+    assert caught.value.order_id == "m"
     assert bench.orders_sent() == ["m"]
 
 
 @pytest.mark.clause("6.1.3/fleet")
 def test_an_order_that_comes_too_late_is_stopped() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.wait(60, reporting=True)
     bench.deliver()
     bench.report()
@@ -173,43 +173,43 @@ def test_an_order_that_comes_too_late_is_stopped() -> None:
 @pytest.mark.clause("6.1.3/fleet")
 def test_no_order_is_sent_while_a_cancel_may_still_hit_it() -> None:
     bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.cancel()
     bench.robot.step()
     bench.report()
-    bench.start(make_mission("n", "B", "C", x=1.0))
+    bench.start(make_vda_order("n", "B", "C", x=1.0))
     assert bench.orders_sent() == ["m"]
-    assert bench.view().mission_note == "the robot has not yet confirmed a cancelOrder"
+    assert bench.view().wait_reason == "the robot has not yet confirmed a cancelOrder"
     bench.run()
-    assert [each.mission_id for each in bench.told(MissionFinished)] == ["m", "n"]
+    assert [each.order_id for each in bench.told(VdaOrderFinished)] == ["m", "n"]
 
 
 def test_an_order_that_is_not_confirmed_in_the_usual_time_says_so() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
-    assert bench.view().mission_note == ""
+    bench.start(make_vda_order("m", "A", "B"))
+    assert bench.view().wait_reason == ""
     bench.wait(2)
-    assert bench.view().mission_note == "the robot has not yet confirmed the order"
+    assert bench.view().wait_reason == "the robot has not yet confirmed the order"
 
 
 @pytest.mark.clause("6.5/fleet")
 def test_an_order_waits_for_a_robot_that_is_away_and_says_so() -> None:
     bench = Bench().online()
     bench.connection(ConnectionState.CONNECTION_BROKEN)
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.wait(120)
     assert bench.sent == []
-    assert bench.view().mission_phase is MissionPhase.WAITING
-    assert bench.view().mission_note == "the robot has lost its connection to the broker"
+    assert bench.view().order_phase is VdaOrderPhase.WAITING
+    assert bench.view().wait_reason == "the robot has lost its connection to the broker"
     bench.connection(ConnectionState.ONLINE)
     bench.report()
     bench.run()
-    assert bench.told(MissionFinished)
+    assert bench.told(VdaOrderFinished)
 
 
 def test_the_delivery_begins_anew_when_a_robot_comes_back() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.lose()
     bench.wait(5)
     bench.connection(ConnectionState.CONNECTION_BROKEN)
@@ -219,29 +219,29 @@ def test_the_delivery_begins_anew_when_a_robot_comes_back() -> None:
     bench.report()
     assert len(bench.sent) == sent + 1
     bench.run()
-    assert bench.told(MissionFinished)
+    assert bench.told(VdaOrderFinished)
 
 
 @pytest.mark.clause("4.1/offline")
 def test_nothing_is_sent_and_nothing_fails_while_our_own_link_is_down() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.lose()
     bench.take(bench.fleet.on_broker(connected=False, now=bench.now))
     bench.wait(300)
     assert bench.orders_sent() == ["m"]
-    assert "no connection to the MQTT broker" in bench.view().mission_note
+    assert "no connection to the MQTT broker" in bench.view().wait_reason
     bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
     bench.report()
     bench.run()
-    assert bench.told(MissionFinished)
+    assert bench.told(VdaOrderFinished)
 
 
 @pytest.mark.clause("6.5/fleet")
 def test_an_order_to_a_robot_that_is_silent_without_a_will_fails_in_the_end() -> None:
     bench = Bench().online()
     bench.wait(30)
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.wait(20)
     assert bench.view().link is LinkStatus.SILENT
     bench.wait(40)
@@ -249,9 +249,9 @@ def test_an_order_to_a_robot_that_is_silent_without_a_will_fails_in_the_end() ->
 
 
 @pytest.mark.clause("4.1/offline")
-def test_a_running_mission_outlives_the_loss_of_the_link() -> None:
+def test_a_running_vda_order_outlives_the_loss_of_the_link() -> None:
     bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B", "C"))
+    bench.start_and_tell(make_vda_order("m", "A", "B", "C"))
     bench.connection(ConnectionState.CONNECTION_BROKEN)
     bench.wait(600)
     assert bench.ends() == {}
@@ -259,7 +259,7 @@ def test_a_running_mission_outlives_the_loss_of_the_link() -> None:
     bench.robot.step()
     bench.connection(ConnectionState.ONLINE)
     bench.report()
-    assert bench.told(MissionFinished)
+    assert bench.told(VdaOrderFinished)
     assert bench.orders_sent() == ["m"]
 
 
@@ -267,32 +267,32 @@ def test_a_running_mission_outlives_the_loss_of_the_link() -> None:
 def test_orders_keep_the_least_interval_of_the_factsheet() -> None:
     bench = Bench(FleetSettings(resend_after=0.25)).online()
     bench.take(bench.fleet.on_factsheet(ROBOT, slow_factsheet(), bench.now))
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.wait(2.75)
     assert bench.orders_sent() == ["m"]
     bench.wait(0.25)
     assert bench.orders_sent() == ["m", "m"]
 
 
-def test_the_next_mission_is_sent_as_soon_as_the_first_is_done() -> None:
+def test_the_next_vda_order_is_sent_as_soon_as_the_first_is_done() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.run()
-    outputs = bench.start(make_mission("n", "B", "C", x=1.0))
+    outputs = bench.start(make_vda_order("n", "B", "C", x=1.0))
     assert any(isinstance(each, PublishOrder) for each in outputs)
     bench.run()
     assert bench.robot.accepted == ["m", "n"]
 
 
-def long_way() -> Mission:
-    return make_mission("m", "A", "B", "C", operation="pick")
+def long_way() -> VdaOrder:
+    return make_vda_order("m", "A", "B", "C", operation="pick")
 
 
 def extending(settings: FleetSettings | None = None) -> Bench:
     """Give a robot that drives to B, is to go on to C, and has not got the update that says so."""
     bench = Bench(settings).online()
     bench.start_and_tell(released_to(long_way(), 2))
-    bench.take(bench.fleet.extend_mission(ROBOT, long_way(), bench.now))
+    bench.take(bench.fleet.extend_vda_order(ROBOT, long_way(), bench.now))
     bench.lose()
     return bench
 
@@ -317,14 +317,14 @@ def test_an_update_is_not_given_up_while_the_robot_is_away(
     go_away(bench)
     bench.lose()
     bench.wait(120)
-    assert bench.view().mission_phase is MissionPhase.RUNNING
+    assert bench.view().order_phase is VdaOrderPhase.RUNNING
     assert len(bench.orders_sent()) == 1 + sendings
 
     bench.take(bench.fleet.on_broker(connected=True, now=bench.now))
     bench.connection(ConnectionState.ONLINE)
     bench.report()
     bench.run()
-    assert bench.story()[-1] == "MissionFinished"
+    assert bench.story()[-1] == "VdaOrderFinished"
     assert bench.instants_sent() == []
 
 
@@ -333,24 +333,24 @@ def test_updates_keep_the_least_interval_too() -> None:
     bench = Bench(FleetSettings(resend_after=0.25)).online()
     bench.take(bench.fleet.on_factsheet(ROBOT, slow_factsheet(), bench.now))
     bench.start_and_tell(released_to(long_way(), 2))
-    bench.take(bench.fleet.extend_mission(ROBOT, long_way(), bench.now))
+    bench.take(bench.fleet.extend_vda_order(ROBOT, long_way(), bench.now))
     bench.wait(2.75)
     assert bench.orders_sent() == ["m"]
     bench.wait(0.25)
     assert bench.orders_sent() == ["m", "m"]
 
 
-def test_without_a_mission_there_is_nothing_to_cancel_or_to_extend() -> None:
+def test_without_a_vda_order_there_is_nothing_to_cancel_or_to_extend() -> None:
     bench = Bench().online()
     assert bench.cancel() == ()
-    assert bench.take(bench.fleet.extend_mission(ROBOT, long_way(), bench.now)) == ()
+    assert bench.take(bench.fleet.extend_vda_order(ROBOT, long_way(), bench.now)) == ()
     assert bench.sent == []
 
 
-def test_an_extension_of_another_mission_is_passed_over() -> None:
+def test_an_extension_of_another_vda_order_is_passed_over() -> None:
     bench = Bench().online()
     bench.start_and_tell(released_to(long_way(), 2))
-    bench.take(bench.fleet.extend_mission(ROBOT, make_mission("n", "A", "B", "C"), bench.now))
+    bench.take(bench.fleet.extend_vda_order(ROBOT, make_vda_order("n", "A", "B", "C"), bench.now))
     bench.wait(5)
     assert bench.orders_sent() == ["m"]
 
@@ -358,7 +358,7 @@ def test_an_extension_of_another_mission_is_passed_over() -> None:
 @pytest.mark.clause("6.1.3/fleet")
 def test_a_robot_that_goes_on_with_what_has_ended_is_stopped_again_after_a_pause() -> None:
     bench = Bench(FleetSettings(sendings=1)).online()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.wait(3)
     assert bench.ends() == {"m": 1}
     bench.deliver()
@@ -415,7 +415,7 @@ def test_one_who_drives_as_it_was_told_is_quiet() -> None:
     quiet = [control.quiet]
     tuple(control.on_factsheet(robot.factsheet(), 0.0))
     tuple(control.on_state(robot.state(), 0.0))
-    (order, _) = control.start(control.new_run(make_mission("m", "A", "B")), 0.0)
+    (order, _) = control.start(control.new_run(make_vda_order("m", "A", "B")), 0.0)
     assert isinstance(order, PublishOrder)
     quiet.append(control.quiet)
     hand_over(order, robot)

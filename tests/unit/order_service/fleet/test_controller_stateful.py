@@ -1,6 +1,6 @@
 """Fleet control against an honest robot over a wire that loses, doubles and swaps messages.
 
-Whatever happens, each mission comes to exactly one end, an operation is done at most once, what is told is
+Whatever happens, each VDA order comes to exactly one end, an operation is done at most once, what is told is
 true, and nothing is sent that the rules forbid.
 """
 
@@ -16,31 +16,31 @@ from nena_order_service.fleet import (
     FleetOutput,
     FleetSettings,
     LinkStatus,
-    Mission,
-    MissionAccepted,
-    MissionCancelled,
-    MissionFailed,
-    MissionFinished,
     NodePassed,
     OperationStarted,
     PublishInstantActions,
     PublishOrder,
+    VdaOrder,
+    VdaOrderAccepted,
+    VdaOrderCancelled,
+    VdaOrderFailed,
+    VdaOrderFinished,
 )
 from nena_order_service.fleet.controller import FleetController
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.state import OperatingMode, State
-from support.fleet import Bench, hand_over, make_mission
+from support.fleet import Bench, hand_over, make_vda_order
 
 AWAY = {LinkStatus.OFFLINE, LinkStatus.CONNECTION_BROKEN, LinkStatus.HIBERNATING, LinkStatus.UNKNOWN}
 OF_MISSIONS = (
-    MissionAccepted,
+    VdaOrderAccepted,
     NodePassed,
     OperationStarted,
-    MissionFinished,
-    MissionFailed,
-    MissionCancelled,
+    VdaOrderFinished,
+    VdaOrderFailed,
+    VdaOrderCancelled,
 )
-ENDS = (MissionFinished, MissionFailed, MissionCancelled)
+ENDS = (VdaOrderFinished, VdaOrderFailed, VdaOrderCancelled)
 SETTINGS = FleetSettings(sendings=2, standstill_patience=5, instant_action_limit=60)
 """So little patience that the ends of it are met often."""
 
@@ -53,7 +53,7 @@ class Conversation(RuleBasedStateMachine):
         self.bench = Bench(SETTINGS)
         self.bench.take = self.take  # type: ignore[method-assign] # each output is checked as it comes
         self.states: list[State] = []
-        self.missions: dict[str, Mission] = {}
+        self.missions: dict[str, VdaOrder] = {}
         self.ended: dict[str, FleetOutput] = {}
         self.accepted: set[str] = set()
         self.completed: set[str] = set()
@@ -96,13 +96,13 @@ class Conversation(RuleBasedStateMachine):
 
     def check_order(self, output: PublishOrder) -> None:
         state = self.check_sending()
-        name = output.mission.mission_id
+        name = output.vda_order.order_id
         assert state is not None
         assert not state.node_states, "sent to a robot that drives for an order"
         own = [each for each in state.action_states if each.action_id not in self.instants]
         assert all(each.action_status.ended for each in own), "sent to a robot that acts for an order"
         assert not self.open_cancels, "sent though a cancel may yet hit it"
-        assert output.mission == self.missions[name], "what is sent again is the same"
+        assert output.vda_order == self.missions[name], "what is sent again is the same"
         assert name not in self.ended, "sent after its end"
         assert name not in self.cancelled, "sent after its cancel"
         assert name not in self.accepted, "sent though the robot has it"
@@ -114,20 +114,20 @@ class Conversation(RuleBasedStateMachine):
             assert self.instants.setdefault(action.action_id, action) == action, "an id was used twice"
 
     def check_news(self, output: Any) -> None:
-        name = output.mission_id
+        name = output.order_id
         assert name in self.missions
         assert name not in self.ended, f"{output} after {self.ended.get(name)}"
-        if isinstance(output, MissionAccepted):
+        if isinstance(output, VdaOrderAccepted):
             assert name in self.bench.robot.accepted
             self.accepted.add(name)
-        if isinstance(output, MissionFinished):
+        if isinstance(output, VdaOrderFinished):
             assert name in self.completed, "told as finished, but the robot has not done it"
-        if isinstance(output, MissionFailed):
+        if isinstance(output, VdaOrderFailed):
             assert self.robot_forgot or "no longer has" not in output.reason, "told as lost, but it was not"
-        if isinstance(output, MissionCancelled):
+        if isinstance(output, VdaOrderCancelled):
             assert name in self.cancelled
             on_the_wire = {
-                each.mission.mission_id for each in self.bench.wire if isinstance(each, PublishOrder)
+                each.vda_order.order_id for each in self.bench.wire if isinstance(each, PublishOrder)
             }
             known = on_the_wire - self.adopted
             assert name not in known, "told as cancelled, but the robot may still get it"
@@ -137,22 +137,22 @@ class Conversation(RuleBasedStateMachine):
     # what the order service does
 
     @property
-    def open_mission(self) -> str | None:
+    def open_vda_order(self) -> str | None:
         return next((name for name in self.missions if name not in self.ended), None)
 
-    @precondition(lambda self: self.open_mission is None)
+    @precondition(lambda self: self.open_vda_order is None)
     @rule(way=st.integers(1, 3), operation=st.booleans())
     def start(self, way: int, operation: bool) -> None:  # noqa: FBT001 - drawn by hypothesis
         name = f"m{len(self.missions)}"
         x = self.bench.robot.position[0]
         points = [f"{x + step}" for step in range(way)]
-        self.missions[name] = make_mission(name, *points, operation="pick" if operation else None, x=x)
+        self.missions[name] = make_vda_order(name, *points, operation="pick" if operation else None, x=x)
         self.bench.start(self.missions[name])
 
-    @precondition(lambda self: self.open_mission is not None)
+    @precondition(lambda self: self.open_vda_order is not None)
     @rule()
     def cancel(self) -> None:
-        self.cancelled.add(self.open_mission or "")
+        self.cancelled.add(self.open_vda_order or "")
         self.bench.cancel()
 
     @rule(happens=RARELY)
@@ -164,15 +164,17 @@ class Conversation(RuleBasedStateMachine):
         numbers = len(self.instants)
         ids = (f"r{numbers}-{number}" for number in range(1000))
         bench.fleet = FleetController(SETTINGS, new_id=lambda: next(ids))
-        mission = self.open_mission
-        if mission is not None:
-            known = mission in self.accepted
-            self.adopted.add(mission)
-            self.accepted.discard(mission)
+        vda_order = self.open_vda_order
+        if vda_order is not None:
+            known = vda_order in self.accepted
+            self.adopted.add(vda_order)
+            self.accepted.discard(vda_order)
             self.take(
-                bench.fleet.adopt_mission(bench.robot.key, self.missions[mission], bench.now, accepted=known)
+                bench.fleet.adopt_vda_order(
+                    bench.robot.key, self.missions[vda_order], bench.now, accepted=known
+                )
             )
-            if mission in self.cancelled:
+            if vda_order in self.cancelled:
                 bench.cancel()
         self.take(bench.fleet.on_broker(connected=self.broker, now=bench.now))
         told = ConnectionState.ONLINE if self.robot_connected else ConnectionState.CONNECTION_BROKEN
@@ -282,11 +284,11 @@ class Conversation(RuleBasedStateMachine):
 
     def note_completed(self) -> None:
         robot = self.bench.robot
-        mission = self.missions.get(robot.order_id)
-        if mission is None or not robot.idle or robot.last_sequence_id != mission.last_sequence_id:
+        vda_order = self.missions.get(robot.order_id)
+        if vda_order is None or not robot.idle or robot.last_sequence_id != vda_order.last_sequence_id:
             return
         if all(status.name == "FINISHED" for status in robot.statuses.values()):
-            self.completed.add(mission.mission_id)
+            self.completed.add(vda_order.order_id)
 
     # what always holds
 
@@ -311,7 +313,7 @@ class Conversation(RuleBasedStateMachine):
             self.everything_arrives()
             self.open_cancels.clear()  # some may be given up by the tick, as in time_passes
             self.bench.tick()
-        assert self.ended.keys() == self.missions.keys(), f"no end of {self.open_mission}"
+        assert self.ended.keys() == self.missions.keys(), f"no end of {self.open_vda_order}"
         assert robot.idle
         assert self.bench.view().availability.can_take_order, self.bench.view().availability.reason
 

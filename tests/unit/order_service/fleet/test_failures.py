@@ -1,4 +1,4 @@
-"""How missions fail, and what fleet control says is known then; a robot that waits with a failed action."""
+"""How VDA orders fail, and what fleet control says is known then; a robot that waits with a failed action."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import pytest
 from nena_order_service.fleet import (
     ActionRetriable,
     FailureKind,
-    MissionFailed,
-    MissionFinished,
+    VdaOrderFailed,
+    VdaOrderFinished,
     failures,
     retry_or_skip,
 )
@@ -16,18 +16,18 @@ from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference, ErrorType
 from nena_shared.vda5050.state import OperatingMode
-from support.fleet import Bench, make_mission
+from support.fleet import Bench, make_vda_order
 from support.honest_robot import HonestRobot
 
 
 def kind(bench: Bench) -> FailureKind:
-    (only,) = bench.told(MissionFailed)
+    (only,) = bench.told(VdaOrderFailed)
     return only.kind
 
 
 def under_way(robot: HonestRobot | None = None, *points: str) -> Bench:
     bench = Bench(robot=robot).online()
-    bench.start(make_mission("m", *(points or ("A", "B", "C")), operation="pick"))
+    bench.start(make_vda_order("m", *(points or ("A", "B", "C")), operation="pick"))
     bench.deliver()
     bench.report()
     return bench
@@ -62,14 +62,14 @@ def test_a_robot_that_forgets_has_lost_it() -> None:
 
 def test_a_robot_that_never_takes_it_up() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.wait(120, reporting=True)
     assert kind(bench) is FailureKind.NOT_TAKEN
 
 
 def test_a_robot_that_refuses_it() -> None:
     bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "X", "B", x=50.0))
+    bench.start_and_tell(make_vda_order("m", "X", "B", x=50.0))
     assert kind(bench) is FailureKind.REFUSED
 
 
@@ -89,7 +89,7 @@ def test_an_action_that_may_be_tried_again_is_told_each_time_that_it_fails() -> 
     bench.report()
     bench.report()
     (told,) = bench.told(ActionRetriable)
-    assert (told.mission_id, told.action_id, told.reason) == ("m", "m/pick", "the action 'pick' has failed")
+    assert (told.order_id, told.action_id, told.reason) == ("m", "m/pick", "the action 'pick' has failed")
 
     retry = retry_or_skip("r", "m/pick", retry=True)
     bench.instruct(retry)
@@ -101,7 +101,7 @@ def test_an_action_that_may_be_tried_again_is_told_each_time_that_it_fails() -> 
 
     robot.statuses["m/pick"] = ActionStatus.FINISHED
     bench.report()
-    assert bench.told(MissionFinished)
+    assert bench.told(VdaOrderFinished)
 
 
 ORDER_ID, UPDATE_ID = "T-1-0", 2
@@ -137,10 +137,10 @@ def test_what_is_about_another_topic_order_or_update_refuses_no_update(
 
 
 def test_what_is_about_another_topic_refuses_no_order() -> None:
-    mission = make_mission(ORDER_ID)
+    vda_order = make_vda_order(ORDER_ID)
     meant, foreign = refusal(topic="order"), refusal(topic="instantActions")
 
-    assert failures.refusals((meant, foreign), mission, frozenset()) == (meant,)
+    assert failures.refusals((meant, foreign), vda_order, frozenset()) == (meant,)
 
 
 def test_a_reason_and_what_the_robot_says_of_it_are_one_sentence() -> None:

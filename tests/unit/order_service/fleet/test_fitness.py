@@ -9,9 +9,9 @@ import pytest
 from nena_order_service.fleet import (
     FleetSettings,
     InstantActionEnded,
-    MissionFailed,
-    MissionFinished,
     PublishInstantActions,
+    VdaOrderFailed,
+    VdaOrderFinished,
 )
 from nena_order_service.fleet.feasibility import instant_action_problem, order_problem
 from nena_order_service.fleet.robot import Abilities
@@ -27,7 +27,7 @@ from nena_shared.vda5050.factsheet import (
     Support,
     ValueDataType,
 )
-from support.fleet import Bench, make_mission
+from support.fleet import Bench, make_vda_order
 from support.fleet_examples import factsheet as example
 
 pytestmark = pytest.mark.clause("7.10")
@@ -42,7 +42,7 @@ PICK = MobileRobotAction(
     pause_allowed=False,
     cancel_allowed=False,
 )
-MISSION = make_mission("m1", "A", "B", operation="pick")
+MISSION = make_vda_order("m1", "A", "B", operation="pick")
 
 
 def sheet(
@@ -90,7 +90,7 @@ def changed(**changes: Any) -> MobileRobotAction:
         sheet(changed(action_scopes=(ActionScope.EDGE,)), PICK),
     ],
 )
-def test_a_mission_that_fits_is_taken(factsheet: Factsheet) -> None:
+def test_a_vda_order_that_fits_is_taken(factsheet: Factsheet) -> None:
     assert order_problem(MISSION, Abilities(factsheet)) is None
 
 
@@ -121,7 +121,7 @@ def test_a_mission_that_fits_is_taken(factsheet: Factsheet) -> None:
         (sheet(strings={"maximum_message_length": 300}), "allows messages of 300 bytes, not "),
     ],
 )
-def test_a_mission_that_does_not_fit_is_named(factsheet: Factsheet, problem: str) -> None:
+def test_a_vda_order_that_does_not_fit_is_named(factsheet: Factsheet, problem: str) -> None:
     assert problem in (order_problem(MISSION, Abilities(factsheet)) or "")
 
 
@@ -186,11 +186,11 @@ def test_an_order_that_the_robot_cannot_take_is_never_sent() -> None:
     bench.start(MISSION)
 
     assert bench.orders_sent() == []
-    (failed,) = bench.told(MissionFailed)
+    (failed,) = bench.told(VdaOrderFailed)
     assert failed.reason == ("the robot cannot take the order: its factsheet does not list the action 'pick'")
-    bench.start(make_mission("m2", "A", "B"))
+    bench.start(make_vda_order("m2", "A", "B"))
     bench.run()
-    assert [each.mission_id for each in bench.told(MissionFinished)] == ["m2"]
+    assert [each.order_id for each in bench.told(VdaOrderFinished)] == ["m2"]
 
 
 @pytest.mark.clause("6.2.1/fleet")

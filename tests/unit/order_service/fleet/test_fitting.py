@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 
 from nena_order_service.fleet.feasibility import fitted, fitted_action, order_problem
-from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.robot import Abilities
+from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.vda5050.action import Action, ActionParameter, BlockingType
 from nena_shared.vda5050.factsheet import (
     ActionParameterDescription,
@@ -21,12 +21,12 @@ from nena_shared.vda5050.factsheet import (
     ValueDataType,
 )
 from nena_shared.vda5050.order import NodePosition
-from support.fleet import make_mission
+from support.fleet import make_vda_order
 from support.fleet_examples import factsheet as example
 
 pytestmark = pytest.mark.clause("7.10", "7.1.1")
 
-MISSION = make_mission("m1", "A", "B", operation="pick")
+MISSION = make_vda_order("m1", "A", "B", operation="pick")
 
 
 def abilities(
@@ -56,12 +56,12 @@ def pick(**kinds: ValueDataType) -> MobileRobotAction:
     )
 
 
-def positions(mission: Mission) -> list[NodePosition]:
-    return [node.node_position for node in mission.nodes if node.node_position]
+def positions(vda_order: VdaOrder) -> list[NodePosition]:
+    return [node.node_position for node in vda_order.nodes if node.node_position]
 
 
-def headed(node_id: str) -> Mission:
-    """Give the mission with a heading at its end, which is called ``node_id``."""
+def headed(node_id: str) -> VdaOrder:
+    """Give the VDA order with a heading at its end, which is called ``node_id``."""
     end = MISSION.nodes[1]
     assert end.node_position is not None
     place = end.node_position.model_copy(update={"theta": 1.0, "allowed_deviation_theta": 0.1})

@@ -13,7 +13,7 @@ from nena_shared.vda5050.action import Action, ActionStatus, BlockingType
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.factsheet import ActionScope, MaximumArrayLengths, MobileRobotAction
 from nena_shared.vda5050.state import OperatingMode
-from support.fleet import Bench, make_mission
+from support.fleet import Bench, make_vda_order
 from support.honest_robot import HonestRobot
 
 
@@ -132,7 +132,7 @@ def test_an_action_that_was_perhaps_lost_is_not_sent_to_a_robot_that_comes_back(
 @pytest.mark.clause("6.6.6/fleet")
 def test_a_cancel_is_not_sent_again_in_manual_mode_but_afterwards() -> None:
     bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.cancel()
     bench.lose()
     bench.robot.mode = OperatingMode.MANUAL  # and it takes its time to clear the order
@@ -142,7 +142,7 @@ def test_a_cancel_is_not_sent_again_in_manual_mode_but_afterwards() -> None:
     bench.report()
     bench.deliver()
     bench.report()
-    assert bench.story()[-1] == "MissionCancelled"
+    assert bench.story()[-1] == "VdaOrderCancelled"
 
 
 @pytest.mark.clause("6.6.6/fleet", "6.2.1/fleet")
@@ -176,19 +176,19 @@ def test_there_is_a_limit_to_what_is_under_way() -> None:
     assert ended(bench).reason == "not sent: 50 instant actions are under way at the robot"
 
 
-def test_somebodys_own_cancel_ends_the_mission_and_is_told() -> None:
+def test_somebodys_own_cancel_ends_the_vda_order_and_is_told() -> None:
     bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.instruct(action("cancelOrder"))
     bench.deliver()
     bench.report()
     assert ended(bench).status is ActionStatus.FINISHED
-    assert bench.story()[-1] == "MissionFailed"
+    assert bench.story()[-1] == "VdaOrderFailed"
 
 
 def test_own_cancels_are_not_told_to_anybody() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.deliver()
     bench.cancel()
     bench.deliver()
@@ -283,7 +283,7 @@ def without_factsheet() -> Bench:
     hello = bench.robot.connection(ConnectionState.ONLINE, bench.now)
     bench.take(bench.fleet.on_connection(bench.robot.key, hello, bench.now))
     bench.report()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     return bench
 
 
@@ -292,7 +292,7 @@ def test_a_robot_whose_factsheet_lies_nowhere_is_asked_for_it() -> None:
     bench = without_factsheet()
 
     assert (bench.instants_sent(), bench.orders_sent()) == (["factsheetRequest"], [])
-    assert bench.view().mission_note == "the robot has not told its factsheet yet"
+    assert bench.view().wait_reason == "the robot has not told its factsheet yet"
     bench.take(bench.fleet.on_factsheet(bench.robot.key, bench.robot.factsheet(), bench.now))
     assert bench.orders_sent() == ["m"]
 
@@ -327,7 +327,7 @@ def test_a_robot_that_cannot_tell_a_factsheet_is_asked_once_for_each_connection(
 @pytest.mark.parametrize(("version", "named"), [("2.1.0", []), ("3.0.0", ["m1"])])
 def test_a_cancel_names_the_order_where_it_may(version: str, named: list[str]) -> None:
     bench = Bench(robot=HonestRobot(version=version)).online()
-    bench.start_and_tell(make_mission("m1", "A", "B", "C"))
+    bench.start_and_tell(make_vda_order("m1", "A", "B", "C"))
 
     bench.cancel()
 

@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nena_order_service.fleet import FleetSettings, LinkStatus
-from nena_order_service.fleet.mission_run import read
+from nena_order_service.fleet.order_execution import read
 from nena_order_service.fleet.robot import MessageOrder, Robot, Silences
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.topics import RobotKey
-from support.fleet import make_mission
+from support.fleet import make_vda_order
 from support.fleet_examples import ROBOT, connection, factsheet, state
 
 
@@ -229,7 +229,7 @@ def test_all_whose_soonest_moment_has_passed_are_given(
     assert sorted(found) == sorted(robot for robot, at in soonest.items() if at < now)
 
 
-MISSION = make_mission("m", "A", "B")
+MISSION = make_vda_order("m", "A", "B")
 
 
 @pytest.mark.clause("6.6.2/first")

@@ -72,7 +72,7 @@ async def test_a_pause_before_the_next_try_takes_another_order() -> None:
     engine.clock.advance(10)  # type: ignore[attr-defined] # the clock of make_engine
     engine.look()
 
-    assert fleet.sent[-1][1].mission_id == "T-0~1"
+    assert fleet.sent[-1][1].order_id == "T-0~1"
 
 
 async def test_a_robot_that_takes_no_answer_is_told_to_cancel() -> None:

@@ -7,7 +7,7 @@ from datetime import timedelta
 import pytest
 
 from nena_order_service.engine import Engine
-from nena_order_service.fleet import FailureKind, Mission
+from nena_order_service.fleet import FailureKind, VdaOrder
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.plant import Link, Location, LocationType, PlantModel, Vehicle
 from support.order_service import request
@@ -45,11 +45,11 @@ def codes(engine: Engine) -> list[str]:
 
 
 def sent(fleet: ScriptedFleet) -> list[tuple[str, str]]:
-    return [(robot, mission.mission_id) for robot, mission in fleet.sent]
+    return [(robot, vda_order.order_id) for robot, vda_order in fleet.sent]
 
 
-def way(mission: Mission) -> list[str]:
-    return [node.node_id for node in mission.nodes]
+def way(vda_order: VdaOrder) -> list[str]:
+    return [node.node_id for node in vda_order.nodes]
 
 
 async def test_a_drive_is_tried_again_and_then_another_way() -> None:
@@ -60,7 +60,7 @@ async def test_a_drive_is_tried_again_and_then_another_way() -> None:
     fleet.fail("V1")
 
     assert sent(fleet) == [("V1", "T-0"), ("V1", "T-0~1"), ("V1", "T-0~2")]
-    assert [way(mission) for _, mission in fleet.sent] == [
+    assert [way(vda_order) for _, vda_order in fleet.sent] == [
         ["A", "B", "C"],
         ["A", "B", "C"],
         ["A", "D", "E", "C"],
@@ -213,7 +213,7 @@ async def test_an_order_ends_whatever_fails_and_however_often(kind: FailureKind)
             fleet.fail(robot.serial_number, "no", kind)
 
     assert status_of(engine).state.final
-    ids = [(robot, mission.mission_id) for robot, mission in fleet.sent]
+    ids = [(robot, vda_order.order_id) for robot, vda_order in fleet.sent]
     assert len(ids) == len(set(ids))
 
 

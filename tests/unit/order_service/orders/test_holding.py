@@ -57,8 +57,8 @@ async def test_a_robot_under_way_is_told_to_cancel_and_goes_on_when_the_order_is
 
     again, fleet = await make(store, V1="B")
     again.resume(order.number, "Bob", "go")
-    ((_, mission),) = fleet.sent
-    assert (mission.mission_id, mission.nodes[0].node_id) == ("T-0~1", "B")
+    ((_, vda_order),) = fleet.sent
+    assert (vda_order.order_id, vda_order.nodes[0].node_id) == ("T-0~1", "B")
     assert fleet.finish("V1")
     assert status_of(again).state is S.FINISHED
 
@@ -74,7 +74,7 @@ async def test_a_restart_between_the_hold_and_the_cancel_cancels_again() -> None
     again.resume(order.number, "Ann", "go")
     fleet.confirm_cancel("V1")
 
-    assert [mission.mission_id for _, mission in fleet.sent] == ["T-0~1"]
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0~1"]
 
 
 async def test_an_operation_that_was_broken_off_is_told_and_not_done_again_by_itself() -> None:
@@ -109,7 +109,7 @@ async def test_a_gentle_hold_ends_where_the_base_does() -> None:
     assert (status_of(engine).held is not None, fleet.cancelled) == (True, [])
 
     engine.resume(order.number, "Ann", "go")
-    assert fleet.sent[-1][1].mission_id == "T-0~1"
+    assert fleet.sent[-1][1].order_id == "T-0~1"
 
 
 async def test_a_gentle_hold_becomes_an_immediate_one() -> None:
@@ -130,7 +130,7 @@ async def test_an_operation_is_done_to_its_end_and_the_next_destination_waits() 
 
     assert (status_of(engine).current_drive_order_index, len(fleet.sent)) == (1, 1)
     engine.resume(order.number, "Ann", "go")
-    assert fleet.sent[-1][1].mission_id == "T-1"
+    assert fleet.sent[-1][1].order_id == "T-1"
 
 
 async def test_what_fails_while_it_is_held_is_said_and_waits() -> None:
@@ -174,7 +174,7 @@ async def test_what_is_not_sent_yet_is_not_sent_while_it_is_held() -> None:
     assert fleet.sent == []
 
     engine.resume(order.number, "Ann", "go")
-    assert [mission.mission_id for _, mission in fleet.sent] == ["T-0"]
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0"]
 
 
 async def test_nothing_is_resumed_that_nobody_holds() -> None:

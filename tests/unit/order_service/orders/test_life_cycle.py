@@ -1,4 +1,4 @@
-"""Orders between their vehicles' missions."""
+"""Orders between their vehicles' VDA orders."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ async def test_the_next_drive_order_waits_for_traffic_and_says_so() -> None:
     assert status_of(engine, "T").reason.endswith("but it waits for 'C', where V2 rests")
     fleet.out_of_order.clear()
     fleet.appear("V2", "P")
-    assert [mission.mission_id for _, mission in fleet.sent] == ["T-0", "T-1"]
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-0", "T-1"]
 
 
 async def test_a_robot_that_is_gone_before_its_order_is_sent_is_named() -> None:
@@ -57,6 +57,6 @@ async def test_an_order_between_two_drive_orders_goes_on_after_a_restart() -> No
 
     again, fleet = await make(store, V1="B", V2="P")
 
-    assert [mission.mission_id for _, mission in fleet.sent] == ["T-1"]
+    assert [vda_order.order_id for _, vda_order in fleet.sent] == ["T-1"]
     assert fleet.finish("V1")
     assert status_of(again, "T").state is TransportOrderState.FINISHED

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from nena_order_service.engine import Engine
 from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
-from nena_order_service.fleet import Mission, OperationStarted
+from nena_order_service.fleet import OperationStarted, VdaOrder
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_shared.fleet_api.transport_order import TransportOrderState
 from nena_shared.fleet_api.vehicle import ReroutingOutcome, ReroutingType
@@ -36,12 +36,12 @@ PLANT = PlantModel(
 REGULAR, FORCED = ReroutingType
 
 
-def base(mission: Mission) -> str:
-    return "".join(node.node_id for node in mission.nodes if node.released)
+def base(vda_order: VdaOrder) -> str:
+    return "".join(node.node_id for node in vda_order.nodes if node.released)
 
 
-def whole(mission: Mission) -> str:
-    return "".join(node.node_id for node in mission.nodes)
+def whole(vda_order: VdaOrder) -> str:
+    return "".join(node.node_id for node in vda_order.nodes)
 
 
 async def under_way(
@@ -129,7 +129,7 @@ async def test_order_waits_before_a_locked_path_and_goes_on_when_it_is_unlocked(
     lock(engine)
 
     assert whole(fleet.sent[1][1]) == "BCDEF"
-    assert fleet.sent[1][1].mission_id == "T-1-0~1"
+    assert fleet.sent[1][1].order_id == "T-1-0~1"
 
 
 async def test_order_that_waits_for_an_unlocking_waits_on_after_a_restart() -> None:
@@ -144,7 +144,7 @@ async def test_order_that_waits_for_an_unlocking_waits_on_after_a_restart() -> N
     assert "waits until a path is unlocked" in order(engine).status.reason
     lock(engine)
 
-    assert [mission.mission_id for _, mission in again.sent] == ["T-1-0~1"]
+    assert [vda_order.order_id for _, vda_order in again.sent] == ["T-1-0~1"]
 
 
 async def test_lock_that_was_stored_before_a_kill_is_kept_to_after_it() -> None:
@@ -220,7 +220,7 @@ async def test_forced_rerouting_goes_on_from_where_the_robot_stands() -> None:
     assert fleet.cancelled == ["V1"]
     fleet.at["V1"] = "B"
     fleet.confirm_cancel("V1")
-    assert [(m.mission_id, whole(m)) for _, m in fleet.sent] == [("T-1-0", "ABCDE"), ("T-1-0~1", "BCDE")]
+    assert [(m.order_id, whole(m)) for _, m in fleet.sent] == [("T-1-0", "ABCDE"), ("T-1-0~1", "BCDE")]
     assert fleet.finish("V1")
     assert order(engine).state is TransportOrderState.FINISHED
 
@@ -233,7 +233,7 @@ async def test_forced_rerouting_survives_a_restart() -> None:
     engine = await make_engine(PLANT, store, again)
     assert again.cancelled == ["V1"]
     again.confirm_cancel("V1")
-    assert [mission.mission_id for _, mission in again.sent] == ["T-1-0~1"]
+    assert [vda_order.order_id for _, vda_order in again.sent] == ["T-1-0~1"]
 
 
 async def test_withdrawal_counts_more_than_a_rerouting() -> None:
@@ -251,7 +251,7 @@ async def test_operation_that_has_begun_is_not_done_a_second_time() -> None:
     fleet = ScriptedFleet({})
     engine = await under_way(fleet, ahead=0, goal="Shelf:Load")
     reroute(engine, FORCED)
-    engine.on_events(OperationStarted(key("V1"), fleet.missions[key("V1")].mission_id))
+    engine.on_events(OperationStarted(key("V1"), fleet.missions[key("V1")].order_id))
     fleet.confirm_cancel("V1")
     assert order(engine).state is TransportOrderState.FAILED
     assert "look what is done" in order(engine).status.reason
@@ -260,7 +260,7 @@ async def test_operation_that_has_begun_is_not_done_a_second_time() -> None:
 async def test_vehicle_at_work_is_not_stopped() -> None:
     fleet = ScriptedFleet({})
     engine = await under_way(fleet, ahead=0, goal="Shelf:Load")
-    engine.on_events(OperationStarted(key("V1"), fleet.missions[key("V1")].mission_id))
+    engine.on_events(OperationStarted(key("V1"), fleet.missions[key("V1")].order_id))
     with pytest.raises(NotReroutableError, match="does its operation"):
         reroute(engine, FORCED)
 

@@ -1,15 +1,15 @@
-"""What is stored of a mission, and how much of it a robot has."""
+"""What is stored of a VDA order, and how much of it a robot has."""
 
 from __future__ import annotations
 
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.traffic.desk import Journey
 from nena_order_service.traffic.resources import ResourceSet
-from support.fleet import make_mission
+from support.fleet import make_vda_order
 from support.scripted_fleet import key
 
 WAY = tuple(ResourceSet(name, 1000, {name: None}) for name in "BCDE")
-RECORD = SentOrder.of(key("V1"), make_mission("m", *"ABCDE"), 0, WAY)
+RECORD = SentOrder.of(key("V1"), make_vda_order("m", *"ABCDE"), 0, WAY)
 
 
 def base(record: SentOrder) -> list[str]:
@@ -33,8 +33,8 @@ def test_the_base_is_what_is_allocated() -> None:
 def test_one_that_ends_early_has_no_horizon() -> None:
     record = RECORD.released(Journey(WAY, 2)).ending_early(partial=True)
 
-    assert [node.node_id for node in record.mission.nodes] == ["A", "B", "C"]
-    assert len(record.mission.edges) == len(record.way) == 2
+    assert [node.node_id for node in record.vda_order.nodes] == ["A", "B", "C"]
+    assert len(record.vda_order.edges) == len(record.way) == 2
     assert (record.partial, record.all_released, record.update_id) == (True, True, 1)
 
 

@@ -1,4 +1,4 @@
-"""What robots tell of missions, for orders that are withdrawn."""
+"""What robots tell of VDA orders, for orders that are withdrawn."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ async def test_a_failure_of_a_withdrawn_order_is_tried_no_more() -> None:
     assert len(fleet.sent) == 1
 
 
-async def test_a_mission_that_was_done_all_the_same_ends_a_withdrawn_order() -> None:
+async def test_a_vda_order_that_was_done_all_the_same_ends_a_withdrawn_order() -> None:
     engine, fleet, number = await make()
     engine.withdraw(number, "not wanted")
     fleet.finish("V1")

@@ -120,7 +120,7 @@ def test_store_of_the_first_release_keeps_all_that_is_in_it(sqlite_url: str) -> 
     }
     found = read_unfinished(engine)
     assert [order.name for order in found.orders] == ["running-4", "waiting-5"]
-    assert [SentOrder.model_validate_json(text).mission.mission_id for text in found.missions.values()]
+    assert [SentOrder.model_validate_json(text).vda_order.order_id for text in found.missions.values()]
     done = read_order(engine, idempotency_key="key-done-1")
     assert done is not None
     assert [entry.event_code for entry in done.status.history][-1] == "nena:finalStateReached"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from nena_order_service.engine import Engine
-from nena_order_service.fleet import Mission
+from nena_order_service.fleet import VdaOrder
 from nena_order_service.traffic.driving import EVASION_PAUSE
 from nena_shared.plant import PlantModel, Vehicle
 from support.order_service import request
@@ -22,8 +22,8 @@ PLANT = PlantModel(
 )
 
 
-def base(mission: Mission) -> list[str]:
-    return [node.node_id for node in mission.nodes if node.released]
+def base(vda_order: VdaOrder) -> list[str]:
+    return [node.node_id for node in vda_order.nodes if node.released]
 
 
 async def under_way(store: MemoryStore, fleet: ScriptedFleet, ahead: int) -> Engine:
@@ -39,20 +39,20 @@ async def test_without_a_policy_the_whole_way_is_the_base() -> None:
     fleet.pass_node("V1", 0)
     fleet.want_base("V1")
 
-    assert [base(mission) for _, mission in fleet.sent] == [["A", "B", "C", "D", "E"]]
+    assert [base(vda_order) for _, vda_order in fleet.sent] == [["A", "B", "C", "D", "E"]]
     assert fleet.extended == []
 
 
 async def test_so_many_nodes_are_released_ahead_of_the_robot() -> None:
     store, fleet = MemoryStore(), ScriptedFleet({})
     await under_way(store, fleet, 2)
-    assert [base(mission) for _, mission in fleet.sent] == [["A", "B", "C"]]
+    assert [base(vda_order) for _, vda_order in fleet.sent] == [["A", "B", "C"]]
     assert len(fleet.sent[0][1].nodes) == 5
 
     for index in range(4):
         fleet.pass_node("V1", index)
 
-    assert [base(mission) for _, mission in fleet.extended] == [
+    assert [base(vda_order) for _, vda_order in fleet.extended] == [
         ["A", "B", "C", "D"],
         ["A", "B", "C", "D", "E"],
     ]
@@ -64,7 +64,7 @@ async def test_a_robot_that_wants_more_before_gets_more() -> None:
 
     fleet.want_base("V1")
 
-    assert [base(mission) for _, mission in fleet.extended] == [["A", "B", "C"]]
+    assert [base(vda_order) for _, vda_order in fleet.extended] == [["A", "B", "C"]]
 
 
 async def test_a_withdrawn_order_is_given_no_more() -> None:
@@ -91,7 +91,7 @@ async def test_after_a_restart_the_robot_goes_on_with_what_it_was_given() -> Non
     assert again.updates == {"V1": 2}
     again.pass_node("V1", 3)
 
-    assert [base(mission) for _, mission in again.extended] == [["A", "B", "C", "D", "E"]]
+    assert [base(vda_order) for _, vda_order in again.extended] == [["A", "B", "C", "D", "E"]]
 
 
 TRACK = PlantModel(
@@ -119,12 +119,12 @@ async def test_what_one_robot_holds_another_one_waits_for_and_says_so() -> None:
     engine.create(request("D", intendedVehicle="V2"), "T-2")
     engine.create(request("C", intendedVehicle="V1"), "T-1")
 
-    assert [base(mission) for _, mission in fleet.sent] == [["C", "D"], ["A", "B"]]
+    assert [base(vda_order) for _, vda_order in fleet.sent] == [["C", "D"], ["A", "B"]]
     assert len(fleet.missions[key("V1")].nodes) == 3
     assert reason(engine, "T-1").endswith("but it waits for 'C', which V2 holds")
 
     fleet.finish("V2")
-    assert [base(mission) for _, mission in fleet.extended] == [["A", "B", "C"]]
+    assert [base(vda_order) for _, vda_order in fleet.extended] == [["A", "B", "C"]]
     assert reason(engine, "T-1") == "vehicle V1 travels to destination 1 of 1"
 
 
@@ -135,13 +135,13 @@ async def test_a_robot_that_rests_in_the_way_makes_room_without_an_order() -> No
 
     ((robot, evasion),) = fleet.sent
     assert (robot, base(evasion)) == ("V2", ["B", "P"])
-    assert evasion.mission_id.startswith("evasion-")
+    assert evasion.order_id.startswith("evasion-")
     assert reason(engine, "T-1").endswith("but it waits for 'B', where V2 rests")
     assert engine.status(engine.registry.discover(key("V2"))).reason == "makes room for others"
 
     again = ScriptedFleet({"V1": "A", "V2": "B"})
     restarted = await make_engine(TRACK, store, again)
-    assert again.adopted == [("V2", evasion.mission_id, False)]
+    assert again.adopted == [("V2", evasion.order_id, False)]
     for name in ("V1", "V2"):
         again.appear(name, again.at[name])
     again.accept("V2")
@@ -233,6 +233,6 @@ async def test_a_robot_that_is_lost_is_driven_around_by_who_was_on_its_way_alrea
     fleet.fail("V2")
 
     assert fleet.finish("V1")
-    assert fleet.sent[-1][1].mission_id == "T-1-0~1"
+    assert fleet.sent[-1][1].order_id == "T-1-0~1"
     assert base(fleet.missions[key("V1")]) == ["B", "E"]
     assert reason(engine, "T-2").startswith("wheel lost")

@@ -126,7 +126,7 @@ async def test_parking_gives_way_to_an_order_that_waits() -> None:
 
     fleet.finish("V1")
     assert engine.state.orders.get(park.number).state is S.FAILED
-    assert [mission.mission_id for _, mission in fleet.sent][-1] == "T-0"
+    assert [vda_order.order_id for _, vda_order in fleet.sent][-1] == "T-0"
 
 
 async def test_a_vehicle_that_gives_up_an_order_is_kept_for_the_one_that_wanted_it() -> None:
@@ -135,7 +135,7 @@ async def test_a_vehicle_that_gives_up_an_order_is_kept_for_the_one_that_wanted_
     engine.create(request("C"), "T")
     engine.create(request("B", priority=9), "U")
     fleet.finish("V1")
-    assert [mission.mission_id for _, mission in fleet.sent][-1] == "T-0"
+    assert [vda_order.order_id for _, vda_order in fleet.sent][-1] == "T-0"
 
 
 async def test_a_vehicle_that_was_kept_parks_again_when_nothing_waits_any_more() -> None:
@@ -145,7 +145,7 @@ async def test_a_vehicle_that_was_kept_parks_again_when_nothing_waits_any_more()
     fleet.finish("V1")
     fleet.finish("V1")
     later(engine, 60)
-    assert fleet.sent[-1][1].mission_id.startswith("Park-")
+    assert fleet.sent[-1][1].order_id.startswith("Park-")
 
 
 async def test_a_vehicle_is_kept_for_no_order_that_is_held() -> None:
@@ -157,7 +157,7 @@ async def test_a_vehicle_is_kept_for_no_order_that_is_held() -> None:
     assert order
     engine.hold(order.number, "Ann", "tea")
     fleet.finish("V1")
-    assert fleet.sent[-1][1].mission_id == "U-0"
+    assert fleet.sent[-1][1].order_id == "U-0"
 
 
 async def test_an_order_does_not_wait_for_a_vehicle_that_is_lost_meanwhile() -> None:
@@ -166,7 +166,7 @@ async def test_an_order_does_not_wait_for_a_vehicle_that_is_lost_meanwhile() -> 
     engine.create(request("C"), "T")
     del fleet.at["V1"]
     fleet.appear("V2", "B")
-    assert [(name, mission.mission_id) for name, mission in fleet.sent][-1] == ("V2", "T-0")
+    assert [(name, vda_order.order_id) for name, vda_order in fleet.sent][-1] == ("V2", "T-0")
 
 
 async def test_low_energy_is_recharged_and_nothing_else_is_done() -> None:
@@ -186,7 +186,7 @@ async def test_low_energy_is_recharged_and_nothing_else_is_done() -> None:
     assert waiting.status.reason.endswith("recharges, and goes on until it has 90 % of its energy")
     fleet.fields["V1"] = power(90, charging=True)
     fleet.appear("V1", "D")
-    assert fleet.sent[-1][1].mission_id == "T-0"
+    assert fleet.sent[-1][1].order_id == "T-0"
 
 
 async def test_a_vehicle_that_recharges_inside_of_its_order_is_told_to_cancel() -> None:
@@ -199,7 +199,7 @@ async def test_a_vehicle_that_recharges_inside_of_its_order_is_told_to_cancel() 
     assert fleet.cancelled == ["V1"]
     fleet.confirm_cancel("V1")
     assert engine.state.orders.get(recharge.number).state is S.FAILED
-    assert fleet.sent[-1][1].mission_id == "T-0"
+    assert fleet.sent[-1][1].order_id == "T-0"
 
 
 async def test_an_order_of_a_host_is_never_called_away_whatever_its_name_and_type() -> None:

@@ -71,8 +71,8 @@ async def test_a_robot_beside_its_point_holds_the_path_under_it_and_comes_to_the
 
     engine.create(request("D", intendedVehicle="V1"), "T")
 
-    ((_, mission),) = fleet.sent
-    assert [node.node_id for node in mission.nodes] == ["start:T-0", "C", "D"]
+    ((_, vda_order),) = fleet.sent
+    assert [node.node_id for node in vda_order.nodes] == ["start:T-0", "C", "D"]
     assert {"C", "D", "B --- C"} <= held(engine, "V1")
 
 

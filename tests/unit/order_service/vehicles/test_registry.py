@@ -108,9 +108,9 @@ def view(**fields: Any) -> RobotView:
         state_at=0.0,
         factsheet=None,
         malformed=0,
-        mission_id=None,
-        mission_phase=None,
-        mission_note="",
+        order_id=None,
+        order_phase=None,
+        wait_reason="",
     )
 
 

@@ -8,22 +8,11 @@ from nena_order_service.fleet.controller import FleetController
 from nena_order_service.fleet.failures import FailureKind, RobotBusyError
 from nena_order_service.fleet.instant_actions import retry_or_skip
 from nena_order_service.fleet.link import FleetLink
-from nena_order_service.fleet.mission import (
-    BaseChangedError,
-    Mission,
-    OperationMap,
-    build_mission,
-    mission_id,
-)
 from nena_order_service.fleet.outputs import (
     ActionRetriable,
     BaseWanted,
     FleetOutput,
     InstantActionEnded,
-    MissionAccepted,
-    MissionCancelled,
-    MissionFailed,
-    MissionFinished,
     NodePassed,
     OperationStarted,
     Outputs,
@@ -31,10 +20,21 @@ from nena_order_service.fleet.outputs import (
     PublishOrder,
     PublishResponses,
     RobotChanged,
+    VdaOrderAccepted,
+    VdaOrderCancelled,
+    VdaOrderFailed,
+    VdaOrderFinished,
 )
 from nena_order_service.fleet.position import NotLocatedError, RobotProfile, Standing, locate
-from nena_order_service.fleet.robot import Availability, LinkStatus, MissionPhase, RobotView
+from nena_order_service.fleet.robot import Availability, LinkStatus, RobotView, VdaOrderPhase
 from nena_order_service.fleet.settings import FleetSettings
+from nena_order_service.fleet.vda_order import (
+    BaseChangedError,
+    OperationMap,
+    VdaOrder,
+    build_vda_order,
+    order_id,
+)
 
 __all__ = [
     "ActionRetriable",
@@ -48,12 +48,6 @@ __all__ = [
     "FleetSettings",
     "InstantActionEnded",
     "LinkStatus",
-    "Mission",
-    "MissionAccepted",
-    "MissionCancelled",
-    "MissionFailed",
-    "MissionFinished",
-    "MissionPhase",
     "NodePassed",
     "NotLocatedError",
     "OperationMap",
@@ -68,8 +62,14 @@ __all__ = [
     "RobotProfile",
     "RobotView",
     "Standing",
-    "build_mission",
+    "VdaOrder",
+    "VdaOrderAccepted",
+    "VdaOrderCancelled",
+    "VdaOrderFailed",
+    "VdaOrderFinished",
+    "VdaOrderPhase",
+    "build_vda_order",
     "locate",
-    "mission_id",
+    "order_id",
     "retry_or_skip",
 ]

@@ -80,7 +80,7 @@ def vehicle_state(state: State | None, link: LinkStatus, instant_ids: Collection
 
 
 def matters(state: State) -> tuple[object, ...]:
-    """Give all that missions and news are made of: not where the robot is, nor fractions of a percent.
+    """Give all that VDA orders and news are made of: not where the robot is, nor fractions of a percent.
 
     Of the nodes and edges to come the first counts, and whether there are any: all others follow it.
     """

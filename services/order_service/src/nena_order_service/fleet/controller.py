@@ -13,20 +13,20 @@ from nena_order_service.fleet.availability import equipment, matters
 from nena_order_service.fleet.failures import RobotBusyError
 from nena_order_service.fleet.feasibility import fitted, order_problem
 from nena_order_service.fleet.instant_actions import InstantDesk
-from nena_order_service.fleet.mission import Mission, fresh_id
-from nena_order_service.fleet.mission_run import MissionRun
+from nena_order_service.fleet.order_execution import OrderExecution
 from nena_order_service.fleet.outputs import FleetOutput, Outputs, RobotChanged
 from nena_order_service.fleet.robot import (
     REPORTS_NOTHING,
     Availability,
     LinkStatus,
-    MissionPhase,
     Robot,
     RobotView,
     Silences,
+    VdaOrderPhase,
     is_idle,
 )
 from nena_order_service.fleet.settings import FleetSettings
+from nena_order_service.fleet.vda_order import VdaOrder, fresh_id
 from nena_order_service.fleet.zones import ReleaseDesk
 from nena_shared.vda5050.action import Action
 from nena_shared.vda5050.connection import Connection
@@ -35,10 +35,10 @@ from nena_shared.vda5050.state import State
 from nena_shared.vda5050.topics import RobotKey
 
 ENDED_MISSIONS_KEPT: Final = 50
-"""Ids of missions that are remembered, so that a robot that takes one up too late is stopped."""
+"""Ids of VDA orders that are remembered, so that a robot that takes one up too late is stopped."""
 
 STRAY_PAUSE: Final = 30.0
-"""Seconds between tries to stop a robot that works on a mission that has ended for us."""
+"""Seconds between tries to stop a robot that works on a VDA order that has ended for us."""
 
 
 class RobotControl:
@@ -50,7 +50,7 @@ class RobotControl:
         self.robot = Robot(key, settings)
         self._settings = settings
         self._desk = InstantDesk(self.robot, settings, new_id, broker=broker)
-        self._run: MissionRun | None = None
+        self._run: OrderExecution | None = None
         self._ended: deque[str] = deque(maxlen=ENDED_MISSIONS_KEPT)
         self._last_order_at: float | None = None
         self._next_stray_cancel = 0.0
@@ -90,7 +90,7 @@ class RobotControl:
         yield from self._tell_change(now)
 
     def on_state(self, message: State, now: float) -> Iterator[FleetOutput]:
-        """Take in a state; instant actions first, for a mission may end by one."""
+        """Take in a state; instant actions first, for a VDA order may end by one."""
         if not self.robot.take_state(message, now):
             return
         if self._unread:
@@ -123,30 +123,30 @@ class RobotControl:
             yield from self._run.on_state(message, now)
         yield from self._advance(now)
 
-    def start(self, run: MissionRun, now: float) -> Iterator[FleetOutput]:
-        """Begin a mission. Raises RobotBusyError, before anything is taken from the iterator."""
+    def start(self, run: OrderExecution, now: float) -> Iterator[FleetOutput]:
+        """Begin a VDA order. Raises RobotBusyError, before anything is taken from the iterator."""
         if self._run:
-            raise RobotBusyError(self.robot.key, self._run.mission.mission_id)
+            raise RobotBusyError(self.robot.key, self._run.vda_order.order_id)
         self._run = run
         return self._advance(now)
 
-    def extend(self, mission: Mission, now: float) -> Iterator[FleetOutput]:
-        """Have the robot do the mission by a newer plan; one that has ended meanwhile is passed over.
+    def extend(self, vda_order: VdaOrder, now: float) -> Iterator[FleetOutput]:
+        """Have the robot do the VDA order by a newer plan; one that has ended meanwhile is passed over.
 
         Raises BaseChangedError, before anything is taken from the iterator.
         """
         run, abilities = self._run, self.robot.abilities
-        if run and run.mission.mission_id == mission.mission_id:
-            run.extend(fitted(mission, abilities) if abilities else mission)
+        if run and run.vda_order.order_id == vda_order.order_id:
+            run.extend(fitted(vda_order, abilities) if abilities else vda_order)
         return self._advance(now)
 
     def new_run(
-        self, mission: Mission, *, adopted: bool = False, accepted: bool = False, update_id: int = 0
-    ) -> MissionRun:
-        """Make the run of a mission at this robot."""
-        return MissionRun(
+        self, vda_order: VdaOrder, *, adopted: bool = False, accepted: bool = False, update_id: int = 0
+    ) -> OrderExecution:
+        """Make the run of a VDA order at this robot."""
+        return OrderExecution(
             self.robot.key,
-            mission,
+            vda_order,
             self._settings,
             adopted=adopted,
             accepted=accepted,
@@ -154,7 +154,7 @@ class RobotControl:
         )
 
     def cancel(self, now: float) -> Iterator[FleetOutput]:
-        """End the mission early."""
+        """End the VDA order early."""
         if self._run:
             yield from self._run.begin_cancel()
             yield from self._advance(now)
@@ -175,12 +175,12 @@ class RobotControl:
             yield from self._run.on_tick(self.robot.state, now)
         yield from self._advance(now)
 
-    def _cannot_get(self, run: MissionRun, now: float) -> bool:
-        """Tell whether the robot cannot be sent now what it still is to get of its mission."""
-        if run.phase in (MissionPhase.WAITING, MissionPhase.SENT):
+    def _cannot_get(self, run: OrderExecution, now: float) -> bool:
+        """Tell whether the robot cannot be sent now what it still is to get of its VDA order."""
+        if run.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT):
             return self._obstacle(now) is not None
         away = self._away(now)
-        return run.phase is MissionPhase.RUNNING and away is not None
+        return run.phase is VdaOrderPhase.RUNNING and away is not None
 
     @property
     def quiet(self) -> bool:
@@ -207,9 +207,9 @@ class RobotControl:
             state_at=robot.state_at,
             factsheet=robot.factsheet,
             malformed=robot.malformed,
-            mission_id=run.mission.mission_id if run else None,
-            mission_phase=run.phase if run else None,
-            mission_note=self._mission_note(now),
+            order_id=run.vda_order.order_id if run else None,
+            order_phase=run.phase if run else None,
+            wait_reason=self._wait_reason(now),
         )
 
     def _advance(self, now: float) -> Iterator[FleetOutput]:
@@ -217,19 +217,19 @@ class RobotControl:
         self._changes += 1
         run = self._run
         if run and run.ended:
-            self._ended.append(run.mission.mission_id)
+            self._ended.append(run.vda_order.order_id)
             self._run = None
         elif run:
             yield from self._send_order(run, now)
             yield from self._send_update(run, now)
             if run.wants_cancel(self.robot.state) and self._desk.can_cancel(now):
-                run.cancel = self._desk.cancel(run.mission.mission_id)
+                run.cancel = self._desk.cancel(run.vda_order.order_id)
         self._stop_stray(now)
         if self._desk.busy:
             yield from self._desk.send(now)
         yield from self._tell_change(now)
 
-    def _send_order(self, run: MissionRun, now: float) -> Iterator[FleetOutput]:
+    def _send_order(self, run: OrderExecution, now: float) -> Iterator[FleetOutput]:
         if not run.wants_sending(now):
             return
         since = self._last_order_at
@@ -239,16 +239,16 @@ class RobotControl:
         if state is None or self._obstacle(now):
             run.hold()
             return
-        if self.robot.abilities and run.phase is MissionPhase.WAITING:
-            run.mission = fitted(run.mission, self.robot.abilities)
-            problem = order_problem(run.mission, self.robot.abilities)
+        if self.robot.abilities and run.phase is VdaOrderPhase.WAITING:
+            run.vda_order = fitted(run.vda_order, self.robot.abilities)
+            problem = order_problem(run.vda_order, self.robot.abilities)
             if problem:
                 yield from self._refuse(run, problem)
                 return
         self._last_order_at = now
         yield run.send(state.errors, now)
 
-    def _send_update(self, run: MissionRun, now: float) -> Iterator[FleetOutput]:
+    def _send_update(self, run: OrderExecution, now: float) -> Iterator[FleetOutput]:
         state, since = self.robot.state, self._last_order_at
         if state is None or not run.wants_update(now):
             return
@@ -258,20 +258,20 @@ class RobotControl:
             run.hold()
             return
         if abilities := self.robot.abilities:
-            run.refit(lambda mission: fitted(mission, abilities))
+            run.refit(lambda vda_order: fitted(vda_order, abilities))
         self._last_order_at = now
         yield run.send_update(state.errors, now)
 
-    def _refuse(self, run: MissionRun, problem: str) -> Iterator[FleetOutput]:
-        """End a mission that the robot could never take, before anything of it is sent."""
+    def _refuse(self, run: OrderExecution, problem: str) -> Iterator[FleetOutput]:
+        """End a VDA order that the robot could never take, before anything of it is sent."""
         yield run.refuse(f"the robot cannot take the order: {problem}")
-        self._ended.append(run.mission.mission_id)
+        self._ended.append(run.vda_order.order_id)
         self._run = None
 
     def _obstacle(self, now: float) -> str | None:
         """Say why the robot must not be sent an order now; None if it may."""
         link = self.robot.link(now)
-        sent = self._run is not None and self._run.phase is MissionPhase.SENT
+        sent = self._run is not None and self._run.phase is VdaOrderPhase.SENT
         if link in REPORTS_NOTHING and self.robot.reachable and sent:
             link = LinkStatus.ONLINE  # the sendings count, so that an order to a dead robot fails in the end
         reason = availability.away(link, self.robot.unreadable, broker=self._desk.broker)
@@ -292,27 +292,27 @@ class RobotControl:
         state = self.robot.state
         reason = self._away(now)
         if reason is None and self._run:
-            reason = f"works on the mission {self._run.mission.mission_id!r}"
+            reason = f"works on the VDA order {self._run.vda_order.order_id!r}"
         reason = reason or self._obstacle(now) or (availability.hindered(state) if state else None)
         return Availability(reason is None, reason or "is free")
 
-    def _mission_note(self, now: float) -> str:
+    def _wait_reason(self, now: float) -> str:
         run = self._run
         if run is None:
             return ""
         away = self._away(now)
-        if run.phase in (MissionPhase.WAITING, MissionPhase.SENT):
+        if run.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT):
             reason = self._obstacle(now)
             unconfirmed = "has not yet confirmed the order" if run.sent_again else ""
             return f"the robot {reason or unconfirmed}" if reason or unconfirmed else ""
-        if run.phase is MissionPhase.CANCELLING:
+        if run.phase is VdaOrderPhase.CANCELLING:
             return f"the robot {away or 'has not yet confirmed the end of the order'}"
         state = self.robot.state
         reason = away or (availability.hindered(state) if state else None)
         return f"the robot {reason}" if reason else ""
 
     def _stop_stray(self, now: float) -> None:
-        """Cancel an order that the robot works on though its mission has ended for us."""
+        """Cancel an order that the robot works on though its VDA order has ended for us."""
         state = self.robot.state
         if state is None or state.order_id not in self._ended or now < self._next_stray_cancel:
             return
@@ -332,10 +332,10 @@ class RobotControl:
     def _signature(self, now: float) -> tuple[object, ...]:
         """Give what makes a change worth telling: not its place on the map, speeds, parts of a percent."""
         state, run = self.robot.state, self._run
-        mission = (run.mission.mission_id, run.phase, self._mission_note(now)) if run else None
+        vda_order = (run.vda_order.order_id, run.phase, self._wait_reason(now)) if run else None
         abilities = self.robot.abilities
         transforms = abilities and abilities.transforms_itself
-        common = (self.robot.link(now), self._availability(now), mission, transforms)
+        common = (self.robot.link(now), self._availability(now), vda_order, transforms)
         if state is None:
             return common
         power, position = state.power_supply, state.mobile_robot_position
@@ -362,10 +362,10 @@ def _utc_now() -> datetime:
 
 
 class FleetController:
-    """Sends missions to robots and follows them by what the robots' states say.
+    """Sends VDA orders to robots and follows them by what the robots' states say.
 
-    Each mission that is started or adopted ends in exactly one of MissionFinished, MissionFailed and
-    MissionCancelled. ``now`` is in monotonic seconds everywhere.
+    Each VDA order that is started or adopted ends in exactly one of VdaOrderFinished, VdaOrderFailed and
+    VdaOrderCancelled. ``now`` is in monotonic seconds everywhere.
     """
 
     def __init__(
@@ -425,48 +425,48 @@ class FleetController:
         )
         return tuple(chain.from_iterable(told))
 
-    def start_mission(self, robot: RobotKey, mission: Mission, now: float) -> Outputs:
-        """Send a mission, now or as soon as the robot can be sent one; the view tells what it waits for.
+    def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder, now: float) -> Outputs:
+        """Send a VDA order, now or as soon as the robot can be sent one; the view tells what it waits for.
 
         Raises:
-            RobotBusyError: the robot has a mission.
+            RobotBusyError: the robot has a VDA order.
 
         """
         control = self._control(robot)
-        return self._told(control, control.start(control.new_run(mission), now))
+        return self._told(control, control.start(control.new_run(vda_order), now))
 
-    def adopt_mission(
-        self, robot: RobotKey, mission: Mission, now: float, *, accepted: bool, update_id: int = 0
+    def adopt_vda_order(
+        self, robot: RobotKey, vda_order: VdaOrder, now: float, *, accepted: bool, update_id: int = 0
     ) -> Outputs:
-        """Take up a mission from before a restart of this program: what the robot's next state says decides.
+        """Adopt a VDA order from before a restart; the robot's next state decides how it goes on.
 
         A robot that has it goes on, and news may be told again. One that does not know it is sent it, unless
-        it was ``accepted`` before: then the robot has lost it, and the mission fails. ``update_id`` is the
+        it was ``accepted`` before: then the robot has lost it, and the VDA order fails. ``update_id`` is the
         last update that was sent; a robot that has an older one is sent the rest.
 
         Raises:
-            RobotBusyError: the robot has a mission.
+            RobotBusyError: the robot has a VDA order.
 
         """
         control = self._control(robot)
-        run = control.new_run(mission, adopted=True, accepted=accepted, update_id=update_id)
+        run = control.new_run(vda_order, adopted=True, accepted=accepted, update_id=update_id)
         return self._told(control, control.start(run, now))
 
-    def extend_mission(self, robot: RobotKey, mission: Mission, now: float) -> Outputs:
-        """Give the robot's mission a newer plan: more of it released, or another way behind the base.
+    def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder, now: float) -> Outputs:
+        """Give the robot's VDA order a newer plan: more of it released, or another way behind the base.
 
         It goes out as an order update as soon as the robot has echoed what it was sent before; of plans that
-        come in the meantime only the newest is sent. A mission that has ended is passed over.
+        come in the meantime only the newest is sent. A VDA order that has ended is passed over.
 
         Raises:
             BaseChangedError: the plan does not go on from the base that the robot was given.
 
         """
         control = self._control(robot)
-        return self._told(control, control.extend(mission, now))
+        return self._told(control, control.extend(vda_order, now))
 
-    def cancel_mission(self, robot: RobotKey, now: float) -> Outputs:
-        """End the robot's mission early: cancelOrder, awaited to its end. Without one nothing happens."""
+    def cancel_vda_order(self, robot: RobotKey, now: float) -> Outputs:
+        """End the robot's VDA order early: cancelOrder, awaited to its end. Without one nothing happens."""
         control = self._control(robot)
         return self._told(control, control.cancel(now))
 

@@ -6,14 +6,14 @@ from collections.abc import Iterable, Iterator
 from enum import StrEnum
 from typing import Final
 
-from nena_order_service.fleet.mission import Mission
+from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorType
 from nena_shared.vda5050.topics import RobotKey, Topic
 from nena_shared.vda5050.v2_1.error_type import REJECTIONS, WRITTEN
 
 
 class FailureKind(StrEnum):
-    """How a mission has failed, and so how much is known of what the robot has done of it."""
+    """How a VDA order has failed, and so how much is known of what the robot has done of it."""
 
     REFUSED = "REFUSED"
     """The robot has refused it, or has one already."""
@@ -85,28 +85,28 @@ def no_navigation(errors: Iterable[ErrorEntry]) -> ErrorEntry | None:
 
 
 def refusals(
-    errors: Iterable[ErrorEntry], mission: Mission, before: frozenset[ErrorIdentity]
+    errors: Iterable[ErrorEntry], vda_order: VdaOrder, before: frozenset[ErrorIdentity]
 ) -> tuple[ErrorEntry, ...]:
-    """Give the errors by which the robot refuses the mission.
+    """Give the errors by which the robot refuses the VDA order.
 
     They name its orderId; or they have the type of a refusal, name neither an order nor another action, and
-    were not there ``before`` the mission was sent (2.x has no duty to name anything).
+    were not there ``before`` the VDA order was sent (2.x has no duty to name anything).
     """
-    return tuple(error for error in errors if _refuses(error, mission, before))
+    return tuple(error for error in errors if _refuses(error, vda_order, before))
 
 
-def _refuses(error: ErrorEntry, mission: Mission, before: frozenset[ErrorIdentity]) -> bool:
+def _refuses(error: ErrorEntry, vda_order: VdaOrder, before: frozenset[ErrorIdentity]) -> bool:
     named = _referenced(error, "orderId")
     if named:
-        return mission.mission_id in named
-    known = identity(error) in before or of_another_action(error, mission) or _of_another_topic(error)
+        return vda_order.order_id in named
+    known = identity(error) in before or of_another_action(error, vda_order) or _of_another_topic(error)
     return error.error_type in ORDER_REFUSALS and not known
 
 
-def is_named(error: ErrorEntry, mission: Mission) -> bool:
-    """Tell whether an error names the mission or an action of it; of what cannot be read nothing is named."""
-    return mission.mission_id in _referenced(error, "orderId") or bool(
-        _referenced(error, "actionId") & mission.action_ids
+def is_named(error: ErrorEntry, vda_order: VdaOrder) -> bool:
+    """Return whether an error names the VDA order or one of its actions."""
+    return vda_order.order_id in _referenced(error, "orderId") or bool(
+        _referenced(error, "actionId") & vda_order.action_ids
     )
 
 
@@ -116,10 +116,10 @@ def _of_another_topic(error: ErrorEntry) -> bool:
     return bool(topics) and Topic.ORDER not in topics
 
 
-def of_another_action(error: ErrorEntry, mission: Mission) -> bool:
-    """Tell whether an error names actions, and none of the mission: an instant action was refused."""
+def of_another_action(error: ErrorEntry, vda_order: VdaOrder) -> bool:
+    """Tell whether an error names actions, and none of the VDA order: an instant action was refused."""
     actions = _referenced(error, "actionId")
-    return bool(actions) and actions.isdisjoint(mission.action_ids)
+    return bool(actions) and actions.isdisjoint(vda_order.action_ids)
 
 
 def name_actions(errors: Iterable[ErrorEntry]) -> bool:
@@ -127,13 +127,13 @@ def name_actions(errors: Iterable[ErrorEntry]) -> bool:
     return any(_referenced(error, "actionId") for error in errors)
 
 
-def refuses_update(error: ErrorEntry, mission_id: str, update_id: int) -> bool:
+def refuses_update(error: ErrorEntry, order_id: str, update_id: int) -> bool:
     """Tell whether an error says that the robot does not take an update of the order that it has.
 
     An update is named by its number; in 2.x an error that names no order may be meant.
     """
     orders, updates = _referenced(error, "orderId"), _referenced(error, "orderUpdateId")
-    foreign = _of_another_topic(error) or (orders and mission_id not in orders)
+    foreign = _of_another_topic(error) or (orders and order_id not in orders)
     if error.error_type not in ORDER_REFUSALS or foreign:
         return False
     return str(update_id) in updates if updates else True
@@ -145,17 +145,17 @@ def names_update(error: ErrorEntry) -> bool:
 
 
 def about(
-    errors: Iterable[ErrorEntry], mission: Mission, before: frozenset[ErrorIdentity]
+    errors: Iterable[ErrorEntry], vda_order: VdaOrder, before: frozenset[ErrorIdentity]
 ) -> tuple[ErrorEntry, ...]:
-    """Give the errors that say that the robot, which has the mission, cannot go on with it."""
-    return tuple(error for error in _new_stops(errors, before) if _is_about(error, mission) is True)
+    """Give the errors that say that the robot, which has the VDA order, cannot go on with it."""
+    return tuple(error for error in _new_stops(errors, before) if _is_about(error, vda_order) is True)
 
 
 def unexplained(
-    errors: Iterable[ErrorEntry], mission: Mission, before: frozenset[ErrorIdentity]
+    errors: Iterable[ErrorEntry], vda_order: VdaOrder, before: frozenset[ErrorIdentity]
 ) -> tuple[ErrorEntry, ...]:
-    """Give the errors that stop a robot and leave open whether they are about the mission."""
-    return tuple(error for error in _new_stops(errors, before) if _is_about(error, mission) is None)
+    """Give the errors that stop a robot and leave open whether they are about the VDA order."""
+    return tuple(error for error in _new_stops(errors, before) if _is_about(error, vda_order) is None)
 
 
 def of_action(errors: Iterable[ErrorEntry], action_id: str) -> Iterator[str]:
@@ -170,15 +170,15 @@ def _new_stops(errors: Iterable[ErrorEntry], before: frozenset[ErrorIdentity]) -
             yield error
 
 
-def _is_about(error: ErrorEntry, mission: Mission) -> bool | None:
-    """Tell whether the error names the mission or a part of it; None where it names none at all."""
+def _is_about(error: ErrorEntry, vda_order: VdaOrder) -> bool | None:
+    """Tell whether the error names the VDA order or a part of it; None where it names none at all."""
     orders = _referenced(error, "orderId")
     if orders:
-        return mission.mission_id in orders
+        return vda_order.order_id in orders
     parts = (
-        _referenced(error, "nodeId") & {node.node_id for node in mission.nodes},
-        _referenced(error, "edgeId") & {edge.edge_id for edge in mission.edges},
-        _referenced(error, "actionId") & mission.action_ids,
+        _referenced(error, "nodeId") & {node.node_id for node in vda_order.nodes},
+        _referenced(error, "edgeId") & {edge.edge_id for edge in vda_order.edges},
+        _referenced(error, "actionId") & vda_order.action_ids,
     )
     return True if any(parts) else None
 
@@ -188,9 +188,9 @@ def _referenced(error: ErrorEntry, key: str) -> set[str]:
 
 
 class RobotBusyError(Exception):
-    """The robot has a mission already; end that one first."""
+    """The robot has a VDA order already; end that one first."""
 
-    def __init__(self, robot: RobotKey, mission_id: str) -> None:
-        super().__init__(f"robot {robot} has the mission {mission_id!r}; a robot has one mission at a time")
+    def __init__(self, robot: RobotKey, order_id: str) -> None:
+        super().__init__(f"robot {robot} has the VDA order {order_id!r}; a robot has one VDA order at a time")
         self.robot = robot
-        self.mission_id = mission_id
+        self.order_id = order_id

@@ -13,8 +13,8 @@ from typing import Any, Final
 from pydantic import JsonValue, ValidationError
 from pydantic_core import from_json
 
-from nena_order_service.fleet.mission import GOAL_PREFIX, STATION_PARAMETERS, Mission
 from nena_order_service.fleet.robot import Abilities
+from nena_order_service.fleet.vda_order import GOAL_PREFIX, STATION_PARAMETERS, VdaOrder
 from nena_shared.vda5050.action import Action, ActionParameter, InstantActions
 from nena_shared.vda5050.base import Header
 from nena_shared.vda5050.factsheet import (
@@ -32,22 +32,22 @@ DEVIATION_THETA: Final = "nodes.nodePosition.allowedDeviationTheta"
 ACTION_DESCRIPTOR: Final = "nodes.actions.actionDescriptor"
 
 
-def fitted(mission: Mission, abilities: Abilities) -> Mission:
+def fitted(vda_order: VdaOrder, abilities: Abilities) -> VdaOrder:
     """Leave out the optional fields that the robot does not take, and fill those that it demands.
 
     What would change the order stays as it is, for :mod:`nena_order_service.fleet.fitness` to name: a
     position, and the heading at a coordinate.
     """
-    nodes = mission.nodes
+    nodes = vda_order.nodes
     headings = _headings(nodes)
-    return mission.model_copy(
+    return vda_order.model_copy(
         update={
             "nodes": tuple(
                 _fitted_node(node, heading, abilities) for node, heading in zip(nodes, headings, strict=True)
             ),
             "edges": tuple(
                 _fitted_edge(edge, ends, abilities)
-                for edge, ends in zip(mission.edges, pairwise(nodes), strict=True)
+                for edge, ends in zip(vda_order.edges, pairwise(nodes), strict=True)
             ),
         }
     )
@@ -210,9 +210,9 @@ _LONGEST_HEADER: Final[Mapping[str, Any]] = MappingProxyType(
 )
 
 
-def order_problem(mission: Mission, abilities: Abilities) -> str | None:
-    """Say why the robot cannot take a fitted mission; None if nothing is known against it."""
-    return next(_order_problems(mission, abilities), None)
+def order_problem(vda_order: VdaOrder, abilities: Abilities) -> str | None:
+    """Say why the robot cannot take a fitted VDA order; None if nothing is known against it."""
+    return next(_order_problems(vda_order, abilities), None)
 
 
 def instant_action_problem(action: Action, abilities: Abilities) -> str | None:
@@ -228,38 +228,38 @@ def _instant_problems(action: Action, abilities: Abilities) -> Iterator[str]:
     yield from _wire_problems(InstantActions(**_header(abilities), actions=(action,)), abilities)
 
 
-def _order_problems(mission: Mission, abilities: Abilities) -> Iterator[str]:
-    yield from _long_lists(mission, abilities)
-    for node in mission.nodes:
+def _order_problems(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
+    yield from _long_lists(vda_order, abilities)
+    for node in vda_order.nodes:
         for action in node.actions:
             yield from _action_problems(action, ActionScope.NODE, abilities)
-    for edge in mission.edges:
+    for edge in vda_order.edges:
         for action in edge.actions:
             yield from _action_problems(action, ActionScope.EDGE, abilities)
-    yield from _fields(mission, abilities)
-    yield from _bad_ids(_ids(mission), abilities)
+    yield from _fields(vda_order, abilities)
+    yield from _bad_ids(_ids(vda_order), abilities)
     order = Order(
         **_header(abilities),
-        order_id=mission.mission_id,
+        order_id=vda_order.order_id,
         order_update_id=0,
-        nodes=mission.nodes,
-        edges=mission.edges,
+        nodes=vda_order.nodes,
+        edges=vda_order.edges,
     )
     yield from _wire_problems(order, abilities)
 
 
-def _long_lists(mission: Mission, abilities: Abilities) -> Iterator[str]:
+def _long_lists(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
     """Look for lists that are too long in the order, or would be in the states that tell of it."""
     limits = abilities.factsheet.protocol_limits.maximum_array_lengths
-    yield from _too_many(len(mission.nodes), limits.order_nodes, "nodes")
-    yield from _too_many(len(mission.edges), limits.order_edges, "edges")
-    for node in mission.nodes:
+    yield from _too_many(len(vda_order.nodes), limits.order_nodes, "nodes")
+    yield from _too_many(len(vda_order.edges), limits.order_edges, "edges")
+    for node in vda_order.nodes:
         yield from _too_many(len(node.actions), limits.node_actions, f"actions on node '{node.node_id}'")
-    for edge in mission.edges:
+    for edge in vda_order.edges:
         yield from _too_many(len(edge.actions), limits.edge_actions, f"actions on edge '{edge.edge_id}'")
-    yield from _too_many(len(mission.nodes) - 1, limits.state_node_states, "nodes to go in its state")
-    yield from _too_many(len(mission.edges), limits.state_edge_states, "edges to go in its state")
-    yield from _too_many(len(mission.actions), limits.state_action_states, "actions in its state")
+    yield from _too_many(len(vda_order.nodes) - 1, limits.state_node_states, "nodes to go in its state")
+    yield from _too_many(len(vda_order.edges), limits.state_edge_states, "edges to go in its state")
+    yield from _too_many(len(vda_order.actions), limits.state_action_states, "actions in its state")
 
 
 def _action_problems(action: Action, scope: ActionScope, abilities: Abilities) -> Iterator[str]:
@@ -307,14 +307,14 @@ def _value_problems(action: Action, wanted: Mapping[str, ActionParameterDescript
             yield f"the parameter '{given.key}' of '{action.action_type}' must be {kind}, not {given.value!r}"
 
 
-def _fields(mission: Mission, abilities: Abilities) -> Iterator[str]:
+def _fields(vda_order: VdaOrder, abilities: Abilities) -> Iterator[str]:
     """Look for fields that the robot demands and do not stand there, or must stand and it does not take."""
     required = abilities.required_fields
-    document = mission.model_dump(mode="json", by_alias=True, exclude_none=True) if required else {}
+    document = vda_order.model_dump(mode="json", by_alias=True, exclude_none=True) if required else {}
     for path in required:
         if not _filled(document, path.split(".")):
             yield f"its factsheet demands the field '{path}', which cannot be filled here"
-    if not abilities.takes_field(THETA) and any(map(_must_be_headed, mission.nodes)):
+    if not abilities.takes_field(THETA) and any(map(_must_be_headed, vda_order.nodes)):
         yield "its factsheet does not list headings, so it cannot take one up at a coordinate"
 
 
@@ -341,14 +341,14 @@ def _bad_ids(ids: Iterable[str], abilities: Abilities) -> Iterator[str]:
             yield f"its factsheet demands ids of digits only, not '{each}'"
 
 
-def _ids(mission: Mission) -> Iterator[str]:
-    yield mission.mission_id
-    for node in mission.nodes:
+def _ids(vda_order: VdaOrder) -> Iterator[str]:
+    yield vda_order.order_id
+    for node in vda_order.nodes:
         yield node.node_id
         if node.node_position:
             yield node.node_position.map_id
-    yield from (edge.edge_id for edge in mission.edges)
-    yield from mission.action_ids
+    yield from (edge.edge_id for edge in vda_order.edges)
+    yield from vda_order.action_ids
 
 
 def _too_many(count: int, limit: int | None, what: str) -> Iterator[str]:

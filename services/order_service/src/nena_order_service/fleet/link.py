@@ -11,11 +11,11 @@ from pydantic import ValidationError
 
 from nena_order_service.fleet.addresses import KEY_LENGTH, RobotAddresses
 from nena_order_service.fleet.controller import FleetController
-from nena_order_service.fleet.mission import Mission
 from nena_order_service.fleet.outgoing import Outgoing
 from nena_order_service.fleet.outputs import FleetOutput, Outputs, Publish, PublishZoneSet
 from nena_order_service.fleet.robot import RobotView
 from nena_order_service.fleet.settings import FleetSettings
+from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.clock import Clock
 from nena_shared.log import get_logger
 from nena_shared.mqtt import Inbound, MqttLink, Outbound
@@ -90,25 +90,27 @@ class FleetLink:
         """Look after what is overdue, until cancelled."""
         await forever("fleet control", self._look)
 
-    def start_mission(self, robot: RobotKey, mission: Mission) -> None:
-        """See :meth:`FleetController.start_mission`; the same holds for the following methods."""
-        self._hand_out(self._controller.start_mission(robot, mission, self._now()))
+    def start_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
+        """See :meth:`FleetController.start_vda_order`; the same holds for the following methods."""
+        self._hand_out(self._controller.start_vda_order(robot, vda_order, self._now()))
 
-    def adopt_mission(self, robot: RobotKey, mission: Mission, *, accepted: bool, update_id: int = 0) -> None:
-        """See :meth:`FleetController.adopt_mission`."""
+    def adopt_vda_order(
+        self, robot: RobotKey, vda_order: VdaOrder, *, accepted: bool, update_id: int = 0
+    ) -> None:
+        """See :meth:`FleetController.adopt_vda_order`."""
         self._hand_out(
-            self._controller.adopt_mission(
-                robot, mission, self._now(), accepted=accepted, update_id=update_id
+            self._controller.adopt_vda_order(
+                robot, vda_order, self._now(), accepted=accepted, update_id=update_id
             )
         )
 
-    def extend_mission(self, robot: RobotKey, mission: Mission) -> None:
-        """See :meth:`FleetController.extend_mission`."""
-        self._hand_out(self._controller.extend_mission(robot, mission, self._now()))
+    def extend_vda_order(self, robot: RobotKey, vda_order: VdaOrder) -> None:
+        """See :meth:`FleetController.extend_vda_order`."""
+        self._hand_out(self._controller.extend_vda_order(robot, vda_order, self._now()))
 
-    def cancel_mission(self, robot: RobotKey) -> None:
-        """See :meth:`FleetController.cancel_mission`."""
-        self._hand_out(self._controller.cancel_mission(robot, self._now()))
+    def cancel_vda_order(self, robot: RobotKey) -> None:
+        """See :meth:`FleetController.cancel_vda_order`."""
+        self._hand_out(self._controller.cancel_vda_order(robot, self._now()))
 
     def instant_action(self, robot: RobotKey, action: Action) -> None:
         """See :meth:`FleetController.instant_action`."""

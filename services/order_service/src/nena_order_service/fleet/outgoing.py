@@ -38,10 +38,10 @@ class Outgoing:
                 header = self._header(output.robot, Topic.ORDER, version)
                 return Topic.ORDER, Order(
                     **header,
-                    order_id=output.mission.mission_id,
+                    order_id=output.vda_order.order_id,
                     order_update_id=output.order_update_id,
-                    nodes=output.mission.nodes,
-                    edges=output.mission.edges,
+                    nodes=output.vda_order.nodes,
+                    edges=output.vda_order.edges,
                 )
             case PublishInstantActions():
                 header = self._header(output.robot, Topic.INSTANT_ACTIONS, version)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from nena_order_service.fleet.failures import FailureKind
-from nena_order_service.fleet.mission import Mission
+from nena_order_service.fleet.vda_order import VdaOrder
 from nena_shared.vda5050.action import Action, ActionStatus
 from nena_shared.vda5050.responses import Response
 from nena_shared.vda5050.topics import RobotKey
@@ -14,10 +14,10 @@ from nena_shared.vda5050.zone_set import ZoneSet
 
 @dataclass(frozen=True, slots=True)
 class PublishOrder:
-    """Send the mission, or the part of it that an update is, as an order; header fields are the sender's."""
+    """Send a VDA order or an update of one; the sender adds the header."""
 
     robot: RobotKey
-    mission: Mission
+    vda_order: VdaOrder
     order_update_id: int = 0
 
 
@@ -60,11 +60,11 @@ class RobotChanged:
 
 
 @dataclass(frozen=True, slots=True)
-class MissionAccepted:
-    """The robot's state echoes the mission: it has it and will do it."""
+class VdaOrderAccepted:
+    """The robot's state echoes the VDA order: it has it and will do it."""
 
     robot: RobotKey
-    mission_id: str
+    order_id: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,44 +72,44 @@ class NodePassed:
     """The robot has traversed a node, or stands on the first one; in order, none left out."""
 
     robot: RobotKey
-    mission_id: str
+    order_id: str
     node_id: str
     sequence_id: int
 
 
 @dataclass(frozen=True, slots=True)
 class BaseWanted:
-    """The robot comes near the end of its base, and there is more of the mission (section 6.6.3)."""
+    """The robot comes near the end of its base, and there is more of the VDA order (section 6.6.3)."""
 
     robot: RobotKey
-    mission_id: str
+    order_id: str
 
 
 @dataclass(frozen=True, slots=True)
 class OperationStarted:
-    """The first of the mission's actions has begun."""
+    """The first of the VDA order's actions has begun."""
 
     robot: RobotKey
-    mission_id: str
+    order_id: str
 
 
 @dataclass(frozen=True, slots=True)
-class MissionFinished:
-    """The robot has done all of it. It may also be the end of a mission that was cancelled too late."""
+class VdaOrderFinished:
+    """The robot has done all of it. It may also be the end of a VDA order that was cancelled too late."""
 
     robot: RobotKey
-    mission_id: str
+    order_id: str
 
 
 @dataclass(frozen=True, slots=True)
-class MissionFailed:
-    """The mission has ended without success.
+class VdaOrderFailed:
+    """The VDA order has ended without success.
 
     ``reason`` is one sentence for people; ``details`` holds the robot's own words, an error each.
     """
 
     robot: RobotKey
-    mission_id: str
+    order_id: str
     reason: str
     details: tuple[str, ...] = ()
     kind: FailureKind = FailureKind.DRIVE
@@ -117,24 +117,24 @@ class MissionFailed:
 
 @dataclass(frozen=True, slots=True)
 class ActionRetriable:
-    """An action of the mission has failed, and the robot waits for ``retry`` or ``skipRetry``.
+    """An action of the VDA order has failed, and the robot waits for ``retry`` or ``skipRetry``.
 
-    See section 6.6.9; words as in :class:`MissionFailed`.
+    See section 6.6.9; words as in :class:`VdaOrderFailed`.
     """
 
     robot: RobotKey
-    mission_id: str
+    order_id: str
     action_id: str
     reason: str
     details: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class MissionCancelled:
-    """The mission has ended because it was to be cancelled; the robot has confirmed it or never had it."""
+class VdaOrderCancelled:
+    """The VDA order has ended because it was to be cancelled; the robot has confirmed it or never had it."""
 
     robot: RobotKey
-    mission_id: str
+    order_id: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,13 +155,13 @@ class InstantActionEnded:
 FleetOutput = (
     Publish
     | RobotChanged
-    | MissionAccepted
+    | VdaOrderAccepted
     | NodePassed
     | BaseWanted
     | OperationStarted
-    | MissionFinished
-    | MissionFailed
-    | MissionCancelled
+    | VdaOrderFinished
+    | VdaOrderFailed
+    | VdaOrderCancelled
     | ActionRetriable
     | InstantActionEnded
 )

@@ -22,7 +22,7 @@ IDENTITY: Final = MapTransform()
 
 @dataclass(frozen=True, slots=True)
 class RobotProfile:
-    """How missions for one robot are built. ``map_id`` is the id of the map in the robot."""
+    """How VDA orders for one robot are built. ``map_id`` is the id of the map in the robot."""
 
     map_id: str
     deviation_xy: float = DEFAULT_DEVIATION_XY

@@ -112,8 +112,8 @@ REPORTS_NOTHING: Final = frozenset({LinkStatus.SILENT, LinkStatus.UNREADABLE})
 """Links of robots that may still get what they are sent."""
 
 
-class MissionPhase(StrEnum):
-    """How far a mission has come."""
+class VdaOrderPhase(StrEnum):
+    """How far a VDA order has come."""
 
     WAITING = "WAITING"
     """Nothing is sent yet; the robot cannot be sent an order now."""
@@ -127,7 +127,7 @@ class MissionPhase(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Availability:
-    """Whether a robot can take a mission now; ``reason`` says why, or why not, in words."""
+    """Whether a robot can take a VDA order now; ``reason`` says why, or why not, in words."""
 
     can_take_order: bool
     reason: str
@@ -148,10 +148,10 @@ class RobotView:
     factsheet: Factsheet | None
     malformed: int
     """How many of its messages could not be read."""
-    mission_id: str | None
-    mission_phase: MissionPhase | None
-    mission_note: str
-    """What the mission waits for, in words; empty where it waits for nothing but the robot's driving."""
+    order_id: str | None
+    order_phase: VdaOrderPhase | None
+    wait_reason: str
+    """What the VDA order waits for, in words; empty where it waits for nothing but the robot's driving."""
 
 
 ORDER_PREFIX: Final = "order."

@@ -15,7 +15,7 @@ from typing import Final
 from nena_order_service.context import Context
 from nena_order_service.fleet import LinkStatus, NotLocatedError
 from nena_order_service.fleet.failures import FailureKind
-from nena_order_service.fleet.mission import DROP, PICK
+from nena_order_service.fleet.vda_order import DROP, PICK
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing import NoRouteError
 from nena_order_service.vehicles.registry import FleetVehicle

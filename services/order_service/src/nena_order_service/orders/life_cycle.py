@@ -16,16 +16,16 @@ from nena_order_service.fleet import (
     ActionRetriable,
     FailureKind,
     InstantActionEnded,
-    MissionAccepted,
-    MissionCancelled,
-    MissionFailed,
-    MissionFinished,
     NotLocatedError,
     OperationStarted,
+    VdaOrderAccepted,
+    VdaOrderCancelled,
+    VdaOrderFailed,
+    VdaOrderFinished,
     retry_or_skip,
 )
 from nena_order_service.fleet.failures import with_details
-from nena_order_service.fleet.mission import fresh_id
+from nena_order_service.fleet.vda_order import fresh_id
 from nena_order_service.orders import deadlines
 from nena_order_service.orders.automatic import automatic_name
 from nena_order_service.orders.deadlines import Deadlines, OrderTimeouts
@@ -60,7 +60,7 @@ BEGUN_MEANWHILE = "the vehicle had begun its operation when it was stopped; look
 POLICY = "failure policy"
 """Who holds an order at which a vehicle has failed."""
 
-OrderEvent = MissionAccepted | OperationStarted | MissionFinished | MissionFailed | MissionCancelled
+OrderEvent = VdaOrderAccepted | OperationStarted | VdaOrderFinished | VdaOrderFailed | VdaOrderCancelled
 """What a robot reports of a VDA 5050 order that it was sent."""
 
 
@@ -317,7 +317,7 @@ class LifeCycle:
         order = self._state.order_of(vehicle.key)
         if order is None:
             return
-        changed = order.hindered(self._context.view(vehicle).mission_note or self._driving.note(vehicle))
+        changed = order.hindered(self._context.view(vehicle).wait_reason or self._driving.note(vehicle))
         if changed is not order:
             self._orders.put(changed)
             self._state.vehicle_changed(order.vehicle)
@@ -332,16 +332,16 @@ class LifeCycle:
 
     def on_order_event(self, event: OrderEvent) -> None:
         """Handle what a robot reports of a VDA 5050 order."""
-        sent = self._sent.find(event.mission_id)
+        sent = self._sent.find(event.order_id)
         if sent is None:
-            log.warning("event of an unknown VDA 5050 order", robot=str(event.robot), order=event.mission_id)
+            log.warning("event of an unknown VDA 5050 order", robot=str(event.robot), order=event.order_id)
             return
         ahead = self._driving.ahead_of(sent)
-        if isinstance(event, MissionAccepted):
+        if isinstance(event, VdaOrderAccepted):
             self._sent.put(sent.model_copy(update={"accepted": True}))
-        elif isinstance(event, MissionFinished):
+        elif isinstance(event, VdaOrderFinished):
             self._driving.finished(sent)
-        elif isinstance(event, MissionFailed | MissionCancelled):
+        elif isinstance(event, VdaOrderFailed | VdaOrderCancelled):
             self._driving.broken_off(sent, event)
         vehicle = self._registry.discover(sent.robot)
         self._state.vehicle_changed(vehicle.name)
@@ -351,9 +351,9 @@ class LifeCycle:
             self._on_drive_order(sent, event, ahead)
 
     def _on_evasion(self, vehicle: FleetVehicle, event: OrderEvent) -> None:
-        if isinstance(event, MissionFailed):
+        if isinstance(event, VdaOrderFailed):
             log.warning("vehicle did not make room", vehicle=vehicle.name, reason=event.reason)
-        if isinstance(event, MissionFinished | MissionFailed | MissionCancelled):
+        if isinstance(event, VdaOrderFinished | VdaOrderFailed | VdaOrderCancelled):
             self._state.dispatch_due = True
 
     def _on_drive_order(self, sent: SentOrder, event: OrderEvent, ahead: tuple[str, ...]) -> None:
@@ -361,16 +361,16 @@ class LifeCycle:
         assert order, "a robot with a drive order works on its transport order"  # noqa: S101 - for the type
         assert sent.drive_order_index is not None, "evasions have none"  # noqa: S101 - for the type
         match event:
-            case MissionAccepted():
+            case VdaOrderAccepted():
                 pass
             case OperationStarted():
                 self._orders.put(order.operating(sent.drive_order_index, self._clock.now()))
-            case MissionFinished():
+            case VdaOrderFinished():
                 self._drive_order_finished(order, sent)
-            case MissionFailed():
+            case VdaOrderFailed():
                 words = with_details(event.reason, event.details)
                 self._drive_order_failed(order, Failure(event.kind, words, ahead))
-            case MissionCancelled():
+            case VdaOrderCancelled():
                 self._drive_order_cancelled(order, sent)
 
     def _drive_order_finished(self, order: TransportOrder, sent: SentOrder) -> None:
@@ -396,7 +396,7 @@ class LifeCycle:
 
     def _drive_order_cancelled(self, order: TransportOrder, sent: SentOrder) -> None:
         """End an order that was withdrawn; one that was held meanwhile waits, or goes on if it is resumed."""
-        given_up = self._given_up.pop(sent.mission.mission_id, None)
+        given_up = self._given_up.pop(sent.vda_order.order_id, None)
         if order.state is S.WITHDRAWN:
             words = f"withdrawn: {why_withdrawn(order.status)}; the vehicle has let it go"
             self._end(order.failed(words, self._clock.now()))
@@ -462,13 +462,13 @@ class LifeCycle:
         ``retry`` where the policy lets it try again at once; else ``skipRetry``: the VDA 5050 order fails by
         that, as with robots that know no retry, and the policy goes on.
         """
-        sent, order = self._sent.find(event.mission_id), self._state.order_of(event.robot)
+        sent, order = self._sent.find(event.order_id), self._state.order_of(event.robot)
         if sent is None or sent.cancelled or sent.evasion or order is None:
             return
         words = with_details(event.reason, event.details)
         action = retry_or_skip(fresh_id(), event.action_id, retry=self._retries_action(order, words))
-        self._answers[action.action_id] = event.mission_id, words
-        log.info("action has failed", mission=event.mission_id, answer=action.action_type, reason=words)
+        self._answers[action.action_id] = event.order_id, words
+        log.info("action has failed", vda_order=event.order_id, answer=action.action_type, reason=words)
         self._driving.instruct(sent, action)
 
     def _retries_action(self, order: TransportOrder, words: str) -> bool:
@@ -485,7 +485,7 @@ class LifeCycle:
         order_id, words = self._answers.pop(event.action.action_id, ("", ""))
         sent = self._sent.find(order_id)
         if sent and not sent.cancelled and event.status is not ActionStatus.FINISHED:
-            log.warning("robot takes no answer to its failed action", mission=order_id, reason=event.reason)
+            log.warning("robot takes no answer to its failed action", vda_order=order_id, reason=event.reason)
             known = event.status is ActionStatus.FAILED  # else it may be trying again right now
             self._given_up[order_id] = Failure(FailureKind.ACTION if known else FailureKind.UNCLEAR, words)
             self._driving.cancel(sent)

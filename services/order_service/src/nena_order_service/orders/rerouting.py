@@ -9,7 +9,7 @@ from nena_order_service.context import Context
 from nena_order_service.dispatching.way import Leg
 from nena_order_service.errors import NotReroutableError, VehicleNotReachedError
 from nena_order_service.fleet import LinkStatus, Standing
-from nena_order_service.fleet.mission import with_other_horizon
+from nena_order_service.fleet.vda_order import with_other_horizon
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.routing import NoRouteError, Route
@@ -107,7 +107,7 @@ class Rerouting:
             if done.outcome is ReroutingOutcome.UNCHANGED:
                 log.info("vehicle stops before a locked path", vehicle=vehicle.name, reason=done.reason)
                 self._driving.end_early(record, partial=True)
-        self._driving.reconsider(lambda record: self._any_locked(record.mission.edges))
+        self._driving.reconsider(lambda record: self._any_locked(record.vda_order.edges))
 
     def _order(self, vehicle: FleetVehicle) -> TransportOrder:
         number = self._sent.order_number(vehicle.key)
@@ -120,7 +120,7 @@ class Rerouting:
 
     def _number(self, vehicle: FleetVehicle) -> int:
         number = self._sent.order_number(vehicle.key)
-        assert number is not None, "who has an order's mission works for the order"  # noqa: S101 - for the type
+        assert number is not None, "who has an order's VDA order works for the order"  # noqa: S101 - for the type
         return number
 
     def _force(self, vehicle: FleetVehicle, order: TransportOrder, record: SentOrder) -> Rerouted:
@@ -140,7 +140,7 @@ class Rerouting:
         journey = self._traffic.journey(vehicle.name)
         if journey is None or record.all_released or journey.all_allocated:
             return Rerouted(ReroutingOutcome.UNCHANGED, NOTHING_AHEAD)
-        base_end = record.mission.nodes[journey.allocated].node_id
+        base_end = record.vda_order.nodes[journey.allocated].node_id
         if base_end not in self._plant.points_by_name:
             return Rerouted(ReroutingOutcome.UNCHANGED, "it drives to a coordinate, off the paths")
         under_way = _UnderWay(vehicle, record.released(journey), order, base_end)
@@ -185,7 +185,7 @@ class Rerouting:
         """Tell whether a leg is what the vehicle is to drive anyway, or nothing to be driven."""
         if leg.route is None or not leg.route.steps:
             return True
-        rest = under_way.record.mission.edges[under_way.record.allocated :]
+        rest = under_way.record.vda_order.edges[under_way.record.allocated :]
         return tuple(each.edge_id for each in rest) == tuple(each.edge_id for each in leg.route.steps)
 
     def _occupied(self, refusal: Refusal) -> frozenset[str]:
@@ -197,20 +197,20 @@ class Rerouting:
     def _send(self, under_way: _UnderWay, route: Route, why: str) -> None:
         vehicle, record = under_way.vehicle, under_way.record
         standing = Standing(under_way.base_end, on_point=True, pose=None)
-        retriable = any(each.retriable for each in record.mission.actions)
-        tail = self._planner.mission(under_way.order, vehicle, standing, route, retriable=retriable)
-        mission = with_other_horizon(record.mission, record.allocated, tail)
+        retriable = any(each.retriable for each in record.vda_order.actions)
+        tail = self._planner.vda_order(under_way.order, vehicle, standing, route, retriable=retriable)
+        vda_order = with_other_horizon(record.vda_order, record.allocated, tail)
         journey = self._traffic.journey(vehicle.name)
         assert journey, "asked for by the caller"  # noqa: S101 - for the type
-        self._driving.send_on(record.updated(mission=mission, way=journey.way))
+        self._driving.send_on(record.updated(vda_order=vda_order, way=journey.way))
         self._state.drive_due = True
-        points = tuple(n.node_id for n in mission.nodes if n.node_id in self._plant.points_by_name)
+        points = tuple(n.node_id for n in vda_order.nodes if n.node_id in self._plant.points_by_name)
         self._orders.put(under_way.order.rerouted(points, why, self._clock.now()))
         log.info("vehicle goes another way", vehicle=vehicle.name, reason=why, route=route.points)
 
     def _leads_over_lock(self, record: SentOrder) -> bool:
-        """Tell whether what is not released yet of a mission leads over a path that is locked."""
-        return not record.all_released and self._any_locked(record.mission.edges[record.allocated :])
+        """Tell whether what is not released yet of a VDA order leads over a path that is locked."""
+        return not record.all_released and self._any_locked(record.vda_order.edges[record.allocated :])
 
     def _any_locked(self, edges: Iterable[Edge]) -> bool:
         return any(self._finder.is_locked(each.edge_id.removesuffix(BACKWARD_SUFFIX)) for each in edges)

@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Self
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from nena_order_service.dispatching.dispatcher import Pick
 from nena_order_service.dispatching.way import Leg, Way, WayFinder
 from nena_order_service.fleet import (
-    Mission,
     OperationMap,
     RobotView,
     Standing,
-    build_mission,
+    VdaOrder,
+    build_vda_order,
     locate,
-    mission_id,
+    order_id,
 )
-from nena_order_service.fleet.mission import DROP, PICK, fresh_id, released_to
 from nena_order_service.fleet.position import NotLocatedError
+from nena_order_service.fleet.vda_order import DROP, PICK, fresh_id, released_to
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.routing import NoRouteError, Route
 from nena_order_service.traffic.desk import Journey
@@ -31,21 +31,20 @@ from nena_shared.vda5050.topics import RobotKey
 
 
 class SentOrder(BaseModel):
-    """A mission, whom it was sent to and whether the robot is known to have it.
+    """A VDA order, the robot it was sent to, and whether the robot is known to have it.
 
-    ``mission`` is the whole plan; ``released_to`` is the sequenceId of the last node that the robot was given
-    for its base (None: all of it), by not more than ``update_id`` updates. ``way`` is what it needs of the
-    plant for each node behind the first one. A mission of an order has the index of its drive order, one that
-    makes room for others has none.
+    ``vda_order`` is the whole plan. ``released_to`` is the sequenceId of the last node of its base (None: all
+    of it is base), reached with at most ``update_id`` updates. ``way`` lists the resources that it needs for
+    each node after the first. ``drive_order_index`` is None for an order that only makes room for others.
     """
 
-    model_config = ConfigDict(frozen=True)
+    model_config = ConfigDict(frozen=True, validate_by_name=True, validate_by_alias=True)
 
     manufacturer: str
     serial_number: str
     drive_order_index: int | None
     accepted: bool
-    mission: Mission
+    vda_order: VdaOrder = Field(alias="mission")
     released_to: int | None = None
     update_id: int = 0
     way: tuple[ResourceSet, ...] = ()
@@ -60,17 +59,17 @@ class SentOrder(BaseModel):
     def of(
         cls,
         robot: RobotKey,
-        mission: Mission,
+        vda_order: VdaOrder,
         drive_order_index: int | None,
         way: tuple[ResourceSet, ...] = (),
     ) -> Self:
-        """Record a mission that is about to be sent."""
+        """Record a VDA order that is about to be sent."""
         return cls(
             manufacturer=robot.manufacturer,
             serial_number=robot.serial_number,
             drive_order_index=drive_order_index,
             accepted=False,
-            mission=mission,
+            vda_order=vda_order,
             way=way,
         )
 
@@ -86,10 +85,10 @@ class SentOrder(BaseModel):
 
     def ahead(self, reached: int) -> tuple[str, ...]:
         """Name the path and the point behind the ``reached``-th node; nothing at the end."""
-        if reached >= len(self.mission.edges):
+        if reached >= len(self.vda_order.edges):
             return ()
-        path = self.mission.edges[reached].edge_id.removesuffix(BACKWARD_SUFFIX)
-        return path, self.mission.nodes[reached + 1].node_id
+        path = self.vda_order.edges[reached].edge_id.removesuffix(BACKWARD_SUFFIX)
+        return path, self.vda_order.nodes[reached + 1].node_id
 
     def released(self, journey: Journey) -> Self:
         """Give the record with what is allocated for its base."""
@@ -105,9 +104,9 @@ class SentOrder(BaseModel):
         """Whom it was sent to."""
         return RobotKey(self.manufacturer, self.serial_number)
 
-    def as_released(self) -> Mission:
-        """Give the mission with its base as far as it is released."""
-        return self.mission if self.released_to is None else released_to(self.mission, self.released_to)
+    def as_released(self) -> VdaOrder:
+        """Give the VDA order with its base as far as it is released."""
+        return self.vda_order if self.released_to is None else released_to(self.vda_order, self.released_to)
 
     @property
     def all_released(self) -> bool:
@@ -115,16 +114,16 @@ class SentOrder(BaseModel):
         return self.released_to is None
 
     def ending_early(self, *, partial: bool) -> Self:
-        """Give the record of a mission that ends where its base does; one that is all base stays so."""
+        """Give the record of a VDA order that ends where its base does; one that is all base stays so."""
         if self.released_to is None:
             return self
         base = self.allocated
-        mission = Mission(
-            mission_id=self.mission.mission_id,
-            nodes=self.mission.nodes[: base + 1],
-            edges=self.mission.edges[:base],
+        vda_order = VdaOrder(
+            order_id=self.vda_order.order_id,
+            nodes=self.vda_order.nodes[: base + 1],
+            edges=self.vda_order.edges[:base],
         )
-        return self.updated(mission=mission, released_to=None, way=self.way[:base], partial=partial)
+        return self.updated(vda_order=vda_order, released_to=None, way=self.way[:base], partial=partial)
 
     def document(self) -> str:
         """Write it for the store; ``model_validate_json`` reads it."""
@@ -132,7 +131,7 @@ class SentOrder(BaseModel):
 
 
 EVASION_PREFIX = "evasion-"
-"""Before what is unique, in the ids of missions that make room for others."""
+"""Before what is unique, in the ids of VDA orders that make room for others."""
 
 
 class OrderPlanner:
@@ -224,7 +223,7 @@ class OrderPlanner:
         location = name if name in self.plant.locations_by_name else None
         return Wish(vehicle.name, leg.points[-1], location, order.resources_to_avoid)
 
-    def mission(
+    def vda_order(
         self,
         order: TransportOrder,
         vehicle: FleetVehicle,
@@ -232,15 +231,15 @@ class OrderPlanner:
         route: Route | None,
         *,
         retriable: bool = False,
-    ) -> Mission:
-        """Make the mission of the current drive order, along ``route`` or straight to its coordinate.
+    ) -> VdaOrder:
+        """Make the VDA order of the current drive order, along ``route`` or straight to its coordinate.
 
         Where it is ``retriable``, its actions may be tried again at the robot (VDA 5050 3.0 section 6.6.9).
         """
         index, destination = order.index, order.current.destination
         location = self.plant.locations_by_name.get(destination.location_name or "")
-        return build_mission(
-            mission_id(order.name, index, order.current.attempts),
+        return build_vda_order(
+            order_id(order.name, index, order.current.attempts),
             plant=self.plant,
             standing=standing,
             profile=vehicle.profile,
@@ -254,9 +253,9 @@ class OrderPlanner:
             ),
         )
 
-    def evasion(self, vehicle: FleetVehicle, standing: Standing, route: Route) -> Mission:
-        """Make a mission that takes a vehicle out of the way of others."""
-        return build_mission(
+    def evasion(self, vehicle: FleetVehicle, standing: Standing, route: Route) -> VdaOrder:
+        """Make a VDA order that takes a vehicle out of the way of others."""
+        return build_vda_order(
             f"{EVASION_PREFIX}{fresh_id()}",
             plant=self.plant,
             standing=standing,

@@ -12,12 +12,12 @@ from nena_order_service.fleet import (
     FailureKind,
     FleetOutput,
     LinkStatus,
-    MissionFailed,
     NotLocatedError,
     RobotBusyError,
     Standing,
+    VdaOrderFailed,
 )
-from nena_order_service.fleet.mission import state_request
+from nena_order_service.fleet.vda_order import state_request
 from nena_order_service.orders.transport_order import TransportOrder
 from nena_order_service.orders.vda_orders import SentOrder
 from nena_order_service.traffic.traffic_control import Departure, Evasion, NoWay, Wish
@@ -248,41 +248,41 @@ class Driving:
             self._traffic.revoke(vehicle.name)
 
     def cancel(self, record: SentOrder) -> None:
-        """Have a robot told to cancel its mission."""
+        """Have a robot told to cancel its VDA order."""
         self._shorten(record)
         granted = record.way[: record.allocated]  # all that a restart is to hold for it
         self._sent.put(record.model_copy(update={"cancelled": True, "way": granted}))
-        self._state.after_commit(lambda: self._context.fleet.cancel_mission(record.robot))
+        self._state.after_commit(lambda: self._context.fleet.cancel_vda_order(record.robot))
 
     def instruct(self, record: SentOrder, action: Action) -> None:
-        """Have a robot told to do something at once about its mission."""
+        """Have a robot told to do something at once about its VDA order."""
         self._state.after_commit(lambda: self._context.fleet.instant_action(record.robot, action))
 
     def end_early(self, record: SentOrder, *, partial: bool) -> None:
-        """Let a mission end where its base does; ``partial`` where its order is to go on from there."""
+        """Let a VDA order end where its base does; ``partial`` where its order is to go on from there."""
         self._shorten(record)
         shorter = record.ending_early(partial=partial)
         if shorter is not record:
             self.send_on(shorter)
 
     def reconsider(self, misfits: Callable[[SentOrder], bool]) -> None:
-        """Let those wish anew of whose missions nothing is sent yet, where these do not fit any more."""
+        """Let those wish anew of whose VDA orders nothing is sent yet, where these do not fit any more."""
         for name in [each for each, record in self._unsent.items() if misfits(record)]:
             self._wish_anew(name)
 
     def resume(self, vehicle: FleetVehicle, record: SentOrder) -> None:
-        """Take up a mission from before a restart: its robot holds all that it was given."""
+        """Take up a VDA order from before a restart: its robot holds all that it was given."""
         self._traffic.resume(vehicle.name, record.way, record.allocated)
 
-    def passed(self, mission_id: str, sequence_id: int) -> None:
+    def passed(self, order_id: str, sequence_id: int) -> None:
         """Take notice that a robot has passed a node: what is behind it is free."""
-        record = self._sent.find(mission_id)
+        record = self._sent.find(order_id)
         if record and (vehicle := self._under_way(record)):
             self._state.drive_due |= self._traffic.arrived(vehicle.name, sequence_id // 2)
 
-    def base_wanted(self, mission_id: str) -> None:
+    def base_wanted(self, order_id: str) -> None:
         """Give a robot that comes near the end of its base more of it at once, where that can be had."""
-        record = self._sent.find(mission_id)
+        record = self._sent.find(order_id)
         if record and self._gate.is_open and (vehicle := self._under_way(record)):
             self._go_on(vehicle, self._ahead and self._traffic.ahead(vehicle.name) + self._ahead)
 
@@ -293,7 +293,7 @@ class Driving:
         return record.ahead(journey.reached) if journey else ()
 
     def finished(self, record: SentOrder) -> None:
-        """Let a robot rest at the end of its mission."""
+        """Let a robot rest at the end of its VDA order."""
         self._sent.end(record)
         vehicle = self._registry.discover(record.robot)
         if self._traffic.journey(vehicle.name):
@@ -302,16 +302,16 @@ class Driving:
             self._rest(vehicle)
 
     def broken_off(self, record: SentOrder, news: object) -> None:
-        """Let a robot whose mission has ended early keep what it holds until it is seen standing.
+        """Let a robot whose VDA order has ended early keep what it holds until it is seen standing.
 
-        What it said before counts only if it was known to have the mission.
+        What it said before counts only if it was known to have the VDA order.
         """
         self._sent.end(record)
         vehicle = self._registry.discover(record.robot)
         if record.evasion:
             self.mobility.evasion_failed(vehicle)
         if self._traffic.journey(vehicle.name):
-            self._break_off(vehicle, doubt=isinstance(news, MissionFailed) and not record.accepted)
+            self._break_off(vehicle, doubt=isinstance(news, VdaOrderFailed) and not record.accepted)
 
     def take_out(self, vehicle: FleetVehicle) -> None:
         """Forget all that a vehicle wants and does."""
@@ -360,7 +360,7 @@ class Driving:
         self._state.drive_due = True
 
     def _replan(self) -> None:
-        """Let missions end where their bases do whose ways lead over robots that will not make room.
+        """Let VDA orders end where their bases do whose ways lead over robots that will not make room.
 
         Then these robots are at rest, too: the order's one wishes anew, and goes around or changes places.
         """
@@ -432,14 +432,14 @@ class Driving:
 
     def _record(self, granted: Departure | Evasion, vehicle: FleetVehicle, standing: Standing) -> SentOrder:
         if isinstance(granted, Evasion):
-            mission = self._planner.evasion(vehicle, standing, granted.route)
+            vda_order = self._planner.evasion(vehicle, standing, granted.route)
             log.info("vehicle makes room", vehicle=vehicle.name, goal=granted.route.destination)
-            return SentOrder.of(vehicle.key, mission, None, granted.way)
+            return SentOrder.of(vehicle.key, vda_order, None, granted.way)
         wanted = self._wanted[vehicle.name]
-        mission = self._planner.mission(
+        vda_order = self._planner.vda_order(
             wanted.order, vehicle, standing, granted.route, retriable=wanted.retriable
         )
-        return SentOrder.of(vehicle.key, mission, wanted.order.index, granted.way)
+        return SentOrder.of(vehicle.key, vda_order, wanted.order.index, granted.way)
 
     def _go_on(self, vehicle: FleetVehicle, ahead: int | None = None) -> None:
         """Allocate what can be had, and send what is new."""
@@ -460,10 +460,10 @@ class Driving:
             self.send_on(known.released(journey).updated())
 
     def send_on(self, record: SentOrder) -> None:
-        """Have a robot told what is new about its mission."""
+        """Have a robot told what is new about its VDA order."""
         self._sent.put(record)
         self._state.after_commit(
-            lambda: self._context.fleet.extend_mission(record.robot, record.as_released())
+            lambda: self._context.fleet.extend_vda_order(record.robot, record.as_released())
         )
 
     def _shorten(self, record: SentOrder) -> None:
@@ -473,10 +473,10 @@ class Driving:
 
     def _start(self, record: SentOrder) -> FleetOutput | None:
         try:
-            self._context.fleet.start_mission(record.robot, record.as_released())
+            self._context.fleet.start_vda_order(record.robot, record.as_released())
         except RobotBusyError as error:
-            name = record.mission.mission_id
-            return MissionFailed(record.robot, name, str(error), kind=FailureKind.REFUSED)
+            name = record.vda_order.order_id
+            return VdaOrderFailed(record.robot, name, str(error), kind=FailureKind.REFUSED)
         return None
 
     def _under_way(self, record: SentOrder) -> FleetVehicle | None:

@@ -1,4 +1,4 @@
-"""The way of a mission from its first sending to its one end, by example."""
+"""The way of a VDA order from its first sending to its one end, by example."""
 
 from __future__ import annotations
 
@@ -10,57 +10,57 @@ from nena_order_service.fleet import (
     FailureKind,
     FleetOutput,
     FleetSettings,
-    MissionAccepted,
-    MissionCancelled,
-    MissionFailed,
-    MissionFinished,
-    MissionPhase,
     NodePassed,
     PublishOrder,
+    VdaOrderAccepted,
+    VdaOrderCancelled,
+    VdaOrderFailed,
+    VdaOrderFinished,
+    VdaOrderPhase,
 )
-from nena_order_service.fleet.mission_run import MissionRun
+from nena_order_service.fleet.order_execution import OrderExecution
 from nena_shared.vda5050.action import ActionStatus
 from nena_shared.vda5050.connection import ConnectionState
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel, ErrorReference
 from nena_shared.vda5050.state import OperatingMode, State
-from support.fleet import Bench, make_mission
+from support.fleet import Bench, make_vda_order
 from support.fleet_examples import state, way
 from support.honest_robot import ROBOT, HonestRobot
 
 
-def failure(bench: Bench) -> MissionFailed:
-    (only,) = bench.told(MissionFailed)
+def failure(bench: Bench) -> VdaOrderFailed:
+    (only,) = bench.told(VdaOrderFailed)
     return only
 
 
 @pytest.mark.clause("6.6.2/fleet", "6.1.2/confirm")
-def test_a_mission_goes_its_whole_way() -> None:
+def test_a_vda_order_goes_its_whole_way() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B", "C", operation="pick"))
+    bench.start(make_vda_order("m", "A", "B", "C", operation="pick"))
     bench.run()
     assert bench.story() == [
-        "MissionAccepted",
+        "VdaOrderAccepted",
         "NodePassed",
         "NodePassed",
         "NodePassed",
         "OperationStarted",
-        "MissionFinished",
+        "VdaOrderFinished",
     ]
     assert [each.node_id for each in bench.told(NodePassed)] == ["A", "B", "C"]
     assert bench.orders_sent() == ["m"]
     assert bench.view().availability.can_take_order
 
 
-def test_a_mission_without_way_and_operation_is_done_when_it_is_taken() -> None:
+def test_a_vda_order_without_way_and_operation_is_done_when_it_is_taken() -> None:
     bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A"))
-    assert bench.story() == ["MissionAccepted", "NodePassed", "MissionFinished"]
+    bench.start_and_tell(make_vda_order("m", "A"))
+    assert bench.story() == ["VdaOrderAccepted", "NodePassed", "VdaOrderFinished"]
 
 
 @pytest.mark.clause("6.6.2/fleet")
 def test_nodes_whose_states_were_lost_are_told_in_order() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B", "C", "B", "D"))
+    bench.start(make_vda_order("m", "A", "B", "C", "B", "D"))
     bench.deliver()
     for _ in range(4):
         bench.robot.step()
@@ -72,17 +72,17 @@ def test_nodes_whose_states_were_lost_are_told_in_order() -> None:
 @pytest.mark.clause("6.6.2/fleet")
 def test_the_operation_is_not_over_when_the_last_node_is_reached() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B", operation="pick"))
+    bench.start(make_vda_order("m", "A", "B", operation="pick"))
     bench.deliver()
     bench.robot.step()
     bench.report()
-    assert not bench.told(MissionFinished)
+    assert not bench.told(VdaOrderFinished)
 
 
 @pytest.mark.clause("6.1.2/confirm")
 def test_a_lost_order_is_sent_again_with_growing_pauses() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     times = []
     for _ in range(60):
         before = len(bench.sent)
@@ -100,16 +100,16 @@ def test_a_lost_order_is_sent_again_with_growing_pauses() -> None:
 @pytest.mark.clause("6.1.2/confirm")
 def test_an_order_that_is_never_taken_up_fails_with_the_number_of_sendings() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.wait(60, reporting=True)
     assert failure(bench).reason == "the order was sent 6 times, but the robot never took it up"
     assert bench.orders_sent() == ["m"] * 6
 
 
 @pytest.mark.clause("6.1.4/fleet")
-def test_a_refusal_that_names_the_order_fails_the_mission_with_the_robots_words() -> None:
+def test_a_refusal_that_names_the_order_fails_the_vda_order_with_the_robots_words() -> None:
     bench = Bench(robot=HonestRobot(position=(9.0, 9.0, 0.0))).online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.start_and_tell(make_vda_order("m", "A", "B"))
     assert failure(bench).reason == "the robot refuses the order"
     assert failure(bench).details == ("START_NODE_OUT_OF_RANGE: no",)
 
@@ -118,7 +118,7 @@ def test_a_refusal_that_names_the_order_fails_the_mission_with_the_robots_words(
 @pytest.mark.parametrize("kind", ["noRouteError", "orderError", "validationError", "orderUpdateError"])
 def test_a_refusal_without_references_is_known_by_its_type_and_time(kind: str) -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.robot.errors.append(ErrorEntry(error_type=kind, error_level=ErrorLevel.WARNING))
     bench.report()
     assert bench.ends() == {}
@@ -133,13 +133,13 @@ def test_a_refusal_without_references_is_known_by_its_type_and_time(kind: str) -
 @pytest.mark.clause("6.1.4/fleet")
 def test_a_refusal_of_somebody_elses_message_is_none_of_the_order_that_is_taken_behind_it() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.robot.errors.append(ErrorEntry(error_type="validationError", error_level=ErrorLevel.WARNING))
     bench.report()
     bench.tick()
     bench.run()
     assert bench.ends() == {"m": 1}
-    assert bench.told(MissionFinished)
+    assert bench.told(VdaOrderFinished)
 
 
 @pytest.mark.clause("6.1.4/fleet")
@@ -147,16 +147,16 @@ def test_a_refusal_from_before_the_order_is_not_taken_for_one_of_it() -> None:
     bench = Bench()
     bench.robot.errors.append(ErrorEntry(error_type="noRouteError", error_level=ErrorLevel.WARNING))
     bench.online()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.report()
     bench.run()
-    assert bench.told(MissionFinished)
+    assert bench.told(VdaOrderFinished)
 
 
 @pytest.mark.clause("6.1.4/fleet")
 def test_a_refusal_of_another_order_is_none_of_this_one() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     other = ErrorReference(reference_key="orderId", reference_value="other")
     bench.robot.errors.append(
         ErrorEntry(error_type="orderError", error_level=ErrorLevel.WARNING, error_references=(other,))
@@ -169,7 +169,7 @@ def test_a_refusal_of_another_order_is_none_of_this_one() -> None:
 @pytest.mark.parametrize(("action_id", "fails"), [("i1", False), ("m/pick", True)])
 def test_a_refusal_of_an_instant_action_is_none_of_the_order(action_id: str, *, fails: bool) -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B", operation="pick"))
+    bench.start(make_vda_order("m", "A", "B", operation="pick"))
     named = ErrorReference(reference_key="actionId", reference_value=action_id)
     bench.robot.errors.append(
         ErrorEntry(error_type="orderError", error_level=ErrorLevel.WARNING, error_references=(named,))
@@ -179,9 +179,9 @@ def test_a_refusal_of_an_instant_action_is_none_of_the_order(action_id: str, *, 
 
 
 @pytest.mark.clause("6.6.9/failed")
-def test_a_failed_operation_fails_the_mission_with_the_robots_words() -> None:
+def test_a_failed_operation_fails_the_vda_order_with_the_robots_words() -> None:
     bench = Bench(robot=HonestRobot(actions_fail=True)).online()
-    bench.start(make_mission("m", "A", "B", operation="pick"))
+    bench.start(make_vda_order("m", "A", "B", operation="pick"))
     bench.run()
     assert failure(bench).reason == "the action 'pick' has failed"
     assert failure(bench).details == ("ACTION_FAILED: dropped it",)
@@ -191,7 +191,7 @@ def test_a_failed_operation_fails_the_mission_with_the_robots_words() -> None:
 @pytest.mark.clause("6.6.9/failed", "6.1.3/fleet")
 def test_a_failed_operation_cancels_what_comes_behind_it() -> None:
     bench = Bench(robot=HonestRobot(actions_fail=True)).online()
-    one, two = (make_mission("m", "A", operation=each) for each in ("pick", "weigh"))
+    one, two = (make_vda_order("m", "A", operation=each) for each in ("pick", "weigh"))
     node = one.nodes[0].model_copy(update={"actions": (*one.actions, *two.actions)})
     bench.start(one.model_copy(update={"nodes": (node,)}))
     bench.deliver()
@@ -208,12 +208,12 @@ def test_a_failed_operation_cancels_what_comes_behind_it() -> None:
 @pytest.mark.clause("6.6.5.1/fleet")
 def test_a_node_that_cannot_be_reached_cancels_the_order_and_then_fails_it() -> None:
     bench = Bench(robot=HonestRobot(unreachable={"C"})).online()
-    bench.start(make_mission("m", "A", "B", "C"))
+    bench.start(make_vda_order("m", "A", "B", "C"))
     bench.deliver()
     bench.robot.step()
     bench.robot.step()
     bench.report()
-    assert bench.view().mission_phase is MissionPhase.CANCELLING
+    assert bench.view().order_phase is VdaOrderPhase.CANCELLING
     assert bench.instants_sent() == ["cancelOrder"]
     assert bench.ends() == {}, "the robot still has the order"
     bench.deliver()
@@ -226,11 +226,11 @@ def test_a_node_that_cannot_be_reached_cancels_the_order_and_then_fails_it() -> 
 @pytest.mark.clause("6.6.5.1/fleet")
 def test_a_fatal_error_that_names_nothing_is_given_some_time() -> None:
     bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.robot.errors.append(ErrorEntry(error_type="lidarDirty", error_level=ErrorLevel.FATAL))
     bench.robot.paused = True  # so that it stands
     bench.wait(9, reporting=True)
-    assert bench.view().mission_phase is MissionPhase.RUNNING
+    assert bench.view().order_phase is VdaOrderPhase.RUNNING
     bench.wait(3, reporting=True)
     bench.deliver()
     bench.report()
@@ -239,9 +239,9 @@ def test_a_fatal_error_that_names_nothing_is_given_some_time() -> None:
 
 
 @pytest.mark.clause("6.6.5.1/fleet")
-def test_a_fatal_error_that_passes_does_not_fail_the_mission() -> None:
+def test_a_fatal_error_that_passes_does_not_fail_the_vda_order() -> None:
     bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.robot.paused = True
     for _ in range(3):
         bench.robot.errors.append(ErrorEntry(error_type="lidarDirty", error_level=ErrorLevel.FATAL))
@@ -250,36 +250,36 @@ def test_a_fatal_error_that_passes_does_not_fail_the_mission() -> None:
         bench.report()
     bench.robot.paused = False
     bench.run()
-    assert bench.told(MissionFinished)
+    assert bench.told(VdaOrderFinished)
 
 
 @pytest.mark.clause("6.6.5.1/fleet")
-def test_a_warning_does_not_touch_the_mission() -> None:
+def test_a_warning_does_not_touch_the_vda_order() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.robot.errors.append(ErrorEntry(error_type="batteryLow", error_level=ErrorLevel.URGENT))
     bench.run()
-    assert bench.told(MissionFinished)
+    assert bench.told(VdaOrderFinished)
 
 
 @pytest.mark.clause("6.1.3/fleet")
-def test_a_cancelled_mission_ends_when_the_robot_has_confirmed_it() -> None:
+def test_a_cancelled_vda_order_ends_when_the_robot_has_confirmed_it() -> None:
     bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B", operation="pick"))
+    bench.start_and_tell(make_vda_order("m", "A", "B", operation="pick"))
     bench.cancel()
     bench.report()
     assert bench.ends() == {}
-    assert bench.view().mission_note == "the robot has not yet confirmed the end of the order"
+    assert bench.view().wait_reason == "the robot has not yet confirmed the end of the order"
     bench.deliver()
     bench.report()
-    assert bench.told(MissionCancelled)
+    assert bench.told(VdaOrderCancelled)
     assert bench.robot.executed == []
 
 
 @pytest.mark.clause("6.1.3/fleet")
 def test_a_cancel_is_asked_for_once_however_often_somebody_wants_it() -> None:
     bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.cancel()
     bench.cancel()
     assert bench.instants_sent() == ["cancelOrder"]
@@ -288,43 +288,43 @@ def test_a_cancel_is_asked_for_once_however_often_somebody_wants_it() -> None:
 @pytest.mark.clause("6.1.3/fleet", "6.2.1/fleet")
 def test_a_cancel_that_is_lost_is_sent_again_under_the_same_id() -> None:
     bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.cancel()
     bench.lose()
     bench.wait(2, reporting=True)
     assert bench.instants_sent() == ["cancelOrder", "cancelOrder"]
     bench.deliver()
     bench.report()
-    assert bench.told(MissionCancelled)
+    assert bench.told(VdaOrderCancelled)
     assert len(bench.robot.instants) == 1
 
 
 def test_an_order_that_waits_to_be_sent_is_cancelled_at_once() -> None:
     bench = Bench().online()
     bench.connection(ConnectionState.OFFLINE)
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.cancel()
-    assert bench.told(MissionCancelled)
+    assert bench.told(VdaOrderCancelled)
     assert bench.sent == []
 
 
 @pytest.mark.clause("6.1.3/fleet")
 def test_an_order_that_may_be_on_its_way_is_cancelled_at_the_robot() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.cancel()
     bench.wait(5, reporting=True)
     assert bench.ends() == {}
     assert bench.orders_sent() == ["m"], "a cancelled order is not sent again"
     bench.deliver()
     bench.report()
-    assert bench.told(MissionCancelled)
+    assert bench.told(VdaOrderCancelled)
     assert bench.robot.idle
 
 
 def test_a_copy_of_an_order_that_may_be_on_its_way_leaves_a_cancel_unconfirmed_open() -> None:
     bench = Bench(FleetSettings(sendings=2)).online()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.deliver()
     bench.wait(1)
     assert bench.orders_sent() == ["m", "m"]
@@ -333,39 +333,39 @@ def test_a_copy_of_an_order_that_may_be_on_its_way_leaves_a_cancel_unconfirmed_o
     bench.report()
     bench.robot.set_mode(OperatingMode.AUTOMATIC)
     bench.wait(10, reporting=True)
-    assert bench.told(MissionCancelled) == []
+    assert bench.told(VdaOrderCancelled) == []
     assert failure(bench).kind is FailureKind.UNCLEAR
     bench.deliver()
     assert bench.robot.idle
 
 
 @pytest.mark.clause("6.1.3/fleet")
-def test_a_cancel_that_finds_no_order_ends_a_mission_that_never_came() -> None:
+def test_a_cancel_that_finds_no_order_ends_a_vda_order_that_never_came() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B"))
+    bench.start(make_vda_order("m", "A", "B"))
     bench.lose()
     bench.cancel()
     bench.deliver()
     bench.report()
-    assert bench.told(MissionCancelled)
+    assert bench.told(VdaOrderCancelled)
     assert bench.robot.accepted == []
 
 
 @pytest.mark.clause("6.1.3/fleet")
-def test_a_mission_that_is_done_before_the_cancel_comes_is_finished() -> None:
+def test_a_vda_order_that_is_done_before_the_cancel_comes_is_finished() -> None:
     bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.cancel()
     bench.robot.step()
     bench.report()
-    assert bench.told(MissionFinished)
+    assert bench.told(VdaOrderFinished)
     assert bench.ends() == {"m": 1}
 
 
 @pytest.mark.clause("6.1.3/fleet")
-def test_a_cancel_that_is_never_confirmed_fails_the_mission() -> None:
+def test_a_cancel_that_is_never_confirmed_fails_the_vda_order() -> None:
     bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.cancel()
     bench.wait(60, reporting=True)
     assert "does not confirm cancelOrder: sent 6 times" in failure(bench).reason
@@ -374,7 +374,7 @@ def test_a_cancel_that_is_never_confirmed_fails_the_mission() -> None:
 @pytest.mark.clause("6.6.6/fleet")
 def test_a_robot_that_went_to_manual_has_given_the_order_up() -> None:
     bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.robot.set_mode(OperatingMode.MANUAL)
     bench.report()
     assert failure(bench).reason == "the robot gave the order up when it went to operating mode MANUAL"
@@ -383,9 +383,9 @@ def test_a_robot_that_went_to_manual_has_given_the_order_up() -> None:
 
 
 @pytest.mark.clause("6.6/restart")
-def test_a_robot_that_forgot_its_order_has_lost_the_mission() -> None:
+def test_a_robot_that_forgot_its_order_has_lost_the_vda_order() -> None:
     bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.robot.restart(journal=False)
     bench.now += 1
     bench.report()
@@ -396,20 +396,20 @@ def test_a_robot_that_forgot_its_order_has_lost_the_mission() -> None:
 @pytest.mark.clause("6.6/restart")
 def test_a_robot_that_remembers_its_order_goes_on_after_a_restart() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B", "C", operation="pick"))
+    bench.start(make_vda_order("m", "A", "B", "C", operation="pick"))
     bench.deliver()
     bench.robot.step()
     bench.report()
     bench.robot.restart(journal=True)
     bench.run()
-    assert bench.told(MissionFinished)
+    assert bench.told(VdaOrderFinished)
     assert [each.node_id for each in bench.told(NodePassed)] == ["A", "B", "C"]
 
 
 @pytest.mark.clause("6.6.2/fleet")
-def test_somebody_elses_cancel_fails_the_mission() -> None:
+def test_somebody_elses_cancel_fails_the_vda_order() -> None:
     bench = Bench().online()
-    bench.start_and_tell(make_mission("m", "A", "B"))
+    bench.start_and_tell(make_vda_order("m", "A", "B"))
     bench.robot._clear()
     bench.report()
     assert failure(bench).reason == "the robot gave the order up before its end"
@@ -417,87 +417,87 @@ def test_somebody_elses_cancel_fails_the_mission() -> None:
 
 @pytest.mark.clause("6.6/restart")
 @pytest.mark.parametrize("accepted", [False, True])
-def test_an_adopted_mission_that_runs_goes_on(accepted: bool) -> None:  # noqa: FBT001 - a parameter
+def test_an_adopted_vda_order_that_runs_goes_on(accepted: bool) -> None:  # noqa: FBT001 - a parameter
     bench = Bench()
-    mission = make_mission("m", "A", "B", "C")
-    bench.start(mission)
+    vda_order = make_vda_order("m", "A", "B", "C")
+    bench.start(vda_order)
     bench.online()
     bench.deliver()
     bench.robot.step()
     again = Bench(robot=bench.robot)
-    again.take(again.fleet.adopt_mission(ROBOT, mission, again.now, accepted=accepted))
+    again.take(again.fleet.adopt_vda_order(ROBOT, vda_order, again.now, accepted=accepted))
     again.online()
     assert again.orders_sent() == []
     assert [each.node_id for each in again.told(NodePassed)] == ["A", "B"]
     again.run()
-    assert again.told(MissionFinished)
+    assert again.told(VdaOrderFinished)
     assert again.robot.accepted == ["m"]
 
 
-def test_an_adopted_mission_that_is_done_is_finished() -> None:
+def test_an_adopted_vda_order_that_is_done_is_finished() -> None:
     bench = Bench().online()
-    mission = make_mission("m", "A", "B")
-    bench.start(mission)
+    vda_order = make_vda_order("m", "A", "B")
+    bench.start(vda_order)
     bench.run()
     again = Bench(robot=bench.robot)
-    again.take(again.fleet.adopt_mission(ROBOT, mission, again.now, accepted=True))
+    again.take(again.fleet.adopt_vda_order(ROBOT, vda_order, again.now, accepted=True))
     again.online()
-    assert again.story() == ["MissionAccepted", "NodePassed", "NodePassed", "MissionFinished"]
+    assert again.story() == ["VdaOrderAccepted", "NodePassed", "NodePassed", "VdaOrderFinished"]
 
 
-def test_an_adopted_mission_that_never_came_is_sent() -> None:
+def test_an_adopted_vda_order_that_never_came_is_sent() -> None:
     bench = Bench()
-    bench.take(bench.fleet.adopt_mission(ROBOT, make_mission("m", "A", "B"), bench.now, accepted=False))
+    bench.take(bench.fleet.adopt_vda_order(ROBOT, make_vda_order("m", "A", "B"), bench.now, accepted=False))
     bench.wait(5)
     assert bench.sent == [], "nothing is known of the robot yet"
     bench.online()
     assert bench.orders_sent() == ["m"]
     bench.run()
-    assert bench.told(MissionAccepted)
-    assert bench.told(MissionFinished)
+    assert bench.told(VdaOrderAccepted)
+    assert bench.told(VdaOrderFinished)
 
 
 @pytest.mark.clause("6.6/restart")
-def test_an_adopted_mission_that_the_robot_has_lost_fails() -> None:
+def test_an_adopted_vda_order_that_the_robot_has_lost_fails() -> None:
     bench = Bench()
-    bench.take(bench.fleet.adopt_mission(ROBOT, make_mission("m", "A", "B"), bench.now, accepted=True))
+    bench.take(bench.fleet.adopt_vda_order(ROBOT, make_vda_order("m", "A", "B"), bench.now, accepted=True))
     bench.online()
     assert "no longer has the order" in failure(bench).reason
     assert bench.sent == []
 
 
-def test_an_adopted_mission_can_be_cancelled_before_anything_is_known() -> None:
+def test_an_adopted_vda_order_can_be_cancelled_before_anything_is_known() -> None:
     first = Bench().online()
-    mission = make_mission("m", "A", "B", "C")
-    first.start(mission)
+    vda_order = make_vda_order("m", "A", "B", "C")
+    first.start(vda_order)
     first.deliver()
     bench = Bench(robot=first.robot)
-    bench.take(bench.fleet.adopt_mission(ROBOT, mission, bench.now, accepted=False))
+    bench.take(bench.fleet.adopt_vda_order(ROBOT, vda_order, bench.now, accepted=False))
     bench.cancel()
     assert bench.ends() == {}
     bench.online()
     bench.deliver()
     bench.report()
-    assert bench.told(MissionCancelled)
+    assert bench.told(VdaOrderCancelled)
     assert bench.robot.idle
 
 
-def test_a_mission_of_before_a_restart_that_may_still_come_to_the_robot_is_cancelled_there() -> None:
+def test_a_vda_order_of_before_a_restart_that_may_still_come_to_the_robot_is_cancelled_there() -> None:
     bench = Bench()
-    bench.take(bench.fleet.adopt_mission(ROBOT, make_mission("m", "A", "B"), bench.now, accepted=False))
+    bench.take(bench.fleet.adopt_vda_order(ROBOT, make_vda_order("m", "A", "B"), bench.now, accepted=False))
     bench.cancel()
     bench.online()
     assert bench.ends() == {}  # the robot knows nothing of it yet, but the broker may have it
     assert bench.instants_sent() == ["cancelOrder"]
     bench.deliver()
     bench.report()
-    assert bench.told(MissionCancelled)
+    assert bench.told(VdaOrderCancelled)
 
 
 @pytest.mark.clause("6.6.2/fleet")
 def test_a_robot_with_missing_action_states_is_not_waited_for_for_ever() -> None:
     bench = Bench(FleetSettings(standstill_patience=5.0)).online()
-    bench.start(make_mission("m", "A", operation="pick"))
+    bench.start(make_vda_order("m", "A", operation="pick"))
     bench.deliver()
     bench.robot.actions.clear()
     bench.robot.statuses.clear()
@@ -510,53 +510,53 @@ def test_a_robot_with_missing_action_states_is_not_waited_for_for_ever() -> None
 @pytest.mark.clause("6.6.9/instant", "6.6.8")
 def test_statuses_of_the_orders_actions_are_told_from_instant_ones() -> None:
     bench = Bench().online()
-    bench.start(make_mission("m", "A", "B", operation="pick"))
+    bench.start(make_vda_order("m", "A", "B", operation="pick"))
     bench.deliver()
-    action = make_mission("x", "A", operation="logReport").actions[0]
+    action = make_vda_order("x", "A", operation="logReport").actions[0]
     bench.robot.instants[action.action_id] = (action, ActionStatus.RUNNING)
     bench.run()
-    assert bench.told(MissionFinished)
+    assert bench.told(VdaOrderFinished)
     assert bench.view().availability.can_take_order
 
 
-def fresh(*, adopted: bool = False, accepted: bool = False) -> MissionRun:
+def fresh(*, adopted: bool = False, accepted: bool = False) -> OrderExecution:
     """Give a run by itself: nobody but the test sends and asks."""
-    mission = make_mission("m", "A", "B", "C", operation="pick")
-    return MissionRun(ROBOT, mission, FleetSettings(), adopted=adopted, accepted=accepted)
+    vda_order = make_vda_order("m", "A", "B", "C", operation="pick")
+    return OrderExecution(ROBOT, vda_order, FleetSettings(), adopted=adopted, accepted=accepted)
 
 
 def test_it_waits_is_sent_and_is_sent_again() -> None:
     run = fresh()
 
-    def stands(now: float) -> tuple[MissionPhase, bool, bool]:
+    def stands(now: float) -> tuple[VdaOrderPhase, bool, bool]:
         assert not run.quiet
         return run.phase, run.wants_sending(now), run.sent_again
 
-    assert stands(0.0) == (MissionPhase.WAITING, True, False)
-    assert run.send((), 0.0) == PublishOrder(ROBOT, run.mission)
-    assert stands(0.9) == (MissionPhase.SENT, False, False)
-    assert stands(1.0) == (MissionPhase.SENT, True, False)
+    assert stands(0.0) == (VdaOrderPhase.WAITING, True, False)
+    assert run.send((), 0.0) == PublishOrder(ROBOT, run.vda_order)
+    assert stands(0.9) == (VdaOrderPhase.SENT, False, False)
+    assert stands(1.0) == (VdaOrderPhase.SENT, True, False)
     run.send((), 1.0)
-    assert stands(1.0) == (MissionPhase.SENT, False, True)
+    assert stands(1.0) == (VdaOrderPhase.SENT, False, True)
     run.hold()
-    assert stands(1.0) == (MissionPhase.SENT, True, False), "all begins anew"
+    assert stands(1.0) == (VdaOrderPhase.SENT, True, False), "all begins anew"
 
 
 def test_what_was_never_sent_ends_without_the_robot() -> None:
     run = fresh()
-    assert list(run.begin_cancel()) == [MissionCancelled(ROBOT, "m")]
+    assert list(run.begin_cancel()) == [VdaOrderCancelled(ROBOT, "m")]
     assert run.ended
 
     unfit = fresh()
     told = unfit.refuse("it is too heavy")
-    assert isinstance(told, MissionFailed)
+    assert isinstance(told, VdaOrderFailed)
     assert (told.kind, told.reason, unfit.ended) == (FailureKind.UNFIT, "it is too heavy", True)
 
 
 def test_what_may_have_been_sent_before_a_restart_is_cancelled_at_the_robot() -> None:
     run = fresh(adopted=True)
     assert list(run.begin_cancel()) == []
-    assert (run.phase, run.ended) == (MissionPhase.CANCELLING, False)
+    assert (run.phase, run.ended) == (VdaOrderPhase.CANCELLING, False)
     assert not run.wants_cancel(None), "nothing is known of the robot yet"
     assert run.wants_cancel(state())
     assert not run.wants_sending(0.0)
@@ -567,18 +567,18 @@ def test_a_failed_action_on_the_way_ends_the_drive_and_not_the_action() -> None:
     run.send((), 0.0)
     failed = {"action_id": "m/pick", "action_type": "pick", "action_status": "FAILED"}
     told = list(run.on_state(state(order_id="m", action_states=(failed,), **way("B", "C")), 1.0))
-    assert [type(each).__name__ for each in told] == ["MissionAccepted", "NodePassed"]
+    assert [type(each).__name__ for each in told] == ["VdaOrderAccepted", "NodePassed"]
     assert run.wants_cancel(state(order_id="m", **way("B", "C")))
 
     (end,) = run.on_state(state(order_id="m", action_states=(failed,)), 2.0)
-    assert isinstance(end, MissionFailed)
+    assert isinstance(end, VdaOrderFailed)
     assert (end.kind, end.reason) == (FailureKind.DRIVE, "the action 'pick' has failed")
 
 
 def test_an_end_that_was_told_is_the_last_word() -> None:
     run = fresh(adopted=True, accepted=True)
     (end,) = run.on_state(state(order_id="other"), 0.0)
-    assert isinstance(end, MissionFailed)
+    assert isinstance(end, VdaOrderFailed)
     assert end.kind is FailureKind.LOST
     assert "it is at the order 'other'" in end.reason
 
@@ -637,11 +637,11 @@ def test_whatever_a_robot_says_it_has_one_end_and_nodes_are_passed_in_order(
             told += run.begin_cancel()
         elif run.wants_sending(now):
             run.send(seen.errors, now)
-    ends = [each for each in told if isinstance(each, MissionFinished | MissionFailed | MissionCancelled)]
+    ends = [each for each in told if isinstance(each, VdaOrderFinished | VdaOrderFailed | VdaOrderCancelled)]
     assert len(ends) == run.ended
     assert ends == [] or told[-1] is ends[0]
     passed = [each.sequence_id for each in told if isinstance(each, NodePassed)]
     assert passed == sorted(set(passed))
-    accepted = [isinstance(each, MissionAccepted) for each in told]
+    accepted = [isinstance(each, VdaOrderAccepted) for each in told]
     assert sum(accepted) <= 1
     assert accepted[:1] == [True] or passed == [], "it is accepted before a node is passed"

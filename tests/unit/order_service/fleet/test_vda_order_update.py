@@ -11,28 +11,28 @@ from hypothesis import strategies as st
 from nena_order_service.fleet import (
     BaseChangedError,
     BaseWanted,
-    Mission,
-    MissionCancelled,
-    MissionFailed,
-    MissionFinished,
     NodePassed,
     PublishOrder,
+    VdaOrder,
+    VdaOrderCancelled,
+    VdaOrderFailed,
+    VdaOrderFinished,
 )
-from nena_order_service.fleet.mission import released_to, update_of
+from nena_order_service.fleet.vda_order import released_to, update_of
 from nena_shared.vda5050.error import ErrorEntry, ErrorLevel
 from nena_shared.vda5050.factsheet import OptionalParameter, Support
 from nena_shared.vda5050.order import Node
-from support.fleet import Bench, make_mission
+from support.fleet import Bench, make_vda_order
 
 pytestmark = pytest.mark.clause("6.1.2/fleet")
 
 POINTS = ("A", "B", "C", "D", "E")
-WHOLE = make_mission("m1", *POINTS, operation="pick")
+WHOLE = make_vda_order("m1", *POINTS, operation="pick")
 
 
-def base(count: int, mission: Mission = WHOLE) -> Mission:
-    """Give the mission with its first ``count`` nodes released."""
-    return released_to(mission, 2 * (count - 1))
+def base(count: int, vda_order: VdaOrder = WHOLE) -> VdaOrder:
+    """Give the VDA order with its first ``count`` nodes released."""
+    return released_to(vda_order, 2 * (count - 1))
 
 
 def updates(bench: Bench) -> list[tuple[int, list[str], list[str]]]:
@@ -40,8 +40,8 @@ def updates(bench: Bench) -> list[tuple[int, list[str], list[str]]]:
     return [
         (
             each.order_update_id,
-            [node.node_id for node in each.mission.nodes if node.released],
-            [node.node_id for node in each.mission.nodes if not node.released],
+            [node.node_id for node in each.vda_order.nodes if node.released],
+            [node.node_id for node in each.vda_order.nodes if not node.released],
         )
         for each in bench.sent
         if isinstance(each, PublishOrder)
@@ -58,8 +58,8 @@ def started(count: int = 2, **robot: Any) -> Bench:
     return bench
 
 
-def extend(bench: Bench, mission: Mission) -> None:
-    bench.take(bench.fleet.extend_mission(bench.robot.key, mission, bench.now))
+def extend(bench: Bench, vda_order: VdaOrder) -> None:
+    bench.take(bench.fleet.extend_vda_order(bench.robot.key, vda_order, bench.now))
 
 
 class TestTheCut:
@@ -76,20 +76,20 @@ class TestTheCut:
         assert [edge.sequence_id for edge in update.edges] == [3, 5, 7]
 
     def test_the_horizon_may_lead_elsewhere(self) -> None:
-        other = make_mission("m1", "A", "B", "X", "Y")
+        other = make_vda_order("m1", "A", "B", "X", "Y")
 
         assert [node.node_id for node in update_of(base(2), other).nodes] == ["B", "X", "Y"]
 
     @pytest.mark.parametrize(
         "plan",
         [
-            make_mission("m2", *POINTS),
-            make_mission("m1", "A", "X", "C"),
-            make_mission("m1", "A"),
+            make_vda_order("m2", *POINTS),
+            make_vda_order("m1", "A", "X", "C"),
+            make_vda_order("m1", "A"),
             base(1),
         ],
     )
-    def test_a_base_is_never_changed(self, plan: Mission) -> None:
+    def test_a_base_is_never_changed(self, plan: VdaOrder) -> None:
         with pytest.raises(BaseChangedError, match="m1"):
             update_of(base(2), plan)
 
@@ -108,7 +108,7 @@ def test_the_robot_gets_the_rest_piece_by_piece() -> None:
         (2, ["C", "D", "E"], []),
     ]
     assert [each.node_id for each in bench.told(NodePassed)] == list(POINTS)
-    assert len(bench.told(MissionFinished)) == 1
+    assert len(bench.told(VdaOrderFinished)) == 1
 
 
 @pytest.mark.clause("6.6.3/fleet", "6.6.2/fleet")
@@ -121,7 +121,7 @@ def test_a_robot_at_the_end_of_its_base_waits_and_is_not_done() -> None:
     assert not bench.ends()
     extend(bench, WHOLE)
     bench.run()
-    assert len(bench.told(MissionFinished)) == 1
+    assert len(bench.told(VdaOrderFinished)) == 1
 
 
 @pytest.mark.clause("6.6.3/fleet")
@@ -174,11 +174,11 @@ def test_a_lost_update_is_sent_again_as_it_was() -> None:
     bench.report()
     extend(bench, WHOLE)
     bench.run()
-    assert len(bench.told(MissionFinished)) == 1
+    assert len(bench.told(VdaOrderFinished)) == 1
 
 
 @pytest.mark.clause("6.1.2/confirm")
-def test_an_update_that_is_never_taken_up_ends_the_mission() -> None:
+def test_an_update_that_is_never_taken_up_ends_the_vda_order() -> None:
     bench = started()
     extend(bench, base(3))
     for _ in range(60):
@@ -190,13 +190,13 @@ def test_an_update_that_is_never_taken_up_ends_the_mission() -> None:
     bench.report()
     bench.tick()
 
-    (failed,) = bench.told(MissionFailed)
+    (failed,) = bench.told(VdaOrderFailed)
     assert "an update was sent 6 times" in failed.reason
 
 
 @pytest.mark.clause("6.1.4/fleet")
 @pytest.mark.parametrize("named", [True, False])
-def test_an_update_that_the_robot_refuses_ends_the_mission(*, named: bool) -> None:
+def test_an_update_that_the_robot_refuses_ends_the_vda_order(*, named: bool) -> None:
     bench = started(refuses_updates=True, names_refusals=named)
     extend(bench, base(3))
     bench.deliver()
@@ -210,7 +210,7 @@ def test_an_update_that_the_robot_refuses_ends_the_mission(*, named: bool) -> No
     bench.deliver()
     bench.report()
 
-    (failed,) = bench.told(MissionFailed)
+    (failed,) = bench.told(VdaOrderFailed)
     assert failed.reason == "the robot refuses to go on with the order"
     assert len(updates(bench)) == (2 if named else 3)
 
@@ -224,10 +224,10 @@ def test_a_refusal_of_somebody_elses_message_is_none_of_the_update_that_is_taken
     bench.tick()
     bench.run()
 
-    assert len(bench.told(MissionFinished)) == sum(bench.ends().values()) == 1
+    assert len(bench.told(VdaOrderFinished)) == sum(bench.ends().values()) == 1
 
 
-def test_a_mission_that_has_ended_is_not_extended() -> None:
+def test_a_vda_order_that_has_ended_is_not_extended() -> None:
     bench = started(5)
     bench.run()
     extend(bench, WHOLE)
@@ -243,7 +243,7 @@ def test_a_cancel_while_an_update_is_under_way_ends_it_all() -> None:
     bench.report()
     bench.run(3)
 
-    assert len(bench.told(MissionCancelled)) == 1
+    assert len(bench.told(VdaOrderCancelled)) == 1
     assert [each[0] for each in updates(bench)] == [0, 1]
 
 
@@ -257,14 +257,14 @@ def test_after_a_restart_the_rest_is_sent_to_a_robot_that_has_an_older_update(*,
     after = Bench(robot=before.robot)
     after.now = 500.0
     after.take(after.fleet.on_broker(connected=True, now=after.now))
-    after.take(after.fleet.adopt_mission(after.robot.key, base(4), after.now, accepted=True, update_id=1))
+    after.take(after.fleet.adopt_vda_order(after.robot.key, base(4), after.now, accepted=True, update_id=1))
     after.online()
 
     assert updates(after) == ([] if arrived else [(1, ["B", "C", "D"], ["E"])])
     after.run(5)
     extend(after, WHOLE)
     after.run()
-    assert len(after.told(MissionFinished)) == 1
+    assert len(after.told(VdaOrderFinished)) == 1
 
 
 def lists_little(bench: Bench) -> Bench:
@@ -280,7 +280,7 @@ def lists_little(bench: Bench) -> Bench:
 def nodes_sent(bench: Bench) -> dict[int, list[Node]]:
     """Give the nodes of each order that was sent, by the number of the update."""
     orders = (each for each in bench.sent if isinstance(each, PublishOrder))
-    return {each.order_update_id: list(each.mission.nodes) for each in orders}
+    return {each.order_update_id: list(each.vda_order.nodes) for each in orders}
 
 
 @pytest.mark.clause("7.10")
@@ -292,7 +292,7 @@ def test_an_update_repeats_its_first_node_as_it_was_sent_before_a_restart() -> N
     after.now = 500.0
     after.online()
     lists_little(after)
-    after.take(after.fleet.adopt_mission(after.robot.key, base(2), after.now, accepted=True))
+    after.take(after.fleet.adopt_vda_order(after.robot.key, base(2), after.now, accepted=True))
     after.report()
 
     extend(after, base(4))
@@ -311,12 +311,12 @@ def test_a_factsheet_that_comes_late_leaves_the_base_as_it_was_sent() -> None:
 
     assert nodes_sent(bench)[1][0] == nodes_sent(bench)[0][1]
     bench.run()
-    assert bench.told(MissionFailed) == []
+    assert bench.told(VdaOrderFailed) == []
 
 
 @settings(max_examples=200)
 @given(st.data())
-def test_over_a_bad_wire_every_node_is_driven_once_and_the_mission_ends(data: st.DataObject) -> None:
+def test_over_a_bad_wire_every_node_is_driven_once_and_the_vda_order_ends(data: st.DataObject) -> None:
     bench = Bench().online()
     count = data.draw(st.integers(1, 5), label="first base")
     bench.start(base(count))
@@ -338,7 +338,7 @@ def test_over_a_bad_wire_every_node_is_driven_once_and_the_mission_ends(data: st
     extend(bench, WHOLE)
     bench.run(40)
 
-    assert [each.mission_id for each in bench.told(MissionFinished)] == ["m1"]
+    assert [each.order_id for each in bench.told(VdaOrderFinished)] == ["m1"]
     assert [each.node_id for each in bench.told(NodePassed)] == list(POINTS)
     assert bench.robot.executed == ["m1/pick"]
     numbers = [each[0] for each in updates(bench)]

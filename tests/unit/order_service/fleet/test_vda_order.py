@@ -7,14 +7,14 @@ from math import pi
 import pytest
 
 from nena_order_service.fleet import (
-    Mission,
     NotLocatedError,
     OperationMap,
     RobotProfile,
     Standing,
-    build_mission,
+    VdaOrder,
+    build_vda_order,
     locate,
-    mission_id,
+    order_id,
 )
 from nena_order_service.routing import Router
 from nena_shared.fleet_api.transport_order import Coordinate
@@ -52,28 +52,28 @@ def place(node: Node) -> NodePosition:
     return node.node_position
 
 
-def to(goal: str, start: Standing, **more: object) -> Mission:
+def to(goal: str, start: Standing, **more: object) -> VdaOrder:
     route = Router(PLANT).route(start.point, goal)
-    return build_mission("m", plant=PLANT, standing=start, profile=PROFILE, route=route, **more)  # type: ignore[arg-type] # passed on
+    return build_vda_order("m", plant=PLANT, standing=start, profile=PROFILE, route=route, **more)  # type: ignore[arg-type] # passed on
 
 
 @pytest.mark.clause("6.1.1", "6.1.1/first")
 def test_a_route_becomes_a_graph_that_the_standard_allows() -> None:
     actions = OperationMap().actions("Load", {})
-    mission = to("C", standing(0.1, 0.0), actions=actions)
-    assert [node.node_id for node in mission.nodes] == ["A", "B", "C"]
-    assert [edge.edge_id for edge in mission.edges] == ["A --- B", "B --- C"]
-    assert violations(order_of(mission, HonestRobot())) == ()
-    assert [node.actions for node in mission.nodes] == [(), (), actions]
-    assert mission.last_sequence_id == 4
-    assert mission.action_ids == {actions[0].action_id}
+    vda_order = to("C", standing(0.1, 0.0), actions=actions)
+    assert [node.node_id for node in vda_order.nodes] == ["A", "B", "C"]
+    assert [edge.edge_id for edge in vda_order.edges] == ["A --- B", "B --- C"]
+    assert violations(order_of(vda_order, HonestRobot())) == ()
+    assert [node.actions for node in vda_order.nodes] == [(), (), actions]
+    assert vda_order.last_sequence_id == 4
+    assert vda_order.action_ids == {actions[0].action_id}
 
 
 def test_only_the_end_has_a_heading() -> None:
-    mission = to("C", standing(0.0, 0.0))
-    assert [place(node).theta for node in mission.nodes] == [None, None, pytest.approx(pi / 2)]
-    assert place(mission.nodes[-1]).allowed_deviation_theta == PROFILE.deviation_theta
-    assert place(mission.nodes[0]).allowed_deviation_theta is None
+    vda_order = to("C", standing(0.0, 0.0))
+    assert [place(node).theta for node in vda_order.nodes] == [None, None, pytest.approx(pi / 2)]
+    assert place(vda_order.nodes[-1]).allowed_deviation_theta == PROFILE.deviation_theta
+    assert place(vda_order.nodes[0]).allowed_deviation_theta is None
 
 
 def test_edges_have_the_ids_of_the_plant() -> None:
@@ -82,30 +82,30 @@ def test_edges_have_the_ids_of_the_plant() -> None:
         update={"paths": (path("C A", 100, name="home", max_reverse_velocity_mm_s=5),)}
     )
     route = Router(home_is_short).route("A", "C")
-    mission = build_mission(
+    vda_order = build_vda_order(
         "m", plant=home_is_short, standing=standing(0.0, 0.0), profile=PROFILE, route=route
     )
-    assert [edge.edge_id for edge in mission.edges] == ["home:backward"]
+    assert [edge.edge_id for edge in vda_order.edges] == ["home:backward"]
 
 
 @pytest.mark.clause("6.1.1/first")
 def test_a_robot_beside_the_points_starts_where_it_is() -> None:
-    mission = to("C", standing(1.4, 0.3))
-    assert [node.node_id for node in mission.nodes] == ["start:m", "B", "C"]
-    assert (place(mission.nodes[0]).x, place(mission.nodes[0]).y) == (1.4, 0.3)
-    assert mission.edges[0].edge_id == "start:m --- B"
+    vda_order = to("C", standing(1.4, 0.3))
+    assert [node.node_id for node in vda_order.nodes] == ["start:m", "B", "C"]
+    assert (place(vda_order.nodes[0]).x, place(vda_order.nodes[0]).y) == (1.4, 0.3)
+    assert vda_order.edges[0].edge_id == "start:m --- B"
 
 
 def test_a_robot_beside_the_point_that_it_is_to_go_to_drives_there() -> None:
-    mission = to("B", standing(1.3, 0.3))
-    assert [node.node_id for node in mission.nodes] == ["start:m", "B"]
-    assert place(mission.nodes[1]).theta == pytest.approx(pi / 4)
+    vda_order = to("B", standing(1.3, 0.3))
+    assert [node.node_id for node in vda_order.nodes] == ["start:m", "B"]
+    assert place(vda_order.nodes[1]).theta == pytest.approx(pi / 4)
 
 
 def test_a_robot_on_the_point_has_nothing_to_drive() -> None:
-    mission = to("A", standing(0.0, 0.0))
-    assert [node.node_id for node in mission.nodes] == ["A"]
-    assert mission.edges == ()
+    vda_order = to("A", standing(0.0, 0.0))
+    assert [node.node_id for node in vda_order.nodes] == ["A"]
+    assert vda_order.edges == ()
 
 
 def test_a_robot_on_the_point_with_the_wrong_heading_turns() -> None:
@@ -114,40 +114,40 @@ def test_a_robot_on_the_point_with_the_wrong_heading_turns() -> None:
 
 
 def test_straight_to_a_coordinate() -> None:
-    mission = build_mission(
+    vda_order = build_vda_order(
         "m",
         plant=PLANT,
         standing=standing(0.0, 0.0),
         profile=PROFILE,
         coordinate=Coordinate(x=3.0, y=1.0, theta=1.0),
     )
-    assert [node.node_id for node in mission.nodes] == ["A", "goal:m"]
-    goal = place(mission.nodes[1])
+    assert [node.node_id for node in vda_order.nodes] == ["A", "goal:m"]
+    goal = place(vda_order.nodes[1])
     assert (goal.x, goal.y, goal.theta) == (3.0, 1.0, 1.0)
 
 
 def test_from_one_coordinate_to_the_next_no_point_is_passed() -> None:
-    mission = build_mission(
+    vda_order = build_vda_order(
         "m", plant=PLANT, standing=standing(3.0, 1.0), profile=PROFILE, coordinate=Coordinate(x=1.0, y=1.0)
     )
-    assert [node.node_id for node in mission.nodes] == ["start:m", "goal:m"]
-    assert place(mission.nodes[1]).theta is None
+    assert [node.node_id for node in vda_order.nodes] == ["start:m", "goal:m"]
+    assert place(vda_order.nodes[1]).theta is None
 
 
 def test_along_a_route_and_then_to_a_coordinate() -> None:
-    mission = to("B", standing(0.0, 0.0), coordinate=Coordinate(x=2.5, y=1.0))
-    assert [node.node_id for node in mission.nodes] == ["A", "B", "goal:m"]
-    assert place(mission.nodes[1]).theta is None
+    vda_order = to("B", standing(0.0, 0.0), coordinate=Coordinate(x=2.5, y=1.0))
+    assert [node.node_id for node in vda_order.nodes] == ["A", "B", "goal:m"]
+    assert place(vda_order.nodes[1]).theta is None
 
 
 @pytest.mark.clause("6.1.1/first")
 def test_the_start_is_wide_enough_for_a_robot_that_must_drive_exactly() -> None:
     exact = RobotProfile(map_id="hall", deviation_xy=0.0)
     start = locate(PLANT, state(mobile_robot_position=pose(0.1, 0.0)), exact)
-    mission = build_mission(
+    vda_order = build_vda_order(
         "m", plant=PLANT, standing=start, profile=exact, route=Router(PLANT).route(start.point, "B")
     )
-    radii = [place(node).allowed_deviation_xy for node in mission.nodes]
+    radii = [place(node).allowed_deviation_xy for node in vda_order.nodes]
     assert [radius and radius.a for radius in radii] == [0.5, 0.0, 0.0]
 
 
@@ -162,8 +162,8 @@ def test_poses_and_lengths_are_those_of_the_map() -> None:
     start = locate(PLANT, state(mobile_robot_position=pose(10.0, 0.0)), profile)
     assert start == Standing("A", on_point=True, pose=pose(10.0, 0.0))
     route = Router(PLANT).route("A", "B")
-    mission = build_mission("m", plant=PLANT, standing=start, profile=profile, route=route)
-    end = place(mission.nodes[-1])
+    vda_order = build_vda_order("m", plant=PLANT, standing=start, profile=profile, route=route)
+    end = place(vda_order.nodes[-1])
     assert [end.x, end.y, end.theta] == [pytest.approx(10.0), pytest.approx(4.0), pytest.approx(3 * pi / 4)]
     assert end.allowed_deviation_xy is not None
     assert end.allowed_deviation_xy.a == pytest.approx(0.8)
@@ -176,8 +176,8 @@ def test_a_robot_that_transforms_itself_is_sent_the_plants_coordinates() -> None
     profile = RobotProfile(map_id="hall", transforms=turned, transforms_itself=True)
     start = locate(PLANT, state(mobile_robot_position=pose(0.0, 0.0)), profile)
     route = Router(PLANT).route("A", "B")
-    mission = build_mission("m", plant=PLANT, standing=start, profile=profile, route=route)
-    end = place(mission.nodes[-1])
+    vda_order = build_vda_order("m", plant=PLANT, standing=start, profile=profile, route=route)
+    end = place(vda_order.nodes[-1])
     assert (end.x, end.y) == (2.0, 0.0)
 
 
@@ -196,10 +196,10 @@ def test_nodes_are_on_the_maps_of_their_points_in_the_frames_of_those() -> None:
     )
     start = locate(plant, state(mobile_robot_position=pose(2.0, 0.0)), profile)
     route = Router(plant).route("B", "R")
-    mission = build_mission(
+    vda_order = build_vda_order(
         "m", plant=plant, standing=start, profile=profile, route=route, coordinate=Coordinate(x=7.0, y=0.0)
     )
-    places = [(place(node).map_id, place(node).x) for node in mission.nodes]
+    places = [(place(node).map_id, place(node).x) for node in vda_order.nodes]
     assert places == [("hall", 2.0), ("roof", 106.0), ("roof", 107.0)]
     there = locate(plant, state(mobile_robot_position=pose(106.0, 0.0, map_id="roof")), profile)
     assert (there.point, there.on_point) == ("R", True)
@@ -208,22 +208,22 @@ def test_nodes_are_on_the_maps_of_their_points_in_the_frames_of_those() -> None:
 def test_a_route_that_begins_elsewhere_is_refused() -> None:
     route = Router(PLANT).route("A", "C")
     with pytest.raises(ValueError, match="begins at 'A', the robot is at 'C'"):
-        build_mission("m", plant=PLANT, standing=standing(4.0, 0.0), profile=PROFILE, route=route)
+        build_vda_order("m", plant=PLANT, standing=standing(4.0, 0.0), profile=PROFILE, route=route)
 
 
-def test_a_mission_needs_an_end() -> None:
+def test_a_vda_order_needs_an_end() -> None:
     with pytest.raises(ValueError, match="a route or a coordinate"):
-        build_mission("m", plant=PLANT, standing=standing(4.0, 0.0), profile=PROFILE)
+        build_vda_order("m", plant=PLANT, standing=standing(4.0, 0.0), profile=PROFILE)
 
 
-def test_a_mission_survives_the_store_unchanged() -> None:
-    mission = to("C", standing(1.3, 0.3), actions=OperationMap().actions("Load", {"a": "b"}))
-    assert Mission.from_json(mission.to_json()) == mission
+def test_a_vda_order_survives_the_store_unchanged() -> None:
+    vda_order = to("C", standing(1.3, 0.3), actions=OperationMap().actions("Load", {"a": "b"}))
+    assert VdaOrder.from_json(vda_order.to_json()) == vda_order
 
 
-def test_names_of_missions() -> None:
-    assert mission_id("order-7", 0) == "order-7-0"
-    assert mission_id("order-7", 1, attempt=2) == "order-7-1~2"
+def test_names_of_vda_orders() -> None:
+    assert order_id("order-7", 0) == "order-7-0"
+    assert order_id("order-7", 1, attempt=2) == "order-7-1~2"
 
 
 def test_a_robot_stands_at_the_point_that_it_passed_last_if_it_is_near() -> None:

@@ -10,6 +10,8 @@ from types import MappingProxyType
 from typing import Final, Self
 from uuid import uuid4
 
+from pydantic import Field
+
 from nena_order_service.fleet.position import DEFAULT_DEVIATION_XY, RobotProfile, Standing
 from nena_order_service.routing import Route
 from nena_shared.fleet_api.transport_order import Coordinate
@@ -21,14 +23,14 @@ from nena_shared.vda5050.order import AllowedDeviationXY, Edge, Node, NodePositi
 from nena_shared.vda5050.state import State
 
 
-class Mission(WireObject):
+class VdaOrder(WireObject):
     """One drive order as a VDA 5050 order graph, all of it released.
 
     It is made once and then sent unchanged as often as needed, so whoever has to take it up again after a
     restart keeps its JSON: the ids of its actions must stay the same.
     """
 
-    mission_id: Identifier
+    order_id: Identifier = Field(alias="missionId")  # the name in stores of every release
     """The orderId on the wire."""
     nodes: tuple[Node, ...]
     edges: tuple[Edge, ...]
@@ -39,22 +41,22 @@ class Mission(WireObject):
         return cls.model_validate_json(text)
 
     def to_json(self) -> str:
-        """Write the mission so that :meth:`from_json` gives an equal one."""
+        """Write the VDA order so that :meth:`from_json` gives an equal one."""
         return self.model_dump_json(by_alias=True, exclude_none=True)
 
     @cached_property
     def actions(self) -> tuple[Action, ...]:
-        """All actions of the mission, in the order in which the robot meets them."""
+        """All actions of the VDA order, in the order in which the robot meets them."""
         return tuple(action for node in self.nodes for action in node.actions)
 
     @cached_property
     def action_ids(self) -> frozenset[str]:
-        """The ids of all actions of the mission."""
+        """The ids of all actions of the VDA order."""
         return frozenset(action.action_id for action in self.actions)
 
     @property
     def last_sequence_id(self) -> int:
-        """The sequenceId of the last node: where the mission ends."""
+        """The sequenceId of the last node: where the VDA order ends."""
         return self.nodes[-1].sequence_id
 
 
@@ -156,13 +158,13 @@ def _parameters(values: Iterable[tuple[str, str]]) -> Iterable[ActionParameter]:
 
 START_PREFIX = "start:"
 GOAL_PREFIX = "goal:"
-"""Before the mission's id: nodes that are no points of the plant."""
+"""Before the VDA order's id: nodes that are no points of the plant."""
 
 
-def mission_id(order_name: str, drive_order_index: int, attempt: int = 0) -> str:
-    """Give the id of a drive order's mission; each new attempt is an order of its own for the robot.
+def order_id(order_name: str, drive_order_index: int, attempt: int = 0) -> str:
+    """Give the id of a drive order's VDA order; each new attempt is an order of its own for the robot.
 
-    Names of orders hold no ``~``, so that no two orders have missions of one id.
+    Names of orders hold no ``~``, so that no two orders have VDA orders of one id.
     """
     first = f"{order_name}-{drive_order_index}"
     return f"{first}~{attempt}" if attempt else first
@@ -180,7 +182,7 @@ class _Stop:
     """Of the edge that leads here, where the plant has a name for it."""
 
 
-def build_mission(
+def build_vda_order(
     name: str,
     *,
     plant: PlantModel,
@@ -189,8 +191,8 @@ def build_mission(
     route: Route | None = None,
     coordinate: Coordinate | None = None,
     actions: tuple[Action, ...] = (),
-) -> Mission:
-    """Build the mission called ``name``: along the route, if any, then to the coordinate, if any.
+) -> VdaOrder:
+    """Build the VDA order called ``name``: along the route, if any, then to the coordinate, if any.
 
     It begins where the robot stands; if that is no point of the plant, at a temporary node at its own pose.
     Points that are passed have no heading, so that the robot need not stop; the last one has that of the
@@ -201,7 +203,7 @@ def build_mission(
 
     """
     if route is None and coordinate is None:
-        message = "a mission needs a route or a coordinate"
+        message = "a VDA order needs a route or a coordinate"
         raise ValueError(message)
     if route is not None and route.source != standing.point:
         message = f"the route begins at {route.source!r}, the robot is at {standing.point!r}"
@@ -211,8 +213,8 @@ def build_mission(
         stops.append(_goal(name, profile, coordinate, stops[-1].map_id))
     elif len(stops) > 1:
         stops[-1] = replace(stops[-1], theta=_heading(plant, profile, stops[-1].node_id))
-    return Mission(
-        mission_id=name,
+    return VdaOrder(
+        order_id=name,
         nodes=tuple(_nodes(stops, profile, actions)),
         edges=tuple(_edges(stops)),
     )
@@ -309,29 +311,29 @@ def _edges(stops: list[_Stop]) -> Iterator[Edge]:
 class BaseChangedError(ValueError):
     """A plan that does not keep what the robot was told to be its base, which nothing takes back."""
 
-    def __init__(self, mission_id: str, problem: str) -> None:
-        super().__init__(f"mission {mission_id!r} cannot be changed so: {problem}")
-        self.mission_id = mission_id
+    def __init__(self, order_id: str, problem: str) -> None:
+        super().__init__(f"VDA order {order_id!r} cannot be changed so: {problem}")
+        self.order_id = order_id
 
 
-def grown(held: Mission, plan: Mission) -> Mission:
+def grown(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
     """Give the plan with the base of ``held`` as the robot was sent it, to the last field.
 
     Raises:
-        BaseChangedError: the plan is of another mission, or not a way on from the base.
+        BaseChangedError: the plan is of another VDA order, or not a way on from the base.
 
     """
     base = _base_length(held)
-    if plan.mission_id != held.mission_id:
-        raise BaseChangedError(held.mission_id, f"the plan is that of {plan.mission_id!r}")
+    if plan.order_id != held.order_id:
+        raise BaseChangedError(held.order_id, f"the plan is that of {plan.order_id!r}")
     if _base_length(plan) < base or _outline(plan, base) != _outline(held, base):
-        raise BaseChangedError(held.mission_id, "the plan has another base")
+        raise BaseChangedError(held.order_id, "the plan has another base")
     nodes = (*held.nodes[:base], *plan.nodes[base:])
     edges = (*held.edges[: base - 1], *plan.edges[base - 1 :])
-    return Mission(mission_id=plan.mission_id, nodes=nodes, edges=edges)
+    return VdaOrder(order_id=plan.order_id, nodes=nodes, edges=edges)
 
 
-def update_of(held: Mission, plan: Mission) -> Mission:
+def update_of(held: VdaOrder, plan: VdaOrder) -> VdaOrder:
     """Give what must be sent to a robot that has ``held`` so that it has ``plan``, from its base's end on.
 
     Raises:
@@ -339,29 +341,29 @@ def update_of(held: Mission, plan: Mission) -> Mission:
 
     """
     whole, begin = grown(held, plan), _base_length(held) - 1
-    return Mission(mission_id=whole.mission_id, nodes=whole.nodes[begin:], edges=whole.edges[begin:])
+    return VdaOrder(order_id=whole.order_id, nodes=whole.nodes[begin:], edges=whole.edges[begin:])
 
 
-def released_to(plan: Mission, sequence_id: int) -> Mission:
+def released_to(plan: VdaOrder, sequence_id: int) -> VdaOrder:
     """Give the plan with its base ending at the node ``sequence_id``."""
     nodes = tuple(_released(node, released=node.sequence_id <= sequence_id) for node in plan.nodes)
     edges = tuple(edge.model_copy(update={"released": edge.sequence_id < sequence_id}) for edge in plan.edges)
-    return Mission(mission_id=plan.mission_id, nodes=nodes, edges=edges)
+    return VdaOrder(order_id=plan.order_id, nodes=nodes, edges=edges)
 
 
-def held_by(state: State, plan: Mission) -> Mission:
+def held_by(state: State, plan: VdaOrder) -> VdaOrder:
     """Give as much of the plan as a robot that has an older update says that it has for its base."""
     base = [each.sequence_id for each in state.node_states if each.released]
     return released_to(plan, base[-1] if base else state.last_node_sequence_id)
 
 
-def _base_length(mission: Mission) -> int:
-    return sum(1 for node in mission.nodes if node.released)
+def _base_length(vda_order: VdaOrder) -> int:
+    return sum(1 for node in vda_order.nodes if node.released)
 
 
-def _outline(mission: Mission, base: int) -> tuple[object, ...]:
+def _outline(vda_order: VdaOrder, base: int) -> tuple[object, ...]:
     """Give what makes a base the same; how exactly it is written may differ, as by a newer factsheet."""
-    parts: tuple[Node | Edge, ...] = (*mission.nodes[:base], *mission.edges[: base - 1])
+    parts: tuple[Node | Edge, ...] = (*vda_order.nodes[:base], *vda_order.edges[: base - 1])
     return tuple(
         (_name(each), each.sequence_id, tuple(action.action_id for action in each.actions)) for each in parts
     )
@@ -375,7 +377,7 @@ def _released(node: Node, *, released: bool) -> Node:
     return node.model_copy(update={"released": released})
 
 
-def with_other_horizon(held: Mission, base_end: int, tail: Mission) -> Mission:
+def with_other_horizon(held: VdaOrder, base_end: int, tail: VdaOrder) -> VdaOrder:
     """Give ``held`` up to its node ``base_end``, and from there on ``tail``, which begins at that node.
 
     What the robot was told of the base stays to the last field; the first node of ``tail`` gives only the
@@ -395,8 +397,8 @@ def with_other_horizon(held: Mission, base_end: int, tail: Mission) -> Mission:
     shift = 2 * base_end
     nodes = (each.model_copy(update={"sequence_id": each.sequence_id + shift}) for each in tail.nodes[1:])
     edges = (each.model_copy(update={"sequence_id": each.sequence_id + shift}) for each in tail.edges)
-    return Mission(
-        mission_id=held.mission_id,
+    return VdaOrder(
+        order_id=held.order_id,
         nodes=(*held.nodes[: base_end + 1], *nodes),
         edges=(*held.edges[:base_end], *edges),
     )

@@ -10,22 +10,22 @@ from nena_order_service.fleet import failures
 from nena_order_service.fleet.delivery import Delivery
 from nena_order_service.fleet.failures import ErrorIdentity, FailureKind
 from nena_order_service.fleet.instant_actions import RETRY, InstantRun
-from nena_order_service.fleet.mission import Mission, grown, held_by, update_of
 from nena_order_service.fleet.outputs import (
     ActionRetriable,
     BaseWanted,
     FleetOutput,
     InstantActionEnded,
-    MissionAccepted,
-    MissionCancelled,
-    MissionFailed,
-    MissionFinished,
     NodePassed,
     OperationStarted,
     PublishOrder,
+    VdaOrderAccepted,
+    VdaOrderCancelled,
+    VdaOrderFailed,
+    VdaOrderFinished,
 )
-from nena_order_service.fleet.robot import MissionPhase
+from nena_order_service.fleet.robot import VdaOrderPhase
 from nena_order_service.fleet.settings import FleetSettings
+from nena_order_service.fleet.vda_order import VdaOrder, grown, held_by, update_of
 from nena_shared.vda5050.action import ActionState, ActionStatus
 from nena_shared.vda5050.error import ErrorEntry
 from nena_shared.vda5050.state import State
@@ -34,10 +34,10 @@ from nena_shared.vda5050.topics import RobotKey
 
 @dataclass(slots=True)
 class PendingUpdate:
-    """An update that no state has echoed yet. ``plan`` is the whole mission by it."""
+    """An update that no state has echoed yet. ``plan`` is the whole VDA order by it."""
 
-    plan: Mission
-    message: Mission
+    plan: VdaOrder
+    message: VdaOrder
     """What is sent: from the decision point on."""
     update_id: int
     delivery: Delivery
@@ -50,7 +50,7 @@ class PendingUpdate:
             for each in errors
             if failures.identity(each) not in self.errors_before
             and not failures.of_another_action(each, self.plan)
-            and failures.refuses_update(each, self.plan.mission_id, self.update_id)
+            and failures.refuses_update(each, self.plan.order_id, self.update_id)
         )
 
     def is_refused(self, refusals: Iterable[ErrorEntry], now: float) -> bool:
@@ -67,22 +67,22 @@ NOT_BEGUN: Final = frozenset({ActionStatus.WAITING, ActionStatus.FAILED})
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """What a state that echoes the mission says about it."""
+    """What a state that echoes the VDA order says about it."""
 
     passed: int
     """The sequenceId of the last node that has been traversed; -1: none."""
     operating: bool
-    """Whether an action of the mission has begun."""
+    """Whether an action of the VDA order has begun."""
     idle: bool
     """Whether the robot has nothing left to do for it."""
     at_end: bool
     """Whether the robot has come to the last node."""
     failed: tuple[ActionState, ...]
-    """The mission's actions that have failed."""
+    """The VDA order's actions that have failed."""
     retriable: tuple[ActionState, ...]
     """Those that have failed and may be tried again."""
     unreported: frozenset[str]
-    """Ids of the mission's actions that the state does not know."""
+    """Ids of the VDA order's actions that the state does not know."""
 
     @property
     def done(self) -> bool:
@@ -90,18 +90,18 @@ class Progress:
         return self.idle and self.at_end and not self.failed and not self.unreported
 
 
-def knows(state: State, mission: Mission, update_id: int) -> bool:
-    """Tell whether the robot's order is this mission, with all updates up to ``update_id``."""
-    return state.order_id == mission.mission_id and state.order_update_id == update_id
+def knows(state: State, vda_order: VdaOrder, update_id: int) -> bool:
+    """Tell whether the robot's order is this VDA order, with all updates up to ``update_id``."""
+    return state.order_id == vda_order.order_id and state.order_update_id == update_id
 
 
-def read(state: State, mission: Mission) -> Progress:
-    """Read a state that :func:`knows` the mission.
+def read(state: State, vda_order: VdaOrder) -> Progress:
+    """Read a state that :func:`knows` the VDA order.
 
     A node counts as traversed only if it is no longer among those to come: not every robot sets
     lastNodeSequenceId back at once when it takes a new order.
     """
-    ids = mission.action_ids
+    ids = vda_order.action_ids
     own = [each for each in state.action_states if each.action_id in ids] if ids else []
     left = bool(state.node_states or state.edge_states)
     passed = state.last_node_sequence_id
@@ -111,7 +111,7 @@ def read(state: State, mission: Mission) -> Progress:
         passed=passed,
         operating=any(each.action_status not in NOT_BEGUN for each in own),
         idle=not left and all(each.action_status.ended for each in own),
-        at_end=passed == mission.last_sequence_id,
+        at_end=passed == vda_order.last_sequence_id,
         failed=tuple(each for each in own if each.action_status is ActionStatus.FAILED),
         retriable=tuple(each for each in own if each.action_status is ActionStatus.RETRIABLE),
         unreported=ids.difference(each.action_id for each in own) if len(own) < len(ids) else frozenset(),
@@ -120,18 +120,18 @@ def read(state: State, mission: Mission) -> Progress:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """Why a mission fails: how, a sentence, and the robot's own words."""
+    """Why a VDA order fails: how, a sentence, and the robot's own words."""
 
     kind: FailureKind
     reason: str
     details: tuple[str, ...] = ()
 
 
-class MissionRun:
-    """Follows one mission. When ``ended`` is true its end has been told, and nothing more comes of it.
+class OrderExecution:
+    """Follows one VDA order. When ``ended`` is true its end has been told, and nothing more comes of it.
 
     One that is ``adopted`` may have been sent before; ``accepted`` tells whether the robot is known to have
-    it. ``mission`` is what the robot has by its states, or is to have at first, with all updates up to
+    it. ``vda_order`` is what the robot has by its states, or is to have at first, with all updates up to
     ``update_id``; one update at a time is under way, and the newest plan waits behind it. The ``cancel`` is
     made and sent by the owner once :meth:`wants_cancel` asks for it.
     """
@@ -139,19 +139,19 @@ class MissionRun:
     def __init__(
         self,
         robot: RobotKey,
-        mission: Mission,
+        vda_order: VdaOrder,
         settings: FleetSettings,
         *,
         adopted: bool = False,
         accepted: bool = False,
         update_id: int = 0,
     ) -> None:
-        self.mission = mission
+        self.vda_order = vda_order
         self.update_id = update_id
         self._pending: PendingUpdate | None = None
-        self._plan: Mission | None = None
+        self._plan: VdaOrder | None = None
         self._base_wanted = False
-        self.phase = MissionPhase.WAITING
+        self.phase = VdaOrderPhase.WAITING
         self.cancel: InstantRun | None = None
         self.ended = False
         self._robot = robot
@@ -170,31 +170,31 @@ class MissionRun:
 
     def wants_sending(self, now: float) -> bool:
         """Tell whether the order is to be sent (again) now, if the robot can be sent one."""
-        return self.phase in (MissionPhase.WAITING, MissionPhase.SENT) and self._delivery.due(now)
+        return self.phase in (VdaOrderPhase.WAITING, VdaOrderPhase.SENT) and self._delivery.due(now)
 
-    def extend(self, plan: Mission) -> None:
+    def extend(self, plan: VdaOrder) -> None:
         """Have the robot do ``plan`` instead: its base goes on from the base that there is.
 
         Raises:
             BaseChangedError: it does not.
 
         """
-        newest = self._plan or (self._pending.plan if self._pending else self.mission)
+        newest = self._plan or (self._pending.plan if self._pending else self.vda_order)
         plan = grown(newest, plan)
-        if self.phase is MissionPhase.WAITING and not self._adopted:
-            self.mission = plan  # nothing was sent yet
+        if self.phase is VdaOrderPhase.WAITING and not self._adopted:
+            self.vda_order = plan  # nothing was sent yet
         else:
             self._plan = plan
 
-    def refit(self, fit: Callable[[Mission], Mission]) -> None:
-        """Write a mission from before a restart as the robot was sent it then."""
+    def refit(self, fit: Callable[[VdaOrder], VdaOrder]) -> None:
+        """Write a VDA order from before a restart as the robot was sent it then."""
         if self._adopted:
-            self.mission = fit(self.mission)
+            self.vda_order = fit(self.vda_order)
             self._plan = self._plan and fit(self._plan)
 
     def wants_update(self, now: float) -> bool:
         """Tell whether an update is to be sent (again) now, if the robot can be sent one."""
-        if self.phase is not MissionPhase.RUNNING or self.ended:
+        if self.phase is not VdaOrderPhase.RUNNING or self.ended:
             return False
         return self._pending.delivery.due(now) if self._pending else self._plan is not None
 
@@ -202,7 +202,7 @@ class MissionRun:
         """Send the update; ``errors`` are those that the robot reports already."""
         if self._pending is None and self._plan is not None:
             plan, self._plan = self._plan, None
-            message = update_of(self.mission, plan)
+            message = update_of(self.vda_order, plan)
             before = frozenset(map(failures.identity, errors))
             delivery = Delivery(self._settings)
             self._pending = PendingUpdate(plan, message, self.update_id + 1, delivery, before)
@@ -214,20 +214,20 @@ class MissionRun:
     def quiet(self) -> bool:
         """Whether nothing is to be done before the robot tells something new: it does what it was sent."""
         waits = self._pending or self._plan or self._standing_since is not None
-        return self.phase is MissionPhase.RUNNING and not waits
+        return self.phase is VdaOrderPhase.RUNNING and not waits
 
     @property
     def sent_again(self) -> bool:
         """Whether the robot has not confirmed the order in the time that this usually takes."""
-        return self.phase is MissionPhase.SENT and self._delivery.sendings > 1
+        return self.phase is VdaOrderPhase.SENT and self._delivery.sendings > 1
 
     def send(self, errors: Iterable[ErrorEntry], now: float) -> PublishOrder:
         """Send the order; ``errors`` are those that the robot reports already."""
-        if self.phase is MissionPhase.WAITING:
-            self.phase = MissionPhase.SENT
+        if self.phase is VdaOrderPhase.WAITING:
+            self.phase = VdaOrderPhase.SENT
             self._before = frozenset(map(failures.identity, errors))
         self._delivery.sent(now)
-        return PublishOrder(self._robot, self.mission)
+        return PublishOrder(self._robot, self.vda_order)
 
     def refuse(self, reason: str) -> FleetOutput:
         """End without having sent anything."""
@@ -240,15 +240,15 @@ class MissionRun:
             self._pending.delivery.hold()
 
     def begin_cancel(self) -> Iterator[FleetOutput]:
-        """End the mission early because somebody wants it; at once if the robot cannot have it."""
-        if self.phase is MissionPhase.WAITING and not self._adopted:
+        """End the VDA order early because somebody wants it; at once if the robot cannot have it."""
+        if self.phase is VdaOrderPhase.WAITING and not self._adopted:
             yield from self._end_early()
         else:
-            self.phase = MissionPhase.CANCELLING
+            self.phase = VdaOrderPhase.CANCELLING
 
     def wants_cancel(self, state: State | None) -> bool:
-        """Tell whether cancelOrder must be sent to end the mission."""
-        waiting = self.phase is MissionPhase.CANCELLING and self.cancel is None
+        """Tell whether cancelOrder must be sent to end the VDA order."""
+        waiting = self.phase is VdaOrderPhase.CANCELLING and self.cancel is None
         return waiting and state is not None and self._may_be_at_robot(state)
 
     def on_news(self, news: FleetOutput) -> None:
@@ -261,23 +261,23 @@ class MissionRun:
         self._take_echo(state)
         if self._known_in(state):
             yield from self._follow(state, now)
-        elif self._accepted and self.phase is not MissionPhase.CANCELLING:
+        elif self._accepted and self.phase is not VdaOrderPhase.CANCELLING:
             yield self._fail(Failure(FailureKind.LOST, _lost(state)))
-        elif self.phase is MissionPhase.SENT:
+        elif self.phase is VdaOrderPhase.SENT:
             yield from self._look_for_refusal(state, now)
-        if self.phase is MissionPhase.CANCELLING and not self.ended:
+        if self.phase is VdaOrderPhase.CANCELLING and not self.ended:
             yield from self._settle_cancel(state)
 
     def on_tick(self, state: State | None, now: float) -> Iterator[FleetOutput]:
         """Give up what takes too long."""
-        if self.phase is MissionPhase.SENT and self._delivery.failed(now):
+        if self.phase is VdaOrderPhase.SENT and self._delivery.failed(now):
             times = self._settings.sendings
             yield self._fail(
                 Failure(
                     FailureKind.NOT_TAKEN, f"the order was sent {times} times, but the robot never took it up"
                 )
             )
-        elif self._pending and self.phase is MissionPhase.RUNNING and self._pending.delivery.failed(now):
+        elif self._pending and self.phase is VdaOrderPhase.RUNNING and self._pending.delivery.failed(now):
             times = self._settings.sendings
             self._cancel_for(
                 Failure(
@@ -286,45 +286,45 @@ class MissionRun:
             )
         elif state is None:
             return
-        elif self.phase is MissionPhase.RUNNING:
+        elif self.phase is VdaOrderPhase.RUNNING:
             self._look_for_standstill(state, now)
-        elif self.phase is MissionPhase.CANCELLING:
+        elif self.phase is VdaOrderPhase.CANCELLING:
             yield from self._settle_cancel(state)
 
     def _take_echo(self, state: State) -> None:
         """Note that the robot has the update under way, or, after a restart, that it has an older one."""
-        if state.order_id != self.mission.mission_id:
+        if state.order_id != self.vda_order.order_id:
             return
         pending = self._pending
         if pending and state.order_update_id == pending.update_id:
-            self.mission, self.update_id, self._pending = pending.plan, pending.update_id, None
+            self.vda_order, self.update_id, self._pending = pending.plan, pending.update_id, None
         elif self._adopted and self._told < -1 and state.order_update_id < self.update_id:
-            self._plan = self._plan or self.mission
-            self.mission, self.update_id = held_by(state, self.mission), state.order_update_id
+            self._plan = self._plan or self.vda_order
+            self.vda_order, self.update_id = held_by(state, self.vda_order), state.order_update_id
 
     def _known_in(self, state: State) -> bool:
-        return knows(state, self.mission, self.update_id)
+        return knows(state, self.vda_order, self.update_id)
 
     def _follow(self, state: State, now: float) -> Iterator[FleetOutput]:
-        """Tell what a state that knows the mission says of it."""
-        progress = read(state, self.mission)
+        """Tell what a state that knows the VDA order says of it."""
+        progress = read(state, self.vda_order)
         self._retriable &= {each.action_id for each in progress.retriable}
         yield from self._tell(progress)
         yield from self._tell_base(state)
         if progress.done:
-            yield self._end(MissionFinished(self._robot, self.mission.mission_id))
-        elif self.phase is MissionPhase.RUNNING:
+            yield self._end(VdaOrderFinished(self._robot, self.vda_order.order_id))
+        elif self.phase is VdaOrderPhase.RUNNING:
             yield from self._judge(state, progress, now)
 
     def _tell(self, progress: Progress) -> Iterator[FleetOutput]:
-        name = self.mission.mission_id
+        name = self.vda_order.order_id
         if self._told < -1:
             self._accepted, self._told = True, -1
-            if self.phase is not MissionPhase.CANCELLING:
-                self.phase = MissionPhase.RUNNING
-            yield MissionAccepted(self._robot, name)
+            if self.phase is not VdaOrderPhase.CANCELLING:
+                self.phase = VdaOrderPhase.RUNNING
+            yield VdaOrderAccepted(self._robot, name)
         if progress.passed > self._told:
-            for node in self.mission.nodes:
+            for node in self.vda_order.nodes:
                 if self._told < node.sequence_id <= progress.passed:
                     yield NodePassed(self._robot, name, node.node_id, node.sequence_id)
             self._told = progress.passed
@@ -333,14 +333,14 @@ class MissionRun:
             yield OperationStarted(self._robot, name)
 
     def _tell_base(self, state: State) -> Iterator[FleetOutput]:
-        """Tell, once each time, that the robot wants more of a mission that has more."""
-        wanted = bool(state.new_base_request) and not self.mission.nodes[-1].released
+        """Tell, once each time, that the robot wants more of a VDA order that has more."""
+        wanted = bool(state.new_base_request) and not self.vda_order.nodes[-1].released
         if wanted and not self._base_wanted:
-            yield BaseWanted(self._robot, self.mission.mission_id)
+            yield BaseWanted(self._robot, self.vda_order.order_id)
         self._base_wanted = wanted
 
     def _judge(self, state: State, progress: Progress, now: float) -> Iterator[FleetOutput]:
-        """Look for what went wrong with a mission that is neither done nor to be cancelled."""
+        """Look for what went wrong with a VDA order that is neither done nor to be cancelled."""
         failure = self._failed_actions(state, progress.failed)
         if progress.idle and failure:
             yield self._fail(failure)
@@ -354,7 +354,7 @@ class MissionRun:
             if self._pending.is_refused(refused, now):
                 reason = "the robot refuses to go on with the order"
                 self._cancel_for(Failure(FailureKind.DRIVE, reason, _words(refused)))
-        elif errors := failures.about(state.errors, self.mission, self._before):
+        elif errors := failures.about(state.errors, self.vda_order, self._before):
             kind = FailureKind.ACTION if failures.name_actions(errors) else FailureKind.DRIVE
             self._cancel_for(Failure(kind, "the robot cannot go on with it", _words(errors)))
         else:
@@ -366,7 +366,7 @@ class MissionRun:
         for each in actions:
             failure = self._failed_actions(state, (each,))
             if failure and each.action_id not in told:
-                name = self.mission.mission_id
+                name = self.vda_order.order_id
                 yield ActionRetriable(self._robot, name, each.action_id, failure.reason, failure.details)
 
     def _failed_actions(self, state: State, failed: tuple[ActionState, ...]) -> Failure | None:
@@ -375,14 +375,14 @@ class MissionRun:
         first = failed[0]
         own = (each.action_result for each in failed)
         said = (text for each in failed for text in failures.of_action(state.errors, each.action_id))
-        name = next(each.action_type for each in self.mission.actions if each.action_id == first.action_id)
+        name = next(each.action_type for each in self.vda_order.actions if each.action_id == first.action_id)
         # of an order that is given up on its way they fail without having begun
-        at_end = read(state, self.mission).at_end
+        at_end = read(state, self.vda_order).at_end
         kind = FailureKind.ACTION if at_end else FailureKind.DRIVE
         return Failure(kind, f"the action {name!r} has failed", (*filter(None, own), *said))
 
     def _look_for_standstill(self, state: State, now: float) -> None:
-        """Lose patience with a robot that stands and has the mission, but not what it takes to end it."""
+        """Lose patience with a robot that stands and has the VDA order, but not what it takes to end it."""
         failure = self._standstill(state)
         if failure is None:
             self._standing_since = None
@@ -394,27 +394,27 @@ class MissionRun:
     def _standstill(self, state: State) -> Failure | None:
         if state.driving or not self._known_in(state):
             return None
-        if failures.unexplained(state.errors, self.mission, self._before):
+        if failures.unexplained(state.errors, self.vda_order, self._before):
             reason = "the robot stands with an error that it cannot go on with"
             return Failure(FailureKind.DRIVE, reason, _words(state.errors))
-        if self.mission.actions and not state.node_states:
-            unreported = read(state, self.mission).unreported
+        if self.vda_order.actions and not state.node_states:
+            unreported = read(state, self.vda_order).unreported
             reason = "the robot does not report the actions of the order"
             return Failure(FailureKind.UNCLEAR, reason, _words(state.errors)) if unreported else None
         return None
 
     def _cancel_for(self, failure: Failure) -> None:
         self._failure = failure
-        self.phase = MissionPhase.CANCELLING
+        self.phase = VdaOrderPhase.CANCELLING
 
     def _look_for_refusal(self, state: State, now: float) -> Iterator[FleetOutput]:
-        errors = failures.refusals(state.errors, self.mission, self._before)
-        named = any(failures.is_named(each, self.mission) for each in errors)
+        errors = failures.refusals(state.errors, self.vda_order, self._before)
+        named = any(failures.is_named(each, self.vda_order) for each in errors)
         if errors and self._delivery.is_refused(now, named=named):
             yield self._fail(Failure(FailureKind.REFUSED, "the robot refuses the order", _words(errors)))
 
     def _settle_cancel(self, state: State) -> Iterator[FleetOutput]:
-        """End the mission when the robot has confirmed the cancel, or can be seen not to have the mission."""
+        """End the VDA order once the robot confirms the cancel or shows that it does not have the order."""
         active = self._active_at_robot(state)
         if self.cancel is None:
             if not self._may_be_at_robot(state):
@@ -439,17 +439,17 @@ class MissionRun:
         return sent_unseen or self._active_at_robot(state)
 
     def _active_at_robot(self, state: State) -> bool:
-        return self._known_in(state) and not read(state, self.mission).idle
+        return self._known_in(state) and not read(state, self.vda_order).idle
 
     def _end_early(self) -> Iterator[FleetOutput]:
         if self._failure:
             yield self._fail(self._failure)
         else:
-            yield self._end(MissionCancelled(self._robot, self.mission.mission_id))
+            yield self._end(VdaOrderCancelled(self._robot, self.vda_order.order_id))
 
     def _fail(self, failure: Failure) -> FleetOutput:
-        name = self.mission.mission_id
-        return self._end(MissionFailed(self._robot, name, failure.reason, failure.details, failure.kind))
+        name = self.vda_order.order_id
+        return self._end(VdaOrderFailed(self._robot, name, failure.reason, failure.details, failure.kind))
 
     def _end(self, output: FleetOutput) -> FleetOutput:
         self.ended = True

@@ -1,4 +1,4 @@
-"""A mission with another horizon keeps its base, and robots take it as an update."""
+"""A VDA order with another horizon keeps its base, and robots take it as an update."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nena_order_service.fleet import Mission
-from nena_order_service.fleet.mission import grown, released_to, update_of, with_other_horizon
+from nena_order_service.fleet import VdaOrder
+from nena_order_service.fleet.vda_order import grown, released_to, update_of, with_other_horizon
 from nena_shared.vda5050.action import Action, BlockingType
 from nena_shared.vda5050.order import Edge, Node
 
 pytestmark = pytest.mark.clause("6.1.2/fleet")
 
 
-def mission(points: str, action: str, name: str = "T-1-0") -> Mission:
+def vda_order(points: str, action: str, name: str = "T-1-0") -> VdaOrder:
     done = Action(action_type="pick", action_id=action, blocking_type=BlockingType.HARD)
     last = len(points) - 1
-    return Mission(
-        mission_id=name,
+    return VdaOrder(
+        order_id=name,
         nodes=tuple(
             Node(node_id=each, sequence_id=2 * index, released=True, actions=(done,) * (index == last))
             for index, each in enumerate(points)
@@ -36,10 +36,10 @@ def mission(points: str, action: str, name: str = "T-1-0") -> Mission:
     data=st.data(),
 )
 def test_base_never_changes_and_numbers_go_on(before: str, beyond: str, data: st.DataObject) -> None:
-    held = mission(before, "old")
+    held = vda_order(before, "old")
     base_end = data.draw(st.integers(0, len(before) - 2))
 
-    other = with_other_horizon(held, base_end, mission(before[base_end] + beyond, "new"))
+    other = with_other_horizon(held, base_end, vda_order(before[base_end] + beyond, "new"))
 
     assert other.nodes[: base_end + 1] == held.nodes[: base_end + 1]
     assert other.edges[:base_end] == held.edges[:base_end]
@@ -55,11 +55,11 @@ def test_base_never_changes_and_numbers_go_on(before: str, beyond: str, data: st
 @pytest.mark.parametrize(
     ("tail", "problem"),
     [
-        (mission("CE", "new"), "no way on"),
-        (mission("B", "new"), "no way on"),
-        (mission("BE", "old"), "ids of the actions"),
+        (vda_order("CE", "new"), "no way on"),
+        (vda_order("B", "new"), "no way on"),
+        (vda_order("BE", "old"), "ids of the actions"),
     ],
 )
-def test_what_is_no_way_on_is_refused(tail: Mission, problem: str) -> None:
+def test_what_is_no_way_on_is_refused(tail: VdaOrder, problem: str) -> None:
     with pytest.raises(ValueError, match=problem):
-        with_other_horizon(mission("ABCD", "old"), 1, tail)
+        with_other_horizon(vda_order("ABCD", "old"), 1, tail)
