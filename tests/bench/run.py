@@ -77,7 +77,7 @@ async def main() -> None:
 async def _services(folder: Path, samples: int, seconds: float) -> dict[str, Any]:
     """(a) and (c): order service and aggregator with robots that finish at once."""
     async with Processes(folder) as processes:
-        running = await stack.start_services(processes, stack.Choices())
+        running = await stack.start_services(processes, stack.Options())
         robots = InstantRobots(running.mqtt.port, STARTS)
         latency = await asyncio.to_thread(
             rest_to_wire.measure, running.rest_url, running.mqtt.port, robots, samples
@@ -91,7 +91,7 @@ async def _services(folder: Path, samples: int, seconds: float) -> dict[str, Any
 async def _memory(folder: Path, _samples: int, _seconds: float) -> dict[str, float]:
     """(d): all processes with 50 loopback robots that report."""
     async with Processes(folder) as processes:
-        running = await stack.start_services(processes, stack.Choices())
+        running = await stack.start_services(processes, stack.Options())
         await processes.start(
             "edge-agent-50-loopback",
             [

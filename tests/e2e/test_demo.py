@@ -61,7 +61,7 @@ def test_smoke_run_carries_out_an_order_over_rest_and_one_over_mqtt(
 
     assert result.returncode == 0, result.stdout + result.stderr
     assert result.stdout.count("FINISHED") >= 2
-    assert "fleet state and metrics agree" in result.stdout
+    assert "fleet state and metrics are correct" in result.stdout
     assert list(tmp_path.iterdir()) == []
 
 

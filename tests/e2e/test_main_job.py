@@ -15,7 +15,7 @@ from std_msgs.msg import String
 from nena_demo import stack
 from nena_demo.host import Host, wait_for_robots
 from nena_demo.processes import Processes, start_broker
-from nena_demo.stack import Choices, Stack
+from nena_demo.stack import Options, Stack
 from nena_shared.fleet_api.transport_order import Destination, TransportOrderRequest, TransportOrderStatus
 from support.ros import RosPeer, own_domain_id
 from support.simulator import heard, publisher_to
@@ -72,7 +72,7 @@ def domain_id() -> Iterator[int]:
 
 
 @asynccontextmanager
-async def started(folder: Path, choices: Choices) -> AsyncIterator[Running]:
+async def started(folder: Path, choices: Options) -> AsyncIterator[Running]:
     async with Processes(folder) as processes:
         running = await stack.start(processes, choices)
         host = Host(running.mqtt, running.rest_url, lambda *_: None)
@@ -88,7 +88,7 @@ async def started(folder: Path, choices: Choices) -> AsyncIterator[Running]:
 
 
 async def test_robots_in_two_domains_carry_out_an_order_each(tmp_path: Path, domain_id: int) -> None:
-    choices = Choices(domain_id=domain_id, separate_domains=True, time_factor=10.0)
+    choices = Options(domain_id=domain_id, separate_domains=True, time_factor=10.0)
     async with started(tmp_path, choices) as running:
         first = await running.order("Middle 2", "Robot-01")
         second = await running.order("Middle 3", "Robot-02")
@@ -104,7 +104,7 @@ async def test_robots_in_two_domains_carry_out_an_order_each(tmp_path: Path, dom
 async def test_an_aborted_drive_is_an_error_of_the_robot_and_failed_at_the_host(
     tmp_path: Path, domain_id: int
 ) -> None:
-    choices = Choices(domain_id=domain_id, time_factor=10.0)
+    choices = Options(domain_id=domain_id, time_factor=10.0)
     async with started(tmp_path, choices) as running:
         with RosPeer(domain_id, "r1") as peer:
             faults = publisher_to(peer, String, "simulator/fault", "r1")
@@ -121,7 +121,7 @@ async def test_an_aborted_drive_is_an_error_of_the_robot_and_failed_at_the_host(
 
 
 async def test_a_robot_is_sent_to_a_coordinate_and_back_to_a_point(tmp_path: Path, domain_id: int) -> None:
-    choices = Choices(domain_id=domain_id, time_factor=10.0)
+    choices = Options(domain_id=domain_id, time_factor=10.0)
     async with started(tmp_path, choices) as running:
         answer = await running.host.rest.post(
             "/v1/vehicles/Robot-01/dispatch", json={"coordinate": {"x": 5.0, "y": 8.5, "theta": 1.57}}
@@ -143,7 +143,7 @@ async def test_a_robot_is_sent_to_a_coordinate_and_back_to_a_point(tmp_path: Pat
 
 
 async def test_an_order_survives_the_brokers_restart(tmp_path: Path, domain_id: int) -> None:
-    choices = Choices(domain_id=domain_id, time_factor=3.0)
+    choices = Options(domain_id=domain_id, time_factor=3.0)
     async with started(tmp_path, choices) as running:
         name = await running.order("North 3")
         await running.until(lambda: running.host.vehicles["Robot-01"].state == "EXECUTING")

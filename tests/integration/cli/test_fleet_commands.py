@@ -225,7 +225,7 @@ async def test_what_goes_wrong_is_one_clear_text(fleet: Fleet) -> None:
     ):
         assert (await nena(*wrong)).exit_code == 2
     away = await Nena(f"http://127.0.0.1:{free_port()}")("orders", "list")
-    assert (away.exit_code, "no order service is reached" in away.stderr) == (2, True)
+    assert (away.exit_code, "Cannot connect to the order service" in away.stderr) == (2, True)
 
 
 async def test_of_several_order_services_the_active_one_is_asked(fleet: Fleet) -> None:

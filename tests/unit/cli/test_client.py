@@ -13,7 +13,7 @@ import pytest
 from fastapi import FastAPI, Response
 
 from nena_cli import client
-from nena_cli.client import Connection, Event, NotReachedError, RefusedError, follow, read_events
+from nena_cli.client import Connection, Event, RefusedError, UnreachableError, follow, read_events
 from nena_order_service.api.server import make_standby_app
 from nena_shared.fleet_api.operations import DELIVERY, Operation
 from nena_shared.fleet_api.transport_order import DeliveryPhase, DeliveryStatus, Problem
@@ -80,7 +80,7 @@ async def test_nobody_active_names_everybody_who_was_asked() -> None:
     away = f"http://127.0.0.1:{free_port()}"
     async with served(make_standby_app(lambda: "", lambda: "")) as standby:
         connection = Connection([away, standby], None)
-        with pytest.raises(NotReachedError) as caught:
+        with pytest.raises(UnreachableError) as caught:
             await asyncio.to_thread(connection.call, at("/here"))
         assert away in str(caught.value)
         assert standby in str(caught.value)
@@ -92,7 +92,7 @@ async def test_refusals_say_all_that_is_wrong() -> None:
         connection = Connection([url], None)
         with pytest.raises(RefusedError, match=r"It has ended\.\n- one\n- two"):
             await asyncio.to_thread(connection.call, at("/refused"))
-        with pytest.raises(RefusedError, match="is the URL right"):
+        with pytest.raises(RefusedError, match="check the URL"):
             await asyncio.to_thread(connection.call, at("/strange"))
         connection.close()
 
@@ -135,7 +135,7 @@ class Breaking(Connection):
         self.asked.append(last_id)
         lines = next(self._streams)
         if lines is None:
-            raise NotReachedError("away")
+            raise UnreachableError("away")
         yield iter(lines)
 
 
@@ -150,5 +150,5 @@ def test_a_broken_stream_is_taken_up_behind_the_last_event(monkeypatch: pytest.M
 
 
 def test_nobody_there_at_the_first_try_is_an_error() -> None:
-    with pytest.raises(NotReachedError):
+    with pytest.raises(UnreachableError):
         next(follow(Breaking(None), {}))

@@ -12,7 +12,7 @@ import typer
 from rich.table import Table
 from typer.testing import CliRunner
 
-from nena_cli.client import NotReachedError, RefusedError
+from nena_cli.client import RefusedError, UnreachableError
 from nena_cli.service import DEFAULT_URL, Service, of_service
 from nena_shared.fleet_api.transport_order import Problem
 
@@ -22,7 +22,7 @@ seen: list[tuple[Service, str, int]] = []
 
 @app.command()
 @of_service
-def say(
+def echo(
     service: Service, word: str, *, times: Annotated[int, typer.Option("--times", help="How often.")] = 1
 ) -> None:
     """Say a word."""
@@ -79,7 +79,7 @@ def test_the_token_may_lie_in_a_file(tmp_path: Path) -> None:
     ("error", "status", "words"),
     [
         (RefusedError(Problem(title="No", status=409, detail="It has ended.")), 1, "nena: It has ended."),
-        (NotReachedError("away"), 2, "no order service is reached"),
+        (UnreachableError("away"), 2, "Cannot connect to the order service"),
         (FileNotFoundError("no token"), 2, "no token"),
         (KeyboardInterrupt(), 0, ""),
     ],
@@ -94,7 +94,7 @@ def test_what_goes_wrong_is_one_line_and_a_status(
 
 
 @pytest.mark.parametrize(
-    ("token", "words"), [(None, "give one by NENA_TOKEN or --token-file"), ("x", "This token is nobody's.")]
+    ("token", "words"), [(None, "Set NENA_TOKEN or --token-file"), ("x", "This token is nobody's.")]
 )
 def test_who_is_not_let_in_is_told_how_to_give_a_token(
     capsys: pytest.CaptureFixture[str], token: str | None, words: str
@@ -111,11 +111,11 @@ def test_people_get_tables_and_scripts_a_line_for_each(capsys: pytest.CaptureFix
     def table(found: Sequence[Problem]) -> Table:
         return Table(*(each.title for each in found))
 
-    service().put_all(problems, table)
+    service().print_all(problems, table)
     shown = capsys.readouterr().out
     assert "A" in shown
     assert "{" not in shown
-    service(as_json=True).put_all(problems, table)
-    service(as_json=True).put(problems[0], Table(title="one"))
+    service(as_json=True).print_all(problems, table)
+    service(as_json=True).print_one(problems[0], Table(title="one"))
     told = [json.loads(line)["detail"] for line in capsys.readouterr().out.splitlines()]
     assert told == ["a", "b", "a"]

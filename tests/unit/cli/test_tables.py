@@ -126,7 +126,7 @@ def test_sequences_say_how_far_they_are_and_no_markup_is_read() -> None:
     for part in ("(V-[red]1)", "open", "T-1 > T-2", "begins with 'T-1'"):
         assert part in shown
     shown = text_of(sequence_details(made.bound("V-[red]1", NOW).completed("enough", NOW).status))
-    for part in ("complete", "ends it", "vehicle V-[red]1 is to do 'T-1', 1 of 2"):
+    for part in ("complete", "ends the sequence", "vehicle V-[red]1 is to do 'T-1', 1 of 2"):
         assert part in shown
     assert "orderAppended" in text_of(sequence_history(made.status))
     ended = made.completed("enough", NOW).advanced(lambda _: True, NOW)

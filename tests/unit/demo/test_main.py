@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from nena_demo import __main__ as demo
-from nena_demo.session import Teller
+from nena_demo.session import ProgressPrinter
 from support.waiting import PATIENCE
 
 
@@ -33,9 +33,9 @@ async def test_a_stop_that_is_lost_on_its_way_is_said_again(
         return 0
 
     monkeypatch.setattr(demo, "_work", deaf)
-    monkeypatch.setattr(demo, "STOP_PATIENCE", 0.1)
+    monkeypatch.setattr(demo, "STOP_TIMEOUT", 0.1)
     async with asyncio.timeout(PATIENCE):
-        status = await demo._until_stopped(argparse.Namespace(), tmp_path, Teller(sys.stdout))
+        status = await demo._until_stopped(argparse.Namespace(), tmp_path, ProgressPrinter(sys.stdout))
 
     assert (status, stops) == (demo.EXIT_STOPPED, 2)
     assert capsys.readouterr().out.count("stopping everything") == 1

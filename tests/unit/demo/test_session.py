@@ -62,7 +62,7 @@ def test_a_robot_that_is_missing_or_not_idle_is_told_with_its_reason() -> None:
     [
         (metrics(1), "nena_transport_orders_ended_total counts 1 FINISHED orders, not 2"),
         (metrics(2, connected=0), "nena_mqtt_connected is not 1"),
-        (metrics(2, robots=1), "nena_robot_state_age_seconds does not tell of robot-02"),
+        (metrics(2, robots=1), "nena_robot_state_age_seconds has no sample for robot-02"),
     ],
 )
 def test_metrics_that_differ_are_told(text: str, problem: str) -> None:

@@ -79,7 +79,7 @@ def test_a_robot_that_is_removed_has_nothing_left(site: Path) -> None:
     assert (site / "broker" / "revoked.pem").read_bytes() != before
     assert not (site / "robots" / "ACME" / "0001").exists()
     again = run("robot", "remove", site, "ACME", "0001")
-    assert (again.exit_code, "There is no robot ACME/0001" in again.stderr) == (2, True)
+    assert (again.exit_code, "No robot ACME/0001" in again.stderr) == (2, True)
 
 
 def test_a_new_certificate_takes_the_place_of_the_old_one(site: Path) -> None:
@@ -98,7 +98,7 @@ def test_a_register_that_is_damaged_is_told_in_a_line(site: Path, content: str) 
     done = run("list", site)
 
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.stderr[:1000]
-    assert "is no site of nena-deploy (site.json: " in done.stderr
+    assert "is not a nena-deploy site (site.json: " in done.stderr
     assert len(done.stderr) < 1000
 
 
@@ -110,16 +110,16 @@ def test_an_authority_with_a_key_of_a_kind_that_nobody_knows_is_told_in_a_line(s
     done = run("list", site)
 
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.stderr[:1000]
-    assert "is no site of nena-deploy (" in done.stderr
+    assert "is not a nena-deploy site (" in done.stderr
 
 
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("list", "{none}"), "is no site of nena-deploy"),
-        (("robot", "add", "{none}", "A", "1"), "Make one with `nena-deploy init`"),
-        (("robot", "add", "{site}", "A/B", "1"), "cannot stand in a topic"),
-        (("host", "remove", "{site}", "wms"), "There is no host wms"),
+        (("list", "{none}"), "is not a nena-deploy site"),
+        (("robot", "add", "{none}", "A", "1"), "Create one with `nena-deploy init`"),
+        (("robot", "add", "{site}", "A/B", "1"), "is not valid in a topic"),
+        (("host", "remove", "{site}", "wms"), "No host wms"),
         (("init", "{site}", "--host", "x"), "is not empty"),
         (("user", "list", "{none}"), "No such file"),
         (("user", "add", "{none}", "a b", "--role", "viewer"), "Invalid user name"),

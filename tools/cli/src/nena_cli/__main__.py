@@ -26,7 +26,7 @@ app.add_typer(vda5050, name="vda5050")
 
 @app.callback()
 def root() -> None:
-    """Have libraries and links complain on standard error, and only where something is wrong."""
+    """NeNa: fleets of VDA 5050 robots."""
     log.configure(LogSettings(level="warning"))
 
 

@@ -1,4 +1,4 @@
-"""Arguments and options of orders, and how their texts are read."""
+"""Arguments and options of orders, and parsing of their texts."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from nena_shared.vda5050.malformed import problems_of
 COORDINATE = "@"
 
 WITH_HEADING = 3
-"""Numbers of a coordinate that says which way to look."""
+"""Numbers of a coordinate with heading."""
 
 
 def parse_stop(text: str) -> Destination:
-    """Read ``NAME``, ``NAME:OPERATION`` or ``@X,Y`` or ``@X,Y,THETA`` (m and rad of the plant's frame).
+    """Parse ``NAME``, ``NAME:OPERATION``, ``@X,Y`` or ``@X,Y,THETA`` (m and rad in the plant frame).
 
     Raises:
-        typer.BadParameter: it is none of these.
+        typer.BadParameter: the text has another form.
 
     """
     if text.startswith(COORDINATE):
@@ -36,27 +36,27 @@ def parse_stop(text: str) -> Destination:
     if not colon:
         name, operation = operation, "MOVE"
     if not name or not operation:
-        message = f"{text!r} is no stop: give NAME, NAME:OPERATION, or @X,Y,THETA"
+        message = f"Invalid stop {text!r}: use NAME, NAME:OPERATION or @X,Y,THETA"
         raise typer.BadParameter(message)
     return Destination(location_name=name, operation=operation)
 
 
 def parse_coordinate(text: str) -> Coordinate:
-    """Read ``X,Y`` or ``X,Y,THETA``; raises typer.BadParameter."""
+    """Parse ``X,Y`` or ``X,Y,THETA``; raises typer.BadParameter."""
     try:
         numbers: list[float | None] = [float(part) for part in text.split(",")]
         x, y, theta = numbers if len(numbers) == WITH_HEADING else [*numbers, None]
         return Coordinate.model_validate({"x": x, "y": y, "theta": theta})
     except ValueError as error:
-        message = f"{text!r} is no coordinate: give X,Y or X,Y,THETA in m and rad (-3.14 to 3.14)"
+        message = f"Invalid coordinate {text!r}: use X,Y or X,Y,THETA in m and rad (-3.14 to 3.14)"
         raise typer.BadParameter(message) from error
 
 
 def parse_property(text: str) -> Property:
-    """Read ``KEY=VALUE``; raises typer.BadParameter."""
+    """Parse ``KEY=VALUE``; raises typer.BadParameter."""
     key, equals, value = text.partition("=")
     if not equals or not key:
-        message = f"{text!r} is no property: give KEY=VALUE"
+        message = f"Invalid property {text!r}: use KEY=VALUE"
         raise typer.BadParameter(message)
     return Property(key=key, value=value)
 
@@ -65,60 +65,58 @@ FIELDS = ("do", "times", "after")
 
 
 def parse_measure(text: str) -> FailureStep:
-    """Read ``MEASURE``, ``MEASURE:TIMES`` or ``MEASURE:TIMES:SECONDS``, such as ``RETRY:2:5``.
+    """Parse ``MEASURE``, ``MEASURE:TIMES`` or ``MEASURE:TIMES:SECONDS``, such as ``RETRY:2:5``.
 
     Raises:
-        typer.BadParameter: it is none of these.
+        typer.BadParameter: the text has another form.
 
     """
     parts = text.split(":")
     if len(parts) > len(FIELDS):
-        message = f"{text!r} is no measure: give MEASURE:TIMES:SECONDS"
+        message = f"Invalid measure {text!r}: use MEASURE:TIMES:SECONDS"
         raise typer.BadParameter(message)
     try:
         return FailureStep.model_validate(dict(zip(FIELDS, [parts[0].upper(), *parts[1:]], strict=False)))
     except ValidationError as error:
-        message = f"{text!r} is no measure: {'; '.join(problems_of(error))}"
+        message = f"Invalid measure {text!r}: {'; '.join(problems_of(error))}"
         raise typer.BadParameter(message) from error
 
 
 Stops = Annotated[
-    list[str] | None, typer.Argument(help="NAME, NAME:OPERATION or @X,Y,THETA, in the order of driving.")
+    list[str] | None, typer.Argument(help="NAME, NAME:OPERATION or @X,Y,THETA, in driving order.")
 ]
 File = Annotated[
     typer.FileBinaryRead | None,
-    typer.Option("--file", help="The whole request as JSON; - is standard input."),
+    typer.Option("--file", help="JSON file with the request; - for standard input."),
 ]
-NewName = Annotated[str | None, typer.Option(help="Name; without one the order service makes one.")]
-Vehicle = Annotated[str | None, typer.Option(help="Only this vehicle does it.")]
-Priority = Annotated[int, typer.Option(help="Greater is more urgent.")]
-Deadline = Annotated[datetime | None, typer.Option(help="When it is due, in local time.")]
-Type = Annotated[str, typer.Option("--type", help="Type of the order.")]
+NewName = Annotated[str | None, typer.Option(help="Name (optional).")]
+Vehicle = Annotated[str | None, typer.Option(help="Assign to this vehicle only.")]
+Priority = Annotated[int, typer.Option(help="Priority; higher is more urgent.")]
+Deadline = Annotated[datetime | None, typer.Option(help="Deadline in local time.")]
+Type = Annotated[str, typer.Option("--type", help="Order type.")]
 Dispensable = Annotated[
-    bool, typer.Option("--dispensable", help="It may be dropped when something better comes.")
+    bool, typer.Option("--dispensable", help="Allow withdrawal in favour of other orders.")
 ]
 Dependencies = Annotated[
-    list[str] | None, typer.Option("--after", help="Order that must be FINISHED first; several times.")
+    list[str] | None, typer.Option("--after", help="Order that must be FINISHED first; repeatable.")
 ]
-OnDependencyFailure = Annotated[
-    DependencyFailure, typer.Option(help="What becomes of it when one of these fails.")
-]
-Sequence = Annotated[str | None, typer.Option("--sequence", help="Order sequence to which it is added.")]
-Properties = Annotated[
-    list[str] | None, typer.Option("--property", help="KEY=VALUE; several times if wanted.")
-]
+OnDependencyFailure = Annotated[DependencyFailure, typer.Option(help="What to do if such an order fails.")]
+Sequence = Annotated[str | None, typer.Option("--sequence", help="Order sequence to add the order to.")]
+Properties = Annotated[list[str] | None, typer.Option("--property", help="KEY=VALUE; repeatable.")]
 OnFailure = Annotated[
     list[str] | None,
     typer.Option(
         "--on-failure",
-        help="MEASURE, MEASURE:TIMES or MEASURE:TIMES:SECONDS; several times, in their order.",
+        help="MEASURE, MEASURE:TIMES or MEASURE:TIMES:SECONDS; repeatable, tried in this order.",
     ),
 ]
-Timeout = Annotated[float | None, typer.Option(help="Seconds after which it is cancelled if it is not done.")]
+Timeout = Annotated[
+    float | None, typer.Option(help="Cancel the order if unfinished after this many seconds.")
+]
 ProcessingTimeout = Annotated[
-    float | None, typer.Option(help="The same, from when it is first given to a vehicle.")
+    float | None, typer.Option(help="The same, counted from its first assignment to a vehicle.")
 ]
 Key = Annotated[
-    str | None, typer.Option("--key", help="Idempotency key: the same again makes no second order.")
+    str | None, typer.Option("--key", help="Idempotency key: repeated requests create no second order.")
 ]
-Wait = Annotated[bool, typer.Option("--wait", help="Watch it to its end; status 1 if it fails.")]
+Wait = Annotated[bool, typer.Option("--wait", help="Watch the order to its end; status 1 if it fails.")]

@@ -1,4 +1,4 @@
-"""The REST API of the order service: the active one of several, with problems as they are told."""
+"""Client of the order service's REST API: of the active one of several, with its event stream."""
 
 from __future__ import annotations
 
@@ -21,30 +21,30 @@ P = TypeVar("P", TransportOrderPage, OrderSequencePage, VehicleList)
 Query = Mapping[str, str | int | Sequence[str]]
 
 PAGE = 200
-"""Things of a list that are asked for at a time."""
+"""Items per page."""
 
 CONNECT_SECONDS = 5.0
 ANSWER_SECONDS = 30.0
-"""More than the order service waits for its store and for robots."""
+"""Longer than the order service waits for its store and for robots."""
 
 SILENCE_SECONDS = 20.0
-"""An event stream that says nothing for so long is broken: it has a heartbeat each five seconds."""
+"""An event stream without data for this long is broken: it has a heartbeat every five seconds."""
 
 
 class RefusedError(Exception):
-    """The order service has refused a request; the text says why, and what to do."""
+    """The order service rejected a request; the text says why and what to do."""
 
     def __init__(self, problem: Problem) -> None:
         super().__init__("\n".join([problem.detail, *(f"- {each}" for each in problem.errors)]))
         self.problem = problem
 
 
-class NotReachedError(Exception):
-    """No order service answers, or none of those that do is the active one."""
+class UnreachableError(Exception):
+    """No order service answers, or none that answers is active."""
 
 
 class Connection:
-    """Asks the active one of several order services; which one that is, it finds out by asking."""
+    """Connection to the active one of several order services, found by asking each."""
 
     def __init__(self, urls: Sequence[str], token: str | None) -> None:
         headers = {"Authorization": f"Bearer {token}"} if token else {}
@@ -53,7 +53,7 @@ class Connection:
         self._urls = [url.rstrip("/") for url in urls]
 
     def close(self) -> None:
-        """End all connections."""
+        """Close all connections."""
         self._client.close()
 
     def call(
@@ -66,7 +66,7 @@ class Connection:
         content: bytes | None = None,
         headers: Mapping[str, str] | None = None,
     ) -> A:
-        """Ask for an operation on the object of this name; raises RefusedError and NotReachedError."""
+        """Call an operation on the object of this name; raises RefusedError and UnreachableError."""
         answer = self._request(
             operation.method,
             operation.path_of(name),
@@ -78,7 +78,7 @@ class Connection:
         return operation.answer.model_validate_json(answer.content)
 
     def pages(self, operation: Operation[P], query: Query) -> Iterator[P]:
-        """Return the pages of a list, one after the other; raises RefusedError and NotReachedError."""
+        """Yield the pages of a list; raises RefusedError and UnreachableError."""
         after: str | None = None
         while True:
             more: dict[str, str | int] = {"limit": PAGE, **({"after": after} if after else {})}
@@ -104,10 +104,10 @@ class Connection:
                 yield answer.iter_lines()
         except httpx.TransportError as error:
             message = f"{url}: {error}"
-            raise NotReachedError(message) from error
+            raise UnreachableError(message) from error
 
     def _active(self) -> str:
-        """Give the one that is active; with one alone it is taken to be that."""
+        """Return the URL of the active one; a single one counts as active."""
         if len(self._urls) > 1:
             self.call(LIST_VEHICLES, query={"limit": 1})
         return self._urls[0]
@@ -138,10 +138,10 @@ class Connection:
             if not _stands_by(problem):
                 raise RefusedError(problem)
             failures.append(f"{url}: {problem.detail}")
-        raise NotReachedError("\n".join(failures))
+        raise UnreachableError("\n".join(failures))
 
     def _prefer(self, url: str) -> None:
-        """Ask this one first next time."""
+        """Try this URL first next time."""
         self._urls.remove(url)
         self._urls.insert(0, url)
 
@@ -154,17 +154,17 @@ def _problem_of(answer: httpx.Response) -> Problem:
     try:
         return Problem.model_validate_json(answer.content)
     except ValidationError:
-        detail = f"{answer.url} answers {answer.status_code}, which no order service does; is the URL right?"
+        detail = f"{answer.url} answered {answer.status_code} like no order service; check the URL"
         return Problem(title="No order service", status=answer.status_code, detail=detail)
 
 
 RETRY_PAUSE = 1.0
-"""Seconds before a broken stream is taken up again."""
+"""Delay before reconnecting a broken stream, seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One event."""
+    """A server-sent event."""
 
     kind: str
     id: str | None
@@ -172,7 +172,7 @@ class Event:
 
 
 def read_events(lines: Iterable[str]) -> Iterator[Event]:
-    """Give the events of a stream; what is not said in full is left out."""
+    """Yield the events of a stream; incomplete ones are dropped."""
     fields: dict[str, str] = {}
     for line in lines:
         name, _, value = line.partition(":")
@@ -187,9 +187,9 @@ def read_events(lines: Iterable[str]) -> Iterator[Event]:
 def follow(
     connection: Connection, query: dict[str, str], *, on_break: Callable[[str], None] = lambda _: None
 ) -> Iterator[Event]:
-    """Follow the events for ever; after a break it goes on behind the last one.
+    """Follow the events endlessly; resume after the last one when the connection breaks.
 
-    Raises RefusedError, and NotReachedError where nobody answers at the first try.
+    Raises RefusedError, and UnreachableError if the first attempt fails.
     """
     last_id: str | None = None
     ever = False
@@ -200,7 +200,7 @@ def follow(
                     ever = True
                     last_id = event.id or last_id
                     yield event
-        except NotReachedError as error:
+        except UnreachableError as error:
             if not ever:
                 raise
             on_break(str(error))

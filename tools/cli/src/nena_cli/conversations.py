@@ -15,7 +15,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from nena_cli.output import give_up, say
+from nena_cli.output import echo, fail
 from nena_conversations import broker
 from nena_conversations.broker import EntryFilter
 from nena_conversations.checker import Checker
@@ -79,7 +79,7 @@ def record(
         )
         with new_file(file) as out:
             count = _listen(address, lambda entry: append(entry, out), seconds, messages)
-    say(f"{count} messages recorded in {file}")
+    echo(f"{count} messages recorded in {file}")
 
 
 @app.command()
@@ -112,7 +112,7 @@ def replay(
             return broker.replay(entries, address, speed=speed, fresh=fresh, stop=stop, client_id=client_id)
 
         count = asyncio.run(_until_stopped(work, seconds))
-    say(f"{count} messages published")
+    echo(f"{count} messages published")
 
 
 @app.command()
@@ -129,7 +129,7 @@ def show(
     with _errors_reported():
         shown = show_conversation(_entries(file), console, robot=robot, everything=everything)
     if not shown:
-        say("The recording has no VDA 5050 messages.")
+        echo("The recording has no VDA 5050 messages.")
 
 
 @app.command()
@@ -172,7 +172,7 @@ def check(
                     checker.skip()
         report(checker.end())
     errors, warnings = found[Severity.ERROR], found[Severity.WARNING]
-    say(f"{checker.checked} messages checked, {errors} errors, {warnings} warnings")
+    echo(f"{checker.checked} messages checked, {errors} errors, {warnings} warnings")
     raise typer.Exit(FOUND if errors or (strict and warnings) else 0)
 
 
@@ -239,4 +239,4 @@ def _errors_reported() -> Iterator[None]:
     try:
         yield
     except (RecordingError, broker.BrokerError, ConfigurationError, TaskFailedError, OSError) as error:
-        give_up(error)
+        fail(error)

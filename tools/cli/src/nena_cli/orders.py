@@ -17,7 +17,7 @@ from nena_cli import arguments as option
 from nena_cli import tables
 from nena_cli.arguments import parse_measure, parse_property, parse_stop
 from nena_cli.client import Connection, Event, follow
-from nena_cli.output import REFUSED, give_up, put_json, say
+from nena_cli.output import REFUSED, echo, fail, print_json
 from nena_cli.service import Service, of_service
 from nena_shared.fleet_api.operations import (
     CREATE_ORDER,
@@ -42,11 +42,11 @@ from nena_shared.vda5050.malformed import problems_of
 B = TypeVar("B", TransportOrderStatus, VehicleStatus)
 
 ENDED_SHOWN = 10
-"""Orders at their end that stay on the screen; older ones make room."""
+"""Ended orders that stay on the screen."""
 
 
 class Board(Generic[B]):
-    """What is on the screen: the newest state of each order or vehicle."""
+    """Screen content: the latest state of each order or vehicle."""
 
     def __init__(self, model: type[B], table: Callable[[Collection[B]], Table]) -> None:
         self._model: type[B] = model
@@ -54,7 +54,7 @@ class Board(Generic[B]):
         self._shown: dict[str, B] = {}
 
     def take(self, event: Event) -> B:
-        """Take in an event; gives what it tells of."""
+        """Process an event and return its order or vehicle."""
         body: B = self._model.model_validate(event.data)
         self._shown.pop(body.name, None)
         self._shown[body.name] = body
@@ -64,19 +64,19 @@ class Board(Generic[B]):
         return body
 
     def __rich__(self) -> Table:
-        """Give the table."""
+        """Return the table."""
         return self._table(tuple(self._shown.values()))
 
 
 def watch(connection: Connection, board: Board[B], query: dict[str, str], *, as_json: bool) -> Generator[B]:
-    """Show what changes, and yield it; ends when the caller does."""
-    events = follow(connection, query, on_break=lambda why: say(f"nena: connecting again: {why}", "yellow"))
+    """Show changes and yield them until the caller stops."""
+    events = follow(connection, query, on_break=lambda why: echo(f"nena: reconnecting: {why}", "yellow"))
     wanted = query["kind"]
     if as_json:
         for event in events:
             if event.kind == wanted:
                 body = board.take(event)
-                put_json(body)
+                print_json(body)
                 yield body
         return
     console = Console()
@@ -96,11 +96,11 @@ def _is_over(body: BaseModel) -> bool:
     return isinstance(body, TransportOrderStatus) and body.state.final
 
 
-app = typer.Typer(help="Transport orders of a running order service.", no_args_is_help=True)
+app = typer.Typer(help="Transport orders.", no_args_is_help=True)
 
 Name = Annotated[str, typer.Argument(help="Name of the order.")]
-By = Annotated[str | None, typer.Option(help="Who asks; without it the name of the user.")]
-Version = Annotated[int | None, typer.Option(help="Only if it still has this version.")]
+By = Annotated[str | None, typer.Option(help="Name of the requester. Unset: the user name.")]
+Version = Annotated[int | None, typer.Option(help="Change only if the order still has this version.")]
 
 
 @app.command()
@@ -147,7 +147,7 @@ def create(
     )
     body = request.model_dump(mode="json", by_alias=True, exclude_none=True)
     with service.connected() as connection:
-        put_or_watch(service, connection, connection.call(CREATE_ORDER, body=body), wait=wait)
+        print_or_watch(service, connection, connection.call(CREATE_ORDER, body=body), wait=wait)
 
 
 @app.command("list")
@@ -156,38 +156,38 @@ def list_(
     service: Service,
     *,
     state: Annotated[
-        list[TransportOrderState] | None, typer.Option(help="Only those in this state; several times.")
+        list[TransportOrderState] | None, typer.Option(help="Only orders in this state; repeatable.")
     ] = None,
-    vehicle: Annotated[str | None, typer.Option(help="Only those that are meant for this vehicle.")] = None,
-    limit: Annotated[int, typer.Option(min=1, help="How many at most, the newest.")] = 50,
+    vehicle: Annotated[str | None, typer.Option(help="Only orders intended for this vehicle.")] = None,
+    limit: Annotated[int, typer.Option(min=1, help="Maximum number; the newest first.")] = 50,
 ) -> None:
-    """List transport orders, newest first; with --json a line for each."""
+    """List transport orders, newest first; with --json one line each."""
     with service.connected() as connection:
         query: dict[str, str | int | Sequence[str]] = {"state": [each.value for each in state or ()]}
         if vehicle is not None:
             query["intendedVehicle"] = vehicle
-        _put(service, *islice(_orders(connection, query), limit))
+        _print(service, *islice(_orders(connection, query), limit))
 
 
 @app.command("show")
 @of_service
 def show_(service: Service, name: Name) -> None:
-    """Show a transport order with its delivery and its history."""
+    """Show a transport order with its delivery and history."""
     with service.connected() as connection:
         order = connection.call(SHOW_ORDER, name)
         delivery = connection.call(DELIVERY, name)
-    service.put(order, tables.order_details(order, delivery), tables.history_table(order))
+    service.print_one(order, tables.order_details(order, delivery), tables.history_table(order))
 
 
 @app.command("watch")
 @of_service
 def watch_(
     service: Service,
-    name: Annotated[str | None, typer.Argument(help="One order, to its end; without it all.")] = None,
+    name: Annotated[str | None, typer.Argument(help="One order, watched to its end. Unset: all.")] = None,
     *,
-    vehicle: Annotated[str | None, typer.Option(help="Only those that this vehicle works on.")] = None,
+    vehicle: Annotated[str | None, typer.Option(help="Only orders of this vehicle.")] = None,
 ) -> None:
-    """Watch transport orders until Ctrl-C, or one to its end; with --json a line for each change."""
+    """Watch transport orders until Ctrl-C, or one to its end; with --json one line per change."""
     with service.connected() as connection:
         if name is not None:
             _watch_one(service, connection, name)
@@ -203,10 +203,10 @@ def withdraw(
     service: Service,
     name: Name,
     *,
-    reason: Annotated[str | None, typer.Option(help="Why; stands in the order's history.")] = None,
+    reason: Annotated[str | None, typer.Option(help="Reason, kept in the order's history.")] = None,
     version: Version = None,
 ) -> None:
-    """Withdraw a transport order: it fails at once, or when its vehicle has let it go."""
+    """Withdraw a transport order: it fails immediately, or when its vehicle has released it."""
     _change(service, WITHDRAW, name, {"reason": reason}, version)
 
 
@@ -216,14 +216,16 @@ def hold(
     service: Service,
     name: Name,
     *,
-    reason: Annotated[str | None, typer.Option(help="Why; stands in the order's reason and history.")] = None,
+    reason: Annotated[
+        str | None, typer.Option(help="Reason, shown with the order and kept in its history.")
+    ] = None,
     by: By = None,
     immediate: Annotated[
-        bool, typer.Option(help="Its robot is to stop; else it drives to the end of what it was given.")
+        bool, typer.Option(help="Stop the robot now; otherwise it drives to the end of its base.")
     ] = True,
     version: Version = None,
 ) -> None:
-    """Let a transport order wait until it is resumed; it keeps its vehicle, which stands."""
+    """Hold a transport order until it is resumed; it keeps its vehicle."""
     body: dict[str, JsonValue] = {"by": by or getuser(), "immediate": immediate, "reason": reason}
     _change(service, HOLD, name, body, version)
 
@@ -234,11 +236,11 @@ def resume(
     service: Service,
     name: Name,
     *,
-    reason: Annotated[str | None, typer.Option(help="Why; stands in the order's history.")] = None,
+    reason: Annotated[str | None, typer.Option(help="Reason, kept in the order's history.")] = None,
     by: By = None,
     version: Version = None,
 ) -> None:
-    """Let a held transport order go on from where its vehicle stands."""
+    """Resume a held transport order from its vehicle's position."""
     _change(service, RESUME, name, {"by": by or getuser(), "reason": reason}, version)
 
 
@@ -249,17 +251,17 @@ def _change(
     body: dict[str, JsonValue],
     version: int | None,
 ) -> None:
-    """Have an order changed, only if it has that version still, and tell of it; what is None is left out."""
+    """Change an order, if it still has that version, and print it; None values are omitted."""
     given: dict[str, JsonValue] = {key: value for key, value in body.items() if value is not None}
     headers = {} if version is None else {"If-Match": f'"{version}"'}
     with service.connected() as connection:
-        _put(service, connection.call(operation, name, body=given, headers=headers))
+        _print(service, connection.call(operation, name, body=given, headers=headers))
 
 
 def _request(file: typer.FileBinaryRead | None, **fields: object) -> TransportOrderRequest:
-    """Make a request of a file, or of what the options say."""
+    """Build a request from a file or from the options."""
     if (file is None) == (not fields["destinations"]):
-        message = "give stops, or --file"
+        message = "Specify stops or --file"
         raise typer.BadParameter(message)
     try:
         if file:
@@ -269,28 +271,28 @@ def _request(file: typer.FileBinaryRead | None, **fields: object) -> TransportOr
         raise typer.BadParameter("; ".join(problems_of(error, TOLD))) from error
 
 
-def put_or_watch(
+def print_or_watch(
     service: Service, connection: Connection, order: TransportOrderStatus, *, wait: bool
 ) -> None:
-    """Tell of a new order; with ``wait`` of all that becomes of it, and by the exit status how it ended."""
+    """Print a new order, or with ``wait`` watch it to its end and set the exit status."""
     if wait:
         _watch_one(service, connection, order.name)
     else:
-        _put(service, order)
+        _print(service, order)
 
 
 def _watch_one(service: Service, connection: Connection, name: str) -> None:
-    """Watch an order to its end; the exit status says whether it was done."""
+    """Watch an order to its end; exit with status 1 unless it is FINISHED."""
     order = connection.call(SHOW_ORDER, name)
     if order.state.final:
-        _put(service, order)
+        _print(service, order)
     else:
         query = {"kind": "transportOrder", "transportOrder": name}
         changes = watch(connection, _board(), query, as_json=service.as_json)
         order = next(each for each in changes if each.state.final)
         changes.close()
     if order.state is not TransportOrderState.FINISHED:
-        give_up(f"{order.name} is {order.state}: {order.reason}", REFUSED)
+        fail(f"{order.name} is {order.state}: {order.reason}", REFUSED)
 
 
 def _orders(
@@ -300,8 +302,8 @@ def _orders(
         yield from page.transport_orders
 
 
-def _put(service: Service, *orders: TransportOrderStatus) -> None:
-    service.put_all(orders, tables.orders_table)
+def _print(service: Service, *orders: TransportOrderStatus) -> None:
+    service.print_all(orders, tables.orders_table)
 
 
 def _board() -> Board[TransportOrderStatus]:

@@ -1,4 +1,4 @@
-"""What commands tell people and scripts, and with which status they end."""
+"""Output of commands for people and scripts, and exit statuses."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from rich.console import Console
 from rich.table import Table
 
 REFUSED: Final = 1
-"""Exit status where the order service refuses something, or an order that was waited for has failed."""
+"""Exit status if the order service rejects a request, or an awaited order fails."""
 WRONG: Final = 2
-"""Exit status of a command that could not do its work."""
+"""Exit status of a command that failed."""
 
 
-def say(text: str, style: str | None = None) -> None:
-    """Tell people something, on standard error."""
+def echo(text: str, style: str | None = None) -> None:
+    """Print a message for people on standard error."""
     Console(stderr=True, soft_wrap=True).print(text, markup=False, highlight=False, style=style)
 
 
-def give_up(why: object, status: int = WRONG) -> NoReturn:
-    """End the command, and tell people in one clear line why its work is not done."""
-    say(f"nena: {why}", style="red")
+def fail(why: object, status: int = WRONG) -> NoReturn:
+    """Print the reason in one line and exit."""
+    echo(f"nena: {why}", style="red")
     raise typer.Exit(status)
 
 
-def put_json(body: BaseModel) -> None:
-    """Write a body as a line of JSON, at once."""
+def print_json(body: BaseModel) -> None:
+    """Print a body as a line of JSON and flush."""
     sys.stdout.write(body.model_dump_json(by_alias=True) + "\n")
     sys.stdout.flush()
 
 
-def show(what: Table) -> None:
-    """Print a table; wide where nobody looks at it on a screen."""
+def print_table(what: Table) -> None:
+    """Print a table; 200 columns wide if standard output is not a terminal."""
     console = Console()
     if not console.is_terminal:
         console = Console(width=200)

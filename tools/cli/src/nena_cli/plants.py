@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from nena_cli.output import give_up, put_json, say
+from nena_cli.output import echo, fail, print_json
 from nena_cli.service import Service, of_service
 from nena_shared.fleet_api.operations import CHANGE_PLANT
 from nena_shared.plant import PlantModel, PlantModelError, Problem, files, lif, opentcs_xml
@@ -219,7 +219,7 @@ def check(file: Source, *, strict: Strict = False, as_json: AsJson = False) -> N
         console = Console()
         show_contents(read, console)
         show_findings(read.findings, console)
-        say(f"{read.errors} errors, {len(read.findings) - read.errors} warnings")
+        echo(f"{read.errors} errors, {len(read.findings) - read.errors} warnings")
     raise typer.Exit(FOUND if read.errors else 0)
 
 
@@ -279,12 +279,12 @@ def put(
     with service.connected() as connection:
         done = connection.call(CHANGE_PLANT, content=data, query={"check": str(check).lower()})
     if service.as_json:
-        put_json(done)
+        print_json(done)
         return
     for each in done.warnings:
-        say(each)
+        echo(each)
     result = "activated" if done.changed else "can be activated"
-    say(f"{done.name}: {done.points} points, {done.paths} paths, {done.vehicles} vehicles; {result}")
+    echo(f"{done.name}: {done.points} points, {done.paths} paths, {done.vehicles} vehicles; {result}")
 
 
 def _write(
@@ -316,7 +316,7 @@ def _report(
         out.write(findings_json(read, findings, written) + "\n")
         return
     show_findings(findings, Console(stderr=True))
-    say(f"{written} written" if written else f"nothing written: {read.errors} errors")
+    echo(f"{written} written" if written else f"nothing written: {read.errors} errors")
 
 
 @contextmanager
@@ -325,6 +325,6 @@ def _errors_reported() -> Iterator[None]:
     try:
         yield
     except FileExistsError as error:
-        give_up(f"{error.filename} already exists; --replace overwrites it")
+        fail(f"{error.filename} already exists; --replace overwrites it")
     except (OSError, PlantModelError) as error:
-        give_up(error)
+        fail(error)

@@ -16,7 +16,7 @@ from nena_cli.service import Service, of_service
 from nena_shared.fleet_api.operations import COMPLETE_SEQUENCE, CREATE_SEQUENCE, LIST_SEQUENCES, SHOW_SEQUENCE
 from nena_shared.fleet_api.transport_order import OrderSequenceStatus
 
-app = typer.Typer(help="Order sequences of a running order service.", no_args_is_help=True)
+app = typer.Typer(help="Order sequences.", no_args_is_help=True)
 
 
 Name = Annotated[str, typer.Argument(help="Name of the order sequence.")]
@@ -26,27 +26,28 @@ Name = Annotated[str, typer.Argument(help="Name of the order sequence.")]
 @of_service
 def create(
     service: Service,
-    name: Annotated[str | None, typer.Argument(help="Name; without one the order service makes one.")] = None,
+    name: Annotated[str | None, typer.Argument(help="Name (optional).")] = None,
     *,
     types: Annotated[
-        list[str] | None, typer.Option("--type", help="Type of orders that it takes; several times.")
+        list[str] | None, typer.Option("--type", help="Accepted order type; repeatable.")
     ] = None,
     vehicle: option.Vehicle = None,
     failure_fatal: Annotated[
-        bool, typer.Option("--failure-fatal", help="When an order fails, those behind it fail, too.")
+        bool, typer.Option("--failure-fatal", help="If an order fails, all following orders fail.")
     ] = False,
     key: Annotated[
-        str | None, typer.Option("--key", help="Idempotency key: the same again makes no second sequence.")
+        str | None,
+        typer.Option("--key", help="Idempotency key: repeated requests create no second sequence."),
     ] = None,
 ) -> None:
-    """Create an order sequence; orders are added by `nena orders create --sequence`."""
+    """Create an order sequence; add orders with `nena orders create --sequence`."""
     body: dict[str, JsonValue] = {"failureFatal": failure_fatal}
     given = {"name": name, "intendedVehicle": vehicle, "idempotencyKey": key}
     body.update({field: value for field, value in given.items() if value is not None})
     if types:
         body["orderTypes"] = [*types]
     with service.connected() as connection:
-        _put(service, connection.call(CREATE_SEQUENCE, body=body))
+        _print(service, connection.call(CREATE_SEQUENCE, body=body))
 
 
 @app.command("list")
@@ -55,19 +56,19 @@ def list_(
     service: Service,
     *,
     finished: Annotated[
-        bool | None, typer.Option("--finished/--unfinished", help="Only those; without it all.")
+        bool | None, typer.Option("--finished/--unfinished", help="Only these. Unset: all.")
     ] = None,
-    vehicle: Annotated[str | None, typer.Option(help="Only those that are meant for this vehicle.")] = None,
-    limit: Annotated[int, typer.Option(min=1, help="How many at most, the newest.")] = 50,
+    vehicle: Annotated[str | None, typer.Option(help="Only sequences intended for this vehicle.")] = None,
+    limit: Annotated[int, typer.Option(min=1, help="Maximum number; the newest first.")] = 50,
 ) -> None:
-    """List order sequences, newest first; with --json a line for each."""
+    """List order sequences, newest first; with --json one line each."""
     query: dict[str, str | int] = {}
     if finished is not None:
         query["finished"] = str(finished).lower()
     if vehicle is not None:
         query["intendedVehicle"] = vehicle
     with service.connected() as connection:
-        _put(service, *islice(_all(connection, query), limit))
+        _print(service, *islice(_all(connection, query), limit))
 
 
 @app.command("show")
@@ -77,15 +78,15 @@ def show_(service: Service, name: Name) -> None:
     with service.connected() as connection:
         sequence = connection.call(SHOW_SEQUENCE, name)
     details, history = tables.sequence_details, tables.sequence_history
-    service.put(sequence, details(sequence), history(sequence))
+    service.print_one(sequence, details(sequence), history(sequence))
 
 
 @app.command()
 @of_service
 def complete(service: Service, name: Name) -> None:
-    """Mark an order sequence complete: no more orders are added, and its vehicle is free after the last."""
+    """Complete an order sequence: it accepts no more orders and releases its vehicle after the last one."""
     with service.connected() as connection:
-        _put(service, connection.call(COMPLETE_SEQUENCE, name, body={}))
+        _print(service, connection.call(COMPLETE_SEQUENCE, name, body={}))
 
 
 def _all(connection: Connection, query: Query) -> Iterator[OrderSequenceStatus]:
@@ -93,5 +94,5 @@ def _all(connection: Connection, query: Query) -> Iterator[OrderSequenceStatus]:
         yield from page.order_sequences
 
 
-def _put(service: Service, *sequences: OrderSequenceStatus) -> None:
-    service.put_all(sequences, tables.sequences_table)
+def _print(service: Service, *sequences: OrderSequenceStatus) -> None:
+    service.print_all(sequences, tables.sequences_table)

@@ -1,4 +1,4 @@
-"""The running order service that a command works with: the options that name it, and how it is told of."""
+"""The order service of a command: its options, and output of its answers."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ import typer
 from pydantic import BaseModel
 from rich.table import Table
 
-from nena_cli.client import Connection, NotReachedError, RefusedError
-from nena_cli.output import REFUSED, give_up, put_json, show
+from nena_cli.client import Connection, RefusedError, UnreachableError
+from nena_cli.output import REFUSED, fail, print_json, print_table
 
 M = TypeVar("M", bound=BaseModel)
 P = ParamSpec("P")
@@ -28,21 +28,21 @@ Urls = Annotated[
     typer.Option(
         "--url",
         envvar="NENA_URL",
-        help="Address of the order service; several times where one stands by.",
+        help="URL of the order service; repeatable for a standby.",
         show_default=DEFAULT_URL,
     ),
 ]
 Token = Annotated[
     str | None,
-    typer.Option("--token", envvar="NENA_TOKEN", help="Token to log in with; better by environment."),
+    typer.Option("--token", envvar="NENA_TOKEN", help="Access token; prefer the environment variable."),
 ]
-TokenFile = Annotated[Path | None, typer.Option("--token-file", help="File that holds the token.")]
-AsJson = Annotated[bool, typer.Option("--json", help="JSON for scripts, as the REST API has it.")]
+TokenFile = Annotated[Path | None, typer.Option("--token-file", help="File that contains the token.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON as in the REST API.")]
 
 
 @dataclass(frozen=True, slots=True)
 class Service:
-    """An order service, and whether people or scripts are told of what it answers."""
+    """An order service, and whether its answers are printed as tables or JSON."""
 
     urls: Sequence[str]
     token: str | None
@@ -51,7 +51,7 @@ class Service:
 
     @contextmanager
     def connected(self) -> Iterator[Connection]:
-        """Give a connection; end with one clear line where something goes wrong."""
+        """Connect; report an error in one line and exit."""
         try:
             connection = Connection(self.urls, self._token())
             try:
@@ -59,33 +59,33 @@ class Service:
             finally:
                 connection.close()
         except RefusedError as error:
-            give_up(self._words(error), REFUSED)
-        except (NotReachedError, OSError) as error:
-            give_up(f"no order service is reached\n{error}")
+            fail(self._explain(error), REFUSED)
+        except (UnreachableError, OSError) as error:
+            fail(f"Cannot connect to the order service. Set --url or NENA_URL.\n{error}")
         except KeyboardInterrupt as error:
             raise typer.Exit(0) from error
 
-    def _words(self, error: RefusedError) -> str:
-        """Say it as the order service does, but for what it says to programs about tokens."""
+    def _explain(self, error: RefusedError) -> str:
+        """Return the order service's text, or a hint about the token options."""
         if error.problem.status == HTTPStatus.UNAUTHORIZED and self._token() is None:
-            return "the order service asks for a token: give one by NENA_TOKEN or --token-file"
+            return "The order service requires a token. Set NENA_TOKEN or --token-file."
         return str(error)
 
-    def put(self, found: BaseModel, *tables: Table) -> None:
-        """Tell of one thing: by tables for people, by a line of JSON for scripts."""
+    def print_one(self, found: BaseModel, *tables: Table) -> None:
+        """Print one object: as tables, or as a line of JSON."""
         if self.as_json:
-            put_json(found)
+            print_json(found)
         else:
             for each in tables:
-                show(each)
+                print_table(each)
 
-    def put_all(self, found: Sequence[M], table: Callable[[Sequence[M]], Table]) -> None:
-        """Tell of several things: by a table for people, by a line of JSON for each for scripts."""
+    def print_all(self, found: Sequence[M], table: Callable[[Sequence[M]], Table]) -> None:
+        """Print several objects: as a table, or as a line of JSON each."""
         if self.as_json:
             for each in found:
-                put_json(each)
+                print_json(each)
         else:
-            show(table(found))
+            print_table(table(found))
 
     def _token(self) -> str | None:
         return self.token_file.read_text(encoding="utf-8").strip() if self.token_file else self.token
@@ -103,7 +103,7 @@ _OPTIONS: Final = tuple(
 
 
 def of_service(command: Callable[Concatenate[Service, P], None]) -> Callable[..., None]:
-    """Make a command of what is done with a service: behind its own options it has those that name one."""
+    """Turn a function of a Service into a command with the options that select the service."""
 
     @wraps(command)
     def run(**given: Any) -> None:  # noqa: ANN401 - the command's own, and those of the service

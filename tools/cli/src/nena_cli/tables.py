@@ -1,4 +1,4 @@
-"""Orders and vehicles as tables; names and reasons come from others, so no markup is read in them."""
+"""Tables of orders, sequences, vehicles and zone sets. Markup in names and reasons is not interpreted."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ VEHICLE_STYLES = {
 
 
 def orders_table(orders: Iterable[TransportOrderStatus]) -> Table:
-    """Give a line for each order."""
+    """Return a table with a row for each order."""
     table = Table("order", "state", "vehicle", "destinations", "priority", "created", "reason")
     for order in orders:
         table.add_row(
             Text(order.name),
             _state(order),
-            Text(order.processing_vehicle or _meant_for(order)),
+            Text(order.processing_vehicle or _intended_vehicle(order)),
             destinations(order),
             Text(str(order.priority or "")),
             Text(_local(order.created)),
@@ -52,7 +52,7 @@ def orders_table(orders: Iterable[TransportOrderStatus]) -> Table:
 
 
 def destinations(order: TransportOrderStatus) -> Text:
-    """Give the stops of an order; what is done is dim, where it is now stands out."""
+    """Return the destinations of an order: finished ones dim, the current one bold."""
     text = Text()
     for index, each in enumerate(order.drive_orders):
         done = each.state.value == "FINISHED"
@@ -62,7 +62,7 @@ def destinations(order: TransportOrderStatus) -> Text:
 
 
 def order_details(order: TransportOrderStatus, delivery: DeliveryStatus) -> Table:
-    """Give all that is known of an order."""
+    """Return the details of an order."""
     table = Table.grid(padding=(0, 2))
     rows = [
         ("order", Text(order.name)),
@@ -87,8 +87,8 @@ def order_details(order: TransportOrderStatus, delivery: DeliveryStatus) -> Tabl
 
 
 def history_table(order: TransportOrderStatus) -> Table:
-    """Give what has happened to an order."""
-    table = Table("when", "what", "why", title="History", title_justify="left")
+    """Return the history of an order."""
+    table = Table("time", "event", "details", title="History", title_justify="left")
     for entry in order.history:
         what = entry.event_code.removeprefix("nena:")
         table.add_row(Text(_local(entry.timestamp)), Text(what), Text(", ".join(entry.supplements)))
@@ -96,9 +96,9 @@ def history_table(order: TransportOrderStatus) -> Table:
 
 
 def vehicles_table(vehicles: Iterable[VehicleStatus]) -> Table:
-    """Give a line for each vehicle; maps only where robots tell of any."""
+    """Return a table with a row for each vehicle; maps only if robots report any."""
     shown = tuple(vehicles)
-    table = Table("vehicle", "state", "connection", "at", "energy", "order", "reason")
+    table = Table("vehicle", "state", "connection", "position", "energy", "order", "reason")
     if any(vehicle.maps for vehicle in shown):
         table.add_column("maps")
     for vehicle in shown:
@@ -117,7 +117,7 @@ def vehicles_table(vehicles: Iterable[VehicleStatus]) -> Table:
 
 
 def _maps(vehicle: VehicleStatus) -> Text:
-    """Give the maps of a robot with their versions; those that are not enabled are dim."""
+    """Return the maps of a robot with versions; disabled ones dim."""
     text = Text()
     for each in vehicle.maps or ():
         text.append(", " if text else "")
@@ -126,7 +126,7 @@ def _maps(vehicle: VehicleStatus) -> Text:
 
 
 def order_types_table(vehicle: VehicleStatus) -> Table:
-    """Give the types of orders that a vehicle accepts, liked best first."""
+    """Return the order types that a vehicle accepts, in order of preference."""
     table = Table("type", "priority", title=vehicle.name, title_justify="left")
     for each in sorted(vehicle.acceptable_order_types, key=lambda each: each.priority):
         table.add_row(Text(each.name), Text(str(each.priority)))
@@ -139,22 +139,22 @@ def _deadline(order: TransportOrderStatus) -> Text:
 
 
 def zone_sets_table(zone_sets: Iterable[ZoneSetStatus]) -> Table:
-    """Give a line for each zone set and robot."""
-    table = Table("zone set", "map", "wanted", "vehicle", "there", "note")
+    """Return a table with a row for each zone set and robot."""
+    table = Table("zone set", "map", "target", "vehicle", "status", "note")
     for each in zone_sets:
-        wanted = "deleted" if each.deleted else "enabled" if each.enabled else "there"
+        target = "deleted" if each.deleted else "enabled" if each.enabled else "disabled"
         for at in each.vehicles:
-            table.add_row(*map(Text, (each.zone_set_id, each.map_id, wanted, at.vehicle, at.phase, at.note)))
+            table.add_row(*map(Text, (each.zone_set_id, each.map_id, target, at.vehicle, at.phase, at.note)))
         if not each.vehicles:
-            table.add_row(*map(Text, (each.zone_set_id, each.map_id, wanted)))
+            table.add_row(*map(Text, (each.zone_set_id, each.map_id, target)))
     return table
 
 
 def rerouting_table(done: ReroutingAnswer) -> Table:
-    """Give what has become of a request for rerouting."""
-    table = Table("vehicle", "order", "outcome", "way", "reason")
-    way = " > ".join(done.route)
-    table.add_row(*map(Text, (done.vehicle, done.transport_order, done.outcome, way, done.reason)))
+    """Return the result of rerouting."""
+    table = Table("vehicle", "order", "outcome", "route", "reason")
+    route = " > ".join(done.route)
+    table.add_row(*map(Text, (done.vehicle, done.transport_order, done.outcome, route, done.reason)))
     return table
 
 
@@ -163,7 +163,7 @@ def _state(order: TransportOrderStatus) -> Text:
     return Text(f"{order.state} (held)", style="yellow") if order.held else Text(order.state, style=style)
 
 
-def _meant_for(order: TransportOrderStatus) -> str:
+def _intended_vehicle(order: TransportOrderStatus) -> str:
     return f"({order.intended_vehicle})" if order.intended_vehicle else ""
 
 
@@ -187,13 +187,13 @@ def _local(moment: datetime | None) -> str:
 
 
 def sequences_table(sequences: Iterable[OrderSequenceStatus]) -> Table:
-    """Give a line for each sequence."""
+    """Return a table with a row for each sequence."""
     table = Table("sequence", "state", "vehicle", "orders", "created", "reason")
     for sequence in sequences:
         table.add_row(
             Text(sequence.name),
-            Text(_state_of_sequence_tables(sequence)),
-            Text(sequence.processing_vehicle or _meant_for_of_sequence_tables(sequence)),
+            Text(_sequence_state(sequence)),
+            Text(sequence.processing_vehicle or _intended_sequence_vehicle(sequence)),
             _orders(sequence),
             Text(f"{sequence.created.astimezone():%Y-%m-%d %H:%M:%S}"),
             Text(sequence.reason),
@@ -202,16 +202,16 @@ def sequences_table(sequences: Iterable[OrderSequenceStatus]) -> Table:
 
 
 def sequence_details(sequence: OrderSequenceStatus) -> Table:
-    """Give all that is known of a sequence."""
+    """Return the details of a sequence."""
     table = Table.grid(padding=(0, 2))
     rows = [
         ("sequence", Text(sequence.name)),
-        ("state", Text(_state_of_sequence_tables(sequence))),
+        ("state", Text(_sequence_state(sequence))),
         ("reason", Text(sequence.reason)),
         ("vehicle", Text(sequence.processing_vehicle or "")),
         ("intended vehicle", Text(sequence.intended_vehicle or "")),
         ("order types", Text(", ".join(sequence.order_types))),
-        ("failure", Text("ends it" if sequence.failure_fatal else "is passed over")),
+        ("failure", Text("ends the sequence" if sequence.failure_fatal else "ignored")),
         ("orders", _orders(sequence)),
         ("properties", Text(", ".join(f"{each.key}={each.value}" for each in sequence.properties))),
     ]
@@ -222,8 +222,8 @@ def sequence_details(sequence: OrderSequenceStatus) -> Table:
 
 
 def sequence_history(sequence: OrderSequenceStatus) -> Table:
-    """Give what has happened to a sequence."""
-    table = Table("when", "what", "why", title="History", title_justify="left")
+    """Return the history of a sequence."""
+    table = Table("time", "event", "details", title="History", title_justify="left")
     for entry in sequence.history:
         when = f"{entry.timestamp.astimezone():%Y-%m-%d %H:%M:%S}"
         what = entry.event_code.removeprefix("nena:")
@@ -232,7 +232,7 @@ def sequence_history(sequence: OrderSequenceStatus) -> Table:
 
 
 def _orders(sequence: OrderSequenceStatus) -> Text:
-    """Give its orders; what is at its end is dim, whose turn it is stands out."""
+    """Return the orders of a sequence: finished ones dim, the next one bold."""
     text = Text()
     turn = sequence.finished_index + 1
     for index, name in enumerate(sequence.orders):
@@ -241,11 +241,11 @@ def _orders(sequence: OrderSequenceStatus) -> Text:
     return text
 
 
-def _state_of_sequence_tables(sequence: OrderSequenceStatus) -> str:
+def _sequence_state(sequence: OrderSequenceStatus) -> str:
     if sequence.finished:
         return "finished"
     return "complete" if sequence.complete else "open"
 
 
-def _meant_for_of_sequence_tables(sequence: OrderSequenceStatus) -> str:
+def _intended_sequence_vehicle(sequence: OrderSequenceStatus) -> str:
     return f"({sequence.intended_vehicle})" if sequence.intended_vehicle else ""

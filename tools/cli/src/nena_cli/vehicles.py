@@ -10,12 +10,12 @@ from pydantic import JsonValue
 from nena_cli import arguments as option
 from nena_cli import tables
 from nena_cli.arguments import COORDINATE, parse_coordinate
-from nena_cli.orders import Board, put_or_watch, watch
+from nena_cli.orders import Board, print_or_watch, watch
 from nena_cli.service import Service, of_service
 from nena_shared.fleet_api.operations import DISPATCH, LIST_VEHICLES, ORDER_TYPES, REROUTE, SHOW_VEHICLE
 from nena_shared.fleet_api.vehicle import ReroutingType, VehicleState, VehicleStatus
 
-app = typer.Typer(help="Vehicles of a running order service.", no_args_is_help=True)
+app = typer.Typer(help="Vehicles.", no_args_is_help=True)
 
 
 Name = Annotated[str, typer.Argument(help="Name of the vehicle.")]
@@ -27,32 +27,32 @@ def list_(
     service: Service,
     *,
     state: Annotated[
-        list[VehicleState] | None, typer.Option(help="Only those in this state; several times.")
+        list[VehicleState] | None, typer.Option(help="Only vehicles in this state; repeatable.")
     ] = None,
 ) -> None:
-    """List the vehicles, and robots that are not in the plant model; with --json a line for each."""
+    """List vehicles, including robots that are not in the plant model; with --json one line each."""
     with service.connected() as connection:
         query = {"state": [each.value for each in state or ()]}
         vehicles = connection.call(LIST_VEHICLES, query=query).vehicles
-    _put(service, *vehicles)
+    _print(service, *vehicles)
 
 
 @app.command("show")
 @of_service
 def show_(service: Service, name: Name) -> None:
-    """Show a vehicle, and why it stands."""
+    """Show a vehicle and why it is not moving."""
     with service.connected() as connection:
         vehicle = connection.call(SHOW_VEHICLE, name)
-    _put(service, vehicle)
+    _print(service, vehicle)
 
 
 @app.command("watch")
 @of_service
 def watch_(
     service: Service,
-    name: Annotated[str | None, typer.Argument(help="Only this vehicle; without it all.")] = None,
+    name: Annotated[str | None, typer.Argument(help="Only this vehicle. Unset: all.")] = None,
 ) -> None:
-    """Watch vehicles until Ctrl-C; with --json a line for each change."""
+    """Watch vehicles until Ctrl-C; with --json one line per change."""
     query = {"kind": "vehicle", **({"vehicle": name} if name else {})}
     board = Board(VehicleStatus, lambda shown: tables.vehicles_table(sorted(shown, key=_by_name)))
     with service.connected() as connection:
@@ -69,14 +69,14 @@ def order_types(
     name: Name,
     types: Annotated[
         list[str] | None,
-        typer.Argument(help="Types that it accepts, liked best first; * is any. None: show them."),
+        typer.Argument(help="Accepted order types in order of preference (* = any). Omit to list them."),
     ] = None,
     *,
-    none: Annotated[bool, typer.Option("--none", help="It accepts no orders.")] = False,
+    none: Annotated[bool, typer.Option("--none", help="Accept no orders.")] = False,
 ) -> None:
-    """Say which types of orders a vehicle accepts, or show it."""
+    """Set or show the order types that a vehicle accepts."""
     if none and types:
-        message = "give types, or --none"
+        message = "Specify either types or --none"
         raise typer.BadParameter(message)
     with service.connected() as connection:
         if types or none:
@@ -85,7 +85,7 @@ def order_types(
             vehicle = connection.call(ORDER_TYPES, name, body=body)
         else:
             vehicle = connection.call(SHOW_VEHICLE, name)
-    service.put(vehicle, tables.order_types_table(vehicle))
+    service.print_one(vehicle, tables.order_types_table(vehicle))
 
 
 @app.command()
@@ -95,14 +95,14 @@ def reroute(
     name: Name,
     *,
     forced: Annotated[
-        bool, typer.Option("--forced", help="From where it stands: its robot is told to stop first.")
+        bool, typer.Option("--forced", help="Replan from its current position: stops the robot first.")
     ] = False,
 ) -> None:
-    """Plan the way of the order that a vehicle works on anew, from the end of what its robot was given."""
+    """Replan the current order's route from the end of its released base."""
     kind = ReroutingType.FORCED if forced else ReroutingType.REGULAR
     with service.connected() as connection:
         done = connection.call(REROUTE, name, body={"type": kind.value})
-    service.put(done, tables.rerouting_table(done))
+    service.print_one(done, tables.rerouting_table(done))
 
 
 @of_service
@@ -111,13 +111,11 @@ def dispatch(
     name: Name,
     place: Annotated[str, typer.Argument(help="Point, location with --operation, or @X,Y,THETA.")],
     *,
-    operation: Annotated[
-        str | None, typer.Option(help="What to do at the place, which is a location then.")
-    ] = None,
+    operation: Annotated[str | None, typer.Option(help="Operation at the location.")] = None,
     priority: option.Priority = 0,
     wait: option.Wait = False,
 ) -> None:
-    """Send a vehicle to a place, by a transport order that only it does."""
+    """Send a vehicle to a destination with a transport order of its own."""
     body: dict[str, JsonValue] = {"priority": priority}
     if place.startswith(COORDINATE):
         coordinate = parse_coordinate(place.removeprefix(COORDINATE))
@@ -130,11 +128,11 @@ def dispatch(
         body["operation"] = operation
     with service.connected() as connection:
         order = connection.call(DISPATCH, name, body=body)
-        put_or_watch(service, connection, order, wait=wait)
+        print_or_watch(service, connection, order, wait=wait)
 
 
-def _put(service: Service, *vehicles: VehicleStatus) -> None:
-    service.put_all(vehicles, tables.vehicles_table)
+def _print(service: Service, *vehicles: VehicleStatus) -> None:
+    service.print_all(vehicles, tables.vehicles_table)
 
 
 def _by_name(vehicle: VehicleStatus) -> str:

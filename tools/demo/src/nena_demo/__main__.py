@@ -12,53 +12,53 @@ from pathlib import Path
 
 from nena_demo.host import JobFailedError, RefusedError
 from nena_demo.processes import AMQTT_NOTICE, ChildFailedError, mosquitto_path
-from nena_demo.session import DemoSession, Teller
-from nena_demo.stack import Choices, NotReadyError
+from nena_demo.session import DemoSession, ProgressPrinter
+from nena_demo.stack import NotReadyError, Options
 from nena_shared import log
 from nena_shared.settings import LogSettings
 from nena_shared.tasks import end, stop_on_signals
 
 EXIT_STOPPED = 130
-STOP_PATIENCE = 20.0
-"""Seconds that an orderly end may take."""
+STOP_TIMEOUT = 20.0
+"""Time for an orderly end, seconds."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the demo and give the exit status: 0 done, 1 something stood still, 130 stopped by a person."""
+    """Run the demo; exit status 0: done, 1: an order stalled or failed, 130: stopped by the user."""
     arguments = _parser().parse_args(argv)
     log.configure(LogSettings(level="error"))
-    teller = Teller(sys.stdout)
+    progress = ProgressPrinter(sys.stdout)
     if arguments.broker != "mosquitto" and mosquitto_path() is None:
-        teller.say(AMQTT_NOTICE)
+        progress.line(AMQTT_NOTICE)
     folder = Path(tempfile.mkdtemp(prefix="nena-demo-"))
     try:
-        return asyncio.run(_until_stopped(arguments, folder, teller))
+        return asyncio.run(_until_stopped(arguments, folder, progress))
     except (ChildFailedError, JobFailedError, RefusedError, NotReadyError) as error:
-        teller.say(f"FAILED: {error}")
-        _keep_logs(folder, arguments.keep_logs, teller)
+        progress.line(f"FAILED: {error}")
+        _keep_logs(folder, arguments.keep_logs, progress)
         return 1
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-async def _until_stopped(arguments: argparse.Namespace, folder: Path, teller: Teller) -> int:
+async def _until_stopped(arguments: argparse.Namespace, folder: Path, progress: ProgressPrinter) -> int:
     stop = asyncio.Event()
     stop_on_signals(stop)
-    work = asyncio.create_task(_work(arguments, folder, teller), name="demo")
+    work = asyncio.create_task(_work(arguments, folder, progress), name="demo")
     stopping = asyncio.create_task(stop.wait(), name="wait for stop")
     await asyncio.wait({work, stopping}, return_when=asyncio.FIRST_COMPLETED)
     stopping.cancel()
     if not work.done():
-        teller.say("stopping everything")
-        await end(work, again_after=STOP_PATIENCE)
+        progress.line("stopping everything")
+        await end(work, again_after=STOP_TIMEOUT)
         if not work.cancelled():
             work.result()  # raises what has broken it meanwhile
         return EXIT_STOPPED
     return work.result()
 
 
-async def _work(arguments: argparse.Namespace, folder: Path, teller: Teller) -> int:
-    choices = Choices(
+async def _work(arguments: argparse.Namespace, folder: Path, progress: ProgressPrinter) -> int:
+    options = Options(
         broker=arguments.broker,
         time_factor=arguments.time_factor,
         domain_id=arguments.domain_id,
@@ -66,20 +66,20 @@ async def _work(arguments: argparse.Namespace, folder: Path, teller: Teller) -> 
         panel_port=arguments.panel_port,
         rest_port=arguments.rest_port,
     )
-    async with DemoSession(folder, choices, teller) as session:
+    async with DemoSession(folder, options, progress) as session:
         await session.do_main_job()
         if arguments.command == "smoke":
             await session.check_end_state()
-            teller.say("smoke run passed")
+            progress.line("smoke run passed")
             return 0
-        await session.go_on_for_ever()
+        await session.run_endlessly()
         return 0
 
 
-def _keep_logs(folder: Path, target: Path | None, teller: Teller) -> None:
+def _keep_logs(folder: Path, target: Path | None, progress: ProgressPrinter) -> None:
     if target is not None:
         shutil.copytree(folder, target, dirs_exist_ok=True)
-        teller.say(f"logs kept in {target}")
+        progress.line(f"logs kept in {target}")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -90,29 +90,33 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "command",
         choices=("run", "smoke"),
-        help="run: go on until Ctrl-C, with the control panel; smoke: check the end state and stop",
+        help="run: continue until Ctrl-C, with the control panel; smoke: check the result and stop",
     )
     parser.add_argument(
         "--broker",
         choices=("auto", "mosquitto", "amqtt"),
         default="auto",
-        help="MQTT broker to start (default: Mosquitto where it is installed)",
+        help="MQTT broker to start (default: Mosquitto if installed, else amqtt)",
     )
     parser.add_argument(
-        "--time-factor", type=float, default=5.0, help="how much faster than life robots drive (default 5)"
+        "--time-factor", type=float, default=5.0, help="speed-up of the simulated robots (default 5)"
     )
     parser.add_argument(
         "--domain-id",
         type=int,
-        default=Choices().domain_id,
-        help="ROS domain of the robots (default: by chance)",
+        default=Options().domain_id,
+        help="ROS domain of the robots (default: random)",
     )
     parser.add_argument(
-        "--separate-domains", action="store_true", help="put the second robot into the next ROS domain"
+        "--separate-domains", action="store_true", help="use the next ROS domain for the second robot"
     )
-    parser.add_argument("--panel-port", type=int, default=0, help="port of the control panel (default: free)")
-    parser.add_argument("--rest-port", type=int, default=0, help="port of the order service (default: free)")
-    parser.add_argument("--keep-logs", type=Path, help="folder for all logs if something goes wrong")
+    parser.add_argument(
+        "--panel-port", type=int, default=0, help="port of the control panel (default: a free one)"
+    )
+    parser.add_argument(
+        "--rest-port", type=int, default=0, help="port of the order service (default: a free one)"
+    )
+    parser.add_argument("--keep-logs", type=Path, help="folder for all logs if the run fails")
     return parser
 
 

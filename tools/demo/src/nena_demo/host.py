@@ -1,4 +1,4 @@
-"""A host system in small, and the main job: two transport orders, one over REST and one over MQTT."""
+"""A small host system, and the main job: two transport orders, one over REST and one over MQTT."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ ANSWER_SECONDS = 10.0
 
 
 class RefusedError(Exception):
-    """The order service refused a request; the text is its own."""
+    """The order service rejected a request; the text is its own."""
 
 
 class Host:
-    """Follows every order and vehicle by MQTT; ``on_change`` is told of each change."""
+    """Follow all orders and vehicles by MQTT, and call ``on_change`` for each change."""
 
     def __init__(
         self, broker: MqttSettings, rest_url: str, on_change: Callable[[str, str, str, str], None]
     ) -> None:
-        """Prepare; ``on_change(kind, name, state, reason)`` with kind ``order`` or ``vehicle``."""
+        """Take the callback ``on_change(kind, name, state, reason)``; kind is ``order`` or ``vehicle``."""
         self._topics = FleetTopics()
         self._epochs = EpochFilter()
         self._on_change = on_change
@@ -51,10 +51,10 @@ class Host:
         self.link.subscribe(self._topics.all_vehicle_statuses, self._on_vehicle)
 
     async def create_by_rest(self, request: TransportOrderRequest) -> TransportOrderStatus:
-        """Ask for an order over REST.
+        """Create an order over REST.
 
         Raises:
-            RefusedError: with what the order service says.
+            RefusedError: with the order service's text.
 
         """
         answer = await self.rest.post("/v1/transportOrders", content=_body(request), headers=_JSON)
@@ -63,10 +63,10 @@ class Host:
         return TransportOrderStatus.model_validate_json(answer.content)
 
     async def create_by_mqtt(self, request: TransportOrderRequest) -> TransportOrderStatus:
-        """Ask for an order over MQTT and await the answer; ``request`` needs an idempotency key.
+        """Create an order over MQTT and wait for the answer; ``request`` needs an idempotency key.
 
         Raises:
-            RefusedError: with what the order service says, or that it says nothing.
+            RefusedError: with the order service's text, or because no answer came.
 
         """
         key = request.idempotency_key or ""
@@ -82,7 +82,7 @@ class Host:
         return answer.transport_order
 
     async def wait_for(self, condition: Callable[[], bool], seconds: float) -> None:
-        """Wait until ``condition`` holds; it is looked at after each message.
+        """Wait until ``condition`` holds; it is evaluated after each message.
 
         Raises:
             TimeoutError: it does not hold in time.
@@ -114,7 +114,7 @@ class Host:
         try:
             vehicle = VehicleStatus.model_validate_json(message.payload)
         except ValidationError:
-            return  # a vehicle that is gone is cleared with an empty message
+            return  # an empty message clears a removed vehicle
         before = self.vehicles.get(vehicle.name)
         self.vehicles[vehicle.name] = vehicle
         self._changed.set()
@@ -134,11 +134,11 @@ ORDERS_SECONDS = 300.0
 
 
 class JobFailedError(Exception):
-    """Something stood still or ended badly; the text says what, and what was last known of it."""
+    """An order stalled or failed; the text says which and its last known state."""
 
 
 def transport(load_at: str, unload_at: str) -> TransportOrderRequest:
-    """Make the request to carry something from one location to another."""
+    """Return a request to carry a load from one location to another."""
     return TransportOrderRequest(
         name="Transport-" + uuid.uuid4().hex[:8],
         idempotency_key=uuid.uuid4().hex,
@@ -151,7 +151,7 @@ def transport(load_at: str, unload_at: str) -> TransportOrderRequest:
 
 
 async def wait_for_robots(host: Host, count: int) -> None:
-    """Wait until ``count`` vehicles are idle and know where they are.
+    """Wait until ``count`` vehicles are idle and localised.
 
     Raises:
         JobFailedError: they are not, in time; with what each of them waits for.
@@ -172,7 +172,7 @@ async def wait_for_robots(host: Host, count: int) -> None:
 
 
 async def run(host: Host) -> tuple[TransportOrderStatus, ...]:
-    """Give the two orders and wait for their ends.
+    """Create the two orders and wait until they end.
 
     Raises:
         JobFailedError: one of them did not end in FINISHED in time.
@@ -203,11 +203,9 @@ def _ended(host: Host, name: str) -> bool:
 
 
 def _standstill(host: Host, names: tuple[str, ...]) -> str:
-    lines = [f"not done within {ORDERS_SECONDS:.0f} s:"]
+    lines = [f"not finished within {ORDERS_SECONDS:.0f} s:"]
     for name in names:
         order = host.orders.get(name)
-        lines.append(
-            f"  {name}: {order.state}, {order.reason}" if order else f"  {name}: nothing was told of it"
-        )
+        lines.append(f"  {name}: {order.state}, {order.reason}" if order else f"  {name}: no status received")
     lines += [f"  {each.name}: {each.state}, {each.reason}" for each in host.vehicles.values()]
     return "\n".join(lines)

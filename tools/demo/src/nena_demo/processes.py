@@ -1,4 +1,4 @@
-"""The demo's child processes: started with a log file each, watched, and ended whatever happens."""
+"""Child processes of the demo, each with a log file, ended in any case; and the MQTT broker."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ from types import TracebackType
 from typing import Self
 
 STOP_SECONDS = 8.0
-"""How long a child has to end in order before it is killed."""
+"""Time for a child to end before it is killed, seconds."""
 
 TAIL_LINES = 12
 
 
 class ChildFailedError(Exception):
-    """A child process ended, or never became ready; the text holds the end of its log."""
+    """A child process ended or did not become ready; the text contains the end of its log."""
 
     def __init__(self, name: str, what: str, log_tail: str) -> None:
-        super().__init__(f"{name} {what}; the end of its log:\n{log_tail}")
+        super().__init__(f"{name} {what}; end of its log:\n{log_tail}")
         self.name = name
 
 
 @dataclass
 class Child:
-    """One running process."""
+    """A running process."""
 
     name: str
     process: asyncio.subprocess.Process
     log: Path
 
     def tail(self) -> str:
-        """Give the last lines of its log."""
+        """Return the last lines of its log."""
         text = self.log.read_text(encoding="utf-8", errors="replace") if self.log.exists() else ""
         return "\n".join("    " + line for line in text.splitlines()[-TAIL_LINES:])
 
     def check(self) -> None:
-        """Complain when it has ended.
+        """Raise ChildFailedError if it has ended.
 
         Raises:
             ChildFailedError: it runs no more.
@@ -55,30 +55,30 @@ class Child:
 
 @dataclass
 class Processes:
-    """All children; leaving the context ends them, the newest first."""
+    """All child processes; leaving the context ends them, the newest first."""
 
     folder: Path
     children: list[Child] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Make the folder for logs and files."""
+        """Create the folder for logs and files."""
         self.folder.mkdir(parents=True, exist_ok=True)
 
     async def __aenter__(self) -> Self:
-        """Begin with no child."""
+        """Return the empty set of processes."""
         return self
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End every child: asked first, then killed."""
+        """End every child: by SIGTERM, then by SIGKILL."""
         for child in reversed(self.children):
             await self._stop(child)
 
     async def start(
         self, name: str, command: Sequence[str], *, environment: Mapping[str, str] | None = None
     ) -> Child:
-        """Start ``command`` with its output in a log file named after it."""
+        """Start ``command``; its output goes to a log file with its name."""
         log = self.folder / f"{name}.log"
         with log.open("wb") as output:
             process = await asyncio.create_subprocess_exec(
@@ -95,7 +95,7 @@ class Processes:
         return child
 
     def check(self) -> None:
-        """Complain when any child has ended.
+        """Raise ChildFailedError if any child has ended.
 
         Raises:
             ChildFailedError: the first that runs no more.
@@ -117,18 +117,18 @@ class Processes:
 
 
 def console_script(name: str) -> str:
-    """Give the path of a console script of this environment."""
+    """Return the path of a console script of this environment."""
     return str(Path(sys.executable).with_name(name))
 
 
 def _dies_with_us() -> list[str]:
-    """Have the kernel end a child when the demo itself is killed, where the machine has setpriv."""
+    """Return a command prefix that ends the child with the demo, if setpriv is installed."""
     setpriv = shutil.which("setpriv")
     return [setpriv, "--pdeathsig", "TERM"] if setpriv else []
 
 
 def free_port() -> int:
-    """Give a port that nobody listens on at this moment."""
+    """Return a TCP port that is currently free."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
@@ -139,12 +139,12 @@ START_SECONDS = 15.0
 MOSQUITTO_CONFIGURATION = """\
 listener {port} 127.0.0.1
 allow_anonymous true
-# a change of user would undo that it ends with the demo
+# a change of user would prevent it from ending with the demo
 user {user}
 persistence false
-# without it, small messages wait up to 44 ms for each other
+# without it, small messages may be delayed by 44 ms
 set_tcp_nodelay true
-# limits on purpose: a client that falls behind loses the oldest instead of filling the memory
+# a slow client loses the oldest messages instead of filling the memory
 max_queued_messages 10000
 max_inflight_messages 200
 max_packet_size 8388608
@@ -164,18 +164,18 @@ plugins:
 """
 
 AMQTT_NOTICE = (
-    "No Mosquitto on this machine: the demo uses amqtt, a broker in Python. It notices a dead robot only "
-    "when its socket closes, and keeps no sessions. For more than a look: apt-get install mosquitto"
+    "Mosquitto is not installed: the demo uses amqtt, a broker in Python. It detects a dead robot only "
+    "when its socket closes, and keeps no sessions. Recommended: apt-get install mosquitto"
 )
 
 
 def mosquitto_path() -> str | None:
-    """Find Mosquitto, also where Debian puts it, which is not on every user's path."""
+    """Find Mosquitto, including in /usr/sbin, which is not on every user's PATH."""
     return shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
 
 
 async def start_broker(processes: Processes, port: int, kind: str) -> Child:
-    """Start a broker on loopback and wait until it answers.
+    """Start a broker on the loopback interface and wait until it accepts connections.
 
     ``kind`` is ``auto``, ``mosquitto`` or ``amqtt``.
 

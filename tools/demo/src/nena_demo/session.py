@@ -1,4 +1,4 @@
-"""One run of the demo, from the first process to the last."""
+"""A run of the demo: start everything, do the main job, check the result, stop everything."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from prometheus_client.parser import text_string_to_metric_families
 from nena_demo import host, stack
 from nena_demo.host import Host, JobFailedError, transport
 from nena_demo.processes import Processes
-from nena_demo.stack import Choices, DemoRobot, Stack
+from nena_demo.stack import DemoRobot, Options, Stack
 from nena_shared.tasks import end
 
 
 def check_fleet(
     fleet: Mapping[str, Any], expected: Mapping[str, str], robots: Sequence[DemoRobot]
 ) -> Iterator[str]:
-    """Compare ``/api/v1/fleet`` with the orders' states and the robots; yield each difference in words."""
+    """Compare ``/api/v1/fleet`` with the orders' states and the robots; yield differences."""
     shown = {order["name"]: order["state"] for order in fleet["orders"]}
     for name, state in expected.items():
         if shown.get(name) != state:
@@ -40,7 +40,7 @@ def check_fleet(
 
 
 def check_metrics(text: str, expected: Mapping[str, str], robots: Sequence[DemoRobot]) -> Iterator[str]:
-    """Compare ``/metrics`` with the orders' ends and the number of robots; yield each difference in words."""
+    """Compare ``/metrics`` with the orders' states and the robots; yield differences."""
     samples = {
         (sample.name, sample.labels.get("state", ""), sample.labels.get("serial_number", "")): sample.value
         for family in text_string_to_metric_families(text)
@@ -58,30 +58,30 @@ def check_metrics(text: str, expected: Mapping[str, str], robots: Sequence[DemoR
             name == "nena_robot_state_age_seconds" and serial == robot.serial_number
             for name, _, serial in samples
         ):
-            yield f"nena_robot_state_age_seconds does not tell of {robot.serial_number}"
+            yield f"nena_robot_state_age_seconds has no sample for {robot.serial_number}"
 
 
-class Teller:
-    """Prints lines with a time in front."""
+class ProgressPrinter:
+    """Print progress: one line per event, with the seconds since the start."""
 
     def __init__(self, out: TextIO) -> None:
         self._out = out
         self._start = time.monotonic()
 
-    def say(self, text: str) -> None:
-        """Print ``text`` with the seconds since the start."""
+    def line(self, text: str) -> None:
+        """Print a line with the seconds since the start."""
         self._out.write(f"[{time.monotonic() - self._start:7.2f} s] {text}\n")
         self._out.flush()
 
     def change(self, kind: str, name: str, state: str, reason: str) -> None:
         """Print the new state of an order or a vehicle."""
-        self.say(f"{kind:7} {name:22} {state:18} {reason}")
+        self.line(f"{kind:7} {name:22} {state:18} {reason}")
 
 
 PAUSE_SECONDS = 2.0
 
 AGGREGATOR_SECONDS = 15.0
-"""How long the aggregator may lag behind what the order service told."""
+"""Maximum delay of the aggregator behind the order service, seconds."""
 
 ROUND_TRIP = (
     ("Goods in", "Storage"),
@@ -92,11 +92,11 @@ ROUND_TRIP = (
 
 
 class DemoSession:
-    """Starts the stack, does the job, checks it, and ends everything on leaving."""
+    """Start the stack, do the job and check it; leaving the context ends everything."""
 
-    def __init__(self, folder: Path, choices: Choices, teller: Teller) -> None:
-        self._choices = choices
-        self._teller = teller
+    def __init__(self, folder: Path, options: Options, progress: ProgressPrinter) -> None:
+        self._options = options
+        self._progress = progress
         self._cleanup = contextlib.AsyncExitStack()
         self._processes = Processes(folder)
         self._stack: Stack
@@ -106,13 +106,13 @@ class DemoSession:
         """Start every process and connect the host."""
         try:
             await self._cleanup.enter_async_context(self._processes)
-            self._teller.say(
+            self._progress.line(
                 "starting broker, order service, status aggregator, simulator and two edge agents"
             )
-            self._stack = await stack.start(self._processes, self._choices)
-            self._teller.say(f"order service at {self._stack.rest_url}/openapi.json")
-            self._teller.say(f"control panel at {self._stack.panel_url}/")
-            self._host = Host(self._stack.mqtt, self._stack.rest_url, self._teller.change)
+            self._stack = await stack.start(self._processes, self._options)
+            self._progress.line(f"order service at {self._stack.rest_url}/openapi.json")
+            self._progress.line(f"control panel at {self._stack.panel_url}/")
+            self._host = Host(self._stack.mqtt, self._stack.rest_url, self._progress.change)
             self._cleanup.push_async_callback(self._host.rest.aclose)
             link = asyncio.create_task(self._host.link.run(), name="host link")
             self._cleanup.push_async_callback(end, link)
@@ -131,16 +131,16 @@ class DemoSession:
         """Run the two orders to their end.
 
         Raises:
-            JobFailedError: something stood still or failed.
+            JobFailedError: an order stalled or failed.
             ChildFailedError: a process ended.
 
         """
         await self._watched(host.wait_for_robots(self._host, len(stack.ROBOTS)))
         await self._watched(host.run(self._host))
-        self._teller.say("both transport orders are FINISHED")
+        self._progress.line("both transport orders are FINISHED")
 
     async def check_end_state(self) -> None:
-        """Compare what the aggregator shows and counts with what was done.
+        """Compare fleet state and metrics of the aggregator with the orders.
 
         Raises:
             JobFailedError: they differ.
@@ -154,12 +154,12 @@ class DemoSession:
                 await asyncio.sleep(0.2)
                 problems = await _problems(client, expected)
         if problems:
-            raise JobFailedError("the aggregator disagrees: " + "; ".join(problems))
-        self._teller.say("fleet state and metrics agree")
+            raise JobFailedError("the aggregator shows a different state: " + "; ".join(problems))
+        self._progress.line("fleet state and metrics are correct")
 
-    async def go_on_for_ever(self) -> None:
-        """Give one order after the other until cancelled, so that there is something to look at."""
-        self._teller.say(f"orders go on; look at {self._stack.panel_url}/ and stop with Ctrl-C")
+    async def run_endlessly(self) -> None:
+        """Create one order after another until cancelled."""
+        self._progress.line(f"orders continue; open {self._stack.panel_url}/, stop with Ctrl-C")
         for load_at, unload_at in cycle(ROUND_TRIP):
             order = await self._host.create_by_rest(transport(load_at, unload_at))
             ended = partial(self._ended, order.name)
@@ -170,7 +170,7 @@ class DemoSession:
         return name in self._host.orders and self._host.orders[name].state.final
 
     async def _watched(self, work: Awaitable[object]) -> None:
-        """Do ``work`` while looking after the processes."""
+        """Run ``work`` while monitoring the processes."""
         task = asyncio.ensure_future(work)
         try:
             while not task.done():

@@ -19,11 +19,11 @@ READY_SECONDS = 60.0
 MAP_ID = "sample-hall"
 
 HIGHEST_SAFE_DOMAIN = 101
-"""Above it, ROS's ports reach into those that Linux gives to clients."""
+"""Above it, ROS ports overlap with Linux's ephemeral ports."""
 
 
 class NotReadyError(Exception):
-    """A service does not say that it is ready."""
+    """A service did not become ready in time."""
 
     def __init__(self, url: str) -> None:
         super().__init__(f"{url}/readyz did not answer 'ready' within {READY_SECONDS:.0f} s")
@@ -32,7 +32,7 @@ class NotReadyError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class DemoRobot:
-    """One robot of the demo: where it stands in the plant, m and rad, and in which part of ROS it lives."""
+    """A robot of the demo: its initial pose in the plant (m, rad) and its ROS namespace."""
 
     serial_number: str
     namespace: str
@@ -49,25 +49,25 @@ ROBOTS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Choices:
-    """What the caller of the demo may choose."""
+class Options:
+    """Options of the demo."""
 
     broker: str = "auto"
     time_factor: float = 5.0
     domain_id: int = field(default_factory=lambda: 1 + secrets.randbelow(HIGHEST_SAFE_DOMAIN))
     separate_domains: bool = False
-    """Whether the second robot lives in the domain after the first one's, instead of sharing it."""
+    """Whether the second robot uses the next ROS domain instead of sharing the first one's."""
     panel_port: int = 0
     rest_port: int = 0
 
     def domain_of(self, robot: DemoRobot) -> int:
-        """Give the ROS domain that a robot of the demo lives in."""
+        """Return the ROS domain of a robot."""
         return self.domain_id + (ROBOTS.index(robot) if self.separate_domains else 0)
 
 
 @dataclass(frozen=True, slots=True)
 class Stack:
-    """The running system, and where its doors are."""
+    """The running system and its URLs."""
 
     processes: Processes
     mqtt: MqttSettings
@@ -75,24 +75,24 @@ class Stack:
     panel_url: str
 
 
-async def start(processes: Processes, choices: Choices) -> Stack:
-    """Start everything and wait until each service says that it is ready.
+async def start(processes: Processes, options: Options) -> Stack:
+    """Start everything and wait until each service is ready.
 
     Raises:
         ChildFailedError: one of them ended.
         NotReadyError: one of them is not ready in time.
 
     """
-    stack = await start_services(processes, choices)
-    await start_robots(processes, choices, environment(processes.folder, stack.mqtt.port))
+    stack = await start_services(processes, options)
+    await start_robots(processes, options, environment(processes.folder, stack.mqtt.port))
     return stack
 
 
-async def start_services(processes: Processes, choices: Choices) -> Stack:
+async def start_services(processes: Processes, options: Options) -> Stack:
     """Start broker, order service and aggregator; raises as :func:`start`."""
     broker_port = free_port()
-    rest_port, panel_port = choices.rest_port or free_port(), choices.panel_port or free_port()
-    await start_broker(processes, broker_port, choices.broker)
+    rest_port, panel_port = options.rest_port or free_port(), options.panel_port or free_port()
+    await start_broker(processes, broker_port, options.broker)
     variables = environment(processes.folder, broker_port)
     order_service = [
         console_script("nena-order-service"),
@@ -124,22 +124,22 @@ async def start_services(processes: Processes, choices: Choices) -> Stack:
     return stack
 
 
-async def start_robots(processes: Processes, choices: Choices, variables: Mapping[str, str]) -> None:
+async def start_robots(processes: Processes, options: Options, variables: Mapping[str, str]) -> None:
     """Start the simulator and an edge agent for each of its robots."""
     simulator = processes.folder / "robot-simulator.toml"
-    simulator.write_text(_simulator_file(choices), encoding="utf-8")
+    simulator.write_text(_simulator_file(options), encoding="utf-8")
     command = [console_script("nena-robot-simulator"), "--config", str(simulator)]
     await processes.start("robot-simulator", command, environment=variables)
     for robot in ROBOTS:
         name = f"edge-agent-{robot.serial_number}"
         configuration = processes.folder / f"{name}.toml"
-        configuration.write_text(_agent_file(robot, processes.folder, choices), encoding="utf-8")
+        configuration.write_text(_agent_file(robot, processes.folder, options), encoding="utf-8")
         command = [console_script("nena-edge-agent"), "--config", str(configuration)]
         await processes.start(name, command, environment=variables)
 
 
 def environment(folder: Path, broker_port: int) -> dict[str, str]:
-    """Give the variables by which the services find the broker, and ROS keeps to this machine."""
+    """Return environment variables: the broker's address, and ROS discovery on this machine only."""
     return {
         "NENA_MQTT__HOST": "127.0.0.1",
         "NENA_MQTT__PORT": str(broker_port),
@@ -148,24 +148,24 @@ def environment(folder: Path, broker_port: int) -> dict[str, str]:
     }
 
 
-def _simulator_file(choices: Choices) -> str:
+def _simulator_file(options: Options) -> str:
     robots = "".join(
         f"""
 [[robots]]
 name = "{robot.serial_number}"
 namespace = "{robot.namespace}"
-domain_id = {choices.domain_of(robot)}
+domain_id = {options.domain_of(robot)}
 start = {{ x = {robot.x}, y = {robot.y}, yaw = {robot.theta} }}
 """
         for robot in ROBOTS
     )
     return f"""\
-time_factor = {choices.time_factor}
+time_factor = {options.time_factor}
 map = {{ min_x = -1.0, min_y = -1.0, max_x = 25.0, max_y = 15.0 }}
 {robots}"""
 
 
-def _agent_file(robot: DemoRobot, folder: Path, choices: Choices) -> str:
+def _agent_file(robot: DemoRobot, folder: Path, options: Options) -> str:
     return f"""\
 manufacturer = "NeNa"
 serial_number = "{robot.serial_number}"
@@ -176,12 +176,12 @@ drive = {{ strategy = "pass_through", deviation_xy = 0.5 }}
 
 [ros]
 namespace = "{robot.namespace}"
-domain_id = {choices.domain_of(robot)}
+domain_id = {options.domain_of(robot)}
 """
 
 
 async def _wait_until_ready(stack: Stack) -> None:
-    """Ask each HTTP service for /readyz until it says yes; a child that ended meanwhile ends the wait."""
+    """Poll /readyz of each HTTP service until it is ready; raise if a child has ended."""
     loop = asyncio.get_running_loop()
     end = loop.time() + READY_SECONDS
     async with httpx.AsyncClient(timeout=5.0) as client:

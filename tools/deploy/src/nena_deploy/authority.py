@@ -1,4 +1,4 @@
-"""The site's own authority: it vouches for the broker, for robots and for services, and takes that back."""
+"""The site's CA: issues and revokes certificates of the broker, robots, hosts and services."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 AUTHORITY_DAYS = 3650
 COMMON_NAME = 64
-"""Letters that a certificate's own name may have; a server is known by its alternative names, which may have
-more."""
+"""Maximum length of a common name; servers are identified by alternative names, which may be
+longer."""
 SKEW = timedelta(hours=1)
-"""How far the clock of a robot, or of the broker, may be behind."""
+"""Tolerated delay of the clocks of robots and the broker."""
 
 
 class Pair(NamedTuple):
-    """A certificate and its key, as PEM."""
+    """A certificate and its private key (PEM)."""
 
     certificate: bytes
     key: bytes
@@ -31,7 +31,7 @@ class Pair(NamedTuple):
 
 
 class Authority:
-    """Signs with its key; whoever has that key can be anybody at the site."""
+    """A CA. Anyone with its key can impersonate any client of the site."""
 
     def __init__(self, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
         self._certificate = certificate
@@ -39,7 +39,7 @@ class Authority:
 
     @classmethod
     def new(cls, name: str, now: datetime) -> Self:
-        """Make one, good for ten years."""
+        """Create a CA that is valid for ten years."""
         key = ec.generate_private_key(ec.SECP256R1())
         subject = _name(name[:COMMON_NAME])
         built = (
@@ -51,27 +51,27 @@ class Authority:
 
     @classmethod
     def load(cls, certificate: Path, key: Path) -> Self:
-        """Read what :attr:`pem` and :meth:`key_pem` gave."""
+        """Load a CA from the output of :attr:`pem` and :meth:`key_pem`."""
         private = serialization.load_pem_private_key(key.read_bytes(), None)
         if not isinstance(private, ec.EllipticCurvePrivateKey):
-            message = f"{key} is no key of an authority made here"
+            message = f"{key} is not the key of a CA created by nena-deploy"
             raise TypeError(message)
         return cls(x509.load_pem_x509_certificate(certificate.read_bytes()), private)
 
     @property
     def pem(self) -> bytes:
-        """Its own certificate, which everybody at the site has."""
+        """CA certificate (PEM), distributed to every client."""
         return self._certificate.public_bytes(serialization.Encoding.PEM)
 
     def key_pem(self) -> bytes:
-        """Give its key, which nobody else may have."""
+        """Return the CA key (PEM). Keep it secret."""
         return _private(self._key)
 
     def for_server(self, hosts: Iterable[str], now: datetime, days: int) -> Pair:
-        """Vouch for a server that is reached under these names and addresses.
+        """Issue a certificate for a server with these names and addresses.
 
         Raises:
-            ValueError: one of them is neither.
+            ValueError: one of them is neither a name nor an address.
 
         """
         names = list(hosts)
@@ -79,13 +79,13 @@ class Authority:
         return self._sign(names[0][:COMMON_NAME], now, days, alternatives, server=True)
 
     def for_client(self, name: str, now: datetime, days: int) -> Pair:
-        """Vouch for a client, whose user name this is."""
+        """Issue a certificate for a client with this user name."""
         return self._sign(name, now, days, None, server=False)
 
     def revocations(self, certificates: Iterable[int], now: datetime) -> bytes:
-        """Take back certificates by their serial numbers; gives the list as PEM.
+        """Return the revocation list (PEM) for certificates by their serial numbers.
 
-        A broker whose clock is behind lets nobody in by a list of the future, so it is dated back.
+        The list is backdated: a broker whose clock is behind rejects all clients by a list of the future.
         """
         issued = self._certificate.not_valid_after_utc
         builder = x509.CertificateRevocationListBuilder(self._certificate.subject, now - SKEW, issued)
@@ -112,22 +112,22 @@ class Authority:
 
 
 def write_secret(path: Path, content: bytes) -> None:
-    """Write a file that its owner alone reads."""
+    """Write a file that only its owner may read."""
     with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "wb") as file:
         file.write(content)
 
 
 def expiry(certificate: Path) -> datetime:
-    """Tell until when a certificate is good."""
+    """Return the expiry time of a certificate."""
     return x509.load_pem_x509_certificate(certificate.read_bytes()).not_valid_after_utc
 
 
 def utc_now() -> datetime:
-    """Give the time of day."""
+    """Return the current time."""
     return datetime.now(UTC)
 
 
-def _builder(  # noqa: PLR0917 - what stands in every certificate
+def _builder(  # noqa: PLR0917 - the contents of every certificate
     subject: x509.Name,
     issuer: x509.Name,
     key: ec.EllipticCurvePrivateKey,
@@ -135,7 +135,7 @@ def _builder(  # noqa: PLR0917 - what stands in every certificate
     now: datetime,
     days: int,
 ) -> x509.CertificateBuilder:
-    """Begin a certificate; without the two key identifiers CPython 3.13 refuses it (RFC 5280, 4.2.1)."""
+    """Start a certificate; CPython 3.13 rejects it without both key identifiers (RFC 5280, 4.2.1)."""
     identifier = x509.SubjectKeyIdentifier.from_public_key(key.public_key())
     issuers = x509.AuthorityKeyIdentifier.from_issuer_public_key(issuer_key.public_key())
     return (

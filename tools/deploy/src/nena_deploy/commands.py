@@ -15,7 +15,7 @@ from rich.table import Table
 
 from nena_deploy.authority import expiry
 from nena_deploy.identities import IdentityError, Kind, SiteTopics, host_name, robot_name
-from nena_deploy.site import BusyError, Site, SiteError, alone
+from nena_deploy.site import BusyError, Site, SiteError, locked
 from nena_shared.settings import ConfigurationError
 from nena_shared.web.users import NAME, Role, User, hash_of, new_token, read_users, write_users
 
@@ -80,7 +80,7 @@ def init(
     topics = SiteTopics(
         interface_name=interface_name, interface_name_v3=interface_name_v3, prefix=topic_prefix
     )
-    with errors_reported(), alone(folder):
+    with errors_reported(), locked(folder):
         Site.new(
             folder,
             hosts=tuple(host),
@@ -110,14 +110,14 @@ def list_(folder: Folder) -> None:
 @robot.command("add")
 def add_robot(folder: Folder, manufacturer: str, serial_number: str, *, days: Days = 825) -> None:
     """Create a robot's identity, or replace its certificate."""
-    with errors_reported(), alone(folder):
+    with errors_reported(), locked(folder):
         _report_created(Site.open(folder).add(Kind.ROBOT, robot_name(manufacturer, serial_number), days=days))
 
 
 @robot.command("remove")
 def remove_robot(folder: Folder, manufacturer: str, serial_number: str) -> None:
     """Revoke a robot's certificate and delete its identity."""
-    with errors_reported(), alone(folder):
+    with errors_reported(), locked(folder):
         Site.open(folder).remove(Kind.ROBOT, robot_name(manufacturer, serial_number))
     _report_broker_reload()
 
@@ -125,14 +125,14 @@ def remove_robot(folder: Folder, manufacturer: str, serial_number: str) -> None:
 @host.command("add")
 def add_host(folder: Folder, name: str, *, days: Days = 825) -> None:
     """Create a host's identity, or replace its certificate."""
-    with errors_reported(), alone(folder):
+    with errors_reported(), locked(folder):
         _report_created(Site.open(folder).add(Kind.HOST, host_name(name), days=days))
 
 
 @host.command("remove")
 def remove_host(folder: Folder, name: str) -> None:
     """Revoke a host's certificate and delete its identity."""
-    with errors_reported(), alone(folder):
+    with errors_reported(), locked(folder):
         Site.open(folder).remove(Kind.HOST, host_name(name))
     _report_broker_reload()
 
@@ -158,7 +158,7 @@ def add_user(
 ) -> None:
     """Add a user, or replace the user's token. The token is shown only once."""
     token = new_token()
-    with errors_reported(), alone(file):
+    with errors_reported(), locked(file):
         if not NAME.fullmatch(name):
             message = f"Invalid user name {name!r}: use 1 to 64 letters, digits or any of _ . @ -"
             raise IdentityError(message)
@@ -172,7 +172,7 @@ def add_user(
 @user.command("remove")
 def remove_user(file: UsersFile, name: str) -> None:
     """Remove a user. The token stops working immediately."""
-    with errors_reported(), alone(file):
+    with errors_reported(), locked(file):
         users = read_users(file)
         if name not in {each.name for each in users}:
             message = f"No user {name} in {file}."

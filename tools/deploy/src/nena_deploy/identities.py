@@ -12,74 +12,72 @@ from nena_shared.fleet_api.topics import FleetTopics
 from nena_shared.vda5050.topics import RobotKey, Topic, TopicScheme
 
 LEVEL = re.compile(r"(?! )[^\x00-\x1f\x7f/+#.$][^\x00-\x1f\x7f/+#]{0,63}(?<! )")
-"""What may be one level of a topic, and the name of a folder; brokers drop blanks at the ends of names in an
-access list, so that the rights would be somebody else's."""
+"""Valid topic level and folder name. Brokers strip blanks at the ends of names in an access list, which would
+assign the rights to another name."""
 
 
 COMMON_NAME = 64
-"""Bytes in UTF-8 that the common name of a certificate may have."""
+"""Maximum length of a certificate's common name, bytes in UTF-8."""
 
 
 class IdentityError(Exception):
-    """An identity cannot be made, found or removed; the text says why."""
+    """An identity is invalid or unknown; the text says why."""
 
 
 class Kind(StrEnum):
-    """What an identity may do at the broker."""
+    """Kind of identity: its rights at the broker."""
 
     ROBOT = "robot"
-    """Its own topics, as VDA 5050 gives them to a robot."""
+    """Its own VDA 5050 topics, in a robot's directions."""
     HOST = "host"
-    """Asks for transport orders under its own name, and sees orders and vehicles."""
+    """Creates transport orders under its own name; reads orders and vehicles."""
     ORDER_SERVICE = "order-service"
     STATUS_AGGREGATOR = "status-aggregator"
 
 
 class Identity(BaseModel):
-    """One that connects to the broker."""
+    """A client of the broker."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     kind: Kind
     name: str
-    """At the broker: ``manufacturer/serialNumber`` of a robot."""
+    """User name at the broker: ``manufacturer/serialNumber`` of a robot."""
     certificate: int
-    """Serial number of the certificate that counts."""
+    """Serial number of the valid certificate."""
 
     @property
     def folder(self) -> str:
-        """Where its files are, below the site's folder."""
+        """Folder of its files, relative to the site's folder."""
         return self.kind if self.kind not in (Kind.ROBOT, Kind.HOST) else f"{self.kind}s/{self.name}"
 
 
 def robot_name(manufacturer: str, serial_number: str) -> str:
-    """Give a robot's user name at the broker.
+    """Return a robot's user name at the broker.
 
     Raises:
-        IdentityError: it could not stand in a topic.
+        IdentityError: the name is not valid in topics.
 
     """
     return _short(f"{_level('manufacturer', manufacturer)}/{_level('serial number', serial_number)}")
 
 
 def host_name(name: str) -> str:
-    """Give a host's user name at the broker.
+    """Return a host's user name at the broker.
 
     Raises:
-        IdentityError: it could not stand in a topic.
+        IdentityError: the name is not valid in topics.
 
     """
     if name in {Kind.ORDER_SERVICE, Kind.STATUS_AGGREGATOR}:
-        message = f"{name} is a service's name; a host of that name would have its rights."
+        message = f"{name} is the name of a service. Choose another name."
         raise IdentityError(message)
     return _short(_level("name", name))
 
 
 def _short(name: str) -> str:
     if len(name.encode(errors="replace")) > COMMON_NAME:
-        message = (
-            f"{name} is too long: a certificate holds {COMMON_NAME} letters, fewer of those beyond ASCII."
-        )
+        message = f"{name} is too long: certificates hold {COMMON_NAME} bytes of UTF-8."
         raise IdentityError(message)
     return name
 
@@ -87,15 +85,15 @@ def _short(name: str) -> str:
 def _level(what: str, text: str) -> str:
     if not LEVEL.fullmatch(text):
         message = (
-            f"The {what} {text!r} cannot stand in a topic: 1 to 64 signs, none of / + #, no dot or $ first, "
-            "no blank at an end."
+            f"The {what} {text!r} is not valid in a topic: use 1 to 64 characters without / + #, "
+            "no leading dot, $ or blank, no trailing blank."
         )
         raise IdentityError(message)
     return text
 
 
 class SiteTopics(BaseModel):
-    """First levels of the topics at the broker."""
+    """Topic prefixes at the broker, as in the settings of the services."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -105,22 +103,22 @@ class SiteTopics(BaseModel):
 
     @property
     def schemes(self) -> tuple[TopicScheme, ...]:
-        """The topics of robots, for each major version of VDA 5050."""
+        """Topic schemes of robots for each major version of VDA 5050."""
         return (TopicScheme(self.interface_name, "v2"), TopicScheme(self.interface_name_v3, "v3"))
 
 
 FROM_ROBOT = (Topic.STATE, Topic.VISUALIZATION, Topic.CONNECTION, Topic.FACTSHEET)
 TO_ROBOT = (Topic.ORDER, Topic.INSTANT_ACTIONS, Topic.ZONE_SET, Topic.RESPONSES)
 FROM_HOST = ("transportOrders/create", "commands/delivery")
-"""What a host may ask for; the other commands concern orders and robots that are not its own."""
+"""Requests that a host may send; other commands concern orders and robots of others."""
 ANY_ROBOT = RobotKey("+", "+")
 OWN_TOPICS = "nena/#"
-"""Below a robot's topics: what NeNa's edge agent tells beyond VDA 5050."""
+"""Additional topics of NeNa's edge agent below a robot's topics."""
 
 
 def access_list(identities: Iterable[Identity], topics: SiteTopics) -> str:
-    """Write the access list for all identities of a site."""
-    parts = ["# Made by nena-deploy: changes by hand are lost.\n"]
+    """Return Mosquitto's access list (``acl_file``) for all identities; everything else is denied."""
+    parts = ["# Created by nena-deploy: manual changes will be lost.\n"]
     for identity in identities:
         parts += [f"\nuser {identity.name}\n", *(f"topic {rule}\n" for rule in _rules(identity, topics))]
     return "".join(parts)
@@ -152,7 +150,7 @@ def _rules(identity: Identity, topics: SiteTopics) -> Iterator[str]:
 
 
 def _of_robots(scheme: TopicScheme, robot: RobotKey, *, out: str, back: str) -> Iterator[str]:
-    """Give the rules for a robot's topics: ``out`` for what it writes, ``back`` for what it reads."""
+    """Yield the rules for a robot's topics: ``out`` for topics it writes, ``back`` for topics it reads."""
     yield from (f"{out} {scheme.of(robot, topic)}" for topic in FROM_ROBOT)
     yield f"{out} {scheme.interface_name}/{scheme.major_version}/{robot}/{OWN_TOPICS}"
     yield from (f"{back} {scheme.of(robot, topic)}" for topic in TO_ROBOT)

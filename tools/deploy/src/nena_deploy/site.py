@@ -1,4 +1,4 @@
-"""A site's folder: the authority, the broker's files, and a folder for each identity."""
+"""A site's folder: the CA, the broker's files, and a folder for each identity."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from nena_deploy.authority import Authority, Pair, utc_now, write_secret
 from nena_deploy.identities import Identity, IdentityError, Kind, SiteTopics, access_list
 from nena_shared.misfits import in_words, shortened
 
-PATIENCE = 30.0
-"""Seconds that another run may take."""
-LOOK_EVERY = 0.05
+LOCK_TIMEOUT = 30.0
+"""Maximum wait for another run, seconds."""
+LOCK_RETRY = 0.05
 
 
 class BusyError(Exception):
-    """Another run does not come to its end; the text says what to do."""
+    """Another run does not end; the text says what to do."""
 
 
 @contextmanager
-def alone(path: Path, *, patience: float = PATIENCE) -> Iterator[None]:
-    """Keep other runs away from ``path``, a file or a folder, until the block ends.
+def locked(path: Path, *, timeout: float = LOCK_TIMEOUT) -> Iterator[None]:
+    """Lock ``path``, a file or a folder, against other runs until the block ends.
 
     Raises:
-        BusyError: another one has it for longer than ``patience`` seconds.
+        BusyError: another run holds the lock for longer than ``timeout`` seconds.
 
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     lock = path.with_name(f".{path.name}.lock")
     with lock.open("a") as file:
-        _take(file.fileno(), path, time.monotonic() + patience)
+        _take(file.fileno(), path, time.monotonic() + timeout)
         yield
 
 
@@ -48,15 +48,15 @@ def _take(descriptor: int, path: Path, end: float) -> None:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             if time.monotonic() > end:
-                message = f"another nena-deploy works on {path}: wait for it, or end it."
+                message = f"Another nena-deploy is using {path}. Wait for it or stop it."
                 raise BusyError(message) from None
-            time.sleep(LOOK_EVERY)
+            time.sleep(LOCK_RETRY)
         else:
             return
 
 
 TEMPLATE = """\
-# Made by nena-deploy. Clients are known by their certificates; what each may do is in access.list.
+# Created by nena-deploy. Clients authenticate by certificate; access.list holds their rights.
 listener {port}
 cafile {folder}/ca.pem
 certfile {folder}/broker.pem
@@ -68,7 +68,7 @@ use_identity_as_username true
 allow_anonymous false
 acl_file {folder}/access.list
 
-# What one client may cost the others. The longest message is the model of a large plant.
+# Limits for each client. The longest message is the model of a large plant.
 max_packet_size 67108864
 max_inflight_messages 200
 max_queued_messages 10000
@@ -84,14 +84,14 @@ log_dest stdout
 
 
 def broker_configuration(folder: PurePosixPath, data: PurePosixPath, port: int) -> str:
-    """Write the configuration; ``folder``: where the broker finds its files, ``data``: where it writes."""
+    """Return the configuration; ``folder``: the broker's files, ``data``: its data."""
     return TEMPLATE.format(folder=folder, data=data, port=port)
 
 
 SERVICES = (Kind.ORDER_SERVICE, Kind.STATUS_AGGREGATOR)
 
 SETTINGS = """\
-# Settings of {name} for the broker: add them to its own, or name this file with --config.
+# Broker settings of {name}: add them to its settings file, or pass this file with --config.
 [mqtt]
 host = "{host}"
 port = {port}
@@ -104,11 +104,11 @@ key = "{folder}/key.pem"
 
 
 class SiteError(Exception):
-    """A folder is no site, or is one already; the text says what to do."""
+    """A folder is not a site, or is already in use; the text says what to do."""
 
 
 class _Register(BaseModel):
-    """What a site knows of itself; in ``site.json``."""
+    """Contents of ``site.json``."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -120,7 +120,7 @@ class _Register(BaseModel):
 
 
 class Site:
-    """What has been made for a site; each change is written at once."""
+    """A site in its folder; each change is written immediately."""
 
     def __init__(self, folder: Path, register: _Register, authority: Authority) -> None:
         self.folder = folder
@@ -139,23 +139,23 @@ class Site:
         broker_folder: PurePosixPath | None = None,
         data_folder: PurePosixPath,
     ) -> Self:
-        """Make a site with its broker and its services.
+        """Create a site with its broker and its services.
 
         Args:
-            folder: is made; its key of the authority has to be kept safe.
-            hosts: names and addresses under which clients reach the broker.
+            folder: is created; the CA key in it must be kept secret.
+            hosts: host names and IP addresses of the broker.
             port: the broker's TCP port.
             topics: first levels of the topics.
-            days: how long certificates are good.
-            broker_folder: where the broker will find its files; None: where they are made.
-            data_folder: where the broker keeps retained messages.
+            days: validity of certificates.
+            broker_folder: folder of the files on the broker's machine; None: where they are created.
+            data_folder: folder for the broker's data.
 
         Raises:
-            SiteError: there is something at that place, or a host is neither a name nor an address.
+            SiteError: the folder is not empty, or a host is neither a name nor an address.
 
         """
         if folder.exists() and any(folder.iterdir()):
-            message = f"{folder} is not empty: name a new folder."
+            message = f"{folder} is not empty. Choose a new folder."
             raise SiteError(message)
         broker = folder / "broker"
         authority, server = _certify(hosts, days)
@@ -177,10 +177,10 @@ class Site:
 
     @classmethod
     def open(cls, folder: Path) -> Self:
-        """Read a site.
+        """Open a site.
 
         Raises:
-            SiteError: the folder is none.
+            SiteError: the folder is not a site.
 
         """
         try:
@@ -188,23 +188,23 @@ class Site:
             authority = Authority.load(folder / "authority" / "ca.pem", folder / "authority" / "ca-key.pem")
         except (OSError, ValueError, TypeError, UnsupportedAlgorithm) as error:
             message = (
-                f"{folder} is no site of nena-deploy ({_reason(error)}). Make one with `nena-deploy init`."
+                f"{folder} is not a nena-deploy site ({_reason(error)}). Create one with `nena-deploy init`."
             )
             raise SiteError(message) from error
         return cls(folder, register, authority)
 
     def __iter__(self) -> Iterator[Identity]:
-        """Give all identities."""
+        """Iterate over all identities."""
         return iter(self._register.identities)
 
     def folder_of(self, identity: Identity) -> Path:
-        """Tell where an identity's files are."""
+        """Return the folder of an identity's files."""
         return self.folder / identity.folder
 
     def add(self, kind: Kind, name: str, *, days: int) -> Path:
-        """Give somebody an identity; who has one gets a new certificate, and the old one counts no more.
+        """Create an identity, or replace its certificate and revoke the old one.
 
-        Gives the folder to bring there: certificate, key, the authority's certificate, settings.
+        Returns the folder to copy to that machine: certificate, key, CA certificate, settings.
         """
         pair = self._authority.for_client(name, utc_now(), days)
         identity = Identity(kind=kind, name=name, certificate=pair.serial_number)
@@ -217,15 +217,15 @@ class Site:
         return folder
 
     def remove(self, kind: Kind, name: str) -> None:
-        """Take an identity back: its certificate, its rights and its files.
+        """Remove an identity: revoke its certificate, delete its rights and files.
 
         Raises:
-            IdentityError: there is none of this name.
+            IdentityError: unknown identity.
 
         """
         identity = self._drop(kind, name)
         if identity is None:
-            message = f"There is no {kind} {name}. `nena-deploy list` shows who there is."
+            message = f"No {kind} {name}. `nena-deploy list` shows all identities."
             raise IdentityError(message)
         shutil.rmtree(self.folder_of(identity), ignore_errors=True)
         self._save()
@@ -246,7 +246,7 @@ class Site:
         (folder / "mqtt.toml").write_text(text)
 
     def _save(self, now: datetime | None = None) -> None:
-        """Write what the broker reads, then what we read: a change that was cut off is made again."""
+        """Write the broker's files before our own, so that an interrupted change can be repeated."""
         broker = self.folder / "broker"
         revoked = self._authority.revocations(self._register.revoked, now or utc_now())
         _replace(broker / "access.list", access_list(self, self._register.topics).encode())
@@ -255,7 +255,7 @@ class Site:
 
 
 def _reason(error: Exception) -> str:
-    """Say in a line why a site cannot be read."""
+    """Return in one line why a site cannot be read."""
     if isinstance(error, ValidationError):
         return f"site.json: {in_words(error.errors()[:1], whole='all of it')[0]}"
     return shortened(str(error))
@@ -268,11 +268,11 @@ def _replace(path: Path, content: bytes) -> None:
 
 
 def _certify(hosts: tuple[str, ...], days: int) -> tuple[Authority, Pair]:
-    """Make an authority, and have it vouch for the broker."""
+    """Create a CA and the broker's certificate."""
     now = utc_now()
     try:
         authority = Authority.new(f"NeNa at {hosts[0]}", now)
         return authority, authority.for_server(hosts, now, days)
     except ValueError as error:
-        message = f"--host {' --host '.join(hosts)}: {error}. Give names in ASCII (xn--...), or addresses."
+        message = f"--host {' --host '.join(hosts)}: {error}. Use ASCII names (xn--...) or IP addresses."
         raise SiteError(message) from error
